@@ -4,50 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Index, Mask
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import LogError
-from agonic.headings.attitude import Attitude, find_attitude
-from agonic.headings.compass_heading import (
-    UNKNOWN_SD_DEG,
-    Indication,
-    Readings,
-    compute_indication,
-    interpolate_readings,
-)
-from agonic.headings.dip_residuals import refine_tilt_sd
-from agonic.headings.disagreement import (
-    choose_compass,
-    compare_with_expected,
-    compute_disagreement_deg,
-    find_disagreement,
-)
+from agonic.headings.attitude import Attitude
+from agonic.headings.compass_heading import UNKNOWN_SD_DEG, Indication, interpolate_readings
+from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
 from agonic.headings.expected_field import Surroundings, find_surroundings
-from agonic.headings.result import FLAGS, Heading
+from agonic.headings.result import EACH_ROW, FLAGS, SMOOTHED, Heading
+from agonic.headings.rows import Looked, Taken, look_at_rows
+from agonic.headings.smoothing.rows import bridge, smooth_rows
+from agonic.headings.smoothing.smooth import SmoothedHeading
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import RAW, WEAKEST_HORIZONTAL
 
 
-class _Taken(NamedTuple):
-    """A compass, its readings, what it indicates, and how far that is from what is expected."""
-
-    compass: Compass
-    readings: Readings
-    indicated: Indication
-    distance: Array | None
-
-
-def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
+def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool = False) -> Heading:
     """The true heading at each sample, with its standard error and where not to trust it.
 
         compass = atan2(−y₂, x₂) of the levelled field,
         magnetic = compass + deviation(compass),   true = magnetic + declination
+
+    Each row is taken by itself. On request the magnetic headings are those of compass and gyro
+    together, smoothed forwards and backwards, if that leaves the smaller standard error.
 
     Parameters
     ----------
@@ -55,6 +40,8 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
         of the setup by name. Headings are at the times of the first compass, whose samples also
         give the attitude, the place and the date.
     setup : calibrations, deviations, where the tilt and the declination come from.
+    smooth : take all rows together, where the samples hold times and rates of a gyro and the tilt
+        is from the log or from the gyro.
 
     Returns
     -------
@@ -85,18 +72,17 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
     pairs = match_sensors((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
     first = pairs[0][1]
     read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
-    tilt = find_attitude(first, setup, pairs[0][0].calibration)
     around = find_surroundings(first, setup)
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
-    tilt = refine_tilt_sd(tilt, seen, around, setup, first.time)
-    notes = [*tilt.notes, *around.notes]
-    taken = []
-    for (compass, _), readings in zip(pairs, read, strict=True):
-        found, unknown = compute_indication(readings, compass, tilt, around)
-        verdict = compare_with_expected(compass, found, around, setup, tilt.source)
-        notes += [*unknown, *verdict.notes]
-        taken.append(_Taken(compass, readings, found, verdict.distance))
-    return _assembled(first, setup, tilt, taken, around, tuple(notes))
+
+    def look(own: Samples) -> Looked:
+        return look_at_rows(own, seen, setup, around)
+
+    looked = look(first)
+    smoothed = None
+    if smooth:
+        looked, smoothed = smooth_rows(first, looked, look, setup, around)
+    return _assembled(first, setup, looked, around, smoothed)
 
 
 def match_sensors(
@@ -126,21 +112,26 @@ def _on_the_clock_of(first: Samples, other: Samples) -> Samples:
 def _assembled(
     first: Samples,
     setup: Setup,
-    tilt: Attitude,
-    taken: list[_Taken],
+    looked: Looked,
     around: Surroundings,
-    notes: tuple[str, ...],
+    smoothed: SmoothedHeading | None,
 ) -> Heading:
     """Each row from the compass to trust, with declination, standard error and flags."""
     n = len(first)
-    used = choose_compass(
-        [one.distance for one in taken], [one.readings.missing for one in taken], n
-    )
+    tilt, taken, used = looked.tilt, looked.taken, looked.used
     each = zip(*(one.indicated for one in taken), strict=True)
     found = Indication(*(_of(used, values) for values in each))
     total = found.systematic + found.random + around.declination_sd_deg**2
     sd, random_sd = (np.fmin(np.sqrt(v), UNKNOWN_SD_DEG) for v in (total, found.random))
     magnetic = found.magnetic_deg
+    flags = _flags(setup, tilt, taken, used, found)
+    notes = (*tilt.notes, *around.notes, *looked.notes)
+    if smoothed is not None:
+        magnetic = smoothed.magnetic_deg
+        sd = np.fmin(np.sqrt(smoothed.variance + around.declination_sd_deg**2), UNKNOWN_SD_DEG)
+        random_sd = np.zeros(n)
+        flags, bridged = bridge(flags, sd)
+        notes = (*notes, *bridged)
     unknown = ~np.isfinite(magnetic)
     if unknown.any():
         sd[unknown] = random_sd[unknown] = np.nan
@@ -153,13 +144,14 @@ def _assembled(
         random_sd_deg=random_sd,
         disagreement_deg=compute_disagreement_deg([one.indicated.magnetic_deg for one in taken]),
         used=used,
-        flags=_flags(setup, tilt, taken, used, found),
+        flags=flags,
         roll_deg=np.broadcast_to(tilt.roll_deg, n),
         pitch_deg=np.broadcast_to(tilt.pitch_deg, n),
         tilt_sd_deg=np.broadcast_to(tilt.sd_deg, n),
         declination_deg=np.broadcast_to(around.declination_deg, n),
         sensors=tuple(one.compass.sensor for one in taken),
         tilt=tilt.source,
+        method=EACH_ROW if smoothed is None else SMOOTHED,
         notes=notes,
     )
 
@@ -172,7 +164,7 @@ def _of(used: Index, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
 def _flags(
     setup: Setup,
     tilt: Attitude,
-    taken: list[_Taken],
+    taken: Sequence[Taken],
     used: Index,
     found: Indication,
 ) -> Mapping[str, Mask]:

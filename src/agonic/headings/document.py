@@ -52,6 +52,7 @@ def describe_headings(
         "Error": "" if sd is None else f"{sd:.2f}° (median standard error), noise {random_sd:.2f}°",
         "Tilt": found.tilt if sd is None else f"{found.tilt}, good to {tilt_sd:.2f}° (median)",
         "Declination": f"{write_minus(f'{declination:.2f}')}°",
+        "Method": found.method,
     }
     if flagged:
         shares = (f"{100 * rows / n:.1f} % {name}" for name, rows in flagged.items())
@@ -77,6 +78,7 @@ def describe_headings(
             "n": n,
             "trusted": int(trusted.sum()),
             "tilt": found.tilt,
+            "method": found.method,
             "tilt_sd_deg": tilt_sd,
             "declination_deg": declination,
             "sd_deg": sd,

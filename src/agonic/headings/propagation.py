@@ -84,18 +84,29 @@ def propagate(
     `values` as `apply_steps` gives them, gradient (3, n).
     """
     systematic = np.zeros(gradient.shape[1])
+    found, noise = propagate_parts(steps, values, columns, gradient)
+    for parts in found:
+        systematic += np.einsum("ij,ij->j", parts, parts)
+    return systematic, noise
+
+
+def propagate_parts(
+    steps: tuple[Step, ...], values: list[Array], columns: Mapping[str, Array], gradient: Array
+) -> tuple[list[Array], Array]:
+    """What errors of the calibration, each of variance one, add to gradient · field, (k, n) of each
+    step that has a covariance, and the variance from the noise of one reading; as `propagate`."""
+    found = []
     noise: float | None = None
     for step, given, made in zip(reversed(steps), values[-2::-1], values[:0:-1], strict=True):
         calibration, root = step
         before = _carried_back(calibration, columns, gradient)
         if root is not None:
             row = _row(calibration, given, made, columns, gradient, before)
-            parts = root.T @ row
-            systematic += np.einsum("ij,ij->j", parts, parts)
+            found.append(root.T @ row)
         if isinstance(calibration, Affine | Thermal):
             noise = calibration.noise
         gradient = before
-    return systematic, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
+    return found, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
 
 
 def _carried_back(

@@ -11,6 +11,8 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.readable import Readable
 
+EACH_ROW = "each row by itself"
+SMOOTHED = "smoothed with the gyro"
 FLAGS: Mapping[str, str] = MappingProxyType(
     {
         "no reading": "no magnetometer was read at that time",
@@ -46,6 +48,7 @@ class Heading(Readable):
         known about either level axis.
     declination_deg : (n,) east positive.
     sensors : names, in the order of the setup. tilt : where roll and pitch came from.
+    method : "each row by itself", or "smoothed with the gyro": by all rows together.
     notes : sentences on what could not be done or known.
     """
 
@@ -64,6 +67,7 @@ class Heading(Readable):
     declination_deg: Array
     sensors: tuple[str, ...]
     tilt: str
+    method: str = EACH_ROW
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -74,7 +78,7 @@ class Heading(Readable):
         trusted = self.trusted
         names, east = ", ".join(self.sensors), float(np.median(self.declination_deg))
         said = [f"Heading: {len(self)} rows of {names}, {int(trusted.sum())} to trust"]
-        said.append(f"tilt: {self.tilt}; declination {east:.2f}°")
+        said.append(f"{self.method}; tilt: {self.tilt}; declination {east:.2f}°")
         if trusted.any():
             sd = float(np.median(self.sd_deg[trusted]))
             said.append(f"standard error {sd:.2g}° in the middle")

@@ -29,6 +29,10 @@ def heading(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="CSV file to write.")],
     sensor: Sensor = None,
     unit: Unit = None,
+    smooth: Annotated[
+        bool,
+        typer.Option("--smooth", help="Take all rows together, by compass and gyro."),
+    ] = False,
     at: At = None,
     date: Date = None,
     report: Report = None,
@@ -62,7 +66,7 @@ def heading(
         set_place(add_second(compass.calibration, one, recording), at, date)
         for compass, one in zip(chosen.compasses, samples, strict=True)
     )
-    found = compute(samples, chosen)
+    found = compute(samples, chosen, smooth=smooth)
     assumed = _assumed(chosen, recording, samples, at, date)
     files = [write_headings(found, out)]
     field = correct_field(chosen.compasses[0].calibration, samples[0]) if report else None

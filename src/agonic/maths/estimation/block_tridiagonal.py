@@ -27,16 +27,25 @@ def solve(matrix: Tridiagonal, right: Array) -> Array:
     >>> solve(one, np.ones((3, 1, 1))).ravel().round(9).tolist()
     [1.5, 2.0, 1.5]
     """
+    flat = right.reshape(len(matrix.diagonal) * matrix.diagonal.shape[1], -1)
+    found = solveh_banded(stack_band(matrix), flat, lower=True, check_finite=False)
+    return np.asarray(found.reshape(right.shape))
+
+
+def stack_band(matrix: Tridiagonal) -> Array:
+    """The lower band of H, [i − j, j], as LAPACK and SciPy take it.
+
+    >>> stack_band(Tridiagonal(np.full((2, 1, 1), 2.0), -np.ones((1, 1, 1)))).tolist()
+    [[2.0, 2.0], [-1.0, 0.0]]
+    """
     count, size, _ = matrix.diagonal.shape
-    band = np.zeros((2 * size, count, size))  # band[i − j, column j], lower
+    band = np.zeros((2 * size, count, size))
     for row in range(size):
         for column in range(size):
             if row >= column:
                 band[row - column, :, column] = matrix.diagonal[:, row, column]
             band[size + row - column, :-1, column] = matrix.below[:, row, column]
-    flat = right.reshape(count * size, -1)
-    found = solveh_banded(band.reshape(2 * size, -1), flat, lower=True, check_finite=False)
-    return np.asarray(found.reshape(right.shape))
+    return band.reshape(2 * size, -1)
 
 
 def invert(matrix: Tridiagonal) -> Tridiagonal:

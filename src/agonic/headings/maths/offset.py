@@ -1,0 +1,264 @@
+"""By how much a compass and a gyro's heading differ, smoothed forwards and backwards in time.
+
+At N moments the states are the offset o, magnetic less gyro heading; what disturbs the compass, a;
+and the gyro's bias b on three axes. Errors s that all moments share are in units of their sd:
+
+    gyro       o_{k+1} − o_k + Δγ·b_k + Δς·s       a random walk
+    compass    z_k − o_k − m_k a_k − h_k·s         white noise
+    bias       b_{k+1} − b_k                       a random walk
+    a          of variance one, forgotten with a time constant (Gauss–Markov)
+
+All is linear. States are eliminated by their block tridiagonal normal equations (Rauch, Tung &
+Striebel 1965); the marginal likelihood tells how large noise and disturbances are. Of the shared
+errors the gyro's scales are found. The others, of calibration, tilt and delay, are left as they
+are and counted in the variance (Schmidt 1966): a vehicle that rocks by a degree would seem to show
+them, and shows the errors of the model.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize
+
+from agonic.arrays import Array, Mask
+from agonic.maths.estimation import block_tridiagonal as blocks
+from agonic.maths.estimation.block_tridiagonal import Tridiagonal
+
+BIAS_SD = np.radians(1.0)
+"""rad/s: of a gyro's bias on each axis, at the start."""
+BIAS_WALK = np.radians(0.0015)
+"""rad/s in √s: 0.01°/s in a minute, of a common gyro that warms up."""
+STATES = 5
+GYRO = 3
+"""Of the shared errors, the gyro's scales: the first ones."""
+_FIELD, _BIAS = 1, np.arange(2, 5)
+_OPEN = 1e-9  # what is known of a state beforehand
+
+
+class Sizes(NamedTuple):
+    """Of what disturbs the compass, rad, its time constant, s; of the gyro's walk, rad in √s; and
+    of the compass's noise at one moment beside what is stated, rad."""
+
+    field: float
+    field_s: float
+    walk: float
+    noise: float
+
+
+LIKELY = Sizes(np.radians(1.0), 3.0, np.radians(0.04), np.radians(0.3))
+"""Of a vehicle about which nothing is known."""
+_LOG_SD = np.array([1.0, 1.0, 0.1, 1.2])
+_LARGEST_STEP = 4.0  # in standard deviations of the prior
+_STEP = 0.05  # of the differences, in standard deviations
+
+
+class Observed(NamedTuple):
+    """What is known at N moments, in rad and s.
+
+    `joined` (N − 1,) is false over a pause. `offset` z and the `variance` of its noise (N,),
+    infinite where the compass tells nothing; `field_size` m (N,), about one. `by_bias` and
+    `by_scale` (N − 1, 3) are Δγ and Δς, the gyro's scales being the first three of the shared
+    errors; `by_shared` (N, p) the h_k.
+    """
+
+    time: Array
+    joined: Mask
+    offset: Array
+    variance: Array
+    field_size: Array
+    by_bias: Array
+    by_scale: Array
+    by_shared: Array
+
+    def subset(self, start: int, stop: int) -> Observed:
+        """Moments in a row."""
+        pairs = slice(start, stop - 1)
+        return Observed(
+            self.time[start:stop],
+            self.joined[pairs],
+            self.offset[start:stop],
+            self.variance[start:stop],
+            self.field_size[start:stop],
+            self.by_bias[pairs],
+            self.by_scale[pairs],
+            self.by_shared[start:stop],
+        )
+
+
+class System(NamedTuple):
+    """Normal equations of states and shared errors with their right sides, and what of twice the
+    negative logarithm of the likelihood does not depend on either."""
+
+    states: Tridiagonal
+    mixed: Array
+    shared: Array
+    right: Array
+    right_shared: Array
+    constant: Array
+
+
+class Solution(NamedTuple):
+    """States (N, 5), shared errors (p,), −∂states/∂shared (N, 5, p), covariance of the shared."""
+
+    states: Array
+    shared: Array
+    by_shared: Array
+    covariance: Array
+
+
+def assemble(seen: Observed, sizes: Sizes, weights: Array) -> System:
+    """The equations; `weights` (N,) of the compass."""
+    n, p = seen.by_shared.shape
+    system = System(
+        Tridiagonal(np.tile(_OPEN * np.eye(STATES), (n, 1, 1)), np.zeros((n - 1, STATES, STATES))),
+        np.zeros((n, STATES, p)),
+        np.eye(p),
+        np.zeros((n, STATES)),
+        np.zeros(p),
+        np.zeros(1),
+    )
+    _add_compass(system, seen, sizes, weights)
+    _add_gyro(system, seen, sizes)
+    _add_memory(system, seen, sizes)
+    return system
+
+
+def _list_rows(seen: Observed, sizes: Sizes) -> Array:
+    """What states add to the compass, (N, 5)."""
+    rows = np.zeros((len(seen.time), STATES))
+    rows[:, 0], rows[:, _FIELD] = 1.0, sizes.field * seen.field_size
+    return rows
+
+
+def _add_compass(system: System, seen: Observed, sizes: Sizes, weights: Array) -> None:
+    told = np.isfinite(seen.variance)
+    noise = np.where(told, seen.variance, 1.0) + sizes.noise**2
+    weight = np.where(told, weights / noise, 0.0)
+    rows = _list_rows(seen, sizes)
+    turned = rows * weight[:, None]
+    system.states.diagonal[...] += turned[:, :, None] * rows[:, None, :]
+    system.mixed[...] += turned[:, :, None] * seen.by_shared[:, None, :]
+    system.right[...] += turned * seen.offset[:, None]
+    flat = seen.by_shared * weight[:, None]
+    system.shared[...] += flat.T @ seen.by_shared
+    system.right_shared[...] += flat.T @ seen.offset
+    system.constant[...] += weight @ seen.offset**2 - np.log(weight[told]).sum()
+
+
+def _add_gyro(system: System, seen: Observed, sizes: Sizes) -> None:
+    span = np.maximum(np.diff(seen.time), 1e-9)
+    weight = seen.joined / (sizes.walk**2 * span)
+    before, after = np.zeros((2, len(span), STATES))
+    before[:, 0], after[:, 0] = -1.0, 1.0
+    before[:, _BIAS] = seen.by_bias
+    by = np.zeros((len(span), len(system.shared)))
+    by[:, :3] = seen.by_scale
+    back, forth = weight[:, None] * before, weight[:, None] * after
+    diagonal, below = system.states
+    diagonal[:-1] += back[:, :, None] * before[:, None, :]
+    diagonal[1:] += forth[:, :, None] * after[:, None, :]
+    below += forth[:, :, None] * before[:, None, :]
+    system.mixed[:-1] += back[:, :, None] * by[:, None, :]
+    system.mixed[1:] += forth[:, :, None] * by[:, None, :]
+    system.shared[...] += (weight[:, None] * by).T @ by
+    system.constant[...] -= np.log(weight[seen.joined]).sum()
+
+
+def _add_memory(system: System, seen: Observed, sizes: Sizes) -> None:
+    """How bias and disturbances go on."""
+    diagonal, below = system.states
+    span = np.maximum(np.diff(seen.time), 1e-9)
+    drift = (1.0 / (BIAS_WALK**2 * span))[:, None]
+    diagonal[0, _BIAS, _BIAS] += BIAS_SD**-2
+    diagonal[:-1, _BIAS, _BIAS] += drift
+    diagonal[1:, _BIAS, _BIAS] += drift
+    below[:, _BIAS, _BIAS] -= drift
+    kept = np.where(seen.joined, np.exp(-span / sizes.field_s), 0.0)
+    fresh = 1.0 / np.maximum(1.0 - kept**2, 1e-9)
+    diagonal[0, _FIELD, _FIELD] += 1.0
+    diagonal[:-1, _FIELD, _FIELD] += kept**2 * fresh
+    diagonal[1:, _FIELD, _FIELD] += fresh
+    below[:, _FIELD, _FIELD] -= kept * fresh
+    system.constant[...] -= np.log(fresh).sum()
+
+
+def solve(system: System) -> Solution:
+    """States and shared errors."""
+    found = blocks.solve(
+        system.states, np.concatenate([system.mixed, system.right[:, :, None]], axis=2)
+    )
+    by_shared, alone = found[:, :, :-1], found[:, :, -1]
+    schur = system.shared - np.tensordot(system.mixed, by_shared, axes=([0, 1], [0, 1]))
+    pull = system.right_shared - np.einsum("nip,ni->p", system.mixed, alone)
+    shared = np.zeros(len(pull))
+    own = np.linalg.inv(schur[:GYRO, :GYRO])
+    shared[:GYRO] = own @ pull[:GYRO]
+    # the gyro's scales answer to the errors that are left alone by −own · schur
+    answer = np.eye(len(pull))
+    answer[:GYRO, GYRO:] = -own @ schur[:GYRO, GYRO:]
+    spread = np.eye(len(pull))
+    spread[:GYRO, :GYRO] = own
+    covariance = answer @ spread @ answer.T
+    return Solution(alone - by_shared @ shared, shared, by_shared, covariance)
+
+
+def find_variances(system: System, solution: Solution) -> Array:
+    """Of the offset at each moment, (N,)."""
+    moved = solution.by_shared[:, 0]
+    own = blocks.invert(system.states).diagonal[:, 0, 0]
+    return np.asarray(own + np.einsum("np,pq,nq->n", moved, solution.covariance, moved))
+
+
+def predict(seen: Observed, sizes: Sizes, solution: Solution) -> Array:
+    """What the compass should tell less the gyro, (N,), by all that is known of it."""
+    told = np.einsum("ni,ni->n", _list_rows(seen, sizes), solution.states)
+    return np.asarray(told + seen.by_shared @ solution.shared)
+
+
+def find_left(seen: Observed, sizes: Sizes, solution: Solution) -> Array:
+    """What is left of the compass beside that, (N,), −π…π."""
+    left = seen.offset - predict(seen, sizes, solution)
+    return np.asarray((left + np.pi) % (2 * np.pi) - np.pi)
+
+
+def compute_cost(system: System) -> float:
+    """Twice the negative logarithm of the likelihood, states and scales integrated out."""
+    band = blocks.stack_band(system.states)
+    factor = cholesky_banded(band, lower=True, check_finite=False)
+    n, size, _ = system.mixed.shape
+    p = GYRO
+    right = np.concatenate([system.mixed[:, :, :p], system.right[:, :, None]], axis=2)
+    right = right.reshape(n * size, -1)
+    both = right.T @ cho_solve_banded((factor, True), right, check_finite=False)
+    schur = system.shared[:p, :p] - both[:p, :p]
+    pull = system.right_shared[:p] - both[:p, p]
+    root = np.linalg.cholesky(schur)
+    spread = 2 * float(np.log(factor[0]).sum() + np.log(np.diag(root)).sum())
+    gained = float(both[p, p] + pull @ np.linalg.solve(schur, pull))
+    return float(system.constant[0]) + spread - gained
+
+
+def find_sizes(seen: Observed, weights: Array, start: Sizes) -> Sizes:
+    """The likeliest sizes under weak priors, from a start."""
+    middle = np.log(LIKELY)
+
+    def cost(steps: Array) -> float:
+        sizes = Sizes(*np.exp(middle + steps * _LOG_SD))
+        return compute_cost(assemble(seen, sizes, weights)) + float(steps @ steps)
+
+    def slope(steps: Array) -> Array:
+        here = cost(steps)
+        return np.array([(cost(steps + m) - here) / _STEP for m in _STEP * np.eye(len(steps))])
+
+    found = minimize(
+        cost,
+        (np.log(start) - middle) / _LOG_SD,
+        jac=slope,
+        method="L-BFGS-B",
+        bounds=[(-_LARGEST_STEP, _LARGEST_STEP)] * len(middle),
+        options={"maxiter": 12, "ftol": 1e-6},
+    )
+    return Sizes(*np.exp(middle + found.x * _LOG_SD))

@@ -1,0 +1,56 @@
+"""What the rows of a log say, each by itself: tilt, indications, and the compass to trust."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.calibration.setup import Compass, Setup
+from agonic.headings.attitude import Attitude, find_attitude
+from agonic.headings.compass_heading import Indication, Readings, compute_indication
+from agonic.headings.dip_residuals import refine_tilt_sd
+from agonic.headings.disagreement import choose_compass, compare_with_expected
+from agonic.headings.expected_field import Surroundings
+from agonic.samples import Samples
+
+
+class Taken(NamedTuple):
+    """A compass, its readings, what it indicates, and how far that is from what is expected."""
+
+    compass: Compass
+    readings: Readings
+    indicated: Indication
+    distance: Array | None
+
+
+class Looked(NamedTuple):
+    """The tilt, what each compass says, and the one that each row (n,) is taken from."""
+
+    tilt: Attitude
+    taken: tuple[Taken, ...]
+    used: Index
+    notes: tuple[str, ...]
+
+
+def look_at_rows(
+    first: Samples,
+    seen: Sequence[tuple[Compass, Readings]],
+    setup: Setup,
+    around: Surroundings,
+) -> Looked:
+    """Each row by itself; the samples of the first compass tell the tilt."""
+    tilt = find_attitude(first, setup, seen[0][0].calibration)
+    tilt = refine_tilt_sd(tilt, list(seen), around, setup, first.time)
+    notes: list[str] = []
+    taken = []
+    for compass, readings in seen:
+        found, unknown = compute_indication(readings, compass, tilt, around)
+        verdict = compare_with_expected(compass, found, around, setup, tilt.source)
+        notes += [*unknown, *verdict.notes]
+        taken.append(Taken(compass, readings, found, verdict.distance))
+    distances, missing = ([one.distance for one in taken], [one.readings.missing for one in taken])
+    used = choose_compass(distances, missing, len(first))
+    return Looked(tilt, tuple(taken), np.asarray(used), tuple(notes))

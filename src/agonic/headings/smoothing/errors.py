@@ -1,0 +1,116 @@
+"""What errors that all rows share add to a compass, and how much disturbs it at each moment."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from agonic.arrays import Array, Index, Mask
+from agonic.calibration.setup import Compass
+from agonic.headings.attitude import Attitude
+from agonic.headings.compass_heading import Indication, Readings
+from agonic.headings.expected_field import Surroundings
+from agonic.headings.propagation import apply_steps, list_steps, propagate_parts
+from agonic.headings.smoothing.moments import Moments
+from agonic.maths.rotations import tilt as kernel
+from agonic.maths.rotations.deviation import slope
+from agonic.maths.rotations.low_pass import low_pass
+
+LATE_SD_S = 0.01
+"""Of the compass beside the gyro, where nothing is known to be late."""
+SEEN_S = 2.0
+"""Over which the deviations of the field are averaged that tell what disturbs it."""
+LEAST_SEEN = np.radians(0.3)
+"""Deviations of the field below this tell nothing."""
+STEEPEST = 10.0
+"""Tangent of the dip that is reckoned with at most."""
+
+
+class Seen(NamedTuple):
+    """A compass with its readings, what it indicates, and the rows (n,) that may be relied on."""
+
+    compass: Compass
+    readings: Readings
+    indicated: Indication
+    sound: Mask
+
+
+def list_compass_errors(
+    one: Seen, attitude: Attitude, rate: Array, rows: Index
+) -> tuple[Array, Array]:
+    """What errors of the calibration (N, k), and being late (N, 1), add at some rows, rad.
+
+    Each error is in units of its standard deviation. A field at rest turns in the sensor by −ω × b.
+    """
+    steps = list_steps(one.compass.calibration)
+    columns = {name: values[rows] for name, values in one.readings.columns.items()}
+    values = apply_steps(steps, one.readings.raw[rows], columns)
+    tilt = kernel.Tilt(*(part if len(part) == 1 else part[rows] for part in attitude.tilt))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
+    gradient = turned.by_field
+    if one.compass.deviation is not None:
+        level = np.append(one.compass.deviation.coefficients, np.zeros(4))
+        gradient = gradient * (1 + slope(level, turned.heading_deg, 0.0, 0.0))
+    gradient = np.where(np.isfinite(gradient), gradient, 0.0)
+    parts, _ = propagate_parts(steps, values, columns, gradient)
+    late = np.einsum("in,ni->n", gradient, np.cross(rate[rows], values[-1]))[:, None]
+    return np.concatenate([np.zeros((0, len(rows))), *parts]).T, LATE_SD_S * late
+
+
+def list_tilt_errors(
+    axes: Array, steep: Array, attitude: Attitude, moments: Moments, settling_s: float
+) -> Array:
+    """What an accelerometer's bias, in body axes, adds to a compass through the tilt (N, 3), rad.
+
+    A filter feels it as ⟨R b⟩/g, which leans the vertical and turns the field by as much across
+    times the tangent of the dip; a recorded tilt leans with the body.
+
+    Parameters: axes (N, 3, 3), body to magnetic north, east and down; tangents of the dip (N,);
+    `settling_s` of the filter, 0 without.
+    """
+    lean = axes
+    if settling_s:
+        parts = zip(np.split(axes, moments.cuts), np.split(moments.time, moments.cuts), strict=True)
+        lean = np.concatenate([_low_pass(own, time, settling_s) for own, time in parts])
+    sd = float(np.nanmin(attitude.pitch_sd))
+    return np.asarray(sd * np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1])
+
+
+def _low_pass(values: Array, time: Array, settling_s: float) -> Array:
+    if len(time) < 4:
+        return values
+    return low_pass(values, float(np.median(np.diff(time))), settling_s)
+
+
+def measure_disturbance(
+    horizontal: Array, vertical: Array, sound: Mask, around: Surroundings, moments: Moments
+) -> Array:
+    """By how much the field is off at each moment, where it shows, as a relative variance (N,).
+
+    Magnitude and dip show two of three directions; across, it turns the compass unseen.
+    """
+    h, z = horizontal[moments.rows], vertical[moments.rows]
+    good = sound[moments.rows]
+    size, dip = np.hypot(h, z), np.arctan2(z, h)
+    wanted, steep = np.median(size[good]), np.median(dip[good])
+    if around.horizontal is not None and around.vertical is not None:
+        n = len(horizontal)
+        level, below = (
+            np.broadcast_to(v, n)[moments.rows] for v in (around.horizontal, around.vertical)
+        )
+        steep = np.arctan2(below, level)
+        total = np.hypot(level, below)
+        if abs(float(np.median((size / total)[good])) - 1.0) < 0.5:  # else in another unit
+            wanted = total
+    off = np.stack([size / wanted - 1.0, dip - steep], axis=1)
+    told = moments.add(good.astype(np.float64))
+    mean = moments.add(np.where(good[:, None], off, 0.0)) / np.maximum(told, 1.0)[:, None]
+    square = (mean**2).sum(axis=1)
+    width = max(round(SEEN_S / float(np.median(np.diff(moments.time)))), 1)
+    there = uniform_filter1d((told > 0).astype(np.float64), width, mode="nearest")
+    square = uniform_filter1d(square, width, mode="nearest") / np.maximum(there, 1e-9)
+    square = np.where(there > 1e-9, square, 0.0) + LEAST_SEEN**2
+    return np.asarray(square / np.mean(square[told > 0]))

@@ -1,0 +1,150 @@
+"""The rows of a log smoothed with its gyro, where that is the better of the two."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from agonic.arrays import Array, Mask
+from agonic.calibration.setup import Setup
+from agonic.headings.attitude import UNSURE_DEG, find_mounting
+from agonic.headings.expected_field import Surroundings
+from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
+from agonic.headings.rows import Looked, Taken
+from agonic.headings.smoothing.errors import Seen
+from agonic.headings.smoothing.smooth import SmoothedHeading, smooth_headings
+from agonic.maths.rotations.tilt import compute_down
+from agonic.samples import Samples
+
+BETTER = 0.8
+"""The tilt by rates without the bias that was found is taken where its sd falls to this share."""
+CORRECTIONS = 2
+"""Times that the tilt is found anew."""
+SHOWN = 0.1
+"""Mean square of the part of down along an axis that shows the gyro's bias about it."""
+SOUND_S = 5.0
+"""A row is relied on where most of those within this time are as they should be."""
+SOUND_SHARE = 0.8
+_SMOOTHED = ("gyro", "log")
+"""Sources of tilt that follow a vehicle in motion."""
+
+
+def smooth_rows(
+    first: Samples,
+    looked: Looked,
+    look: Callable[[Samples], Looked],
+    setup: Setup,
+    around: Surroundings,
+) -> tuple[Looked, SmoothedHeading | None]:
+    """What is known of the rows, and the smoothed headings, or `None` where they are no better.
+
+    Where a gyro's bias shows, the tilt by its rates is found anew without it by `look`.
+    """
+    if first.time is None or first.rotation_rate is None or looked.tilt.source not in _SMOOTHED:
+        return looked, None
+    turn = _find_rate_mounting(first, looked, setup)
+    own = first
+    for _ in range(CORRECTIONS if looked.tilt.source == "gyro" else 0):
+        found = _smooth(own, turn, looked, setup, around, LIKELY)
+        if found is None:
+            return looked, None
+        changed = _correct_rates(own, turn, looked, found)
+        again = look(changed)
+        if not np.nanmedian(again.tilt.sd_deg) < BETTER * np.nanmedian(looked.tilt.sd_deg):
+            break
+        own, looked = changed, again
+    smoothed = _smooth(own, turn, looked, setup, around, None)
+    if smoothed is None:
+        return looked, None
+    rows = np.isfinite(smoothed.variance)
+    better = np.median(np.sqrt(smoothed.variance[rows])) <= _typical_sd(looked, rows)
+    return looked, smoothed if better else None
+
+
+def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask], tuple[str, ...]]:
+    """Flags without those of readings where the gyro knows the heading to 5° all the same."""
+    known = np.isfinite(sd_deg) & (sd_deg < UNSURE_DEG)
+    doubted = flags["disturbed"] | flags["no reading"] | flags["disagreement"]
+    spared = {"disturbed", "no reading", "disagreement"}
+    left = {name: rows & ~known if name in spared else rows for name, rows in flags.items()}
+    share = float((doubted & known).mean())
+    notes = (f"the gyro bridges {100 * share:.1f} % of the rows, whose field is off",) * (share > 0)
+    return MappingProxyType(left), notes
+
+
+def _typical_sd(looked: Looked, rows: Mask) -> float:
+    """The median standard error of rows each by itself."""
+    each = [one.indicated.random + one.indicated.systematic for one in looked.taken]
+    variance = np.take_along_axis(np.stack(each), looked.used[None], 0)[0]
+    return float(np.nanmedian(np.sqrt(variance[rows])))
+
+
+def _find_rate_mounting(first: Samples, looked: Looked, setup: Setup) -> Array:
+    """The turn (3, 3) from the axes of the rates to those of the body."""
+    if setup.accelerometer is not None and first.acceleration is not None:
+        left, _, right = np.linalg.svd(setup.accelerometer.matrix)
+        return np.asarray(left @ right)
+    return find_mounting(looked.taken[0].compass.calibration)
+
+
+def _smooth(
+    own: Samples,
+    turn: Array,
+    looked: Looked,
+    setup: Setup,
+    around: Surroundings,
+    sizes: Sizes | None,
+) -> SmoothedHeading | None:
+    assert own.time is not None
+    assert own.rotation_rate is not None
+    settling = setup.settling_s if looked.tilt.source == "gyro" else 0.0
+    seen = [_rely_on(one, own.time) for one in looked.taken]
+    rate = own.rotation_rate @ turn.T
+    found = smooth_headings(own.time, rate, looked.tilt, seen, looked.used, around, settling, sizes)
+    if found is None:
+        return None
+    more = looked.tilt.variance * (looked.tilt.tilt.sin_pitch / _upright(looked)) ** 2
+    more = np.degrees(np.degrees(more)) + _by_deviation(looked)
+    return found._replace(variance=found.variance + more)
+
+
+def _upright(looked: Looked) -> Array:
+    """cos pitch: a nose that points up turns its heading by a tilt aside, over this."""
+    return np.maximum(looked.tilt.tilt.cos_pitch, 0.05)
+
+
+def _by_deviation(looked: Looked) -> Array:
+    """The variance of the deviations, degrees², (n,)."""
+    each = []
+    for one in looked.taken:
+        card = one.compass.deviation
+        level = np.nan_to_num(one.indicated.compass_deg)
+        known = card is not None and card.covariance is not None
+        zero = 0.0 * level
+        each.append(card.sd_at(level, zero, zero) ** 2 if card is not None and known else zero)
+    return np.asarray(np.take_along_axis(np.stack(each), looked.used[None], 0)[0])
+
+
+def _rely_on(one: Taken, time: Array) -> Seen:
+    """The compass with the rows whose field, and that of most rows about, is the expected one."""
+    sound = np.ones(len(time), dtype=bool) if one.distance is None else one.distance <= 1.0
+    if one.readings.missing is not None:
+        sound = sound & ~one.readings.missing
+    width = max(round(SOUND_S / float(np.median(np.diff(time)))), 1)
+    share = uniform_filter1d(sound.astype(np.float64), width, mode="nearest")
+    return Seen(one.compass, one.readings, one.indicated, sound & (share >= SOUND_SHARE))
+
+
+def _correct_rates(own: Samples, turn: Array, looked: Looked, found: SmoothedHeading) -> Samples:
+    """The samples without the gyro's bias about axes that were turned to the vertical."""
+    assert own.rotation_rate is not None
+    down = compute_down(looked.tilt.tilt, looked.tilt.order)
+    down = down[np.isfinite(down).all(axis=1)]
+    shown, axes = np.linalg.eigh(down.T @ down / len(down))
+    axes = axes[:, shown > SHOWN]
+    bias = np.clip(found.bias @ axes @ axes.T, -3 * BIAS_SD, 3 * BIAS_SD)
+    rate = (own.rotation_rate @ turn.T - bias) / (1.0 + found.scale)
+    return own.with_columns(rotation_rate=rate @ turn)

@@ -1,0 +1,212 @@
+"""The headings of all rows by compass and gyro together.
+
+The gyro carries the heading from row to row where the tilt is known; the compass says by how much
+it is off (`maths.offset`). The gyro's bias and scale are found; errors of calibration and tilt last
+and are counted. A field whose magnitude or dip is off is as likely to be off across, so
+such readings count the less, and beyond the limits not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from agonic.arrays import Array, Index, Mask
+from agonic.headings.attitude import Attitude
+from agonic.headings.expected_field import Surroundings
+from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
+from agonic.headings.maths.offset import (
+    LIKELY,
+    Observed,
+    Sizes,
+    assemble,
+    find_left,
+    find_sizes,
+    find_variances,
+    predict,
+    solve,
+)
+from agonic.headings.smoothing.errors import (
+    Seen,
+    list_compass_errors,
+    list_tilt_errors,
+    measure_disturbance,
+)
+from agonic.headings.smoothing.moments import FEWEST, Moments, carry, put_together
+
+GYRO_SCALE_SD = 0.01
+"""Of a common gyro, on each axis."""
+STUDENT = 4.0
+"""Degrees of freedom of the compass's noise: a reading far off counts less."""
+TELLING = 3000
+"""Moments by which the sizes are found."""
+LASTING_S = 30.0
+"""Of what disturbs for so long half the variance is taken to last for the whole log: few such
+stretches do not tell that their mean is zero."""
+FOLLOWED_S = 10.0
+"""Over which the compass is averaged where the estimate starts."""
+STEADY_S = 5.0
+"""What errors that last do within that is not looked at: where a vehicle rocks, errors of the tilt
+and of the model do the same."""
+_ROUNDS = 5
+_SIZED = (1, 3)  # rounds that find the sizes anew
+
+
+class SmoothedHeading(NamedTuple):
+    """Magnetic headings (n,), degrees, NaN where there is none, their variances, degrees²; the
+    gyro's bias (n, 3), rad/s, and scale (3,); and the sizes of what disturbs."""
+
+    magnetic_deg: Array
+    variance: Array
+    bias: Array
+    scale: Array
+    sizes: Sizes
+
+
+def smooth_headings(
+    time: Array,
+    rate: Array,
+    attitude: Attitude,
+    seen: Sequence[Seen],
+    used: Index,
+    around: Surroundings,
+    settling_s: float,
+    sizes: Sizes | None = None,
+) -> SmoothedHeading | None:
+    """The headings by compass and gyro together, or `None` where there is too little of them.
+
+    Parameters: time (n,); `rate` (n, 3), rad/s in body axes; `used` (n,) the compass of each row;
+    `settling_s` of the filter that the tilt is from, 0 where it is from none; `sizes` where they
+    are not to be found.
+    """
+    n = len(time)
+    level = np.broadcast_to(level_axes(attitude.tilt, attitude.order), (n, 3, 3))
+    moments = put_together(time, np.asarray(np.isfinite(level).all(axis=(1, 2))))
+    if moments is None:
+        return None
+    carried = carry(time, rate, level, moments)
+    each = [(s.indicated.magnetic_deg, s.sound, *s.indicated[2:3], *s.indicated[4:]) for s in seen]
+    magnetic, sound, random, horizontal, vertical = (
+        _pick(used, values) for values in zip(*each, strict=True)
+    )
+    sound = sound & np.isfinite(magnetic) & np.isfinite(random)
+    observed = _observe(
+        np.radians(magnetic), sound, np.radians(np.radians(random)), carried, moments
+    )
+    if np.isfinite(observed.variance).sum() < FEWEST:
+        return None
+    rows = moments.rows[moments.middle]
+    heading = carried.heading[moments.middle] + observed.offset
+    columns, delay = [np.zeros((len(rows), 3))], np.zeros((len(rows), 1))
+    for k, one in enumerate(seen):
+        own, late = list_compass_errors(one, attitude, rate, rows)
+        mine = (used[rows] == k)[:, None]
+        delay += np.where(mine, late, 0.0)
+        columns.append(np.where(mine, own, 0.0))
+    steep = vertical[rows] / np.maximum(horizontal[rows], 1e-9)
+    axes = _turn(level[rows], heading)
+    columns.append(list_tilt_errors(axes, steep, attitude, moments, settling_s))
+    shared = moments.smooth(np.nan_to_num(np.concatenate(columns, axis=1)), STEADY_S)
+    observed = observed._replace(
+        by_shared=np.concatenate([shared, delay], axis=1),
+        field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
+    )
+    offset, variance, bias, scale, sizes = _estimate(observed, sizes)
+    whole = np.full((n, 2), np.nan)
+    whole[moments.rows, 0] = carried.heading + moments.interpolate(time, offset)
+    whole[moments.rows, 1] = moments.interpolate(time, variance)
+    biases = np.stack([np.interp(time, moments.time, axis) for axis in bias.T], axis=1)
+    return SmoothedHeading(
+        np.degrees(whole[:, 0]) % 360.0,
+        np.degrees(np.degrees(whole[:, 1])),
+        biases,
+        GYRO_SCALE_SD * scale,
+        sizes,
+    )
+
+
+def _pick(used: Index, values: Sequence[Array]) -> Array:
+    """Row by row, the value of the compass that is used."""
+    return values[0] if len(values) == 1 else np.take_along_axis(np.stack(values), used[None], 0)[0]
+
+
+def _observe(
+    magnetic: Array, sound: Mask, random: Array, carried: GyroHeading, moments: Moments
+) -> Observed:
+    """Compass less gyro at each moment, followed through full turns; shared errors left out."""
+    good = sound[moments.rows]
+    apart = np.where(good, magnetic[moments.rows], 0.0) - carried.heading
+    told = moments.add(good.astype(np.float64))
+    noise = moments.add(np.where(good, random[moments.rows], 0.0))
+    total = moments.add(np.where(good, np.exp(1j * apart), 0.0))
+    known = (told > 0) & (np.abs(total) > 0.5 * told)
+    by_bias, by_scale = (moments.average(v) for v in (carried.by_bias, carried.by_scale))
+    joined = moments.joined[:, None]
+    return Observed(
+        moments.time,
+        moments.joined,
+        _follow(np.where(known, total, 0.0), moments),
+        np.where(known, noise / np.maximum(told, 1.0) ** 2, np.inf),
+        np.ones(len(told)),
+        np.where(joined, np.diff(by_bias, axis=0), 0.0),
+        GYRO_SCALE_SD * np.where(joined, np.diff(by_scale, axis=0), 0.0),
+        np.zeros((len(told), 3)),
+    )
+
+
+def _follow(total: Array, moments: Moments) -> Array:
+    """The angles of complex sums (N,) without full turns between neighbours."""
+    found = []
+    parts = zip(*(np.split(v, moments.cuts) for v in (total, moments.time)), strict=True)
+    for own, time in parts:
+        step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+        width = min(max(round(FOLLOWED_S / step), 1), len(time))
+        steady = uniform_filter1d(own.real, width) + 1j * uniform_filter1d(own.imag, width)
+        there = np.abs(steady) > 1e-6
+        if not there.any():
+            found.append(np.angle(own))
+            continue
+        at = np.flatnonzero(there)
+        slow = np.interp(np.arange(len(own)), at, np.unwrap(np.angle(steady[at])))
+        found.append(slow + np.angle(own * np.exp(-1j * slow)))
+    return np.concatenate(found)
+
+
+def _estimate(seen: Observed, sizes: Sizes | None) -> tuple[Array, Array, Array, Array, Sizes]:
+    """Offsets, their variances (N,), bias (N, 3), scale (3,) in units of its sd, and the sizes."""
+    weights, found_sizes = np.ones(len(seen.time)), sizes or LIKELY
+    low, high = _choose(seen)
+    for turn in range(_ROUNDS):
+        if sizes is None and turn in _SIZED:
+            found_sizes = find_sizes(seen.subset(low, high), weights[low:high], found_sizes)
+        system = assemble(seen, found_sizes, weights)
+        found = solve(system)
+        left = find_left(seen, found_sizes, found)
+        told = np.isfinite(seen.variance)
+        noise = np.where(told, seen.variance, 1.0) + found_sizes.noise**2
+        weights = (STUDENT + 1.0) / (STUDENT + left**2 / noise)
+        expected = predict(seen, found_sizes, found)
+        seen = seen._replace(offset=expected + left)  # without full turns
+    lasting = found_sizes.field_s / (found_sizes.field_s + LASTING_S)
+    variance = find_variances(system, found) + lasting * found_sizes.field**2
+    return found.states[:, 0], variance, found.states[:, 2:], found.shared[:3], found_sizes
+
+
+def _choose(seen: Observed) -> tuple[int, int]:
+    """The stretch of `TELLING` moments in which the compass tells most."""
+    n = len(seen.time)
+    if n <= TELLING:
+        return 0, n
+    told = np.concatenate([[0], np.cumsum(np.isfinite(seen.variance))])
+    start = int(np.argmax(told[TELLING:] - told[:-TELLING]))
+    return start, start + TELLING
+
+
+def _turn(level: Array, heading: Array) -> Array:
+    """Rz(heading) L: turns (N, 3, 3) from body to magnetic north, east and down."""
+    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    north, east, down = np.moveaxis(level, 1, 0)
+    return np.stack([c * north - s * east, s * north + c * east, down], axis=1)
