@@ -61,7 +61,7 @@ def heading_error_deg(calibration: ag.Affine, recording: Recording) -> float:
     )
     raw = recording.reads(MAGNITUDE * level)
     if isinstance(calibration, ag.Interference):
-        calibration = calibration.at(ag.mean_of(calibration, recording.samples))
+        calibration = calibration.at(calibration.typical)
     found = calibration.correct(raw)
     wrong = np.arctan2(-found[:, 1], found[:, 0]) - psi
     return float(np.degrees(np.sqrt(np.mean(np.angle(np.exp(1j * wrong)) ** 2))))
