@@ -330,6 +330,16 @@ def slow_step(share: float) -> Fault:
     return fault
 
 
+def steady_drift(size: float) -> Fault:
+    """The bias moves steadily, ending this far."""
+
+    def fault(d: Draft) -> None:
+        way = d.rng.normal(size=3)
+        d.raw = d.raw + (np.arange(d.n) / d.n)[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
 def switching(size: float, mean_rows: float = 40.0) -> Fault:
     """A current that goes on and off at random."""
 
@@ -626,6 +636,10 @@ def _of_the_place() -> list[Kind]:
             for s in (0.005, 0.01, 0.03, 0.1)
         ),
         *(
+            Kind(f"bias drifts by {s / 1e3:g} µT, tilts of 30°", tilts(30), (steady_drift(s),))
+            for s in (300.0, 1000.0)
+        ),
+        *(
             Kind(f"current of {s / 1e3:g} µT at random", tumble, (switching(s),))
             for s in (1000.0, 2500.0, 8000.0)
         ),
@@ -721,6 +735,7 @@ def _of_the_attitude() -> list[Kind]:
             tilts(30),
             (follows_attitude(3000.0), with_attitude()),
         ),
+        Kind("levelled, bias drifts by 1 µT", tilts(30), (steady_drift(1000.0), with_attitude())),
         Kind("levelled, field uneven by 1.5 µT", tilts(30), (gradient(1500.0), with_attitude())),
     ]
 

@@ -16,6 +16,7 @@ from benchmarks.faults import (
     quantised,
     record,
     saturation_across,
+    steady_drift,
     still_then,
     tilts,
     unequal_noise,
@@ -145,6 +146,13 @@ def test_a_model_error_shows_in_all_kinds_of_residuals(kind: str) -> None:
     draws = draw(kind, saturation_across(200_000.0), k=5, n=2000)
     assert draws.own.max() < 3.0  # 30 where only the magnitude was looked at
     assert np.sqrt(np.mean(draws.bias**2)) < 2.0
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_a_drift_does_not_hide_as_noise_with_a_long_memory(kind: str) -> None:
+    draws = draw(kind, steady_drift(1000.0), k=6, n=2000)
+    assert draws.own.max() < 3.0  # up to 8 where the drift itself made the batches long
+    assert np.median(draws.own) > 0.5
 
 
 @pytest.mark.parametrize("kind", FITS)

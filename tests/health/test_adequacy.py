@@ -14,6 +14,7 @@ from benchmarks.faults import (
     second_sensor,
     slow_step,
     soft_saturation,
+    steady_drift,
     still_then,
     switching,
     tilts,
@@ -91,6 +92,14 @@ def test_what_all_axes_share_is_seen_where_each_alone_hides(fault, motion, cause
     assert max(over) < 3.0
     assert min(over) > 0.1  # and by no more than is there
     assert np.median(over) > 0.2
+
+
+def test_a_drift_does_not_hide_as_noise_with_a_long_memory() -> None:
+    for seed in range(300, 306):
+        recording, fit = fitted(seed, steady_drift(1000.0), motion=tilts(30), n=2000)
+        assert {"bias drift", "field changed"} & {finding.name for finding in fit.findings}
+        error = heading_error_deg(fit.calibration, recording)
+        assert 0.1 < error / fit.coverage.heading_sd_deg < 3.0
 
 
 def test_of_a_long_rest_few_rows_are_looked_at_and_all_of_a_vehicle_that_comes_by_again() -> None:

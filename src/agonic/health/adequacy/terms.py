@@ -19,7 +19,13 @@ from agonic.health.adequacy.fitted import (
 )
 from agonic.maths.equation import unmodelled
 from agonic.maths.equation.coverage import level_directions
-from agonic.maths.estimation.score_test import Linearised, score_test, with_columns
+from agonic.maths.estimation.score_test import (
+    Linearised,
+    Score,
+    score_test,
+    with_batches_beside,
+    with_columns,
+)
 
 SIGNIFICANT = 1e-3
 """Of a family of tests together (Bonferroni): clean logs alarm more rarely than this."""
@@ -59,7 +65,7 @@ def find_terms(work: Work) -> list[ModelError]:
     fits = [fit for k, fit in enumerate(fits) if not any(fit is other for other in fits[:k])]
     family = sum(not cause.alone for cause in causes)  # fits to the same readings say the same
     while causes and len(found) < MOST_CAUSES:
-        scores = [(score_test(fit, *c.seen_by(fit)), c, fit.square) for c in causes for fit in fits]
+        scores = [(_test(fit, c), c, fit.square) for c in causes for fit in fits]
         telling = [
             (s, c, square)
             for s, c, square in scores
@@ -73,6 +79,15 @@ def find_terms(work: Work) -> list[ModelError]:
         fits = [_beside(fit, cause) for fit in fits]
         causes = [other for other in causes if other.name != cause.name]
     return found
+
+
+def _test(fit: Linearised, cause: _Cause) -> Score | None:
+    """The score test. A drift of the magnitude is not to hide as noise with a long memory; errors
+    of the attitude may last as long as the log."""
+    columns, noise, shared = cause.seen_by(fit)
+    drifts = cause.name.endswith("drift") and fit.shared is None
+    own = with_batches_beside(fit, columns) if drifts else fit
+    return score_test(own, columns, noise, shared)
 
 
 def _beside(fit: Linearised, cause: _Cause) -> Linearised:
@@ -93,7 +108,8 @@ def list_causes(work: Work) -> Iterator[_Cause]:
     yield _cause(work, "compressed", unmodelled.compression, static=True, alone=by_magnitude)
     yield _cause(work, "late", lambda x: unmodelled.lag(x, apart), at_rest=False)
     yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
-    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t), moved=False)
+    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 1), moved=False)
+    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 4), moved=False)
     yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
     yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)
     for name in work.seen.signals:

@@ -18,7 +18,6 @@ Terms = Callable[[Array], Array]
 """Readings over the radius, (n, 3), to E (n, 3, k)."""
 
 MEMORY_ROWS = 50
-DRIFT_COSINES = 4
 
 
 def non_linearity(x: Array) -> Array:
@@ -53,9 +52,9 @@ def memory(x: Array) -> Array:
     return _by_axis(np.vstack([x[:1], faded[:-1]]))
 
 
-def drift(t: Array) -> Array:
+def drift(t: Array, cosines: int) -> Array:
     """A bias that moves: the first cosines over the recording's time, t (n,) from 0 to 1."""
-    return proportional(np.cos(np.pi * np.outer(t, np.arange(1, DRIFT_COSINES + 1))))
+    return proportional(np.cos(np.pi * np.outer(t, np.arange(1, cosines + 1))))
 
 
 def gain_drift(x: Array, t: Array) -> Array:

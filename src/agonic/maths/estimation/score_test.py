@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.maths.estimation.leastsq import correlation_length
 
 FEWEST_BATCHES, MOST_BATCHES = 24, 200
 SEEN = 4.0
@@ -28,6 +29,9 @@ SEEN = 4.0
 SEEN_APART = 2.0
 """The same where what columns and residuals share is taken out of the score, and for one column
 alone, which was not picked among many."""
+
+SURE = 4.0
+"""Of t², what may be chance: sizes are lowered by it."""
 
 
 class Score(NamedTuple):
@@ -102,6 +106,17 @@ def find_captured(batch: Index, correlation: float) -> float:
     return float(min(shown[0] / shown[1], 1.0))
 
 
+def with_batches_beside(fit: Linearised, columns: Array) -> Linearised:
+    """The fit with batches for the noise that is left beside columns (n, k).
+
+    What is looked for makes residuals go together as noise with memory does, and would hide itself
+    in long batches.
+    """
+    correlation = correlation_length(with_columns(fit, columns).residuals, fit.weights)
+    batch = batches_of(len(columns), correlation)
+    return fit._replace(batch=batch, captured=find_captured(batch, correlation))
+
+
 def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
     """Sums of rows (n, k) by the number of their group (n,), (groups, k)."""
     return np.stack([np.bincount(group, column, groups) for column in rows.T], axis=1)
@@ -139,7 +154,7 @@ def score_test(
     p_value = _hotelling(scores, fit.captured)
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
-    size = np.asarray(seen @ found)
+    size = np.asarray(seen @ (found * _surely(scores, fit.captured)))
     return Score(p_value, size, fit.find_move(columns @ size), float(total @ found))
 
 
@@ -178,6 +193,15 @@ def _seen(
         own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
         keep &= values > clear**2 * own
     return scale[:, None] * vectors[:, keep] if keep.any() else None
+
+
+def _surely(scores: Array, captured: float) -> Array:
+    """Of the sizes, from the scores of batches (B, k), the share that is no chance: 1 − 4/t².
+
+    What the rows hardly show would otherwise be large by chance alone.
+    """
+    chance = (scores**2).sum(axis=0) / captured
+    return np.maximum(1 - SURE * chance / np.maximum(scores.sum(axis=0) ** 2, 1e-300), 0.0)
 
 
 def _hotelling(scores: Array, captured: float) -> float:
