@@ -110,6 +110,13 @@ def test_of_a_long_rest_few_rows_are_looked_at_and_all_of_a_vehicle_that_comes_b
             assert fewest <= len(rows) <= most
 
 
+def test_a_long_rest_and_few_tilts_show_no_drift() -> None:
+    for seed in range(3):
+        _, fit = fitted(seed, motion=still_then(0.8, tilts(30)))
+        assert not causes(fit)
+        assert fit.verdict == "good"
+
+
 def test_clean_readings_of_few_tilts_show_no_common_bend() -> None:
     clean = [fitted(seed, motion=tilts(30), n=300 + 90 * seed)[1] for seed in range(12)]
     assert not any(causes(fit) & {"non-linear", "compressed"} for fit in clean)

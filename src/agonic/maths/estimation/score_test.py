@@ -30,6 +30,9 @@ SEEN_APART = 2.0
 """The same where what columns and residuals share is taken out of the score, and for one column
 alone, which was not picked among many."""
 
+HELD = 1e-4
+"""A combination of columns without noise of their own is not tested where no larger share of it is
+beyond the fit's unknowns: after a long rest a drift looks like a bias and gains."""
 SURE = 4.0
 """Of t², what may be chance: sizes are lowered by it."""
 
@@ -188,7 +191,7 @@ def _seen(
     scale = 1 / np.where(size > 0, size, 1.0)
     gram = (projected.T * weights) @ projected * np.outer(scale, scale)
     values, vectors = np.linalg.eigh(gram)
-    keep = values > 1e-9
+    keep = values > (HELD if noise is None else 1e-9)
     if noise is not None:
         own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
         keep &= values > clear**2 * own
@@ -201,7 +204,9 @@ def _surely(scores: Array, captured: float) -> Array:
     What the rows hardly show would otherwise be large by chance alone.
     """
     chance = (scores**2).sum(axis=0) / captured
-    return np.maximum(1 - SURE * chance / np.maximum(scores.sum(axis=0) ** 2, 1e-300), 0.0)
+    return np.asarray(
+        np.maximum(1 - SURE * chance / np.maximum(scores.sum(axis=0) ** 2, 1e-300), 0.0)
+    )
 
 
 def _hotelling(scores: Array, captured: float) -> float:
