@@ -87,7 +87,7 @@ def _test(fit: Linearised, cause: _Cause) -> Score | None:
     columns, noise, shared = cause.seen_by(fit)
     drifts = cause.name.endswith("drift") and fit.shared is None
     own = with_batches_beside(fit, columns) if drifts else fit
-    return score_test(own, columns, noise, shared)
+    return score_test(own, columns, noise, shared, surely=noise is None)
 
 
 def _beside(fit: Linearised, cause: _Cause) -> Linearised:

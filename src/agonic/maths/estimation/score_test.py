@@ -31,10 +31,10 @@ SEEN_APART = 2.0
 alone, which was not picked among many."""
 
 HELD = 1e-4
-"""A combination of columns without noise of their own is not tested where no larger share of it is
-beyond the fit's unknowns: after a long rest a drift looks like a bias and gains."""
-SURE = 4.0
-"""Of t², what may be chance: sizes are lowered by it."""
+"""A combination of columns of which no larger share is beyond the fit's unknowns may be left out:
+after a long rest a drift looks like a bias and gains."""
+SURE = 3.0
+"""Standard errors by which a combination may have to be seen to have a size."""
 
 
 class Score(NamedTuple):
@@ -130,20 +130,23 @@ def score_test(
     columns: Array,
     noise: Array | None = None,
     shared: Array | None = None,
+    *,
+    surely: bool = False,
 ) -> Score | None:
     """Whether `columns` (n, k) belong into the fit; None where the rows cannot tell.
 
     `noise` (n, k) is a draw of what noise in the readings does to the columns themselves:
     combinations that hardly stand out of it are left out, for there the noise of columns and
     residuals is the same, and they would seem to agree. `shared` (n, k) is their covariance with
-    the residuals by noise that is in both: it is taken out of the score.
+    the residuals by noise that is in both: it is taken out of the score. `surely` leaves out
+    what is hardly beyond the fit's unknowns, and of the size what does not stand out of chance.
     """
     weighted = fit.jacobian.T * fit.weights
     information = fit.information
     taken = np.linalg.solve(information, weighted @ columns)
     projected = columns - fit.jacobian @ taken
     clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
-    seen = _seen(projected, columns, noise, fit.weights, clear)
+    seen = _seen(projected, columns, noise, fit.weights, clear, HELD if surely else 1e-9)
     if seen is None:
         return None
     projected = projected @ seen
@@ -157,7 +160,8 @@ def score_test(
     p_value = _hotelling(scores, fit.captured)
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
-    size = np.asarray(seen @ (found * _surely(scores, fit.captured)))
+    sure = _surely(scores, fit.captured) if surely else 1.0
+    size = np.asarray(seen @ (found * sure))
     return Score(p_value, size, fit.find_move(columns @ size), float(total @ found))
 
 
@@ -184,14 +188,14 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
 
 
 def _seen(
-    projected: Array, columns: Array, noise: Array | None, weights: Array, clear: float
+    projected: Array, columns: Array, noise: Array | None, weights: Array, clear: float, held: float
 ) -> Array | None:
     """Combinations (k, m) of columns that the fit does not hold already and the rows can show."""
     size = np.sqrt(np.sum(columns**2 * weights[:, None], axis=0))
     scale = 1 / np.where(size > 0, size, 1.0)
     gram = (projected.T * weights) @ projected * np.outer(scale, scale)
     values, vectors = np.linalg.eigh(gram)
-    keep = values > (HELD if noise is None else 1e-9)
+    keep = values > held
     if noise is not None:
         own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
         keep &= values > clear**2 * own
@@ -199,14 +203,9 @@ def _seen(
 
 
 def _surely(scores: Array, captured: float) -> Array:
-    """Of the sizes, from the scores of batches (B, k), the share that is no chance: 1 − 4/t².
-
-    What the rows hardly show would otherwise be large by chance alone.
-    """
+    """Which scores of batches (B, k) stand out: 1, or 0 for what would be large by chance alone."""
     chance = (scores**2).sum(axis=0) / captured
-    return np.asarray(
-        np.maximum(1 - SURE * chance / np.maximum(scores.sum(axis=0) ** 2, 1e-300), 0.0)
-    )
+    return np.asarray(scores.sum(axis=0) ** 2 > SURE**2 * chance, dtype=np.float64)
 
 
 def _hotelling(scores: Array, captured: float) -> float:
