@@ -205,11 +205,11 @@ def solve(system: System) -> Solution:
     return Solution(alone - by_shared @ shared, shared, by_shared, covariance)
 
 
-def find_variances(system: System, solution: Solution) -> Array:
-    """Of the offset at each moment, (N,)."""
+def find_variances(system: System, solution: Solution, doubt: float = 1.0) -> Array:
+    """Of the offset at each moment, (N,); `doubt` multiplies what depends on the sizes."""
     moved = solution.by_shared[:, 0]
     own = blocks.invert(system.states).diagonal[:, 0, 0]
-    return np.asarray(own + np.einsum("np,pq,nq->n", moved, solution.covariance, moved))
+    return np.asarray(doubt * own + np.einsum("np,pq,nq->n", moved, solution.covariance, moved))
 
 
 def predict(seen: Observed, sizes: Sizes, solution: Solution) -> Array:

@@ -15,7 +15,7 @@ from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
 from agonic.headings.rows import Looked, Taken
 from agonic.headings.smoothing.errors import Seen
-from agonic.headings.smoothing.smooth import SmoothedHeading, smooth_headings
+from agonic.headings.smoothing.smooth import SmoothedHeading, find_shown_axes, smooth_headings
 from agonic.maths.rotations.tilt import compute_down
 from agonic.samples import Samples
 
@@ -23,8 +23,6 @@ BETTER = 0.8
 """The tilt by rates without the bias that was found is taken where its sd falls to this share."""
 CORRECTIONS = 2
 """Times that the tilt is found anew."""
-SHOWN = 0.1
-"""Mean square of the part of down along an axis that shows the gyro's bias about it."""
 SOUND_S = 5.0
 """A row is relied on where most of those within this time are as they should be."""
 SOUND_SHARE = 0.8
@@ -142,9 +140,7 @@ def _correct_rates(own: Samples, turn: Array, looked: Looked, found: SmoothedHea
     """The samples without the gyro's bias about axes that were turned to the vertical."""
     assert own.rotation_rate is not None
     down = compute_down(looked.tilt.tilt, looked.tilt.order)
-    down = down[np.isfinite(down).all(axis=1)]
-    shown, axes = np.linalg.eigh(down.T @ down / len(down))
-    axes = axes[:, shown > SHOWN]
+    axes = find_shown_axes(down[np.isfinite(down).all(axis=1)])
     bias = np.clip(found.bias @ axes @ axes.T, -3 * BIAS_SD, 3 * BIAS_SD)
     rate = (own.rotation_rate @ turn.T - bias) / (1.0 + found.scale)
     return own.with_columns(rotation_rate=rate @ turn)

@@ -46,6 +46,12 @@ TELLING = 3000
 LASTING_S = 30.0
 """Of what disturbs for so long half the variance is taken to last for the whole log: few such
 stretches do not tell that their mean is zero."""
+SHOWN = 0.1
+"""Mean square of the part of down along an axis that shows the gyro's bias about it."""
+ESTIMATED = 2.0
+"""Heading and drift of the gyro, which the disturbances that are seen are about."""
+FEWEST_SQUARES = 2.5
+"""Independent squares by which a variance is found, at least: with two it would have no mean."""
 FOLLOWED_S = 10.0
 """Over which the compass is averaged where the estimate starts."""
 STEADY_S = 5.0
@@ -107,10 +113,12 @@ def smooth_headings(
         delay += np.where(mine, late, 0.0)
         columns.append(np.where(mine, own, 0.0))
     steep = vertical[rows] / np.maximum(horizontal[rows], 1e-9)
-    axes = _turn(level[rows], heading)
-    columns.append(list_tilt_errors(axes, steep, attitude, moments, settling_s))
+    turned = _turn(level[rows], heading)
+    columns.append(list_tilt_errors(turned, steep, attitude, moments, settling_s))
     shared = moments.smooth(np.nan_to_num(np.concatenate(columns, axis=1)), STEADY_S)
+    axes = find_shown_axes(level[moments.rows, 2])
     observed = observed._replace(
+        by_bias=observed.by_bias @ axes @ axes.T,
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
     )
@@ -126,6 +134,19 @@ def smooth_headings(
         GYRO_SCALE_SD * scale,
         sizes,
     )
+
+
+def find_shown_axes(down: Array) -> Array:
+    """The axes (3, k) that were turned to the vertical, by down in body axes (n, 3).
+
+    A bias about another hardly turns the heading: found all the same, it follows errors of the
+    tilt, which lean the vertical and disturb the compass at once.
+
+    >>> find_shown_axes(np.array([[0.0, 0.1, 1.0], [0.0, -0.1, 1.0]])).T.tolist()
+    [[0.0, 0.0, 1.0]]
+    """
+    shown, axes = np.linalg.eigh(down.T @ down / len(down))
+    return np.asarray(axes[:, shown > SHOWN])
 
 
 def _pick(used: Index, values: Sequence[Array]) -> Array:
@@ -191,8 +212,18 @@ def _estimate(seen: Observed, sizes: Sizes | None) -> tuple[Array, Array, Array,
         expected = predict(seen, found_sizes, found)
         seen = seen._replace(offset=expected + left)  # without full turns
     lasting = found_sizes.field_s / (found_sizes.field_s + LASTING_S)
-    variance = find_variances(system, found) + lasting * found_sizes.field**2
+    doubt = _doubt(seen.time[high - 1] - seen.time[low], found_sizes)
+    variance = find_variances(system, found, doubt) + doubt * lasting * found_sizes.field**2
     return found.states[:, 0], variance, found.states[:, 2:], found.shared[:3], found_sizes
+
+
+def _doubt(duration_s: float, sizes: Sizes) -> float:
+    """The variance of Student's t of as many degrees as there are squares that tell the sizes.
+
+    Squares of a Gauss–Markov process are independent after its time constant.
+    """
+    squares = max(duration_s / sizes.field_s - ESTIMATED, FEWEST_SQUARES)
+    return squares / (squares - 2.0)
 
 
 def _choose(seen: Observed) -> tuple[int, int]:
