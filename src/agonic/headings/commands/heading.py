@@ -31,7 +31,11 @@ def heading(
     unit: Unit = None,
     smooth: Annotated[
         bool,
-        typer.Option("--smooth", help="Take all rows together, by compass and gyro."),
+        typer.Option(
+            "--smooth",
+            help="Take all rows together, by compass and gyro; on request, because in a vehicle "
+            "that accelerates for long a single log may err by more than is stated.",
+        ),
     ] = False,
     at: At = None,
     date: Date = None,
