@@ -19,7 +19,7 @@ def write(kind: str = "hand", late_s: float = 0.025, **changed) -> None:
 def test_a_latency_is_printed_with_what_to_do(capsys) -> None:
     write()
     assert run(["fit", "latency", "log.csv"]) == 0
-    said = capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
     assert "25.0 ± " in said
     assert "ms late beside the recorded attitude; take it out" in said
 

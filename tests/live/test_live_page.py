@@ -111,7 +111,7 @@ def test_the_calibration_before_stands_beside(sensor, live, page, tmp_path):
         "#sensors tbody tr:nth-child(3) > *", "all => all.map(c => c.textContent)"
     )
     assert cells[0] == "bias x, nT"
-    assert cells[3] == "11000"
+    assert cells[3] == "11\u202f000"
     assert shown.is_visible("th.before")
 
 

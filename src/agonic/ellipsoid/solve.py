@@ -17,7 +17,7 @@ from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.covariance import add_up, compute_covariance, predict_unseen
-from agonic.maths.equation.maximum_likelihood import estimate, refine
+from agonic.maths.equation.maximum_likelihood import estimate
 from agonic.maths.equation.starting_values import nearest_parameters
 
 SIGNIFICANT = 0.01
@@ -70,10 +70,8 @@ def solve_likelihood(
 ) -> Found:
     """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model; the minimum
     near the bias and matrix of `start`, where given."""
-    if start is None:
-        found = estimate(problem, robust=robust, seed=seed)
-    else:
-        found = refine(problem, nearest_parameters(*start, problem.basis), robust)
+    near = None if start is None else nearest_parameters(*start, problem.basis)
+    found = estimate(problem, robust=robust, seed=seed, start=near)
     solution, noise = found.solution, found.noise["magnitude"]
     bias, matrix = split(model_basis(model) @ solution.params)
     sums = add_up(problem, found)

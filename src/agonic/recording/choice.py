@@ -259,7 +259,10 @@ def _rank(fit: Fit) -> int:
 
 
 def _own_heading_deg(fit: Fit) -> float:
-    """The standard error of the heading of the sensor's own axes, degrees."""
+    """The standard error of the heading of the sensor's own axes, degrees; with what disturbs on
+    board that of the vehicle's, which is no less."""
+    if list_sources(fit):
+        return fit.coverage.heading_sd_deg
     return compute_mounted_heading(fit.calibration, fit.coverage).own_sd_deg
 
 

@@ -32,13 +32,18 @@ SIGNIFICANT = 1e-3
 
 MOST_CAUSES = 3
 
+LIKELY = 0.2
+"""Of the field: a sensor bends by less at the size of the field, and what goes with bank or pitch
+is less for a vehicle turned by a right angle."""
+
 
 class _Cause(NamedTuple):
     """A cause: its columns over unit noise, what noise does to them and has in common with the
     residuals, and the error itself.
 
     `at_rest` is false for an error that only a turning sensor has, `alone` true for a test with a
-    level of its own, beside the family of all others.
+    level of its own, beside the family of all others; `likely` how large its terms are at most,
+    about, as a share of the field.
     """
 
     name: str
@@ -49,6 +54,7 @@ class _Cause(NamedTuple):
     level: Callable[[Array], Array] | None
     at_rest: bool
     alone: bool
+    likely: float
 
     def seen_by(self, fit: Linearised) -> tuple[Array, Array | None, Array | None]:
         """Columns, their noise and what they share, of a fit to all kinds or the magnitude alone,
@@ -87,7 +93,7 @@ def _test(fit: Linearised, cause: _Cause) -> Score | None:
     columns, noise, shared = cause.seen_by(fit)
     drifts = cause.name.endswith("drift") and fit.shared is None
     own = with_batches_beside(fit, columns) if drifts else fit
-    return score_test(own, columns, noise, shared, surely=noise is None)
+    return score_test(own, columns, noise, shared, surely=noise is None, likely=cause.likely)
 
 
 def _beside(fit: Linearised, cause: _Cause) -> Linearised:
@@ -101,11 +107,15 @@ def list_causes(work: Work) -> Iterator[_Cause]:
     t = (rows + 0.5) / n if time is None else (time[rows] - time[0]) / max(np.ptp(time), 1e-9)
     centre = work.fitted.calibration.bias / work.radius
     apart = np.r_[True, np.diff(rows) != 1]
-    yield _cause(work, "non-linear", unmodelled.non_linearity, static=True)
+    yield _cause(work, "non-linear", unmodelled.non_linearity, static=True, likely=LIKELY)
     by_magnitude = not work.fitted.kinds
     if by_magnitude:  # six unknowns hide a small bend among chance; what all axes share is one
-        yield _cause(work, "non-linear", unmodelled.common_bend, static=True, alone=True)
-    yield _cause(work, "compressed", unmodelled.compression, static=True, alone=by_magnitude)
+        yield _cause(
+            work, "non-linear", unmodelled.common_bend, static=True, alone=True, likely=LIKELY
+        )
+    yield _cause(
+        work, "compressed", unmodelled.compression, static=True, alone=by_magnitude, likely=LIKELY
+    )
     yield _cause(work, "late", lambda x: unmodelled.lag(x, apart), at_rest=False)
     yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
     yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 1), moved=False)
@@ -113,7 +123,7 @@ def list_causes(work: Work) -> Iterator[_Cause]:
     yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
     yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)
     for name in work.seen.signals:
-        yield _cause(work, name, moved=False, at_rest=False)
+        yield _cause(work, name, moved=False, at_rest=False, likely=LIKELY)
 
 
 def _cause(
@@ -125,6 +135,7 @@ def _cause(
     moved: bool = True,
     at_rest: bool = True,
     alone: bool = False,
+    likely: float = np.inf,
 ) -> _Cause:
     """A cause from its terms at the feet, or a bias that goes with the signals of that name.
 
@@ -154,7 +165,9 @@ def _cause(
     def level(size: Array) -> Array:
         return np.asarray(errors_at(level_readings(work) / work.radius, {}) @ size) * work.radius
 
-    return _Cause(name, columns, noise, shared, error, level if static else None, at_rest, alone)
+    return _Cause(
+        name, columns, noise, shared, error, level if static else None, at_rest, alone, likely
+    )
 
 
 def _model_error(work: Work, cause: _Cause, p_value: float, size: Array, move: Array) -> ModelError:

@@ -40,25 +40,35 @@ class Estimate(NamedTuple):
     weights: Array
 
 
-def estimate(problem: Problem, *, robust: bool = True, seed: int = 0) -> Estimate:
+def estimate(
+    problem: Problem, *, robust: bool = True, seed: int = 0, start: Array | None = None
+) -> Estimate:
     """The most probable parameters, how sure they are, and the noise of each channel.
 
     Starts are tried on a few thousand readings, first on ones that are spread over directions: a
     sensor that lay still for most of a log says little that often. Where all of these agree with a
     minimum, another one could hold for some of them only; otherwise the best of several is taken.
     Then all readings refine it, with Tukey's loss where any stands out. The refinement takes the
-    noise's own effect on the curved surface out (`affine.magnitude_residual`).
+    noise's own effect on the curved surface out (`affine.magnitude_residual`). Where parameters to
+    `start` from are given, theirs is the minimum.
     """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # where nothing holds them
+        if start is not None:
+            return refine(problem, start, robust)
+        return _find_minimum(problem, robust, seed)
+
+
+def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
+    """The best minimum of all readings."""
     n = len(problem.points)
     rows = find_spread_rows(problem.points, most=_ENOUGH, seed=seed)
     tried: list[Estimate] = []
     for chosen in (rows, _draw(n, seed)):
         few = problem if len(chosen) == n else problem.subset(chosen)
-        with np.errstate(over="ignore", invalid="ignore"):  # of readings that nothing holds
-            found = _search(few, robust, seed)
-            agreed = _agrees(few, found)
-            again = few is not problem or (problem.magnitude_only and not agreed)
-            tried.append(refine(problem, found.solution.params, robust) if again else found)
+        found = _search(few, robust, seed)
+        agreed = _agrees(few, found)
+        again = few is not problem or (problem.magnitude_only and not agreed)
+        tried.append(refine(problem, found.solution.params, robust) if again else found)
         if agreed or len(rows) == min(n, _ENOUGH):
             break
     return min(tried, key=lambda found: _compute_surprise(problem, found))

@@ -132,6 +132,7 @@ def score_test(
     shared: Array | None = None,
     *,
     surely: bool = False,
+    likely: float = np.inf,
 ) -> Score | None:
     """Whether `columns` (n, k) belong into the fit; None where the rows cannot tell.
 
@@ -140,6 +141,8 @@ def score_test(
     residuals is the same, and they would seem to agree. `shared` (n, k) is their covariance with
     the residuals by noise that is in both: it is taken out of the score. `surely` leaves out
     what is hardly beyond the fit's unknowns, and of the size what does not stand out of chance.
+    `likely` is the prior standard deviation of the size: what rows hardly tell from the unknowns
+    of the fit would otherwise be of any size.
     """
     weighted = fit.jacobian.T * fit.weights
     information = fit.information
@@ -161,7 +164,9 @@ def score_test(
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
     sure = _surely(scores, fit.captured) if surely else 1.0
-    size = np.asarray(seen @ (found * sure))
+    size = np.asarray(
+        seen @ (_draw_in(found, gram, scores / fit.captured**0.5, seen / likely) * sure)
+    )
     return Score(p_value, size, fit.find_move(columns @ size), float(total @ found))
 
 
@@ -200,6 +205,13 @@ def _seen(
         own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
         keep &= values > clear**2 * own
     return scale[:, None] * vectors[:, keep] if keep.any() else None
+
+
+def _draw_in(found: Array, gram: Array, scores: Array, prior: Array) -> Array:
+    """A size (r,) with a prior, by the scatter of the scores of batches (B, r) that tell it:
+    (1 + V PᵀP)⁻¹ of it, V its covariance and P the rows (k, r) of the prior."""
+    left = np.linalg.solve(gram, scores.T)
+    return np.asarray(np.linalg.solve(np.eye(len(found)) + left @ left.T @ prior.T @ prior, found))
 
 
 def _surely(scores: Array, captured: float) -> Array:
