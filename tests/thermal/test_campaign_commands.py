@@ -164,7 +164,7 @@ def test_a_campaign_in_words(recorded, capsys) -> None:
     said = capsys.readouterr().out
     assert "2 sensors, stations 1–12, 34 560 readings" in said.replace("\u202f", " ")
     assert "✓ MMC5883MA-2: good" in said
-    assert "before / after" in " ".join(said.split())
+    assert "Spread smaller by" in " ".join(said.split())
     assert "Nothing was written." in said
 
 
