@@ -1,6 +1,5 @@
 """Errors that all rows share, turns that no test sees, and columns that mean something else."""
 
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
