@@ -87,8 +87,7 @@ def choose(
         _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     )
     if method == "ellipsoid":
-        alone = _fit_magnitude(samples, reference, reason, settings)
-        alone = replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
+        alone = _check_by_gravity(_fit_magnitude(samples, reference, reason, settings))
         if kind != "auto" or reference is None:
             return alone
         return _join_disturbers(alone, samples, reference, reason, settings)
@@ -155,6 +154,18 @@ def _fit_magnitude(
     return Choice(samples, reference, fit, "ellipsoid", reason, again, _find_latency(samples))
 
 
+def _fit_alone(
+    samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit to the magnitude, by those settings of a fit beside the attitude that it has too."""
+    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
+    return _fit_magnitude(samples, reference, "", own)
+
+
+def _check_by_gravity(alone: Choice) -> Choice:
+    return replace(alone, fit=check_by_gravity(alone.fit, alone.samples, alone.reference))
+
+
 def _join_disturbers(
     alone: Choice,
     samples: Samples,
@@ -219,11 +230,9 @@ def _choose_surer(
     samples: Samples, reference: Reference, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
     """The fit beside accelerometer and gyro, or that by the magnitude alone where it is as sure."""
-    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
     alone = aided = None
     try:
-        alone = _fit_magnitude(samples, reference, "", own)
-        alone = replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
+        alone = _check_by_gravity(_fit_alone(samples, reference, settings))
     except CoverageError as error:
         failed = error
     enough = "the magnitude alone tells the calibration as surely as with the attitude"
@@ -276,12 +285,10 @@ def _leave_attitude(
     """
     if list_sources(aided.fit) or _own_heading_deg(aided.fit) < SURE_DEG:
         return aided
-    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
     try:
-        alone = _fit_magnitude(samples, reference, "", own)
+        alone = _check_by_gravity(_fit_alone(samples, reference, settings))
     except CoverageError:
         return aided
-    alone = replace(alone, fit=check_by_gravity(alone.fit, samples, reference))
     surer = alone.fit.coverage.heading_sd_deg < SURER * _own_heading_deg(aided.fit)
     if not surer or _rank(alone.fit) > _rank(aided.fit):
         return aided
@@ -302,9 +309,8 @@ def fall_back(
     causes = _causes(aided)
     if not causes or not causes <= NOT_OF_THE_MAGNETOMETER:
         return aided
-    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
     try:
-        alone = _fit_magnitude(samples, reference, "", own)
+        alone = _fit_alone(samples, reference, settings)
     except CoverageError:
         return aided
     return aided if alone.fit.verdict == "refused" else _tell(alone, aided)
