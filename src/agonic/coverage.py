@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ class Coverage(Readable):
     `cells` (80,) readings per cell of the icosphere; `filled` its share of cells that were
     visited; `field_sd` (80,) standard error of the calibrated field at the centre of each cell,
     and `field_sd_max` its largest; `heading_sd_deg` the standard error of a level heading, rms
-    over all headings, at the dip `inclination_deg`; `turns` says in words what to add.
+    over all headings, at the dip `inclination_deg`, `down` (3,) being where the sensor's axes have
+    down then; `turns` says in words what to add.
     """
 
     cells: NDArray[np.int64]
@@ -30,15 +31,19 @@ class Coverage(Readable):
     heading_sd_deg: float
     inclination_deg: float
     turns: str = ""
+    down: Array = field(default_factory=kernel.DOWN.copy)
 
 
 def compute_coverage(
-    calibration: Affine, cells: NDArray[np.int64], inclination_deg: float = 60.0
+    calibration: Affine,
+    cells: NDArray[np.int64],
+    inclination_deg: float = 60.0,
+    down: Array = kernel.DOWN,
 ) -> Coverage:
     """The coverage of a calibration whose readings fell into `cells`, (80,) counts.
 
     Parameters: a calibration with magnitude and covariance; `inclination_deg` the dip at which the
-    heading's standard error is stated.
+    heading's standard error is stated, and `down` (3,) the sensor's attitude there.
     """
     magnitude, covariance = calibration.magnitude, calibration.covariance
     assert magnitude is not None
@@ -53,10 +58,11 @@ def compute_coverage(
         field_sd=field_sd,
         field_sd_max=float(field_sd.max()),
         heading_sd_deg=float(
-            kernel.heading_sd_deg(inclination_deg, magnitude, matrix, covariance, gauge)
+            kernel.heading_sd_deg(inclination_deg, magnitude, matrix, covariance, gauge, down=down)
         ),
         inclination_deg=inclination_deg,
         turns=describe_missing_orientations(kernel.find_missing_axes(cells)),
+        down=down,
     )
 
 

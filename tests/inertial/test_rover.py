@@ -9,6 +9,7 @@ import pytest
 
 import agonic as ag
 from tests.command_line import answer
+from tests.inertial.drives import drive
 
 
 @pytest.mark.parametrize("seed", ["0", "1"])
@@ -24,3 +25,32 @@ def test_a_rover_is_calibrated_beside_its_inertial_unit(
     truth = ag.load("rover.truth.json")
     ratio = (np.array(sensor["bias"]) - truth.bias) / np.array(sensor["bias_sd"])
     assert np.abs(ratio).max() < 3.0
+
+
+MOUNTINGS = {
+    "z up": np.diag([1.0, -1.0, -1.0]),
+    "x down": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+}
+
+
+def remounted(samples: ag.Samples, turn: np.ndarray) -> ag.Samples:
+    """The same drive with the board turned in the vehicle, magnetometer and inertial unit alike."""
+    return samples.with_columns(
+        field=samples.field @ turn.T,
+        acceleration=samples.acceleration @ turn.T,
+        rotation_rate=samples.rotation_rate @ turn.T,
+    )
+
+
+@pytest.mark.parametrize("mounted", MOUNTINGS)
+def test_however_a_board_is_mounted_its_level_heading_is_known_alike(mounted: str) -> None:
+    """Level is as the vehicle drives, not z down: those headings alone it will ever have."""
+    _, logged, place = drive(n=1500, tilt_deg=4.0)
+    whole, turned = (
+        ag.calibrate(one, place) for one in (logged, remounted(logged, MOUNTINGS[mounted]))
+    )
+    assert turned.verdict == whole.verdict
+    assert turned.fit.coverage.heading_sd_deg == pytest.approx(
+        whole.fit.coverage.heading_sd_deg, rel=1e-3
+    )
+    assert turned.fit.coverage.turns == whole.fit.coverage.turns

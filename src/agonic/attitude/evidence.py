@@ -37,7 +37,7 @@ from agonic.maths.equation.channels import (
     compute_residuals,
     field_of_terms,
 )
-from agonic.maths.equation.coverage import count_visits
+from agonic.maths.equation.coverage import count_visits, find_level_down, make_level_axes
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
@@ -143,10 +143,12 @@ def _coverage(
             np.degrees(np.arctan2(problem.dip.vertical.mean(), problem.dip.horizontal.mean()))
         )
     field = plain.correct(cleaned[used])
-    coverage = compute_coverage(plain, count_visits(field), 60.0 if dip is None else dip)
+    dip = 60.0 if dip is None else dip
     if problem.dip is None:
-        return coverage
-    return replace(coverage, turns=describe_turns(field, problem.dip.down[used]))
+        return compute_coverage(plain, count_visits(field), dip)
+    down = problem.dip.down[used]
+    coverage = compute_coverage(plain, count_visits(field), dip, find_level_down(down))
+    return replace(coverage, turns=describe_turns(field, down))
 
 
 class Seen(NamedTuple):
@@ -159,7 +161,9 @@ class Seen(NamedTuple):
 
 
 def find_seen(field: Array, down: Array) -> Seen:
-    """The headings and the tilt of a vehicle, by field and down (n, 3) in body axes."""
+    """The headings and the tilt of a vehicle, by field and down (n, 3) in a sensor's axes."""
+    axes = make_level_axes(find_level_down(down)).T
+    field, down = field @ axes, down @ axes
     heading = heading_by_vectors_deg(field, down)
     sectors = np.unique((heading // 15).astype(np.intp) % 24)
     gaps = np.diff(np.append(sectors, sectors[0] + 24)) - 1

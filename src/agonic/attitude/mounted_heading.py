@@ -56,8 +56,8 @@ def compute_mounted_heading(plain: Affine, coverage: Coverage) -> MountedHeading
     without = np.eye(len(covariance)) - by_turn @ turn_by
     at = (coverage.inclination_deg, plain.magnitude, plain.matrix)
     own = min(
-        heading_sd_deg(*at, without @ covariance @ without.T, plain.gauge),
-        heading_sd_deg(*at, covariance, plain.gauge, but_constant=True),
+        heading_sd_deg(*at, without @ covariance @ without.T, plain.gauge, down=coverage.down),
+        heading_sd_deg(*at, covariance, plain.gauge, but_constant=True, down=coverage.down),
     )
     found = (plain.matrix - plain.matrix.T)[[0, 0, 1], [1, 2, 2]] / (2 * gain)
     sizes = np.degrees([np.linalg.norm(found), np.sqrt(turn[0, 0])])

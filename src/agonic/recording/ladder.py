@@ -22,7 +22,11 @@ from agonic.ellipsoid import fit_ellipsoid_alone
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.maths.equation.affine import FREE
-from agonic.maths.equation.coverage import heading_jacobian_deg, level_directions
+from agonic.maths.equation.coverage import (
+    heading_jacobian_deg,
+    level_directions,
+    make_level_axes,
+)
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
 from agonic.recording.held_out import cut_blocks, predict
@@ -217,9 +221,10 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[
     chosen, coverage = fit.calibration, fit.coverage
     if chosen.magnitude is None or "second" in (*chosen.needs, *rung.needs):
         return np.nan, np.nan
-    directions, _ = level_directions(coverage.inclination_deg)
+    axes = make_level_axes(coverage.down).T
+    directions, _ = level_directions(coverage.inclination_deg, down=coverage.down)
     jacobian = heading_jacobian_deg(
-        coverage.inclination_deg, chosen.magnitude, chosen.matrix, chosen.gauge
+        coverage.inclination_deg, chosen.magnitude, chosen.matrix, chosen.gauge, coverage.down
     )
     m = jacobian.shape[-1]
     assert chosen.covariance is not None
@@ -230,6 +235,7 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[
     field = (raw + added[:, None] - rung.bias) @ rung.matrix.T
     if chosen.gauge == FREE and rung.gauge != FREE:
         field = field @ _mount(chosen.matrix @ np.linalg.inv(rung.matrix)).T
+    field, directions = field @ axes, directions @ axes
     turned = np.degrees(np.arctan2(-field[..., 1], field[..., 0]))
     true = np.degrees(np.arctan2(-directions[:, 1], directions[:, 0]))
     error = wrap_deg(turned - true)

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from agonic.arrays import Array, Index
 from agonic.maths.equation.affine import correction_jacobian, model_basis
 
+DOWN = np.array([0.0, 0.0, 1.0])
+"""Where the axes forward, right, down have down in a level vehicle."""
+
 
 @lru_cache(maxsize=1)
 def icosphere() -> tuple[Array, Array]:
@@ -70,16 +73,52 @@ def field_covariance(
     return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
 
-def level_directions(inclination_deg: float, headings: int = 36) -> tuple[Array, Array]:
+def level_directions(
+    inclination_deg: float, headings: int = 36, down: Array = DOWN
+) -> tuple[Array, Array]:
     """The field's directions (n, 3) in a level vehicle at even headings, and across them (n, 3).
 
-    The second is the unit horizontal vector whose component of the error turns the heading.
+    The second is the unit horizontal vector whose component of the error turns the heading; `down`
+    (3,) is where the sensor's axes have down when the vehicle is level.
+
+    >>> up = level_directions(60.0, 4, np.array([0.0, 0.0, -1.0]))[0]
+    >>> up[0].round(3).tolist()
+    [0.5, 0.0, -0.866]
     """
     psi = np.linspace(0, 2 * np.pi, headings, endpoint=False)
     dip = np.radians(inclination_deg)
     along = np.stack([np.cos(psi), -np.sin(psi), np.zeros_like(psi)], axis=1)
     across = np.stack([np.sin(psi), np.cos(psi), np.zeros_like(psi)], axis=1)
-    return np.cos(dip) * along + np.sin(dip) * np.array([0.0, 0.0, 1.0]), across
+    axes = make_level_axes(down)
+    return (np.cos(dip) * along + np.sin(dip) * DOWN) @ axes, across @ axes
+
+
+def make_level_axes(down: Array) -> Array:
+    """Nose, right and down, a row each (3, 3), of a level vehicle in the axes of a sensor that has
+    down along `down` (3,). The nose is x as far as x is level, else z.
+
+    >>> make_level_axes(np.array([0.0, 0.0, -1.0])).tolist()
+    [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
+    """
+    if (down == DOWN).all():
+        return np.eye(3)
+    ahead = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < _NEAR_AXIS else DOWN
+    nose = _unit(ahead - down * (down @ ahead))
+    return np.stack([nose, np.cross(down, nose), down]) + 0.0
+
+
+def find_level_down(down: Array) -> Array:
+    """Where the sensor's axes have down when its vehicle is level, (3,), by all its downs (n, 3).
+
+    It is z, unless the vehicle keeps near another attitude: then the sensor is mounted otherwise.
+
+    >>> find_level_down(np.array([[0.1, 0.0, -1.0], [-0.1, 0.0, -1.0]])).round(6).tolist()
+    [0.0, 0.0, -1.0]
+    """
+    mean = np.asarray(down.mean(axis=0))
+    size = float(np.linalg.norm(mean))
+    near_z = mean[2] > _LEVEL_AXIS * size
+    return DOWN if near_z or size < _KEEPS_LEVEL else mean / size
 
 
 def heading_sd_deg(
@@ -90,14 +129,15 @@ def heading_sd_deg(
     gauge: str,
     *,
     but_constant: bool = False,
+    down: Array = DOWN,
 ) -> Any:
     """Standard error of the heading of a level vehicle, rms over all headings, degrees, (…).
 
     σ_ψ² = ∂ψ C ∂ψᵀ with the derivatives of `heading_jacobian_deg`. Broadcasts over magnitude (…),
     matrix (…, 3, 3) and covariance (…, 9, 9). `but_constant`: of what is left beside one constant
-    angle of all headings.
+    angle of all headings. `down` as in `level_directions`.
     """
-    local = heading_jacobian_deg(inclination_deg, magnitude, matrix, gauge)
+    local = heading_jacobian_deg(inclination_deg, magnitude, matrix, gauge, down)
     if but_constant:
         local = local - local.mean(axis=-2, keepdims=True)
     variance = ((local @ covariance) * local).sum(axis=-1).mean(axis=-1)
@@ -105,14 +145,18 @@ def heading_sd_deg(
 
 
 def heading_jacobian_deg(
-    inclination_deg: float, magnitude: Array | float, matrix: Array, gauge: str
+    inclination_deg: float,
+    magnitude: Array | float,
+    matrix: Array,
+    gauge: str,
+    down: Array = DOWN,
 ) -> Array:
     """Derivatives of a level vehicle's heading, degrees, (…, 36, m): a row a heading.
 
     e·δ(W d)/(F cos I), e horizontal and across the field. An error of bias and matrix enters as
     e·δ(W d) = −(Wᵀe)·δb + eᵀ δW d with d = F W⁻¹ m along the field's direction m.
     """
-    directions, across = level_directions(inclination_deg)
+    directions, across = level_directions(inclination_deg, down=down)
     size = np.asarray(magnitude, dtype=np.float64)[..., None, None]
     d = size * directions @ np.swapaxes(np.linalg.inv(matrix), -1, -2)
     by_matrix = across[:, :, None] * d[..., :, None, :]
@@ -185,6 +229,8 @@ def describe_axis(direction: Array) -> str:
 
 
 _NEAR_AXIS = 0.9  # cosine; 26°
+_LEVEL_AXIS = 0.87  # cosine; 30°
+_KEEPS_LEVEL = 0.9  # length of the mean of directions that stay within some 35°
 _CELL_SHARE = 1 / 32  # of all that counts, in one cell of many
 _FEWEST_CELLS = 12
 _FINEST = 21  # so often cubes are halved at most
