@@ -18,6 +18,7 @@ from agonic.calibration.interference import Interference, signals
 from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.provenance import Provenance
 from agonic.samples import Samples
@@ -84,6 +85,20 @@ def make_mean_calibration(
     return _affine(found, problem.gauge, covariance, estimate, scale, samples)
 
 
+def find_parameters(near: Affine, problem: Problem, scale: Scale) -> Array:
+    """The parameters of a problem at a calibration: `make_calibration` backwards."""
+    assert near.magnitude is not None
+    bias, matrix, slopes = near.bias, near.matrix, np.zeros((3, len(scale.spread)))
+    if isinstance(near, Interference):
+        slopes = near.coefficients
+        if "second" in near.sources:
+            bias, matrix, slopes = _of_difference(bias, matrix, slopes, near.sources)
+        bias = bias + slopes @ scale.middle
+    bias = (bias - scale.centre) / scale.size
+    own = nearest_parameters(bias, matrix * (scale.size / near.magnitude), problem.basis)
+    return np.concatenate([own, (slopes * scale.spread / scale.size).ravel()])
+
+
 def _affine(
     found: Array, gauge: str, covariance: Array, estimate: Estimate, scale: Scale, samples: Samples
 ) -> Affine:
@@ -124,6 +139,17 @@ def _of_readings(
     of_second = [names.index(f"second_{axis}") for axis in "xyz"]
     one = np.eye(3) + slopes[:, of_second]
     return np.linalg.solve(one, bias), matrix @ one, np.linalg.solve(one, slopes)
+
+
+def _of_difference(
+    bias: Array, matrix: Array, slopes: Array, sources: tuple[str, ...]
+) -> tuple[Array, Array, Array]:
+    """From slopes on the second reading to those on the difference: `_of_readings` backwards."""
+    names = signals(sources)
+    of_second = [names.index(f"second_{axis}") for axis in "xyz"]
+    back = np.eye(3) - slopes[:, of_second]  # (1 + K)⁻¹
+    one = np.asarray(np.linalg.inv(back))
+    return one @ bias, matrix @ back, one @ slopes
 
 
 def _entries(matrix: Numbers, gauge: str) -> Numbers:

@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.calibration import make_calibration, make_mean_calibration
+from agonic.attitude.calibration import (
+    find_parameters,
+    make_calibration,
+    make_mean_calibration,
+)
 from agonic.attitude.evidence import assess
 from agonic.attitude.model_errors import find_model_errors, grow
 from agonic.attitude.problem import Scale, normalise
 from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import add_shared_errors, find_turn_move
+from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
 from agonic.health import FEWEST, describe_model_errors, figure, find_usable_rows
@@ -24,6 +29,8 @@ from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 
+CHANNELS = {"levelled": ("magnitude", "dip"), "vector": ("magnitude", "dip", "azimuth")}
+"""What each fit takes of an attitude."""
 TURN_SIGNIFICANT = 1e-4
 """A turn between sensor and vehicle is told when chance would make it this seldom."""
 
@@ -40,6 +47,34 @@ def fit_channels(
     Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
     of the fit, under a prior. A known heading determines it; the magnitude alone never shows it.
     """
+    problem, scale, usable = _pose(samples, reference, channels, settings)
+    found = estimate_usable(problem, usable, settings)
+    return make_fit(found, problem, scale, samples, usable, settings, name)
+
+
+def fit_channels_alone(
+    samples: Samples,
+    reference: Reference,
+    channels: tuple[str, ...],
+    settings: Settings,
+    name: str,
+    near: Affine | None = None,
+) -> Affine:
+    """The calibration of `fit_channels` without its evidence, of which parts of a log make no use.
+
+    The minimum is sought from `near` first, where that is given.
+    """
+    problem, scale, usable = _pose(samples, reference, channels, settings)
+    start = None if near is None else find_parameters(near, problem, scale)
+    found = estimate_usable(problem, usable, settings, start)
+    found, _ = _state_errors(found, _select(problem, usable), scale)
+    return make_calibration(found, problem, scale, samples, settings, name)
+
+
+def _pose(
+    samples: Samples, reference: Reference, channels: tuple[str, ...], settings: Settings
+) -> tuple[Problem, Scale, Mask]:
+    """The problem of all rows, its scale, and which rows can be used."""
     usable = find_usable(samples)
     if "azimuth" in channels:
         usable = select_known(samples, usable)
@@ -47,8 +82,7 @@ def fit_channels(
     if gauge == "auto":
         gauge = SYMMETRIC if "dip" not in channels else FREE
     problem, scale = normalise(samples, reference, channels, gauge, settings)
-    found = estimate_usable(problem, usable, settings)
-    return make_fit(found, problem, scale, samples, usable, settings, name)
+    return problem, scale, usable
 
 
 def select_known(samples: Samples, usable: Mask) -> Mask:
@@ -74,16 +108,18 @@ def find_usable(samples: Samples) -> Mask:
     return usable
 
 
-def estimate_usable(problem: Problem, usable: Mask, settings: Settings) -> Estimate:
-    """The estimate from the usable rows of a problem of all rows."""
-    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
+def estimate_usable(
+    problem: Problem, usable: Mask, settings: Settings, start: Array | None = None
+) -> Estimate:
+    """The estimate from the usable rows of a problem of all rows; from `start` first, if given."""
+    part = _select(problem, usable)
     robust = settings.robust and len(part.points) >= 2 * FEWEST
-    return estimate(part, robust=robust, seed=settings.seed)
+    return estimate(part, robust=robust, seed=settings.seed, start=start)
 
 
 def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:
-    """The same from near parameters."""
-    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
+    """The same from near parameters, and nowhere else."""
+    part = _select(problem, usable)
     return refine(part, params, settings.robust and len(part.points) >= 2 * FEWEST)
 
 
@@ -97,15 +133,11 @@ def make_fit(
     name: str,
 ) -> Fit:
     """The fit of an estimate from the usable rows, with what it leaves open and its evidence."""
-    part = problem if usable.all() else problem.subset(np.flatnonzero(usable))
+    part = _select(problem, usable)
     tests: tuple[ModelTest, ...] = ()
     if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
-    if part.shared is None:  # beside an inertial unit batches have told it
-        covariance = compute_row_covariance(part, found)
-        found = found._replace(solution=found.solution._replace(covariance=covariance))
-    turn = None if part.shared is not None else find_turn_move(found, part)
-    found = add_shared_errors(found, part, scale, turn)
+    found, turn = _state_errors(found, part, scale)
     errors: tuple[ModelError, ...] = ()
     if settings.model == "full":
         plain = make_mean_calibration(found, problem, scale, samples)
@@ -115,6 +147,20 @@ def make_fit(
     turned = turn is not None
     fit = assess(affine, grown, problem, scale, samples, usable, tests, turned, settings)
     return fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
+
+
+def _select(problem: Problem, usable: Mask) -> Problem:
+    return problem if usable.all() else problem.subset(np.flatnonzero(usable))
+
+
+def _state_errors(found: Estimate, part: Problem, scale: Scale) -> tuple[Estimate, Array | None]:
+    """The estimate with the covariance that rows and shared errors give it; what a turn moves."""
+    turn = None
+    if part.shared is None:  # beside an inertial unit batches have told it
+        covariance = compute_row_covariance(part, found)
+        found = found._replace(solution=found.solution._replace(covariance=covariance))
+        turn = find_turn_move(found, part)
+    return add_shared_errors(found, part, scale, turn), turn
 
 
 def _left_out(samples: Samples, usable: Mask) -> str:

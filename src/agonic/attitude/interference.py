@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -80,18 +79,6 @@ def fit_interference(
         return fit
     found = find_placement(samples, reference, known, chosen)
     return fit.with_findings(found)
-
-
-def fit_interference_alone(
-    samples: Samples, reference: Reference, sources: Sequence[str] = ("current_A",), **settings: Any
-) -> Fit:
-    """`fit_interference` without the finding "placement", of which parts of a log make no use.
-
-    Two more fits, one a sensor, make that finding.
-    """
-    chosen = Settings(sources=tuple(sources), **settings)
-    known = find_channels(samples, reference)
-    return fit_channels(samples, reference, known, chosen, "interference")
 
 
 def find_channels(samples: Samples, reference: Reference) -> tuple[str, ...]:

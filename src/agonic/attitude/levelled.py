@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
-from agonic.attitude.fit import fit_channels
+from agonic.attitude.fit import CHANNELS, fit_channels
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.fit import Fit
 from agonic.logs.natural import Given, as_samples
@@ -77,4 +77,4 @@ def fit_levelled(
         inclination_deg=inclination_deg,
         seed=seed,
     )
-    return fit_channels(samples, reference, ("magnitude", "dip"), chosen, "levelled")
+    return fit_channels(samples, reference, CHANNELS["levelled"], chosen, "levelled")

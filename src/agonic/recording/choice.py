@@ -15,11 +15,13 @@ from agonic.attitude.disturbers import (
     describe_gain,
     list_moving,
 )
-from agonic.attitude.interference import fit_interference, fit_interference_alone
+from agonic.attitude.fit import CHANNELS, fit_channels_alone
+from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.known_heading import is_known
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.settings import Settings
 from agonic.attitude.source_names import describe_sources
 from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
@@ -150,7 +152,8 @@ def _fit_magnitude(
 ) -> Choice:
     """The fit to the magnitude; its latency matters to a heading, and is told with it."""
     fit = fit_ellipsoid(samples, reference, **settings)
-    again = partial(fit_ellipsoid_alone, **{**settings, "model": fit.calibration.model})
+    same = {**settings, "model": fit.calibration.model}
+    again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)
     return Choice(samples, reference, fit, "ellipsoid", reason, again, _find_latency(samples))
 
 
@@ -212,17 +215,14 @@ def _fit_with_attitude(
     if isinstance(fit, InertialFit):
         part = partial(fit_part, fit)
         return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
-    same = {
-        **settings,
-        "gauge": fit.calibration.gauge,
-        "sources": list_sources(fit),
-    }
-
-    alone = fit_interference_alone if method == "interference" else run
-
-    def again(samples: Samples, reference: Reference) -> Calibration:
-        return alone(samples, reference, **same).calibration
-
+    same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}
+    again = partial(
+        fit_channels_alone,
+        channels=CHANNELS.get(method) or find_channels(samples, reference),
+        settings=Settings(**same),
+        name=method,
+        near=fit.calibration,
+    )
     return Choice(samples, reference, fit, method, reason, again, latency, tried)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.attitude.interference import fit_interference
-from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.fit import CHANNELS, fit_channels_alone
+from agonic.attitude.settings import Settings
 from agonic.attitude.source_names import name_sources
-from agonic.attitude.vector import fit_vector
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.inputs import stack_inputs
@@ -97,8 +96,7 @@ def climb(
             found = again(*most)
         except AgonicError:
             continue
-        near = partial(again, near=found) if name in NAMES.values() else again
-        folds = predict(some, known, near, fold, weights)
+        folds = predict(some, known, partial(again, near=found), fold, weights)
         if folds is None:
             held_out = (np.nan, np.nan)
         else:
@@ -155,27 +153,20 @@ def _list_others(
         if not alone or chosen.model != model:
             yield name, partial(fit_ellipsoid_alone, model=model), said.get(model, "")
     if alone and reference is not None and _varies(samples.current_A):
-        yield "full + current_A", _join_current, ""
-    if chosen.needs and method in _WITHOUT:
+        yield "full + current_A", _join("magnitude", sources=("current_A",)), ""
+    if chosen.needs and method in CHANNELS:
         name = f"{NAMES[chosen.model]} + {AIDS[method]}"
-        yield (
-            name,
-            lambda *given: _WITHOUT[method](*given).calibration,
-            "what disturbs on board is missing",
-        )
+        yield name, _join(*CHANNELS[method]), "what disturbs on board is missing"
 
 
-_WITHOUT: Mapping[str, Callable[..., Fit]] = {"levelled": fit_levelled, "vector": fit_vector}
+def _join(*channels: str, sources: tuple[str, ...] = ()) -> Callable[..., Affine]:
+    """The fit by those channels, with what sources add."""
+    settings = Settings(sources=sources)
+    return partial(fit_channels_alone, channels=channels, settings=settings, name="ladder")
 
 
 def _varies(current: Array | None) -> bool:
     return current is not None and float(np.ptp(current)) > 0.0
-
-
-def _join_current(samples: Samples, reference: Reference) -> Affine:
-    """By the magnitude, with what each ampere adds."""
-    alone = samples.with_columns(roll_deg=None, pitch_deg=None)
-    return fit_interference(alone, reference, ("current_A",)).calibration
 
 
 def _identity(chosen: Affine) -> Affine:

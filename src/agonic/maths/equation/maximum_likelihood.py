@@ -23,6 +23,7 @@ _LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
 _MOST = 0.5  # of the readings: fewer than that are no measure of the others
+_FEW = 0.05  # of the readings: so many may be wrong where there is no doubt about a minimum
 _ALONE = 0.5  # leverage by which a reading decides more than all others together
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 _FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
@@ -50,11 +51,13 @@ def estimate(
     minimum, another one could hold for some of them only; otherwise the best of several is taken.
     Then all readings refine it, with Tukey's loss where any stands out. The refinement takes the
     noise's own effect on the curved surface out (`affine.magnitude_residual`). Where parameters to
-    `start` from are given, theirs is the minimum.
+    `start` from are given, theirs is the minimum if nearly all readings agree with it.
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # where nothing holds them
         if start is not None:
-            return refine(problem, start, robust)
+            near = refine(problem, start, robust)
+            if np.mean(near.weights == 0.0) < _FEW:
+                return near
         return _find_minimum(problem, robust, seed)
 
 
