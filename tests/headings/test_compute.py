@@ -214,9 +214,10 @@ def test_steep_vertical_and_disturbed_rows_are_flagged() -> None:
 
 def test_declination_and_field_are_the_world_model_s_along_the_track() -> None:
     latitude, longitude = np.linspace(50.0, 54.0, 400), np.linspace(3.0, 9.0, 400)
+    there = wmm().at(latitude, longitude, 2000.0, 2026.162)
     samples = Samples(
         time=np.arange(400.0) * 10,
-        field=np.tile([19_000.0, 0, 45_000.0], (400, 1)),
+        field=np.stack([there.horizontal, np.zeros(400), there.down], axis=1),
         roll_deg=np.zeros(400),
         pitch_deg=np.zeros(400),
         latitude_deg=latitude,
@@ -225,7 +226,6 @@ def test_declination_and_field_are_the_world_model_s_along_the_track() -> None:
         epoch=datetime(2026, 3, 1, tzinfo=UTC),
     )
     found = heading(samples, Setup(compasses=(Compass(calibration=plain()),), tilt_sd_deg=0.0))
-    there = wmm().at(latitude, longitude, 2000.0, 2026.162)
     assert found.declination_deg == pytest.approx(there.declination_deg, abs=1e-3)
     assert found.true_deg == pytest.approx(there.declination_deg, abs=1e-3)
     assert found.sd_deg == pytest.approx(there.declination_sd_deg, rel=1e-3)

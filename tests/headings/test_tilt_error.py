@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from agonic.headings.attitude import find_attitude
 from agonic.headings.compute import heading
 from agonic.headings.result import Heading
 from agonic.samples import Samples
@@ -87,7 +88,7 @@ def test_by_gyro_in_a_boat_the_track_tells_the_speed() -> None:
     _, with_track, found = scored("boat", "gyro")
     _, without, blind = scored("boat", "gyro", **TRACK)
     assert 0.5 < rms(with_track) < 1.3
-    assert 0.3 < rms(without) < 1.3
+    assert 0.6 < rms(without) < 1.3
     sd, larger = (np.median([one.tilt_sd_deg for one in some]) for some in (found, blind))
     assert sd < larger
 
@@ -138,7 +139,7 @@ def test_taken_level_where_nothing_tells() -> None:
 def test_what_is_stated_of_the_sensor_counts_beside_what_it_feels() -> None:
     _, logged = driven("car", 0)
     plainly, doubted = (
-        heading(logged, setup_for(plain(), tilt="gyro", tilt_sd_deg=sd)).tilt_sd_deg
+        find_attitude(logged, setup_for(plain(), tilt="gyro", tilt_sd_deg=sd), plain()).sd_deg
         for sd in (0.0, 2.0)
     )
     assert np.sqrt(doubted**2 - plainly**2) == pytest.approx(2.0, rel=1e-6)

@@ -81,7 +81,7 @@ def compute_turn_rate(time: Array, specific_force: Array, rotation_rate: Array) 
     A level turn leans f by tan φ = v Ω/g, so its size is g/cos φ and ω·f = −Ω g whatever the bank.
     """
     about = np.einsum("ij,ij->i", rotation_rate, specific_force)
-    return -smooth(about, _rows(time, SMOOTHED_S)) / STANDARD_GRAVITY_M_S2
+    return -smooth(about, count_rows(time, SMOOTHED_S)) / STANDARD_GRAVITY_M_S2
 
 
 def estimate_speed(
@@ -95,7 +95,7 @@ def estimate_speed(
     Parameters: time (n,) s, specific_force (n, 3) m/s² and rotation_rate (n, 3) rad/s in body axes,
     `compute_track_square` (m/s)² the square of the speed over ground in turns.
     """
-    width = _rows(time, SMOOTHED_S)
+    width = count_rows(time, SMOOTHED_S)
     felt = smooth((specific_force**2).sum(axis=1), width) - STANDARD_GRAVITY_M_S2**2
     turn = compute_turn_rate(time, specific_force, rotation_rate)
     rows = np.stack([np.ones(len(time)), turn**2], axis=1)
@@ -123,7 +123,7 @@ def compute_track_square(samples: Samples, turn: Array) -> float | None:
     latitude, longitude, time = samples.latitude_deg, samples.longitude_deg, samples.time
     if latitude is None or longitude is None or time is None or len(time) < 3:
         return None
-    width = _rows(time, SMOOTHED_S)
+    width = count_rows(time, SMOOTHED_S)
     level = np.stack([np.radians(latitude), np.unwrap(np.radians(longitude))], axis=1)
     level[:, 1] *= np.cos(level[:, 0])
     moved = np.gradient(smooth(level, width) * SEMI_MAJOR_M, time, axis=0)
@@ -144,7 +144,7 @@ def estimate_shaking(
     Parameters: `force` (n, 3) and `rotation_rate` (n, 3), if there are gyros, in body axes;
     `window_s` over which it is averaged.
     """
-    width = _rows(time, window_s)
+    width = count_rows(time, window_s)
     size = np.sqrt((force**2).sum(axis=1))
     turn = np.zeros(len(size))
     if rotation_rate is not None:
@@ -171,7 +171,7 @@ def smooth(values: Array, width: int) -> Array:
     return np.asarray(uniform_filter1d(values, width, axis=0, mode="nearest"))
 
 
-def _rows(time: Array, duration_s: float) -> int:
+def count_rows(time: Array, duration_s: float) -> int:
     """How many rows last so long."""
     if len(time) < 2:
         return 1

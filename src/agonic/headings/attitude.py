@@ -42,7 +42,7 @@ UNSURE_DEG = 5.0
 class Attitude:
     """The tilt, the order of its turns, where it came from, how well it is known, (n,) or (1,).
 
-    `roll_sd`, `pitch_sd` in rad; `assumed_sd`, rad, is what of them was neither stated nor felt;
+    `roll_sd`, `pitch_sd` in rad; `stated_sd`, rad, is what of them the setup states;
     `unsure` and `missing` mark rows; `notes` say why it came thence.
     """
 
@@ -53,7 +53,7 @@ class Attitude:
     source: str
     roll_sd: Array
     pitch_sd: Array
-    assumed_sd: float = 0.0
+    stated_sd: float = 0.0
     missing: Mask | None = None
     notes: tuple[str, ...] = ()
 
@@ -99,7 +99,7 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
             source=source,
             roll_sd=sd,
             pitch_sd=sd,
-            assumed_sd=_assumed(setup),
+            stated_sd=float(np.radians(setup.tilt_sd_deg or 0.0)),
             notes=why,
         )
     force = _needed(samples, "acceleration", source) @ turn.T
@@ -172,11 +172,6 @@ def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
     return float(np.radians(otherwise_deg if setup.tilt_sd_deg is None else setup.tilt_sd_deg))
 
 
-def _assumed(setup: Setup) -> float:
-    """The sd of roll and pitch that is assumed where the setup states none, rad."""
-    return float(np.radians(RECORDED_SD_DEG)) if setup.tilt_sd_deg is None else 0.0
-
-
 def _felt(
     found: FilteredDown,
     setup: Setup,
@@ -207,7 +202,7 @@ def _felt(
         source=source,
         roll_sd=roll_sd,
         pitch_sd=pitch_sd,
-        assumed_sd=_assumed(setup),
+        stated_sd=float(np.radians(setup.tilt_sd_deg or 0.0)),
         missing=missing,
         notes=notes,
     )

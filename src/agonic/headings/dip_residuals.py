@@ -6,12 +6,13 @@ headings and time both are as large, so the scatter of the dip tells that of the
 
     dip − expected = ε_meridian + errors of calibration + noise,   σ² = σ_tilt² + σ_cal² + σ_noise²
 
-It lowers what was only assumed of the tilt, where the headings show both of its axes, and raises
+It lowers what was assumed or felt of the tilt, where the headings show both of its axes, and raises
 what was assumed, felt or stated wherever the dip scatters by more.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -32,12 +33,16 @@ ROWS = 20_000
 """Rows, spread evenly over the log, whose dip is looked at."""
 FEWEST = 30
 """Rows that a scatter is taken from at least."""
-BLOCK_S = 60.0
-"""The scatter is taken over each stretch of this duration too: some vehicles turn at times only."""
-PRIOR = 4.0
-"""Independent residuals that the assumed error of the tilt counts for."""
+LOCAL_S = 60.0
+"""The scatter is taken over so long about each row too: some vehicles turn at times only."""
+RAISED = 2.0
+"""A variance of the tilt that the dip makes so many times larger is said."""
+PRIOR = 2.0
+"""Independent residuals that the error of the tilt, as it was assumed or felt, counts for."""
+CAUTION = 4.0
+"""The same where the residuals are smaller."""
 LEAST_SD = np.radians(0.1)
-"""No recorded tilt is taken to be better known than this, unless stated."""
+"""No tilt is taken to be better known than this, unless stated."""
 CLIP = 3.0
 """Residuals further out than so many standard deviations count as these: a magnet is no tilt."""
 
@@ -45,17 +50,14 @@ CLIP = 3.0
 class DipResiduals(NamedTuple):
     """Of the rows (k,) of a log: dip less expected, its variance by noise, and by the calibration.
 
-    In rad and rad². `spread` is the mean square of the cosine or sine of the magnetic heading,
-    whichever is smaller: 0.5 where all headings were steered, 0 where one was. `known` where the
-    expected dip is that of the place and not the log's own.
+    In rad and rad²; `north` is the square of the cosine of the magnetic heading.
     """
 
     rows: Index
     residual: Array
     noise: Array
     calibration: Array
-    spread: float
-    known: bool
+    north: Array
 
 
 def refine_tilt_sd(
@@ -78,7 +80,14 @@ def refine_tilt_sd(
     if not told:
         return attitude
     best = min(told, key=lambda one: _scatter(one.residual))
-    return _raised(_lowered(attitude, best), best, time)
+    followed = _follow(attitude, best, time, None)
+    if time is not None and len(time) == len(attitude.tilt.cos_roll):
+        followed = _follow(followed, best, time, LOCAL_S)
+    if np.median(followed.variance) <= RAISED * np.median(attitude.variance):
+        return followed
+    scattered = float(np.degrees(_scatter(best.residual)))
+    said = f"the dip of the field scatters by {figure(scattered)}°, so the tilt counts for as much"
+    return replace(followed, notes=(*followed.notes, said))
 
 
 def compute_dip_residuals(
@@ -116,9 +125,8 @@ def compute_dip_residuals(
         return None
     if not known:
         dip = dip - np.median(dip[kept])
-    heading = np.radians(turned.heading_deg[kept])
-    spread = min(float(np.mean(np.cos(heading) ** 2)), float(np.mean(np.sin(heading) ** 2)))
-    return DipResiduals(rows[kept], dip[kept], noise[kept], calibration[kept], spread, known)
+    north = np.cos(np.radians(turned.heading_deg[kept])) ** 2
+    return DipResiduals(rows[kept], dip[kept], noise[kept], calibration[kept], north)
 
 
 def _gradient(field: Array, down: Array, turned: kernel.HeadingDerivatives) -> Array:
@@ -127,63 +135,59 @@ def _gradient(field: Array, down: Array, turned: kernel.HeadingDerivatives) -> A
     return np.asarray(((h * down - (z / h) * (field - z * down)) / (h * h + z * z)).T)
 
 
-def _lowered(attitude: Attitude, seen: DipResiduals) -> Attitude:
-    """What was assumed of a recorded tilt, or of an accelerometer at rest, replaced by what shows.
+def _follow(
+    attitude: Attitude, seen: DipResiduals, time: Array | None, width_s: float | None
+) -> Attitude:
+    """The tilt's variances as large as the dip shows, over the whole log or about each row.
 
-    An error along one axis of the vehicle shows on half of all headings; on those that hide it,
-    nothing is lowered.
+    A dip that scatters by more than all errors together raises the tilt's; one that scatters by
+    less lowers it, by what is left without the noise and as far as the headings show both axes of
+    the vehicle: an error along one of them hides on half of all headings.
     """
-    assumed = attitude.assumed_sd**2
-    if not (seen.known and assumed > 0.0 and seen.spread > 0.0):
-        return attitude
-    shown = max(_scatter(seen.residual) ** 2 - float(np.median(seen.noise)), 0.0)
-    share = min(shown / assumed / (2 * seen.spread), 1.0)
-    independent = _count_independent(seen.residual)
-    share = (PRIOR + independent * share) / (PRIOR + independent)
-    less = assumed - max(assumed * share, min(assumed, LEAST_SD**2))
-    across = attitude.tilt.cos_pitch if attitude.source != "log" else np.ones(1)
-    roll = attitude.roll_sd**2 - less / np.maximum(across, 1e-3) ** 2
-    return replace(
-        attitude,
-        roll_sd=np.sqrt(np.maximum(roll, LEAST_SD**2)),
-        pitch_sd=np.sqrt(np.maximum(attitude.pitch_sd**2 - less, LEAST_SD**2)),
-    )
-
-
-def _raised(attitude: Attitude, seen: DipResiduals, time: Array | None) -> Attitude:
-    """Where the dip scatters by more than is stated, over the log or a block of it, the tilt's."""
-    variance = _at(attitude.variance, seen.rows)
-    total = variance + seen.noise + seen.calibration + 1e-12
+    tilt = _at(attitude.variance, seen.rows)
+    total = tilt + seen.noise + seen.calibration + 1e-12
     z = seen.residual / np.sqrt(total)
-    length = len(z) / _count_independent(z)
+    square = np.minimum(z**2, (CLIP * MAD_TO_SD * np.median(np.abs(z))) ** 2)
+    mean, count = _average_over(seen, time, width_s)
+    independent = count / (len(z) / _count_independent(z))
+    more = (PRIOR + independent * mean(square)) / (PRIOR + independent)
+    share = mean(tilt / total)
+    less = np.maximum(mean(z**2 - seen.noise / total), 0.0) / np.maximum(share, 1e-9)
+    shown = 2 * np.minimum(mean(seen.north), 1.0 - mean(seen.north))
+    telling = independent * shown * share**2
+    less = np.minimum(less / np.maximum(shown, 1e-3), 1.0)
+    less = (CAUTION + telling * less) / (CAUTION + telling)
     n = len(attitude.tilt.cos_roll)
-    factor = np.full(n, _compute_excess(z, length))
-    if time is not None and len(time) == n:
-        block = ((time - time[0]) // BLOCK_S).astype(np.intp)
-        at = block[seen.rows]
-        for one in np.unique(at):
-            first, last = np.searchsorted(at, (one, one + 1))
-            if last - first >= FEWEST:
-                excess = _compute_excess(z[first:last], length)
-                factor[block == one] = np.maximum(factor[block == one], excess)
-    if not (factor > 1.0).any():
-        return attitude
-    more = (factor - 1.0) * np.interp(np.arange(n), seen.rows, total)
-    scattered = float(np.degrees(_scatter(seen.residual)))
-    said = f"the dip of the field scatters by {figure(scattered)}°, so the tilt counts for as much"
-    return replace(
-        attitude,
-        roll_sd=np.sqrt(attitude.roll_sd**2 + more),
-        pitch_sd=np.sqrt(attitude.pitch_sd**2 + more),
-        notes=(*attitude.notes, said),
+    at = np.arange(n)
+    added, less = (
+        np.interp(at, seen.rows, np.broadcast_to(v, len(z)))
+        for v in (np.maximum(more - 1.0, 0.0) * total, np.where(more > 1.0, 1.0, less))
     )
+    across = attitude.tilt.cos_pitch if attitude.order == "roll-pitch" else np.ones(1)
+    parts = []
+    for sd, lean in ((attitude.roll_sd, np.maximum(across, 1e-3)), (attitude.pitch_sd, 1.0)):
+        least = np.minimum(sd, np.maximum(attitude.stated_sd, LEAST_SD) / lean)
+        parts.append(np.sqrt(np.maximum(less * sd**2, least**2) + added))
+    return replace(attitude, roll_sd=parts[0], pitch_sd=parts[1])
 
 
-def _compute_excess(z: Array, length: float) -> float:
-    """The mean square of z where it exceeds 1 by three standard errors, else 1."""
-    independent = max(len(z) / length, 1.0)
-    square = _scatter(z) ** 2
-    return square if square > 1.0 + CLIP * np.sqrt(2.0 / independent) else 1.0
+def _average_over(
+    seen: DipResiduals, time: Array | None, width_s: float | None
+) -> tuple[Callable[[Array], Array], Array]:
+    """What averages over all residuals, or over those within a width of each, and their count."""
+    n = len(seen.rows)
+    if width_s is None or time is None:
+        return (lambda values: np.asarray(np.mean(values))), np.asarray(float(n))
+    own = time[seen.rows]
+    first = np.searchsorted(own, own - width_s / 2)
+    after = np.searchsorted(own, own + width_s / 2, side="right")
+    count = (after - first).astype(np.float64)
+
+    def mean(values: Array) -> Array:
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray((total[after] - total[first]) / count)
+
+    return mean, count
 
 
 def _scatter(values: Array) -> float:

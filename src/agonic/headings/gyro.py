@@ -24,6 +24,8 @@ low-pass of the filter: root of ∫x²(1 + x⁴)⁻² dx over ∫x¹⁰(1 + x⁴
 AGREES = 0.1
 """Least share of what turning at a speed should leave over that has to be there: a filter that was
 pulled off level shows less than all, a hand next to nothing."""
+ALLOWED = 2.0
+"""Standard errors by which a speed may be larger than it shows."""
 LOCAL = 2.0
 """Time constants over which the scatter of what the filter left is taken."""
 
@@ -79,8 +81,11 @@ def filter_down(
         )
     force = specific_force
     ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
-    if speed.taken:
-        speed = speed._replace(trusted=_agrees(ran, settling_s, speed.taken))
+    shown, shown_sd = _regress_speed(ran, settling_s)
+    if speed.taken and shown < AGREES * speed.taken:
+        speed = speed._replace(trusted=False)
+    if not speed.taken:
+        speed = _limit(speed, shown, shown_sd)
     if speed.taken:
         force = force - speed.taken * compute_turn_axis(rotation_rate)
         ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
@@ -111,21 +116,30 @@ def _ran(time: Array, specific_force: Array, rotation_rate: Array, settling_s: f
     return Stretch(even[kept], period, turn, force[kept], rate[kept])
 
 
-def _agrees(ran: list[Stretch], settling_s: float, speed: float) -> bool:
-    """Whether turning at this speed explains the level acceleration that the filter left over.
+def _regress_speed(ran: list[Stretch], settling_s: float) -> tuple[float, float]:
+    """The speed ahead that the level acceleration shows which the filter left over, and its sd.
 
     A hand that turns a sensor to and fro makes |f|² grow with Ω² too, but not towards one side.
     Over some seconds gusts are gone.
     """
-    shared = expected = 0.0
+    left_over, ahead = [], []
     for one in ran:
         width = max(round(SMOOTHED_S / one.step), 1)
-        left_over = smooth(one.turn.apply(one.force)[:, :2], width)
-        ahead = smooth(one.turn.apply(compute_turn_axis(one.rate))[:, :2], width)
-        ahead = speed * (ahead - _lasting(ahead, one.step, settling_s))
-        shared += float((left_over * ahead).sum())
-        expected += float((ahead**2).sum())
-    return shared > AGREES * expected
+        left_over.append(smooth(one.turn.apply(one.force)[:, :2], width))
+        level = smooth(one.turn.apply(compute_turn_axis(one.rate))[:, :2], width)
+        ahead.append(level - _lasting(level, one.step, settling_s))
+    y, x = np.concatenate(left_over), np.concatenate(ahead)
+    square = float((x**2).sum()) + 1e-12
+    speed = float((y * x).sum()) / square
+    independent = sum(len(one.time) * one.step for one in ran) / (2 * SMOOTHED_S)
+    scatter = float(((y - speed * x) ** 2).mean()) * len(y) / max(independent, 1.0)
+    return speed, float(np.sqrt(scatter / square))
+
+
+def _limit(speed: Speed, shown: float, sd: float) -> Speed:
+    """A speed that does not stand out, no larger than the left-over acceleration allows."""
+    limited = Speed(shown**2, (ALLOWED * sd) ** 2, speed.gravity, trusted=False)
+    return limited if limited.doubt < speed.doubt else speed
 
 
 def _at(wanted: Array, time: Array, vectors: Array) -> Array:

@@ -13,6 +13,7 @@ from agonic.headings.attitude import Attitude, find_attitude
 from agonic.headings.compass_heading import Indication, Readings, compute_indication
 from agonic.headings.dip_residuals import refine_tilt_sd
 from agonic.headings.disagreement import choose_compass, compare_with_expected
+from agonic.headings.disturbance import add_disturbance
 from agonic.headings.expected_field import Surroundings
 from agonic.samples import Samples
 
@@ -50,7 +51,17 @@ def look_at_rows(
         found, unknown = compute_indication(readings, compass, tilt, around)
         verdict = compare_with_expected(compass, found, around, setup, tilt.source)
         notes += [*unknown, *verdict.notes]
-        taken.append(Taken(compass, readings, found, verdict.distance))
+        found, distance = add_disturbance(
+            found,
+            verdict.distance,
+            readings,
+            compass.calibration,
+            tilt,
+            around,
+            setup.magnitude_limit,
+            first.time,
+        )
+        taken.append(Taken(compass, readings, found, distance))
     distances, missing = ([one.distance for one in taken], [one.readings.missing for one in taken])
     used = choose_compass(distances, missing, len(first))
     return Looked(tilt, tuple(taken), np.asarray(used), tuple(notes))

@@ -1,0 +1,102 @@
+"""How much the field may be disturbed about each row, by what its magnitude and dip show.
+
+A field that is disturbed by e has another magnitude and another dip, by the parts of e along it and
+across it in the meridian. The part across the meridian turns the compass and does not show; over a
+disturbance all three are as large. So the scatter of magnitude and dip beyond what noise,
+calibration and tilt explain is that of the field across, and turns the heading by σ_e/h.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.calibration.base import Calibration
+from agonic.headings.acceleration import count_rows
+from agonic.headings.attitude import LEVEL, Attitude
+from agonic.headings.compass_heading import Indication, Readings
+from agonic.headings.expected_field import Surroundings
+from agonic.headings.propagation import Step, apply_steps, list_steps, propagate
+
+SEEN_S = (2.0, 20.0)
+"""Over which magnitude and dip are averaged, before and after, that tell what disturbs a field,
+whichever side is smaller: a disturbance that comes or goes ends at its row, and one that passes
+through zero does not. In two seconds magnitude and dip are two numbers only."""
+POSSIBLE, CERTAIN = 2.0, 4.0
+"""From so many times the variance that is explained, to so many, what is seen is a disturbance."""
+SAMPLE = 2000
+"""Rows, spread evenly over the log, by which noise and calibration count."""
+
+
+def add_disturbance(
+    indicated: Indication,
+    distance: Array | None,
+    readings: Readings,
+    calibration: Calibration,
+    attitude: Attitude,
+    around: Surroundings,
+    limit: float,
+    time: Array | None,
+) -> tuple[Indication, Array | None]:
+    """The indication with the variance that disturbances seen about each row add to it, and how
+    far the field is from the expected one, 1 being the limit: by each row, and by those about it.
+
+    Parameters: `distance` (n,) by each row, or `None` where nothing is known to compare with;
+    `limit` of the magnitude, a share of it; `time` (n,) in seconds, or `None`.
+    """
+    level, below = indicated.horizontal, indicated.vertical
+    size = np.hypot(level, below)
+    sound = np.isfinite(size) & (size > 0.0)
+    good = np.flatnonzero(sound if distance is None else sound & (distance <= 1.0))
+    if attitude.source == LEVEL or not len(good):
+        return indicated, distance
+    dip, share = np.arctan2(below, level), size
+    if around.horizontal is not None and around.vertical is not None:
+        wanted = np.arctan2(around.vertical, around.horizontal)
+        share = size / np.hypot(around.vertical, around.horizontal)
+    else:
+        wanted = np.median(dip[good])
+    off = (share / np.median(share[good]) - 1.0) ** 2 + (dip - wanted) ** 2
+    seen = np.where(sound, off, 0.0) / 2
+    if time is not None:
+        short, long = (count_rows(time, duration) for duration in SEEN_S)
+        near, far = (_average_beside(seen, width, short // 2) for width in (short, long))
+        both = np.isfinite(far).all(axis=0)  # at the ends of the log one side may go too far
+        seen = np.maximum(near.min(axis=0), np.where(both, far.min(axis=0), 0.0))
+    known = _explain(readings, list_steps(calibration), size, good) + attitude.variance / 2
+    times = seen / np.maximum(known, 1e-12)
+    certain = np.clip((times - POSSIBLE) / (CERTAIN - POSSIBLE), 0.0, 1.0)
+    relative = np.where(sound, certain * np.maximum(seen - known, 0.0), 0.0)
+    turned = relative * (size / np.maximum(level, 1e-9)) ** 2
+    doubt = np.where(sound, np.degrees(np.degrees(turned)), 0.0)
+    if distance is not None:
+        distance = np.maximum(distance, np.sqrt(relative) / max(limit, 1e-12))
+    return indicated._replace(systematic=indicated.systematic + doubt), distance
+
+
+def _average_beside(values: Array, width: int, least: int) -> Array:
+    """The means over so many rows up to each, and from it on, (2, n).
+
+    A side that has fewer rows than `least`, at the ends of the log, is infinite: it does not tell.
+    """
+    n = len(values)
+    total, at = np.concatenate([[0.0], np.cumsum(values)]), np.arange(n)
+    least = min(least, (n + 1) // 2)
+    sides = []
+    for first, after in (
+        (np.maximum(at + 1 - width, 0), at + 1),
+        (at, np.minimum(at + width, n)),
+    ):
+        count = after - first
+        sides.append(np.where(count >= least, (total[after] - total[first]) / count, np.inf))
+    return np.stack(sides)
+
+
+def _explain(readings: Readings, steps: tuple[Step, ...], size: Array, good: Index) -> float:
+    """The relative variance of the field's magnitude by noise and calibration."""
+    even = np.linspace(0, len(good) - 1, min(len(good), SAMPLE)).round().astype(np.intp)
+    rows = good[np.unique(even)]
+    columns = {name: values[rows] for name, values in readings.columns.items()}
+    values = apply_steps(steps, readings.raw[rows], columns)
+    systematic, noise = propagate(steps, values, columns, values[-1].T / size[rows])
+    return float(np.mean((systematic + noise) / size[rows] ** 2))
