@@ -9,7 +9,6 @@ import agonic as ag
 from agonic.attitude.disturber_plan import judge_disturbers
 from agonic.attitude.disturbers import choose_sources, list_candidates
 from agonic.attitude.settings import Settings
-from agonic.calibration.inputs import parse_source
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27)
@@ -166,25 +165,3 @@ def test_heater_and_torquers_of_a_satellite_are_found_by_the_magnitude_alone() -
     ratio = np.concatenate(z)
     assert abs(ratio.mean()) < 0.4
     assert 0.75 < ratio.std() < 1.25
-
-
-@pytest.mark.parametrize("late", [0.15, -0.1])
-def test_how_late_a_source_is_recorded_is_found_and_undone(late: float) -> None:
-    quiet, true = flight(1), duties(1)
-    added = np.random.default_rng(1).normal(0.0, 5000.0, (3, 4))
-    x = np.stack([duty**1.5 for duty in true.values()], axis=1)
-    logged = {name: np.interp(quiet.time - late, quiet.time, duty) for name, duty in true.items()}
-    samples = quiet.with_columns(field=quiet.field + x @ added.T, disturbers=logged)
-    sources = choose_sources(samples, PLACE, TILT, Settings()).sources
-    assert [parse_source(one).late_s for one in sources] == pytest.approx([late] * 4, abs=0.02)
-    fit = ag.fit_levelled(samples, PLACE, sources=sources)
-    assert fit.calibration.delays == {name: parse_source(sources[0]).late_s for name in logged}
-    corrected = ag.apply(fit.calibration, samples).field
-    alone = ag.fit_levelled(samples, PLACE, sources=[one.split("@")[0] for one in sources])
-    spread = [
-        np.linalg.norm(c, axis=1).std()
-        for c in (corrected, alone.calibration.correct(samples.field, **samples.disturbers))
-    ]
-    assert spread[0] < 0.6 * spread[1]
-    with pytest.raises(ag.AgonicError, match="two delays"):
-        ag.fit_levelled(samples, PLACE, sources=("motor1_duty@0.1", "motor1_duty^2"))

@@ -26,6 +26,16 @@ MOST_ROWS = 20_000
 _ROUNDS = 4
 
 
+class Log(NamedTuple):
+    """A recording, what is known of its field, and how it is fitted; the rows that are `usable`."""
+
+    samples: Samples
+    reference: Reference
+    channels: tuple[str, ...]
+    settings: Settings
+    usable: Mask
+
+
 class BlockSums(NamedTuple):
     """Normal equations of each block of time: information (B, p, p), scores (B, p), squares (B,).
 
@@ -54,15 +64,10 @@ class BlockSums(NamedTuple):
 
 
 def sum_blocks(
-    samples: Samples,
-    reference: Reference,
-    channels: tuple[str, ...],
-    settings: Settings,
-    usable: Mask,
-    chosen: tuple[str, ...],
-    candidates: Sequence[tuple[str, ...]],
+    log: Log, chosen: tuple[str, ...], candidates: Sequence[tuple[str, ...]]
 ) -> BlockSums:
     """The normal equations of a fit with the chosen sources, and of what candidates would add."""
+    samples, reference, channels, settings, usable = log
     gauge: str = settings.gauge
     if gauge == "auto":
         gauge = SYMMETRIC if "dip" not in channels else FREE

@@ -9,8 +9,7 @@ fit of all blocks but b, and what it leaves in b, come without another fit:
 A set of sources is better by the mean over the blocks of what it leaves less, with the standard
 error of that mean. What only goes with the attitude, as the throttle in a climb, shares its columns
 with bias and matrix there, and explains nothing in blocks that were not fitted. Sources are added
-one after the other while they are surely better, and the fit is made anew with each. How late they
-are recorded is found in the same way.
+one after the other while they are surely better, and the fit is made anew with each.
 """
 
 from __future__ import annotations
@@ -21,13 +20,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from agonic.arrays import Array, Mask
-from agonic.attitude.block_sums import BLOCKS, BlockSums, sum_blocks
+from agonic.arrays import Array
+from agonic.attitude.block_sums import BLOCKS, BlockSums, Log, sum_blocks
 from agonic.attitude.fit import find_usable
 from agonic.attitude.settings import Settings
 from agonic.attitude.source_names import MEMBER, name_sources
-from agonic.calibration.inputs import list_columns, list_disturbers
-from agonic.health import Finding
+from agonic.attitude.source_shape import Shape, find_shapes, list_followed
+from agonic.calibration.inputs import list_disturbers
+from agonic.calibration.sources import list_columns
+from agonic.health import FEWEST, Finding
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -39,8 +40,8 @@ ALIKE = 0.99
 """Correlation beyond which two columns cannot be told apart."""
 MOST = 3
 """Sets of sources that are added, one after the other."""
-DELAYS_S = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-"""How late a source may be recorded: current sensors are filtered, outputs are early."""
+LIKELY = 2
+"""Sets that are tried once more with time constants, where none is surely better as it is."""
 POWER = 1.5
 """Of the duty of a motor, for its current: thrust goes with its square, power with its cube."""
 
@@ -56,10 +57,11 @@ class Trial(NamedTuple):
 
 
 class SourceChoice(NamedTuple):
-    """The sources that were taken, and all that was tried, in order."""
+    """The sources that were taken, all that was tried, in order, and shapes that were found."""
 
     sources: tuple[str, ...]
     trials: tuple[Trial, ...]
+    shapes: tuple[Shape, ...] = ()
 
     @property
     def gain(self) -> float:
@@ -74,59 +76,56 @@ def choose_sources(
 
     Parameters as in `fit_channels`; candidates are the disturbers that the samples hold.
     """
-    usable = find_usable(samples)
-    candidates = list_candidates(samples.select(usable))
+    log = Log(samples, reference, channels, settings, find_usable(samples))
+    candidates = list_candidates(samples.select(log.usable))
     chosen: tuple[str, ...] = ()
     trials: list[Trial] = []
+    shapes: list[Shape] = []
     for _ in range(MOST):
         if not candidates:
             break
-        sums = sum_blocks(samples, reference, channels, settings, usable, chosen, candidates)
-        tried = [_try(sums, one) for one in candidates]
-        best = max(tried, key=lambda one: one.gain - one.gain_sd)
-        surely = float(stdtrit(BLOCKS - 1, 1.0 - CHANCE / len(tried)))
-        best = next((one for one in tried if _is_as_good(one, best, surely)), best)
-        sure = _is_sure(best, surely)
-        trials += [one._replace(taken=sure and one is best) for one in tried]
-        if not sure:
+        tried = _compare(log, chosen, candidates)
+        trials += tried
+        taken = next((one for one in tried if one.taken), None)
+        if taken is None:
             break
-        chosen += best.sources
+        shaped, found = find_shapes(log, chosen, taken.sources)
+        chosen, shapes = chosen + shaped, shapes + found
         candidates = [one for one in candidates if not _shares(one, chosen)]
-        if samples.time is not None:
-            late = _find_delay(samples, reference, channels, settings, usable, chosen, best.sources)
-            chosen = tuple(late.get(one, one) for one in chosen)
-    return SourceChoice(chosen, tuple(trials))
+    return SourceChoice(chosen, tuple(trials), tuple(shapes))
 
 
-def _find_delay(
-    samples: Samples,
-    reference: Reference,
-    channels: tuple[str, ...],
-    settings: Settings,
-    usable: Mask,
-    chosen: tuple[str, ...],
-    sources: tuple[str, ...],
-) -> dict[str, str]:
-    """The sources with the delay of their recording, by their names, where it surely shows.
+def _compare(
+    log: Log, chosen: tuple[str, ...], candidates: Sequence[tuple[str, ...]]
+) -> list[Trial]:
+    """The candidates beside those chosen, one of them taken where one is surely better.
 
-    Delays of a grid are compared on unseen blocks like sources, the best with none; the least of
-    the parabola through its neighbours is taken.
+    Where none is, the field may follow what is switched so slowly that only a filter shows it: the
+    likeliest are tried once more with several time constants.
     """
-    others = tuple(one for one in chosen if one not in sources)
-    moved = [tuple(f"{one}@{by:g}" for one in sources) for by in DELAYS_S]
-    sums = sum_blocks(samples, reference, channels, settings, usable, others, moved)
-    left = np.stack([np.log(sums.measure((one,))) for one in moved])
-    best = int(np.argmin(left.mean(axis=1)))
-    better = left[DELAYS_S.index(0.0)] - left[best]
-    surely = float(stdtrit(BLOCKS - 1, 1.0 - CHANCE / len(moved)))
-    if not better.mean() > surely * better.std(ddof=1) / np.sqrt(BLOCKS):
-        return {}
-    if not 0 < best < len(moved) - 1:
-        return {one: f"{one}@{DELAYS_S[best]:g}" for one in sources}
-    before, here, after = left.mean(axis=1)[best - 1 : best + 2]
-    step = DELAYS_S[1] - DELAYS_S[0]
-    by = DELAYS_S[best] + 0.5 * step * (before - after) / (before - 2 * here + after)
-    return {one: f"{one}@{by:.2f}" for one in sources}
+    sums = sum_blocks(log, chosen, candidates)
+    tried = [_try(sums, one) for one in candidates]
+    surely = _find_surely(len(tried))
+    best = max(tried, key=lambda one: one.gain - one.gain_sd)
+    best = next((one for one in tried if _is_as_good(one, best, surely)), best)
+    if _is_sure(best, surely):
+        return [one._replace(taken=one is best) for one in tried]
+    likely = sorted(tried, key=lambda one: -one.gain)[:LIKELY]
+    if log.samples.time is None or len(log.samples) < FEWEST:
+        return tried
+    followed = {
+        later: one.sources for one in likely for later in list_followed(log.samples, one.sources)
+    }
+    sums = sum_blocks(log, chosen, list(followed))
+    best = max((_try(sums, one) for one in followed), key=lambda one: one.gain - one.gain_sd)
+    if _is_sure(best, _find_surely(len(tried) + len(followed))):
+        tried.append(best._replace(sources=followed[best.sources], taken=True))
+    return tried
+
+
+def _find_surely(count: int) -> float:
+    """By how many standard errors the best of so many has to be better."""
+    return float(stdtrit(BLOCKS - 1, 1.0 - CHANCE / count))
 
 
 def list_candidates(samples: Samples) -> list[tuple[str, ...]]:
@@ -203,9 +202,10 @@ def describe_gain(choice: SourceChoice) -> Finding | None:
     """What the sources are good for, on readings that were not fitted."""
     if not choice.sources:
         return None
+    shaped = [f"; {one.describe()}" for one in choice.shapes]
     return Finding(
         "disturbers",
         "note",
         f"the readings move with {name_sources(choice.sources)}: with that, unseen parts of the "
-        f"log leave {100 * choice.gain:.0f} % less in squares",
+        f"log leave {100 * choice.gain:.0f} % less in squares{''.join(shaped)}",
     )

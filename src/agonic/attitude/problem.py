@@ -9,14 +9,9 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.attitude.known_heading import weigh_rows
 from agonic.attitude.settings import Settings
-from agonic.calibration.inputs import (
-    find_delays,
-    list_columns,
-    list_disturbers,
-    signals,
-    stack_inputs,
-    undelay,
-)
+from agonic.calibration.inputs import list_disturbers, signals, stack_inputs
+from agonic.calibration.sources import list_columns
+from agonic.calibration.timing import find_timing, restore
 from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.health import find_rounding
 from agonic.maths.equation.channels import Dip, Problem
@@ -111,7 +106,7 @@ def find_terms(samples: Samples, sources: tuple[str, ...]) -> Array:
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
             f"recorded beside the readings{held} (for second: samples.with_second(other))"
         )
-    at_rows = undelay(columns, find_delays(sources))
+    at_rows = restore(columns, find_timing(sources))
     known = {name: at_rows[name] for name in needed}
     if "second" in known:
         known["second"] = known["second"] - samples.field

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from agonic.calibration.inputs import parse_source
+from agonic.calibration.sources import parse_source
 
 MEMBER = re.compile(r"\d+|(?<=_)[xyz](?=_)")
 """What tells the members of a family apart: motor1_duty, motor2_duty; torquer_x_Am2."""

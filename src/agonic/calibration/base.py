@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
-from agonic.calibration.inputs import undelay
+from agonic.calibration.timing import restore
 from agonic.calibration.value import Valued
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.estimation.series import compute_rates
@@ -180,7 +180,7 @@ def select_columns(calibration: Calibration, samples: Samples) -> dict[str, Arra
             f"the calibration of {calibration.sensor} needs {words} beside the readings and the "
             "samples have none; record it with the magnetometer"
         )
-    at_rows = undelay(there, getattr(calibration, "delays", {}))
+    at_rows = restore(there, getattr(calibration, "timing", {}))
     return {name: at_rows[name] for name in calibration.needs}
 
 

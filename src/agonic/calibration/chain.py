@@ -13,10 +13,11 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Correction
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.inputs import parse_source
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
+from agonic.calibration.sources import parse_source
 from agonic.calibration.thermal import Thermal
+from agonic.calibration.timing import Timing
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.provenance import Provenance
 
@@ -194,11 +195,11 @@ class Chain(Correction):
         return next(filter(None, named), None)
 
     @property
-    def delays(self) -> dict[str, float]:
-        """How late the columns that are late are recorded, s, by any step."""
-        found: dict[str, float] = {}
+    def timing(self) -> dict[str, Timing]:
+        """How the columns that are recorded late or filtered go with what they do, in any step."""
+        found: dict[str, Timing] = {}
         for step in self.steps:
-            found |= getattr(step, "delays", {})
+            found |= getattr(step, "timing", {})
         return found
 
     @property

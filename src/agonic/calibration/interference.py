@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
 import numpy as np
@@ -11,8 +12,10 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import read_only
-from agonic.calibration.inputs import find_delays, list_columns, parse_source, stack_inputs
 from agonic.calibration.inputs import signals as signals
+from agonic.calibration.inputs import stack_inputs
+from agonic.calibration.sources import list_columns, parse_source
+from agonic.calibration.timing import Timing, find_timing
 from agonic.errors import AgonicError
 from agonic.maths.equation import affine as kernel
 
@@ -39,6 +42,7 @@ class Interference(Affine):
     coefficients : (3, k), readings per unit of x.
     second_sensor : the name of the second magnetometer, where the sources have one.
     typical : (k,) what the sources were on average in the log, where it is known.
+    timing_sd_s : standard errors of delays and time constants, by column, where they were found.
     covariance : (m, m) of `parameters`: those of an `Affine`, then the coefficients row by row.
 
     The others as in `Affine`; `bias` is that with x = 0.
@@ -57,12 +61,13 @@ class Interference(Affine):
     coefficients: Array
     second_sensor: str | None = None
     typical: Array | None = None
+    timing_sd_s: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.sources:
             raise AgonicError("sources is empty; name what disturbs, as current_A or motor1_duty")
         width = sum(parse_source(name).width for name in self.sources)
-        find_delays(self.sources)
+        find_timing(self.sources)
         if len(set(self.sources)) < len(self.sources):
             raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
         object.__setattr__(self, "sources", tuple(self.sources))
@@ -79,9 +84,9 @@ class Interference(Affine):
         return list_columns(self.sources)
 
     @property
-    def delays(self) -> dict[str, float]:
-        """How late the columns that are late are recorded, s."""
-        return find_delays(self.sources)
+    def timing(self) -> dict[str, Timing]:
+        """How the columns that are recorded late or filtered go with what they do."""
+        return find_timing(self.sources)
 
     @property
     def parameters(self) -> tuple[str, ...]:

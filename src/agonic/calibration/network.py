@@ -14,7 +14,9 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Correction, Validity, read_only, require_covariance
 from agonic.calibration.inputs import check_inputs, measure_width, stack_inputs
+from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
+from agonic.calibration.timing import Timing
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
 from agonic.maths.equation import network as kernel
 from agonic.maths.estimation import domain
@@ -152,6 +154,11 @@ class Network(Correction):
         """The columns of the samples that it takes beside the readings."""
         own = [name for name in self.inputs if name != "field" and name not in self.held]
         return tuple(dict.fromkeys((*(() if self.base is None else self.base.needs), *own)))
+
+    @property
+    def timing(self) -> dict[str, Timing]:
+        """How the columns that its base takes go with what they do."""
+        return self.base.timing if isinstance(self.base, Interference) else {}
 
     @property
     def shape(self) -> kernel.Shape:

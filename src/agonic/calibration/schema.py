@@ -109,10 +109,11 @@ class InterferenceRecord(AffineRecord, frozen=True, kw_only=True, tag="interfere
     """field = matrix @ (raw − bias − coefficients @ x), x from the sources."""
 
     sources: Annotated[
-        tuple[Annotated[str, Meta(min_length=1, max_length=100)], ...],
+        tuple[Annotated[str, Meta(min_length=1, max_length=1000)], ...],
         Meta(
             description="Columns in x, each as it is, to a power (motor1_duty^1.5) or 1 above a "
-            "value (heater_A>0.5); second is another magnetometer, three numbers."
+            "value (heater_A>0.5), recorded late (@0.2) or through a filter (~0.3; the field "
+            "follows it: ~-2), s; second is another magnetometer, three numbers."
         ),
     ]
     coefficients: Annotated[
@@ -124,6 +125,10 @@ class InterferenceRecord(AffineRecord, frozen=True, kw_only=True, tag="interfere
     typical: Annotated[
         Row | None, Meta(description="What the sources were on average in the log.")
     ] = None
+    timing_sd_s: Annotated[
+        dict[str, float],
+        Meta(description="Standard errors of delays and time constants that were found, s."),
+    ] = {}
 
 
 class ThermalRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="thermal"):

@@ -12,7 +12,6 @@ import numpy as np
 from agonic.attitude.disturbers import (
     SourceChoice,
     choose_sources,
-    describe_gain,
     list_moving,
 )
 from agonic.attitude.fit import CHANNELS, fit_channels_alone
@@ -33,7 +32,7 @@ from agonic.health import Finding
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
 from agonic.recording.heading_source import check_heading_source
-from agonic.recording.sources import fit_with_sources, keep_common, list_sources
+from agonic.recording.sources import add_choice, fit_with_sources, keep_common, list_sources
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -186,7 +185,7 @@ def _join_disturbers(
     plain = samples.with_columns(roll_deg=None, pitch_deg=None)
     why = f"{reason}, and {describe_sources(found.sources)} the readings"
     joined = _fit_with_attitude(plain, reference, "interference", why, given)
-    fit = joined.fit.with_findings(describe_gain(found))
+    fit = add_choice(joined.fit, found)
     if fit.verdict == "refused" != alone.fit.verdict:
         return replace(alone, disturbers=found)
     return replace(joined, fit=fit, disturbers=found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from agonic.arrays import Array
 from agonic.attitude.disturbers import SourceChoice, choose_sources, describe_gain
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
+from agonic.attitude.source_shape import find_timing_sd
 from agonic.calibration.interference import Interference
 from agonic.fit import Fit
 from agonic.maths.estimation.wald import wald
@@ -38,13 +40,21 @@ def fit_with_sources(
     if found.sources:
         fit = run(samples, reference, **settings, sources=found.sources)
         if _measure_sources(fit, samples) > MATTERS:
-            return fit.with_findings(describe_gain(found)), found
+            return add_choice(fit, found), found
     if not _varies(samples.current_A):
         return None, found
     fit = run(samples, reference, **settings, sources=("current_A",))
     surely = _test_sources(fit) < SIGNIFICANT
     matters = surely and _measure_sources(fit, samples) > MATTERS
     return fit if matters else None, found
+
+
+def add_choice(fit: Fit, found: SourceChoice) -> Fit:
+    """The fit with what its sources are good for, and how well their timing is known."""
+    calibration = fit.calibration
+    assert isinstance(calibration, Interference)
+    timed = replace(calibration, timing_sd_s=find_timing_sd(found.shapes))
+    return replace(fit, calibration=timed).with_findings(describe_gain(found))
 
 
 def list_sources(fit: Fit) -> tuple[str, ...]:

@@ -95,6 +95,10 @@ def _version() -> str:
 
 def _write_sketch(template: str, name: str, files: Sequence[Path]) -> str:
     values = {"name": name, "GUARD": name.upper(), "about": "Written by agonic; see src."}
+    values |= dict.fromkeys(("memory", "follow"), "")
+    if template == "heading" and f"{name}_follow(" in files[0].read_text():
+        values["memory"] = f"    static {name}_memory memory = {{{{0.0f}}, 0}};\n"
+        values["follow"] = f"    {name}_follow(&memory, 0.1f, &in); /* s since the last call */\n"
     if template == "field":
         header = next(file for file in files if file.name == f"{name}.h").read_text()
         values |= _read_arguments(name, header)

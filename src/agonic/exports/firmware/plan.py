@@ -13,9 +13,11 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import compose
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.inputs import SOURCES, list_columns, signals
+from agonic.calibration.inputs import signals
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
+from agonic.calibration.sources import SOURCES, list_columns
+from agonic.exports.firmware.following import find_time_constants
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.polynomials import (
     RATE,
@@ -139,6 +141,11 @@ class Plan:
     def columns(self) -> tuple[str, ...]:
         """The inputs that hold them, each once."""
         return list_columns(self.sources)
+
+    @property
+    def time_constants(self) -> dict[str, float]:
+        """Those of the columns that go through a filter, s."""
+        return find_time_constants(self.sources)
 
     @property
     def coefficients(self) -> Array:

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import Source, parse_source, signals
+from agonic.calibration.inputs import signals
+from agonic.calibration.sources import Source, parse_source
 from agonic.exports.convert import write_banner
 from agonic.exports.firmware.ctext import (
     fill_template,
@@ -17,6 +18,7 @@ from agonic.exports.firmware.ctext import (
     write_integer,
     write_literal,
 )
+from agonic.exports.firmware.following import write_following, write_following_header
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, LESS, find_weakest
@@ -59,7 +61,10 @@ def write_header(plan: Plan, name: str) -> str:
 def write_source(plan: Plan, name: str) -> str:
     """The text of the source."""
     values = _common(plan, name) | _tables(plan) | _limits(plan)
-    return "\n".join(fill_template(f"{part}.c.in", values) for part in write_parts(plan))
+    parts = [fill_template(f"{part}.c.in", values) for part in write_parts(plan)]
+    if plan.time_constants:
+        parts.append(write_following(plan.time_constants, name))
+    return "\n".join(parts)
 
 
 def write_parts(plan: Plan) -> Iterator[str]:
@@ -135,6 +140,7 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
         "compasses": str(len(plan.calibrations)),
         "sensors": write_comment(sensors),
         "inputs": "\n".join(inputs),
+        "following": write_following_header(plan.time_constants, name),
         "unit_out": first.unit_out,
         "largest_tilt": f"{plan.setup.tilt_limit_deg:g}",
     }

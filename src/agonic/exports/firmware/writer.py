@@ -7,6 +7,7 @@ from pathlib import Path
 
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Setup
+from agonic.calibration.sources import parse_source
 from agonic.errors import AgonicError
 from agonic.exports.c_network_parts import has_network
 from agonic.exports.convert import Export
@@ -153,6 +154,19 @@ def _warnings(plan: Plan) -> tuple[str, ...]:
                 f"the calibration of {compass.sensor} is in sensor axes, which were taken for "
                 "forward, right, down; give it an alignment where they differ"
             )
+    if plan.time_constants:
+        said.append(
+            f"{', '.join(plan.time_constants)}: a filter lies between the field and what is "
+            "recorded; call the function _follow with each set of readings, before the heading"
+        )
+    late = [one for one in map(parse_source, plan.sources) if one.late_s > 0]
+    if late:
+        columns = dict.fromkeys(name for one in late for name in one.columns)
+        by = max(one.late_s for one in late)
+        said.append(
+            f"{', '.join(columns)}: known up to {by:.2g} s late, which a controller cannot undo: "
+            "what is taken out comes as late"
+        )
     if plan.tilt == "acceleration":
         said.append("an accelerometer tells the tilt of a vehicle at rest only")
     return tuple(said)

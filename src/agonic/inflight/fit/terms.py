@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.inputs import find_delays, list_columns, signals, stack_inputs, undelay
+from agonic.calibration.inputs import signals, stack_inputs
+from agonic.calibration.sources import list_columns
+from agonic.calibration.timing import find_timing, restore
 from agonic.errors import CoverageError, LogError
 from agonic.inflight.fit.drift import evaluate_spline, place_knots
 from agonic.maths.equation import polynomial
@@ -66,7 +68,7 @@ class Terms:
         if self.sources:
             parts.append(
                 stack_inputs(
-                    self.sources, None, undelay(samples.columns(), find_delays(self.sources))
+                    self.sources, None, restore(samples.columns(), find_timing(self.sources))
                 )
                 / self.spread
             )
@@ -135,7 +137,7 @@ def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
             "recorded beside the readings"
         )
-    values = stack_inputs(sources, None, undelay(samples.columns(), find_delays(sources)))
+    values = stack_inputs(sources, None, restore(samples.columns(), find_timing(sources)))
     spread = np.asarray(values.std(axis=0))
     still = [
         name

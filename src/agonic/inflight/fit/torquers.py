@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.inputs import list_columns
+from agonic.calibration.sources import list_columns
 from agonic.health import FEWEST, Finding, figure
 from agonic.samples import Samples
 

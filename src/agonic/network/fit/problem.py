@@ -10,6 +10,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import measure_width, stack_inputs
 from agonic.calibration.thermal import Thermal
+from agonic.calibration.timing import restore
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError
 from agonic.health import find_usable_rows
 from agonic.maths.equation.network import Shape
@@ -70,7 +71,7 @@ class Problem:
 def pose_problem(samples: Samples, reference: Reference, settings: Settings) -> Problem:
     """The problem that samples and reference pose, or a clear error."""
     base = settings.base if not isinstance(settings.base, str) else None
-    columns = _columns(samples, settings, () if base is None else base.needs)
+    columns = _columns(samples, settings, base)
     if settings.target == "vector":
         wanted, frame_out = find_vectors(samples, reference)
     else:
@@ -99,11 +100,14 @@ def pose_problem(samples: Samples, reference: Reference, settings: Settings) -> 
     )
 
 
-def _columns(samples: Samples, settings: Settings, needs: tuple[str, ...]) -> dict[str, Array]:
+def _columns(
+    samples: Samples, settings: Settings, base: Affine | Thermal | None
+) -> dict[str, Array]:
     """The columns that inputs and base take, or an error that names the missing ones."""
     there = samples.columns()
     if {"time", "temperature"} <= set(there):
         there["temperature_rate"] = compute_rates(there["time"], there["temperature"])
+    needs = () if base is None else base.needs
     wanted = [*(name for name in settings.inputs if name != "field"), *needs]
     missing = [name for name in wanted if name not in there]
     if missing:
@@ -111,7 +115,8 @@ def _columns(samples: Samples, settings: Settings, needs: tuple[str, ...]) -> di
             f"{samples.name}: the samples have no {', '.join(missing)}; record it with the "
             "magnetometer, or leave it out of inputs"
         )
-    return {name: there[name] for name in wanted}
+    at_rows = restore(there, getattr(base, "timing", {}))
+    return {name: at_rows[name] for name in wanted}
 
 
 def compute_errors(field: Array, wanted: Array) -> Array:

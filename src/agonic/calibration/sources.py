@@ -1,0 +1,119 @@
+"""A source of disturbance by its spelling: the column that tells of it, and how it counts.
+
+heater_A            the column as it is
+motor1_duty^1.5     its size to a power: the current of a motor by its duty
+heater_A>0.5        1 where it is more, else 0: on or off
+esc1_A+esc2_A       the sum of several, each in the form that follows: they share their effect
+current_A@0.2       recorded 0.2 s late: its value then is what the log holds 0.2 s later
+current_A~0.3       recorded through a filter with a time constant of 0.3 s, which is undone
+rod_x_Am2~-2        the field follows it, with a time constant of 2 s
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from agonic.arrays import Array
+from agonic.errors import AgonicError
+
+SOURCES = {"current_A": 1, "throttle": 1, "second": 3}
+"""The sources that a log may hold whatever the vehicle, and how many numbers each has a row."""
+
+WIDTH = {"field": 3, "temperature": 1, "temperature_rate": 1, **SOURCES}
+"""Numbers a row of what can be an input; one where it is not named. `field` is the reading."""
+
+NAME = r"[^\W\d]\w*"
+_SPELLED = re.compile(
+    rf"({NAME}(?:\+{NAME})*)(?:([\^>])([-+\d.eE]+))?(?:@([-+\d.eE]+))?(?:~([-+\d.eE]+))?",
+    re.ASCII,
+)
+_LARGEST_POWER = 8.0
+
+
+class Source(NamedTuple):
+    """Columns that tell of a disturbance, and the form in which each counts before they add up."""
+
+    columns: tuple[str, ...]
+    form: str = ""
+    value: float = 0.0
+    late_s: float = 0.0
+    time_constant_s: float = 0.0
+
+    @property
+    def width(self) -> int:
+        """How many numbers it is a row."""
+        return WIDTH.get(self.columns[0], 1)
+
+    @property
+    def off(self) -> float:
+        """A value of its columns at which it counts nothing; at one more in a column, one."""
+        return self.value if self.form == ">" else 0.0
+
+    def evaluate(self, known: Mapping[str, ArrayLike]) -> Array:
+        """What counts of the columns, (…) or (…, 3).
+
+        >>> parse_source("motor1_duty^2").evaluate({"motor1_duty": [0.5, -0.5]}).tolist()
+        [0.25, 0.25]
+        >>> parse_source("heater_A>0.5").evaluate({"heater_A": [0.2, 3.0]}).tolist()
+        [0.0, 1.0]
+        """
+        values = (np.asarray(known[name], dtype=np.float64) for name in self.columns)
+        return np.asarray(sum(self._count(x) for x in values))
+
+    def _count(self, x: Array) -> Array:
+        if self.form == "^":
+            return np.asarray(np.abs(x) ** self.value)
+        return np.asarray(x > self.value, dtype=np.float64) if self.form == ">" else x
+
+
+def parse_source(text: str) -> Source:
+    """The source that a text spells: a column or a sum of some, to a power, or above a value.
+
+    Raises `AgonicError` where it spells none.
+
+    >>> parse_source("motor1_duty+motor2_duty^1.5@0.2")[:4]
+    (('motor1_duty', 'motor2_duty'), '^', 1.5, 0.2)
+    """
+    found = _SPELLED.fullmatch(text.strip())
+    try:
+        columns, form, *numbers = found.groups() if found else ("", "")
+        source = Source(tuple(columns.split("+")), form or "", *(float(x or 0.0) for x in numbers))
+    except ValueError:
+        source = Source(("",))
+    if not source.columns[0] or (source.form == "^" and not 0.0 < source.value <= _LARGEST_POWER):
+        raise AgonicError(
+            f"{text!r} names no source: give the column that tells of it, a power of it as "
+            "motor1_duty^1.5, a sum as battery1_A+battery2_A, where it is on as heater_A>0.5, how "
+            "many seconds late it is recorded as current_A@0.2, or the time constant of its filter "
+            "as current_A~0.3 (the field follows it: rod_x_Am2~-2)"
+        )
+    vectors = [name for name in source.columns if WIDTH.get(name, 1) > 1]
+    if vectors and text.strip() != vectors[0]:
+        raise AgonicError(f"{text!r}: {vectors[0]} is a vector and counts as it is")
+    return source
+
+
+def spell_source(source: Source) -> str:
+    """The text that `parse_source` reads as a source.
+
+    >>> spell_source(parse_source("motor1_duty+motor2_duty^1.50@0.2~-1"))
+    'motor1_duty+motor2_duty^1.5@0.2~-1'
+    """
+    form = f"{source.form}{source.value:g}" if source.form else ""
+    late = f"@{source.late_s:g}" if source.late_s else ""
+    filtered = f"~{source.time_constant_s:g}" if source.time_constant_s else ""
+    return f"{'+'.join(source.columns)}{form}{late}{filtered}"
+
+
+def list_columns(sources: Iterable[str]) -> tuple[str, ...]:
+    """The columns that sources need, each once.
+
+    >>> list_columns(("motor1_duty^1.5", "heater_A", "motor1_duty"))
+    ('motor1_duty', 'heater_A')
+    """
+    return tuple(dict.fromkeys(name for one in sources for name in parse_source(one).columns))
