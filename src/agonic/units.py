@@ -65,7 +65,7 @@ def find_unit(unit: str) -> str:
     text = unit.strip()
     if text in NANOTESLA_PER:
         return text
-    known = _SPELLINGS.get(text.lower())
+    known = _SPELLINGS.get(text.lower()) or _SPELLINGS.get(text.lower().removesuffix("s"))
     if known is None:
         raise UnitError(
             f"unit {unit!r} is not known; use one of {', '.join(NANOTESLA_PER)} or {RAW}"

@@ -20,6 +20,7 @@ _UNIX_SECONDS = (1e9, 4.1e9)
 """2001 to 2099: a clock that reads this many seconds counts from 1970, not from power-on."""
 _LONGEST_STEP_S = 1000.0
 _DAY_S = 86400.0
+_HOUR_S = 3600.0
 _NONE_READ = "times left out: none could be read"
 TIMES_OF_DAY = "times of day"
 """How the note on a clock without a date begins."""
@@ -98,7 +99,10 @@ def _of_texts(texts: list[str]) -> Clock:
 
     if texts and read_duration_s(texts[0]) is not None:
         spans = [read_duration_s(text) for text in texts]
-        return np.array([np.nan if s is None else s for s in spans]), None, ()
+        seconds = np.array([np.nan if s is None else s for s in spans])
+        if ":" in texts[0] and seconds[np.isfinite(seconds)].max() < _HOUR_S:  # mm:ss.0 of Excel
+            seconds[np.isfinite(seconds)] = np.unwrap(seconds[np.isfinite(seconds)], period=_HOUR_S)
+        return seconds, None, ()
     slashes = any(map(has_slashes, texts))
     order = find_order(texts) if slashes else None
     moments = [_moment(text, order) for text in texts]

@@ -77,10 +77,17 @@ CONVENTIONS = (
         source="PX4/PX4-Autopilot: msg/; PX4/pyulog: ulog2csv",
     ),
     Convention(
+        name="Blackbox",
+        marks=(r"^loopIteration$",),
+        units={"time": "us"},
+        source="betaflight/blackbox-tools: main frames, time in µs",
+    ),
+    Convention(
         name="VectorNav",
         marks=(r"TimeStartup|(?i:uncompmag)",),
         units={"field": "G", "acceleration": "ms2", "rotation_rate": "rads", "temperature": "c",
-               "roll_deg": "deg", "pitch_deg": "deg", "heading_deg": "deg", "time": "ns"},
+               "roll_deg": "deg", "pitch_deg": "deg", "heading_deg": "deg", "time": "ns",
+               "gps_tow": "ns"},
         source="VectorNav, VN-100 Interface Control Document: groups Time and IMU",
     ),
     Convention(

@@ -26,6 +26,7 @@ from agonic.logs.log import Log
 from agonic.logs.table import build_log
 from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
+    LABVIEW,
     LONGEST_LINE,
     SAMPLE,
     Layout,
@@ -49,14 +50,14 @@ _MOTIONCAL_COLUMNS = {
 }
 """One count of each column of a MotionCal line (PaulStoffregen/MotionCal: imuread.h, where a
 magnetic count is 0.1 µT)."""
+_MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
 _NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
 _THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
-    data, notes = load(path, _count_understood)
-    head = _split_head(data)
+    data, head, notes = _load(path)
     if head[0].startswith(_ABSOLUTES):
         raise LogError(
             "a sheet of absolute measurements with a theodolite, no log of a magnetometer; agonic "
@@ -83,10 +84,21 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
-    data, notes = load(path, _count_understood)
-    head = _split_head(data)
+    data, head, notes = _load(path)
     table, facts = _read_lines(data, head, sample_lines(head))
     return table, {**facts, "notes": (*notes, *facts["notes"])}
+
+
+def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
+    """The text of a file with plain rows, its first lines, and notes."""
+    data, notes = load(path, _count_understood)
+    head = _split_head(data)
+    if head[0].startswith(LABVIEW) or not any(map(str.isalpha, head[0])):
+        from agonic.logs.text.sanity import level
+
+        data = level(data, head)
+        head = _split_head(data)
+    return data, head, notes
 
 
 def _split_head(data: Text, start: int = 0) -> list[str]:
@@ -140,14 +152,31 @@ def _read_lines(
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
         return _read_motioncal(data[:]), {"format": "MotionCal text", "notes": ()}
-    if any(":" in row or "=" in row for row in rows):
+    if any(_MAY_LABEL.search(row) for row in rows):
         from agonic.logs.text.labels import is_labelled, read_labelled
 
         if is_labelled(rows[1:] or rows):
-            return read_labelled(split_rows(data[:])), {"format": "labelled text", "notes": ()}
+            table, others = read_labelled(split_rows(data[:]))
+            return table, {"format": "labelled text", "notes": (), "others": others}
     layout = find_layout(head, sample)
-    table, others = _read_body(data, _skip_lines(data, layout.start), layout)
-    return table, {"format": "text table", "others": others, "notes": layout.notes}
+    start = _skip_lines(data, layout.start)
+    table, others = _read_body(data, start, layout)
+    notes: tuple[str, ...] = ()
+    if above := [line for line in head[: max(layout.start - 1, 0)] if line.strip()]:
+        from agonic.logs.text.sanity import check_title
+
+        check_title(table, above)
+    if _lacks_numbers(table):
+        from agonic.logs.text.sanity import check_numbers, cut_at_header
+
+        check_numbers(table, data, start, layout)
+        table, notes = cut_at_header(table, data, start, layout)
+    return table, {"format": "text table", "others": others, "notes": (*layout.notes, *notes)}
+
+
+def _lacks_numbers(table: dict[str, NDArray[Any]]) -> bool:
+    """Whether a cell of a numeric column is no number."""
+    return any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
 
 
 def _skip_lines(data: Text, count: int) -> int:
@@ -161,9 +190,7 @@ def _skip_lines(data: Text, count: int) -> int:
 def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The columns that are understood, by header, and the headers of the others."""
     begun = _split_head(data, start)
-    if layout.comma:
-        begun = [line.replace(",", ".") for line in begun]
-    first = [split_cells(begun[i], layout.separator) for i in sample_lines(begun)]
+    first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
         raise LogError("there is a header and no row below it")
     header = rename_headers(layout.header)
@@ -173,10 +200,7 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArra
     numeric = [i for i in wanted if i not in texts]
     values = read_numbers(data, start, layout, numeric)
     table: dict[str, NDArray[Any]] = {}
-    rows = split_rows(data, start) if texts else []
-    if layout.comma:
-        rows = [row.replace(",", ".") for row in rows]
-    cells = [split_cells(row, layout.separator) for row in rows]
+    cells = [layout.split(row) for row in split_rows(data, start)] if texts else []
     for i, name in wanted.items():
         column = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
         if i in vectors:

@@ -22,6 +22,7 @@ _DOTS = re.compile(r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})")
 _SLASHES = re.compile(r"(?P<first>\d{1,2})[-/](?P<other>\d{1,2})[-/](?P<year>\d{4})")
 _DATE = re.compile(r"(?P<date>[^:]*?)[T ,_]*(?P<clock>\d{1,2}:\d\d.*)", re.IGNORECASE)
 _DURATION = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(s|secs?|seconds?|ms|min)", re.IGNORECASE)
+_MINUTES = re.compile(r"(\d{1,3}):(\d\d[.,]\d+)")
 _LONGEST = 80
 _SECONDS = {"ms": 1e-3, "min": 60.0}
 
@@ -101,12 +102,19 @@ def _write_date(text: str, order: str | None) -> str | None:
 
 
 def read_duration_s(text: str) -> float | None:
-    """Seconds of a number with a unit of time behind it; `None` for anything else.
+    """Seconds of a number with a unit of time behind it, or of minutes and seconds with a point.
+
+    `None` for anything else.
 
     >>> read_duration_s("0.020 sec"), read_duration_s("20 ms"), read_duration_s("8:15")
     (0.02, 0.02, None)
+    >>> read_duration_s("02:05.5")  # as Excel writes mm:ss.0
+    125.5
     """
-    match = _DURATION.fullmatch(text[:_LONGEST].strip())
+    plain = text[:_LONGEST].strip().strip("\"'")
+    if match := _MINUTES.fullmatch(plain):
+        return 60.0 * int(match[1]) + float(match[2].replace(",", "."))
+    match = _DURATION.fullmatch(plain)
     if match is None:
         return None
     try:

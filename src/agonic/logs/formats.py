@@ -10,10 +10,12 @@ import codecs
 import re
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
 from agonic.errors import LogError
+from agonic.logs.text.encoding import is_wide
 
 HEAD_BYTES = 65536
 """How much of a file tells of its kind."""
@@ -24,6 +26,28 @@ _STRAY = 0.02
 _FMT = re.compile(rb"\xa3\x95\x80..\w{1,4}\0{0,3}[A-Za-z]{1,16}\0*\w", re.DOTALL)
 FMT_TEXT = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w+, ?\w+, ?\w+", re.MULTILINE)
 """A message of type FMT of a dataflash log: type, length, name, letters and columns."""
+
+
+PACKED = {
+    b"\x1f\x8b\x08": "gzip",
+    b"BZh": "bz2",
+    b"\xfd7zXZ\0": "lzma",
+    b"\x28\xb5\x2f\xfd": "zstd",
+}
+"""How a compressed file begins, and what unpacks it: a module of Python's, or pyarrow for zstd."""
+
+
+def find_packing(file: Path) -> str:
+    """What unpacks a file; "" where it is plain, or no file.
+
+    >>> find_packing(Path("nowhere.csv.gz"))
+    ''
+    """
+    if not file.is_file():
+        return ""
+    with file.open("rb") as stream:
+        head = stream.read(8)
+    return next((packing for mark, packing in PACKED.items() if head.startswith(mark)), "")
 
 
 class Format(NamedTuple):
@@ -79,7 +103,8 @@ def _is_vires(head: bytes) -> bool:
 
 
 def _is_text(head: bytes) -> bool:
-    if head.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    marks = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    if head.startswith(marks) or is_wide(head):
         return True
     written = head.rstrip(b"\0")
     stray = len(written.translate(None, bytes(range(32, 256)) + b"\t\n\r\f"))
@@ -95,8 +120,8 @@ def _is_bag(head: bytes) -> bool:
 
 
 def _is_json(head: bytes) -> bool:
-    """Whether it begins like an object, or a list of objects."""
-    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None
+    """Whether it begins like an object, or a list of objects or of lists."""
+    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*[\[{]|\{)", head) is not None
 
 
 JSON = Format("JSON (.json, .jsonl)", "json_text", _is_json)
@@ -128,17 +153,18 @@ READ = ", ".join(kind.name for kind in (*FORMATS, TEXT))
 
 SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"PK", "a ZIP archive (unpack it first)"),
-    (0, b"\x1f\x8b", "a gzip archive (unpack it first)"),
-    (0, b"BZh", "a bzip2 archive (unpack it first)"),
-    (0, b"\xfd7zXZ", "an xz archive (unpack it first)"),
-    (0, b"\x28\xb5\x2f\xfd", "a Zstandard archive (unpack it first)"),
     (0, b"7z\xbc\xaf", "a 7-Zip archive (unpack it first)"),
     (257, b"ustar", "a tar archive (unpack it first)"),
     (0, b"\x89PNG", "a PNG picture"),
     (0, b"\xff\xd8\xff", "a JPEG picture"),
     (0, b"%PDF", "a PDF document"),
     (0, b"\x7fELF", "a program"),
-    (0, b"SQLite format 3", "an SQLite database"),
+    (0, b"SQLite format 3", "an SQLite database (write its table of readings as CSV)"),
+    (0, b"ARROW1", "an Arrow or Feather file (write it as Parquet)"),
+    (8, b".FIT", "a Garmin FIT file (turn it into CSV with the FIT SDK's FitCSVTool)"),
+    (0, b"\xb5\x62", "a u-blox UBX stream, whose receivers have no magnetometer"),
+    (0, b"\xd0\xcf\x11\xe0", "an old workbook of Excel (save the sheet as CSV)"),
+    (0, b"Rar!", "a RAR archive (unpack it first)"),
     (0, b"\x93NUMPY", "a single NumPy array (save it with numpy.savez and name it mag_uT)"),
     (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
     (0, b"<", "a web page or XML"),

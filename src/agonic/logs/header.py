@@ -79,7 +79,7 @@ _SCALAR_PART = re.compile(
     re.IGNORECASE,
 )
 _BARE = re.compile(
-    rf"(?:raw)?(?P<axis>[xyz])(?:axis)?(?P<after>\d*)(?P<unit>{_either(FIELD_UNITS)})?",
+    rf"(?:raw)?(?P<axis>[xyz])(?:axis|value)?(?P<after>\d*)(?P<unit>{_either(FIELD_UNITS)})?",
     re.IGNORECASE,
 )
 _TIME_OR_TEMPERATURE = re.compile(r"T|[tT]\d+")
@@ -99,6 +99,7 @@ _ORDERED = re.compile(r"_?(wxyz|xyzw)_?\[?([0-3])\]?\s*$", re.IGNORECASE)
 _UNCORRECTED = re.compile(r"un_?(cal|comp)(ibrated|ensated)?", re.IGNORECASE)
 _SHIMMER = re.compile(r"Shimmer_\w{4}_(\w+?)(?:_LN)?((?:_[XYZ])?)_(?:CAL|RAW|UNCAL)(?=$|\s*\()")
 """What the makers of Shimmer write around a name; of two accelerometers the one of low noise."""
+_OF_GPS = {"timegpsweek": "gps_week", "timegpstow": "gps_tow"}
 _TOKEN = re.compile(r"[A-Z]?[a-z][a-z0-9]*|[A-Z][A-Z0-9]*(?![a-z])|\d+|[^\W_]+")
 _NO_READING = frozenset(
     """
@@ -112,6 +113,7 @@ _NO_READING = frozenset(
 """Words before a name that say that the column is not what a sensor reads."""
 _IDLE = frozenset(_BEFORE.split("|")) | {"topic", "stamped", "buffer", "values", "log"}
 _TESLA = ("nT", "uT", "mT", "T", "G", "mG")
+_GRAVITIES = ("g", "mg")
 _AMBIGUOUS = ("t", "g", "mg", "ga", "mt")
 _DISTURBER = re.compile(rf"(?P<name>[^\W\d]\w*)_(?P<unit>{_either(DISTURBER.units)})", re.ASCII)
 """The name of something that draws power or is magnetic, its unit behind it: heater_mA."""
@@ -147,6 +149,8 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     name, unit = (split["name"], _squash(split["unit"])) if split else (text, "")
     if unit and not unit.isascii():
         return None
+    if split and (named := _OF_GPS.get(_squash(text).lower())):  # Time (GPS TOW)
+        return Column(header=header, quantity=BY_COLUMN[named], rank=ALIAS)
     found = _identify(header, _squash(name), unit)
     found = found or _identify_with_sensor(header, name, unit, sensors)
     return found or _identify_disturber(header.strip())
@@ -187,6 +191,8 @@ def _identify(header: str, name: str, bracket: str, sensor: str = "") -> Column 
         return None
     axis = "".join(axes).lower()
     for quantity, rank in choices:
+        if rank == FALLBACK and quantity.column == "field" and not _may_be_bare(suffix or bracket):
+            continue
         if axis not in quantity.axes.split() and (axis or quantity.axes):
             continue
         known, unit = _unit(quantity, suffix, bracket)
@@ -201,6 +207,13 @@ def _identify(header: str, name: str, bracket: str, sensor: str = "") -> Column 
             header=header, quantity=quantity, axis=axis, sensor=whole, unit=unit, rank=rank
         )
     return None
+
+
+def _may_be_bare(unit: str) -> bool:
+    """Whether x, y or z alone with this unit, if any, can be a field: no "g", no unit of others."""
+    with suppress(UnitError):
+        return not unit or (find_unit(unit) != "" and unit not in _GRAVITIES)
+    return False
 
 
 def _identify_with_sensor(
@@ -243,6 +256,15 @@ def _identify_with_sensor(
             rank=rank,
         )
     return None
+
+
+def is_unit(text: str) -> bool:
+    """Whether a word is a unit of anything that a column can hold.
+
+    >>> is_unit("uTesla"), is_unit("m/s^2"), is_unit("Heading")
+    (True, True, False)
+    """
+    return _squash(spell_out(text)).lower() in _UNITS
 
 
 def names_reading(name: str) -> bool:

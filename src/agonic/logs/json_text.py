@@ -6,7 +6,8 @@ numbers may be written as texts. Otherwise columns are named as those of a text 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.column_names import rename_headers
+from agonic.logs.column_names import number_columns, rename_headers
 from agonic.logs.columns import find_columns, find_quantities, refuse_many
 from agonic.logs.contents import to_number
 from agonic.logs.log import Log
@@ -24,6 +25,8 @@ from agonic.provenance import Input
 
 _TEXTUAL = ("time", "date", "sensor", "frame")
 _DEEPEST = 6
+_NO_NUMBER = re.compile(rb"(?<=[\[:,\s])[-+]?(?:NaN|nan|Infinity|inf)(?=\s*[,\]}])")
+"""What Python's own writer puts for numbers that are none."""
 _LARGEST = 1_000_000_000
 
 
@@ -53,13 +56,14 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
 def _load(data: bytes) -> tuple[list[dict[str, Any]], int]:
     """The objects in a text, and how many of its lines are none."""
-    try:
-        whole = msgspec.json.decode(data)
-    except (msgspec.DecodeError, UnicodeDecodeError):
-        return _load_lines(data)
-    except RecursionError:
-        raise LogError("nested too deeply for a log") from None
-    return _find_records(whole), 0
+    for text in (data, _NO_NUMBER.sub(b"null", data)):
+        try:
+            return _find_records(msgspec.json.decode(text)), 0
+        except (msgspec.DecodeError, UnicodeDecodeError):
+            continue
+        except RecursionError:
+            raise LogError("nested too deeply for a log") from None
+    return _load_lines(_NO_NUMBER.sub(b"null", data))
 
 
 def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
@@ -67,10 +71,7 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
     for line in data.splitlines():
         if not line.strip():
             continue
-        try:
-            record = msgspec.json.decode(line)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            record = None
+        record = _load_line(line)
         if isinstance(record, dict):
             records.append(record)
         else:
@@ -80,12 +81,26 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
     return records, broken
 
 
+def _load_line(line: bytes) -> Any:
+    """The value in a line; also where a program in Python has printed it, with single quotes."""
+    for text in (line, line.replace(b"'", b'"').replace(b"None", b"null")):
+        try:
+            return msgspec.json.decode(text)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            continue
+    return None
+
+
 def _find_records(whole: Any, depth: int = 0) -> list[dict[str, Any]]:
     """The list of objects that a value is, or the longest one in it; lists by name as objects."""
     if isinstance(whole, list):
-        return [one for one in whole if isinstance(one, dict)]
+        return [one for one in whole if isinstance(one, dict)] or _name_rows(whole, None)
     if not isinstance(whole, dict) or depth > _DEEPEST:
         raise LogError("this JSON holds no list of objects and no lists of numbers")
+    if isinstance(names := whole.get("columns"), list) and isinstance(whole.get("data"), list):
+        return _name_rows(whole["data"], [str(name) for name in names])
+    if len(whole) >= 3 and (columns := _read_columns(whole)):
+        return columns
     lists = {name: v for name, v in whole.items() if isinstance(v, list) and len(v) > 3}
     plain = {name: v for name, v in lists.items() if not isinstance(v[0], dict)}
     if len(plain) >= 3:
@@ -102,6 +117,26 @@ def _find_records(whole: Any, depth: int = 0) -> list[dict[str, Any]]:
     if not found or not (longest := max(found, key=len)):
         return [whole]
     return longest
+
+
+def _name_rows(rows: list[Any], names: Sequence[str] | None) -> list[dict[str, Any]]:
+    """Rows that are lists of one length, by the names of their columns; three alone are x, y, z."""
+    widths = {len(row) if isinstance(row, list) else 0 for row in rows}
+    width = widths.pop() if len(widths) == 1 else 0
+    if names is None:
+        names = "xyz" if width == 3 else number_columns(width)
+    if not width or names is None or len(names) != width:
+        return []
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def _read_columns(whole: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows of columns that are objects with the same keys, as pandas writes them; else none."""
+    columns = {name: value for name, value in whole.items() if isinstance(value, dict)}
+    keys = [list(column) for column in columns.values()]
+    if len(columns) != len(whole) or len(keys[0]) <= 3 or any(k != keys[0] for k in keys):
+        return []
+    return [{name: column[key] for name, column in columns.items()} for key in keys[0]]
 
 
 def _make_columns(records: list[dict[str, Any]]) -> dict[str, list[Any]]:

@@ -13,12 +13,32 @@ DEGREES_PER_RADIAN = math.degrees(1.0)
 Linear = tuple[float, float]
 """Ours = factor × theirs + offset."""
 
-_ANGLE: dict[str, Linear] = {"deg": (1, 0), "degrees": (1, 0), "rad": (DEGREES_PER_RADIAN, 0)}
+_ANGLE: dict[str, Linear] = {
+    "deg": (1, 0), "degrees": (1, 0), "rad": (DEGREES_PER_RADIAN, 0),
+    "radians": (DEGREES_PER_RADIAN, 0),
+}  # fmt: skip
 _RATE: dict[str, Linear] = {
     spelling: (factor, 0)
     for factor, spellings in {
-        1.0: ("rads", "radsec", "radpers", "radpersec"),
-        1 / DEGREES_PER_RADIAN: ("degs", "degsec", "degpers", "degpersec", "dps"),
+        1.0: (
+            "rads",
+            "radsec",
+            "radpers",
+            "radpersec",
+            "radianss",
+            "radianssec",
+            "radianspersecond",
+        ),
+        1 / DEGREES_PER_RADIAN: (
+            "degs",
+            "degsec",
+            "degpers",
+            "degpersec",
+            "dps",
+            "degreess",
+            "degreessec",
+            "degreespersecond",
+        ),
         1e-3 / DEGREES_PER_RADIAN: ("mdps",),
     }.items()
     for spelling in spellings
@@ -90,6 +110,15 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity(column="date", name="date", aliases="day utcdate"),
     Quantity(column="epoch", name="epoch_unix", unit="s", units={"s": (1, 0)}),
     Quantity(
+        column="gps_week", name="gps_week",
+        aliases="week weekno weeknumber gpsweekno gpsweeknumber gpswk gwk timegpsweek",
+    ),
+    Quantity(
+        column="gps_tow", name="gps_tow", unit="s", units=TIMES,
+        aliases="tow itow sow gms timeofweek secondsofweek gpssow gpsseconds gpstime gpstimeofweek "
+        "timegpstow gpsms gpsweekms weekms",
+    ),
+    Quantity(
         column="field", name="mag", axes="x y z",
         aliases="m b magn magneto magnetometer magnetic magneticfield magfield magneticflux "
         "magneticfluxdensity magneticinduction geomagnetic field bfield compass",
@@ -111,9 +140,9 @@ QUANTITIES: tuple[Quantity, ...] = (
     ),
     Quantity(
         column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, axes="x y z",
-        aliases="a acce accel accelerometer acceleration specificforce gforce gf totalacceleration "
+        aliases="a acce accel accelerometer acceleration specificforce totalacceleration "
         "totalaccel",
-        weak="linearacceleration",
+        weak="linearacceleration", preferred="gforce gf",  # beside an ax without gravity
     ),
     Quantity(
         column="rotation_rate", name="gyro", unit="rad_s", units=_RATE, axes="x y z",

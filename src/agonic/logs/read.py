@@ -6,12 +6,13 @@ import hashlib
 import warnings
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
 from agonic.logs.column_names import names_for
-from agonic.logs.formats import FOLDER, HEAD_BYTES, ROS, Format, format_of
+from agonic.logs.formats import FOLDER, HEAD_BYTES, ROS, Format, find_packing, format_of
 from agonic.logs.log import Log
 from agonic.logs.remote import Remote, fetch, locate
 from agonic.provenance import Input, hash_file
@@ -32,7 +33,8 @@ def open_log(
 
     Parameters
     ----------
-    path : the file; its content decides how it is read. A URL (s3://bucket/log.bin) is fetched.
+    path : the file; its content decides how it is read. A URL (s3://bucket/log.bin) is fetched,
+        a file packed with gzip, bzip2, xz or Zstandard unpacked.
     unit : of the field, for files that do not say: "nT", "uT", "mT", "T", "G", "mG".
     columns : what the columns are, where headers do not say: "time=t,x=mx,y=my,z=mz", or a mapping;
         without, those in a file beside the log with its name and ".toml" behind it.
@@ -53,18 +55,33 @@ def open_log(
     if unit is not None:
         find_unit(unit)
     try:
-        kind = _identify(file)
-        with names_for(file, columns) as names, ThreadPoolExecutor(1) as beside:
-            hashed = beside.submit(_hash, file)  # a tenth of the time, on another core
-            source = Input(name=file.name, sha256="", count=0)
-            log = _read(kind, file, source, unit or (names.unit if names else None))
-            return _sign(log, hashed.result())
+        with _unpack(file) as (plain, notes), names_for(file, columns) as names:
+            log = _open_plain(plain, file, unit or (names.unit if names else None))
+        return replace(log, path=file, notes=(*notes, *log.notes))
     except LogError as error:
         if error.path is not None:
             raise
         raise type(error)(str(error), path=file, row=error.row) from error
     except OSError as error:
         raise LogError(f"cannot be read: {error.strerror or error}", path=file) from error
+
+
+def _unpack(file: Path) -> AbstractContextManager[tuple[Path, tuple[str, ...]]]:
+    """The file itself, or a plain copy of what is packed in it; and notes."""
+    if not find_packing(file):
+        return nullcontext((file, ()))
+    from agonic.logs.packed import unpack
+
+    return unpack(file)
+
+
+def _open_plain(plain: Path, file: Path, unit: str | None) -> Log:
+    """The log of a file that lies unpacked at `plain`, with the name and the hash of itself."""
+    kind = _identify(plain)
+    with ThreadPoolExecutor(1) as beside:
+        hashed = beside.submit(_hash, file)  # a tenth of the time, on another core
+        log = _read(kind, plain, Input(name=file.name, sha256="", count=0), unit)
+        return _sign(log, hashed.result())
 
 
 def _open_remote(file: Remote, *, unit: str | None, columns: str | Mapping[str, str] | None) -> Log:
@@ -180,13 +197,18 @@ def _read(kind: Format, file: Path, source: Input, unit: str | None) -> Log:
 
 
 def accepts(path: Path | str) -> bool:
-    """Whether a file begins like something that `open_log` reads; any text does.
+    """Whether a file, or what is packed in it, begins like what `open_log` reads; any text does.
 
     >>> accepts("nowhere.csv")
     False
     """
     try:
-        format_of(_head(Path(path)))
-    except (LogError, OSError):
+        head = _head(Path(path))
+        if find_packing(Path(path)):
+            from agonic.logs.packed import read_head
+
+            head = read_head(Path(path), HEAD_BYTES)
+        format_of(head)
+    except (AgonicError, OSError):
         return False
     return True

@@ -62,6 +62,13 @@ def _pick_time(table: Table, found: Identified, number: str) -> Mapping[str, Col
 
 def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) -> Clock:
     """The clock of all rows, from the time column, with a date column or an epoch if there is."""
+    if pick(found.get("gps_tow", {}), ""):
+        from agonic.logs.rows.gps_time import date_by_gps, find_gps_clock
+
+        if "" not in group:
+            return find_gps_clock(table, found)
+        rest = {name: groups for name, groups in found.items() if name != "gps_tow"}
+        return date_by_gps(_find_clock(table, rest, group), table, found)
     date, start = (pick(found.get(name, {}), "").get("") for name in ("date", "epoch"))
     time = group.get("")
     if time is None:

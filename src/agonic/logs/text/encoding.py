@@ -13,7 +13,9 @@ Text = bytes | mmap.mmap
 
 _HEAD = 262_144
 _LONG = 1_000_000
+_FEWEST = 10
 _ENCODINGS = {"latin-1": "Latin-1", "cp1251": "Windows-1251", "gb18030": "GB 18030"}
+_MINUS = "\u2212".encode()
 _STRAY = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
 _CONTROL = bytes({*range(32), 127} - set(b"\t\n"))
 
@@ -43,13 +45,26 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
     notes: tuple[str, ...] = ()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         data = data.decode("utf-16", "replace").encode()
+    elif is_wide(data):
+        data = data.decode("utf-16-le", "replace").encode()
     elif not data.isascii():
         data, notes = _to_utf8(data.removeprefix(codecs.BOM_UTF8), understood)
+        data = data.replace(_MINUS, b"-")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"\0" in data or _STRAY.search(data[:_HEAD]):
         data = data.translate(None, _CONTROL)
     return data, notes
+
+
+def is_wide(data: bytes) -> bool:
+    """Whether the start is UTF-16 with the low byte first, of plain letters and without a mark.
+
+    >>> is_wide("time,x,y,z".encode("utf-16-le")), is_wide(b"time,x,y,z")
+    (True, False)
+    """
+    low, high = data[:400:2], data[1:400:2]
+    return len(high) >= _FEWEST and not any(high) and low.isascii() and 0 not in low
 
 
 def _to_utf8(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:

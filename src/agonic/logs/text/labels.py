@@ -1,93 +1,183 @@
 """Lines that name each of their numbers, as sketches print them: `mx: 12.5, my=-3, mz: 44 uT`.
 
-A record may take several lines, until a name comes again. A unit at the end of a line is that of
-its numbers, and a time of day before it, as the Arduino's monitor writes it, is its time.
+A name may stand before three numbers (`Mag (uT) [1, 2, 3]`), or before axes that are named alone
+(`Mag X: 1 Y: 2 Z: 3`, `Mag: X=1 Y=2 Z=3`). A record may take several lines, until a name comes
+again. A unit behind a number is that of the numbers before it in its line, and a time of day before
+a line, as the Arduino's monitor writes it, is its time.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.columns import find_columns, identify_column
+from agonic.logs.columns import FALLBACK, find_columns, identify_column
+from agonic.logs.header import is_unit
 from agonic.logs.text.layout import SAMPLE
 
 _NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
-_LABELLED = re.compile(
-    rf"(?<![\w.])[\"']?([^\W\d][\w.\[\]/ ]{{0,40}}?)[\"']?\s*[:=]\s*({_NUMBER})(?![\w:])"
+_LABEL = re.compile(
+    r"(?<![\w.])[\"']?([^\W\d][\w.\[\]/ ]{0,40}?)[\"']?\s*(?:\(([^\W\d][^()]{0,20})\)\s*)?"
+    rf"(?:[:=](?!\d\d:)|(?=[\[({{<]\s*{_NUMBER}[\s,;]))"
 )
+_FIND_NUMBER = re.compile(rf"(?<![\w.^]){_NUMBER}(?![\w:])|(?<![\w.^]){_NUMBER}(?=[^\W\d_])")
 _QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
-_UNIT = re.compile(rf"{_NUMBER}\s*([^\W\d_][\w/^²]*)[\s,;.]*$")
-_TAIL = 80
+_UNIT = re.compile(r"[\s\])}>]*([^\W\d_][\w/^²]*)[)\]]?[\s,;.|]*")
 _STAMP = re.compile(r"\s*\[?(\d\d:\d\d:\d\d[.,]\d+)\]?\s*(?:->|:|,|\s)")
+_AXIS = re.compile(r"(.*?)[\s_.]*([xyz])(?:[\s_-]?axis)?", re.IGNORECASE)
+_LONGEST = 4000
+"""Letters of a line; a longer one is damage."""
 
-Record = dict[str, str]
+
+class Reading(NamedTuple):
+    """A number of a line: its name, the unit that is stated for it or "", and its digits."""
+
+    name: str
+    unit: str
+    number: str
 
 
 def is_labelled(rows: Sequence[str]) -> bool:
-    """Whether one line of three, or more of them, names three numbers or more.
+    """Whether one line of three, or more of them, names three numbers or more, or each names one.
 
     >>> is_labelled(["X: 1.5 Y: 2 Z: 3 uT", "Heading: 12"]), is_labelled(["1,2,3"])
     (True, False)
+    >>> is_labelled(["M: 1, 2, 3"]), is_labelled(["x: 1", "y: 2", "z: 3", "x: 4"])
+    (True, True)
     """
-    named = sum(len(_LABELLED.findall(_QUOTED.sub("", row))) >= 3 for row in rows)
-    return bool(rows) and 3 * named >= len(rows)
+    found = [[one.name for one in Scanner().scan(_QUOTED.sub("", row))] for row in rows]
+    several = sum(len(names) >= 3 for names in found)
+    alone = len({name for names in found for name in names}) >= 3 and all(found)
+    return bool(rows) and (3 * several >= len(rows) or alone)
 
 
-def read_labelled(rows: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """The columns of lines that name each of their numbers, with units that end the lines.
+class Scanner:
+    """Takes lines apart one after the other, and keeps the name that axes alone belong to."""
 
-    >>> read_labelled(["mx: 1 my: 2 mz: 3 uT", "mx: 4 my: 5 mz: 6 uT"])["mx (uT)"].tolist()
+    def __init__(self) -> None:
+        self._title = ""
+        self._group = ""
+
+    def scan(self, line: str) -> list[Reading]:
+        """The numbers of a line with their names; a name with two numbers behind it has none.
+
+        >>> [(one.name, one.unit) for one in Scanner().scan("Mag X: 1 Y: 2 Z: 3 uT")]
+        [('Mag X', 'uT'), ('Mag Y', 'uT'), ('Mag Z', 'uT')]
+        """
+        found: list[Reading] = []
+        labels = list(_LABEL.finditer(line[:_LONGEST]))
+        ends = [*(label.start() for label in labels[1:]), min(len(line), _LONGEST)]
+        for label, end in zip(labels, ends, strict=False):
+            unit, name = _split_unit(label[1])
+            if unit:
+                found = _give_unit(found, unit)
+            content = line[label.end() : end]
+            numbers = list(_FIND_NUMBER.finditer(content))
+            if not numbers and not re.search(r"\w", content):
+                self._set_title(name, label[2] or "")
+            found += self._name(name, label[2] or "", [one[0] for one in numbers])
+            behind = _UNIT.fullmatch(content[numbers[-1].end() :]) if numbers else None
+            if behind and is_unit(behind[1]):
+                found = _give_unit(found, behind[1])
+        return found
+
+    def _set_title(self, name: str, unit: str) -> None:
+        """Keep a name without a number, where it is that of a sensor."""
+        column = identify_column(f"{name} x")
+        if column is not None and column.rank != FALLBACK and column.axis:
+            self._title, self._group = name, ""
+            self._unit = unit
+
+    _unit = ""
+
+    def _name(self, name: str, unit: str, numbers: Sequence[str]) -> Iterator[Reading]:
+        if len(numbers) == 3:
+            yield from (Reading(f"{name}[{k}]", unit, number) for k, number in enumerate(numbers))
+        if len(numbers) != 1:
+            return
+        axis = _AXIS.fullmatch(name)
+        if axis is None:
+            yield Reading(name, unit, numbers[0])
+            return
+        if axis[1] and len(axis[1]) > 1:
+            self._group = axis[1].rstrip()
+        elif axis[2] in "xX" and not axis[1]:
+            self._group = ""
+        before = "" if axis[1] else self._group or self._title
+        named = f"{before} {name}" if before else name
+        yield Reading(named, unit or (self._unit if before == self._title else ""), numbers[0])
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    """A unit that ends what stood before, and the name behind it: "uT Accel X"."""
+    first, _, rest = name.partition(" ")
+    plain = re.fullmatch(r"[xyz]", rest.strip(), re.IGNORECASE)
+    return (first, rest.strip()) if rest and is_unit(first) and not plain else ("", name.strip())
+
+
+def _give_unit(found: Sequence[Reading], unit: str) -> list[Reading]:
+    """The readings of a line, those without a unit with this one if it can be theirs."""
+    return [one if one.unit else one._replace(unit=unit) for one in found]
+
+
+def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """The columns of lines that name each of their numbers, and the names of the others.
+
+    >>> read_labelled(["mx: 1 my: 2 mz: 3 uT", "mx: 4 my: 5 mz: 6 uT"])[0]["mx (uT)"].tolist()
     [1.0, 4.0]
     """
-    records, stamps = _gather(rows)
-    names = list(dict.fromkeys(name for record in records[:SAMPLE] for name in record))
-    units = _find_units(rows[: 3 * SAMPLE])
-    headers = [f"{name} ({units[name]})" if units.get(name) else name for name in names]
-    wanted = find_columns(headers)
-    table: dict[str, NDArray[Any]] = {
-        header: np.array([float(record.get(names[i], "nan")) for record in records])
-        for i, header in wanted.items()
-    }
-    timed = any((c := identify_column(h)) and c.quantity.column == "time" for h in table)
-    if not timed and 2 * sum(map(bool, stamps)) > len(stamps):
-        table["time"] = np.array(stamps, dtype=object)
-    return table
-
-
-def _gather(rows: Sequence[str]) -> tuple[list[Record], list[str]]:
-    """The numbers by name, a record until a name comes again, and the time of day before each."""
-    records: list[Record] = []
-    stamps: list[str] = []
+    scanner, lines, stamps = Scanner(), [], []
     for row in rows:
         stamp = _STAMP.match(row)
-        pairs = _LABELLED.findall(row[stamp.end() :] if stamp else row)
-        if not pairs:
-            continue
-        if not records or any(name.strip() in records[-1] for name, _ in pairs):
-            records.append({})
+        if readings := scanner.scan(row[stamp.end() :] if stamp else row):
+            lines.append(readings)
             stamps.append(stamp[1] if stamp else "")
-        records[-1] |= {name.strip(): number for name, number in pairs}
-    return records, stamps
+    headers = _write_headers(lines)
+    records, times = _gather(lines, stamps, headers)
+    names = list(dict.fromkeys(name for record in records[:SAMPLE] for name in record))
+    wanted = list(find_columns(names).values())
+    table: dict[str, NDArray[Any]] = {
+        header: np.array([float(record.get(header, "nan")) for record in records])
+        for header in wanted
+    }
+    timed = any((c := identify_column(h)) and c.quantity.column == "time" for h in table)
+    if not timed and 2 * sum(map(bool, times)) > len(times):
+        table["time"] = np.array(times, dtype=object)
+    return table, [name for name in names if name not in wanted]
 
 
-def _find_units(rows: Sequence[str]) -> dict[str, str]:
-    """The unit that ends the lines of each name, where it is one of what the name stands for."""
-    found: dict[str, Counter[str]] = {}
-    for row in rows:
-        unit = _UNIT.search(row[-_TAIL:])
-        for name, _ in _LABELLED.findall(row):
-            found.setdefault(name.strip(), Counter())[unit[1] if unit else ""] += 1
-    units = {}
-    for name, counts in found.items():
-        unit_of_most = counts.most_common(1)[0][0]
+def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], str]:
+    """The header of each name with each unit; a name with and without its one unit has one."""
+    counts = Counter((one.name, one.unit) for line in lines for one in line)
+    headers = {}
+    for name, unit in counts:
+        units = {other: n for (of, other), n in counts.items() if of == name and other}
         plain = identify_column(name)
-        column = identify_column(f"{name} ({unit_of_most})") if unit_of_most else None
-        if plain is not None and plain.unit is None and column is not None and column.unit:
-            units[name] = unit_of_most
-    return units
+        if plain is not None and plain.unit is not None:
+            headers[name, unit] = name  # a name that tells its unit
+        elif len(units) == 1:
+            (only, times), without = *units.items(), counts[name, ""]
+            headers[name, unit] = f"{name} ({only})" if times >= without else name
+        else:
+            headers[name, unit] = f"{name} ({unit})" if unit else name
+    return headers
+
+
+def _gather(
+    lines: Sequence[Sequence[Reading]], stamps: Sequence[str], headers: dict[tuple[str, str], str]
+) -> tuple[list[dict[str, str]], list[str]]:
+    """The numbers by header, a record until one comes again, and the time of day before each."""
+    records: list[dict[str, str]] = []
+    times: list[str] = []
+    for readings, stamp in zip(lines, stamps, strict=True):
+        named = {headers[one.name, one.unit]: one.number for one in readings}
+        if not records or any(name in records[-1] for name in named):
+            records.append({})
+            times.append(stamp)
+        records[-1] |= named
+    return records, times

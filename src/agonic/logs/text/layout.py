@@ -16,6 +16,7 @@ from agonic.logs.columns import identify_column, refuse_many
 from agonic.logs.contents import to_number
 
 COMMENT = "#%"
+LABVIEW = "LabVIEW Measurement"
 SAMPLE = 200
 LONGEST_LINE = 1_000_000
 
@@ -25,6 +26,12 @@ _RATE = re.compile(
     r"(?:\s*setting)?)\W*(?:\[?hz\]?\W*)?(\d+(?:[.,]\d+)?)\s*(k?hz)?[\W_]*",
     re.IGNORECASE,
 )
+_DECIMAL = re.compile(r"[-+]?\d*,(?:\d{1,2}|\d{4,})(?:[eE][-+]?\d+)?")
+"""A number with a comma that cannot stand between thousands."""
+_NUMBERS = re.compile(
+    r"[-+]?[\d.,]+(?:e[-+]?\d+)?(?:\s+[-+]?[\d.,]+(?:e[-+]?\d+)?)+", re.IGNORECASE
+)
+"""Several numbers in a cell: what stands between the cells is blanks."""
 _BRACKETS = str.maketrans("", "", "()[]{}")
 _SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
 
@@ -44,6 +51,17 @@ class Layout:
     comma: bool = False
     rate_Hz: float | None = None
     notes: tuple[str, ...] = ()
+
+    def split(self, line: str) -> list[str]:
+        """The cells of a line, with a decimal point in their numbers.
+
+        >>> Layout(separator=",", header=[], start=0, width=2, comma=True).split('"0,5","1,25"')
+        ['0.5', '1.25']
+        """
+        if self.comma and self.separator != ",":
+            return split_cells(line.replace(",", "."), self.separator)
+        cells = split_cells(line, self.separator)
+        return [cell.replace(",", ".") for cell in cells] if self.comma else cells
 
 
 def holds_values(line: str) -> bool:
@@ -69,9 +87,10 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
     notes = (f"{at} lines before the table skipped",) * (at > 0)
     first = split_cells(lines[sample[at]], separator)
     rate = _find_rate(lines[: sample[at]])
-    comma = separator in (";", "\t") and any("," in lines[i] for i in sample[at + 1 :])
     start = sample[at]
-    if is_header(first):
+    headed = is_header(first)
+    comma = _has_decimal_comma([lines[i] for i in sample[at + headed :]], separator)
+    if headed:
         header = first
         if at + 1 < len(sample) and _is_row_of_units(lines[sample[at + 1]], separator, first):
             at += 1
@@ -79,8 +98,9 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
             header = [_with_unit(name, unit) for name, unit in zip(first, units, strict=False)]
         start = sample[at] + 1
     else:
-        header = _header_in_comment(lines[:start], separator, width)
-        comma = separator in (";", "\t") and any("," in lines[i] for i in sample[at:])
+        header = _header_in_comment(
+            lines[:start], [lines[i] for i in sample[:at]], separator, width
+        )
     return Layout(
         separator=separator, header=header, start=start, width=width, comma=comma,
         rate_Hz=rate, notes=notes,
@@ -95,14 +115,36 @@ def _begins(line: str, separator: str | None, width: int) -> bool:
     return separator is not None and count == width - 1 and is_header(split_cells(line, separator))
 
 
-def _header_in_comment(before: Sequence[str], separator: str | None, width: int) -> list[str]:
-    """The header in the last comment before the rows; x, y, z where there is none."""
+def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:
+    """Whether numbers have a decimal comma; between commas only such in quotes can."""
+    if separator != ",":
+        return any("," in row for row in rows)
+    quoted = [cell for row in rows if '"' in row for cell in split_cells(row, ",")]
+    return any(map(_DECIMAL.fullmatch, quoted)) and not any("." in cell for cell in quoted)
+
+
+def _header_in_comment(
+    before: Sequence[str], skipped: Sequence[str], separator: str | None, width: int
+) -> list[str]:
+    """The header in the last comment before the rows; x, y, z where there is none.
+
+    A header of one more cell is taken where no column can be behind it ("Comment"); `skipped` are
+    the lines with values before the rows.
+    """
+    above = split_cells(skipped[-1], separator) if skipped else []
+    if len(above) == width + 1 and is_header(above) and identify_column(above[-1]) is None:
+        return above[:-1]
     comment = next((line for line in reversed(before) if not holds_values(line) and line), "")
     header = split_cells(comment.strip(f"{COMMENT} "), separator)
     if len(header) == width and is_header(header):
         return header
     if numbers := number_columns(width):
         return numbers
+    if 2 * len(above) == width and is_header(above):
+        raise LogError(
+            f"the header has {len(above)} names and the rows have {width} cells: with decimal "
+            "commas, cells must be separated by something else (a semicolon)"
+        )
     if width != 3:
         raise LogError(
             f"{width} columns and no header; name them in a first line such as "
@@ -154,6 +196,10 @@ def _find_separator(rows: Sequence[str]) -> str | None:
     for separator in (";", "\t", ","):
         widths = [count_cells(row, separator) for row in rows]
         width, times = Counter(widths).most_common(1)[0]
+        first, last = (split_cells(rows[k], separator) for k in (0, -1))
+        headed = len(first) == width and is_header(first)
+        if any(map(_NUMBERS.fullmatch, first if headed else last)):
+            continue
         if width > 1 and 2 * times > len(rows):
             alike.append((widths[0] != width, separator))
     return min(alike, key=lambda found: found[0])[1] if alike else None

@@ -17,7 +17,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.logs.contents import to_number
 from agonic.logs.text.encoding import Text
-from agonic.logs.text.layout import Layout, holds_values, split_cells
+from agonic.logs.text.layout import Layout, holds_values
 
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
 _BLOCK = 2_000_000
@@ -102,7 +102,7 @@ def _read_by_arrow(
 def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array:
     """The numbers in some rows, cell by cell where NumPy does not take them."""
     rows = split_rows(body)
-    if layout.comma:
+    if layout.comma and layout.separator != ",":
         rows = [row.replace(",", ".") for row in rows]
     try:
         if not rows or any('"' in row for row in rows):
@@ -111,11 +111,11 @@ def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array
             rows, delimiter=layout.separator, usecols=columns, comments=None, ndmin=2, unpack=True
         )
     except ValueError:
-        return _read_one_by_one(rows, layout.separator, columns)
+        return _read_one_by_one(rows, layout, columns)
 
 
-def _read_one_by_one(rows: Sequence[str], separator: str | None, columns: Sequence[int]) -> Array:
-    cells = (split_cells(row, separator) for row in rows)
+def _read_one_by_one(rows: Sequence[str], layout: Layout, columns: Sequence[int]) -> Array:
+    cells = map(layout.split, rows)
     values = (_read_cell(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
     return np.fromiter(values, np.float64).reshape(len(rows), len(columns)).T
 

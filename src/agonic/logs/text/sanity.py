@@ -1,0 +1,115 @@
+"""What a text table may hide: brackets around rows, another header, cells without numbers."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.logs.columns import FALLBACK, find_quantities, identify_columns
+from agonic.logs.contents import to_number
+from agonic.logs.conventions import find_named_quantity
+from agonic.logs.text.encoding import Text
+from agonic.logs.text.layout import LABVIEW, Layout, holds_values, is_header, split_cells
+from agonic.logs.text.numbers import split_rows
+
+_PLAIN = re.compile(r"[-+\d.eE,;\s()\[\]{}<>]+")
+_BRACKET = re.compile(r"[(\[{<]")
+_BETWEEN = bytes.maketrans(b"()[]{}<>,;", b" " * 10)
+_LABVIEW_END = b"***End_of_Header***"
+_TIMED = re.compile(rb"X_Dimension\tTime")
+_HEAD = 20_000
+_NOTHING = ("", "nan", "null", "none", "na", "n/a", "#n/a", "inf", "-inf", "-")
+
+Table = dict[str, NDArray[Any]]
+
+
+def level(data: Text, head: Sequence[str]) -> Text:
+    """The text with blanks for the brackets and commas of rows of mere numbers: `0 (1, 2, 3)`.
+
+    Of a measurement of LabVIEW the table below its headers.
+
+    >>> level(b"(1, 2, 3)", ["(1, 2, 3)"]).split()
+    [b'1', b'2', b'3']
+    """
+    if head[0].startswith(LABVIEW):
+        body = data[data.rfind(_LABVIEW_END, 0, _HEAD) :].partition(b"\n")[2]
+        return body.replace(b"X_Value", b"time_s", 1) if _TIMED.search(data[:_HEAD]) else body
+    rows = [line for line in head if holds_values(line)][:50]
+    plain = bool(rows) and all(map(_PLAIN.fullmatch, rows))
+    if not plain or not (any(map(_BRACKET.search, rows)) or all(map(_is_mixed, rows))):
+        return data
+    return data[:].translate(_BETWEEN)
+
+
+def _is_mixed(row: str) -> bool:
+    """Whether commas and blanks both stand between numbers with a decimal point."""
+    cells = [cell.split() for cell in row.split(",")]
+    return len(cells) > 1 and any(len(cell) > 1 for cell in cells) and "." in row
+
+
+def cut_at_header(
+    table: Table, data: Text, start: int, layout: Layout
+) -> tuple[Table, tuple[str, ...]]:
+    """The columns as far as the header holds for their rows, and a note where another follows."""
+    numbers = [values for values in table.values() if values.dtype.kind == "f"]
+    if not numbers:
+        return table, ()
+    empty = np.flatnonzero(np.isnan(numbers).all(axis=0))
+    if not len(empty):
+        return table, ()
+    rows = split_rows(data, start)
+    for at in empty[empty < len(rows)]:
+        cells = layout.split(rows[at])
+        if _is_other_header(cells, layout.header):
+            left = len(rows) - int(at) - 1
+            if not at:
+                break
+            note = f"another header follows after row {at}: the {left} rows below it were not read"
+            return {name: values[:at] for name, values in table.items()}, (note,)
+    return table, ()
+
+
+def _is_other_header(cells: Sequence[str], header: Sequence[str]) -> bool:
+    """Whether cells name columns, and others than the header does."""
+    if not is_header(cells) or len([q for q in find_quantities(cells).values() if q]) < 2:
+        return False
+    pairs = list(zip(cells, header, strict=False))
+    return len(cells) != len(header) or not all(h.startswith(cell) for cell, h in pairs)
+
+
+def check_numbers(table: Table, data: Text, start: int, layout: Layout) -> None:
+    """Raise `LogError` where no row has all axes of a magnetometer and cells are no numbers."""
+    fields = identify_columns(table).get("field", {})
+    for axes in fields.values():
+        values = [table[axis.header] for axis in axes.values()]
+        if np.isfinite(values).all(axis=0).any():
+            return
+    rows = [split_cells(row, layout.separator) for row in split_rows(data[: start + _HEAD], start)]
+    for name in (axis.header for axes in fields.values() for axis in axes.values()):
+        at = layout.header.index(name) if name in layout.header else 0
+        for cell in (row[at] for row in rows[:-1] if at < len(row)):
+            if cell.lower() not in _NOTHING and math.isnan(to_number(cell)):
+                raise LogError(
+                    f"the cells of {name!r} hold no number that can be read, such as "
+                    f"{cell[:30]!r}; write 12.5, with the unit in the header"
+                )
+
+
+def check_title(table: Mapping[str, NDArray[Any]], lines: Sequence[str]) -> None:
+    """Raise `LogError` where x, y and z stand alone and the lines above name another sensor."""
+    axes = identify_columns(table).get("field", {}).get("", {})
+    if not axes or any(column.rank != FALLBACK for column in axes.values()):
+        return
+    named = [find_named_quantity(line[:200]) for line in lines[:50]]
+    if "field" not in named and any(name in ("acceleration", "rotation_rate") for name in named):
+        line = next(line for line, name in zip(lines, named, strict=False) if name)
+        raise LogError(
+            f"its x, y and z are of no magnetometer, by the line {line.strip()[:60]!r} above them; "
+            "name the file of the magnetometer"
+        )

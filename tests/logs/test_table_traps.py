@@ -1,0 +1,135 @@
+"""Tables that look like others: read right, or refused in a line that says what to give."""
+
+import json
+
+import numpy as np
+import pytest
+
+from agonic.errors import LogError
+from agonic.logs.read import open_log, read
+
+N = 40
+FIELD = np.random.default_rng(4).normal(0.0, 30.0, (N, 3)).round(2)
+TIME = np.arange(N) * 0.02
+HEADER = "time_s,mag_x_uT,mag_y_uT,mag_z_uT"
+ROWS = [f"{t:.2f},{x},{y},{z}" for t, (x, y, z) in zip(TIME, FIELD, strict=True)]
+
+
+def write(tmp_path, text, encoding="utf-8", name="log.csv"):
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def check(samples, rows=N):
+    np.testing.assert_allclose(samples.field, FIELD[:rows] * 1e3)
+    np.testing.assert_allclose(samples.time - samples.time[0], TIME[:rows], atol=1e-6)
+
+
+@pytest.mark.parametrize("unit", ["m/s^2", "m/s²", "g", "mg", "deg/s", "m", "mm", "px", "V"])
+def test_x_y_z_alone_with_the_unit_of_something_else_are_no_field(tmp_path, unit):
+    text = "\n".join([f"t (s),x ({unit}),y ({unit}),z ({unit})", *ROWS])
+    with pytest.raises(LogError, match="no magnetometer columns found"):
+        read(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("unit", ["G", "mG", "uT", "counts", ""])
+def test_x_y_z_alone_may_be_a_field(tmp_path, unit):
+    text = "\n".join([f"t (s),x ({unit}),y ({unit}),z ({unit})", *ROWS])
+    assert len(read(write(tmp_path, text))) == N
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        "time_s,mag_z_uT,mag_y_uT,mag_x_uT",
+        "time_s,mag_x_mG,mag_y_mG,mag_z_mG",
+        "time_s,acc_x_g,acc_y_g,acc_z_g",
+        "time_s,temperature_C,mag_x_uT,mag_y_uT,mag_z_uT",
+    ],
+)
+def test_rows_under_another_header_are_not_of_the_first(tmp_path, other):
+    text = "\n".join([HEADER, *ROWS[:25], other, *ROWS[25:]])
+    log = open_log(write(tmp_path, text))
+    check(log.sensors[0], 25)
+    assert any("another header follows after row 25: the 15 rows" in note for note in log.notes)
+
+
+def test_a_repeated_header_is_left_out(tmp_path):
+    text = "\n".join([HEADER, *ROWS[:25], HEADER, *ROWS[25:]])
+    check(read(write(tmp_path, text)))
+
+
+@pytest.mark.parametrize("title", ["Name:,Accelerometer Sensor", "# gyroscope, rad/s"])
+def test_x_y_z_below_the_name_of_another_sensor_are_no_field(tmp_path, title):
+    text = "\n".join([title, "", "time,X_value,Y_value,Z_value", *ROWS])
+    with pytest.raises(LogError, match="of no magnetometer, by the line"):
+        read(write(tmp_path, text))
+    text = text.replace("Accelerometer", "Magnetometer").replace("gyroscope", "magnetometer")
+    check(read(write(tmp_path, text), unit="uT"))
+
+
+def decimal_comma(row: str) -> list[str]:
+    return [cell.replace(".", ",") for cell in row.split(",")]
+
+
+@pytest.mark.parametrize(("between", "quote"), [(";", ""), ("\t", ""), (",", '"'), ("  ", "")])
+def test_decimal_commas(tmp_path, between, quote):
+    lines = [HEADER.split(","), *map(decimal_comma, ROWS)]
+    text = "\n".join(between.join(f"{quote}{cell}{quote}" for cell in line) for line in lines)
+    check(read(write(tmp_path, text)))
+
+
+def test_what_cannot_be_a_number_is_shown(tmp_path):
+    units = [f"{t},{x} uT,{y} uT,{z} uT" for t, (x, y, z) in zip(TIME, FIELD, strict=True)]
+    text = "\n".join(["time_s,mag_x,mag_y,mag_z", *units])
+    with pytest.raises(LogError, match=f"'mag_x' hold no number .* '{FIELD[0, 0]} uT'; write 12.5"):
+        read(write(tmp_path, text))
+    plain = [",".join(decimal_comma(row)) for row in ROWS]
+    with pytest.raises(LogError, match="4 names and the rows have 8 cells: with decimal commas"):
+        read(write(tmp_path, "\n".join([HEADER, *plain])))
+
+
+def test_minutes_and_seconds_of_a_spreadsheet(tmp_path):
+    stamps = [f"{int(t // 60) % 60:02}:{t % 60:05.2f}" for t in TIME + 3599.7]  # over the hour
+    rows = [f"{stamp},{x},{y},{z}" for stamp, (x, y, z) in zip(stamps, FIELD, strict=True)]
+    check(read(write(tmp_path, "\n".join([HEADER.replace("time_s", "time"), *rows]))))
+
+
+def test_utf_16_without_a_mark_and_a_sign_for_minus(tmp_path):
+    text = "\n".join([HEADER, *ROWS])
+    check(read(write(tmp_path, text, "utf-16-le")))
+    check(read(write(tmp_path, text.replace("-", "\u2212"))))
+
+
+def test_a_measurement_of_labview(tmp_path):
+    head = "LabVIEW Measurement\t\nX_Columns\tOne\n***End_of_Header***\t\nSamples\t40\t40\t40\n"
+    head += "X_Dimension\tTime\tTime\tTime\n***End_of_Header***\t\t\t\t\n"
+    text = f"{head}X_Value\tBx\tBy\tBz\tComment\n" + "\n".join(ROWS).replace(",", "\t")
+    check(read(write(tmp_path, text), unit="uT"))
+
+
+def test_g_force_goes_before_acceleration_without_gravity(tmp_path):
+    header = "time,gFx,gFy,gFz,ax (m/s^2),ay (m/s^2),az (m/s^2),Bx (µT),By (µT),Bz (µT)"
+    rows = [f"{r.split(',')[0]},0,0,1,0.1,0.1,0.1,{','.join(r.split(',')[1:])}" for r in ROWS]
+    samples = read(write(tmp_path, "\n".join([header, *rows])))
+    check(samples)
+    np.testing.assert_allclose(samples.acceleration[0], [0, 0, 9.80665], rtol=1e-3)
+
+
+COLUMNS = {"time_s": TIME, **{f"mag_{a}_uT": FIELD[:, k] for k, a in enumerate("xyz")}}
+
+
+def test_json_of_other_programs(tmp_path):
+    orient = {name: {str(k): v for k, v in enumerate(c.tolist())} for name, c in COLUMNS.items()}
+    split = {"columns": list(COLUMNS), "data": np.column_stack(list(COLUMNS.values())).tolist()}
+    for whole in (orient, split):  # pandas: to_json(orient="columns"), orient="split"
+        check(read(write(tmp_path, json.dumps(whole), name="log.json")))
+    records = [dict(zip(COLUMNS, row, strict=True)) for row in split["data"]]
+    records[7]["mag_x_uT"] = float("nan")
+    samples = read(write(tmp_path, json.dumps(records), name="log.json"))
+    assert len(samples) == N - 1
+    lines = "\n".join(map(repr, records[:7] + records[8:]))
+    assert len(read(write(tmp_path, lines, name="log.json"))) == N - 1
+    listed = read(write(tmp_path, json.dumps(FIELD.tolist()), name="log.json"), unit="uT")
+    np.testing.assert_allclose(listed.field, FIELD * 1e3)
