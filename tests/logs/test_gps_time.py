@@ -8,7 +8,7 @@ from agonic.logs.read import read
 N = 30
 TOW = 166_400.5 + 0.1 * np.arange(N)
 UTC = "2023-11-13T22:13:02.500000+00:00"
-"""GPS week 2288, second 166400.5: Monday 2023-11-13, 22:13:20.5 by GPS, which is 18 s ahead of UTC."""
+"""Week 2288, second 166400.5: Monday 2023-11-13, 22:13:20.5 by GPS, which is 18 s ahead of UTC."""
 
 
 def write(tmp_path, header, *columns):

@@ -32,7 +32,7 @@ def test_a_packed_table(tmp_path, ending, pack):
     assert log.source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     path.with_name(path.name + ".toml").write_text('[columns]\nx = "mag_y_uT"\n')
     assert log.sensors[0].field[3, 1] == 3000.0
-    with pytest.raises(LogError, match="no magnetometer|of x, y and z"):
+    with pytest.raises(LogError, match=r"no magnetometer|of x, y and z"):
         open_log(path)  # the names beside it hold
 
 

@@ -68,7 +68,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     if _most(rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
-        return read_sentences(data[:], path, source, notes)
+        return read_sentences(data[:], path, source, notes, unit)
     if tags := _find_tags(head):
         from agonic.logs.text.tagged import read_tagged
 

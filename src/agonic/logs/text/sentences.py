@@ -1,7 +1,8 @@
 """NMEA-like sentences: `$NAME,x,y,z,…*HH`, with the time of the computer before them or without.
 
 VectorNav sends its uncorrected readings as `$VNIMU`; what its other sentences hold is corrected.
-A sentence of another maker whose name ends in MAG holds x, y, z in raw units first. Source:
+A sentence of another maker whose name ends in MAG holds x, y, z in raw units first; transducers
+(XDR) are taken by the names in them. What other sentences tell stands beside, see `nmea`. Source:
 VectorNav, VN-100 Interface Control Document, ASCII messages.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,11 +18,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.columns import identify_column
 from agonic.logs.contents import to_number
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
+from agonic.logs.text.nmea import Sentence, carry, read_beside, read_clock, read_transducers
 from agonic.provenance import Input
+
+Table = dict[str, NDArray[Any]]
 
 
 def _vectors(*units: tuple[str, str]) -> tuple[str, ...]:
@@ -56,16 +63,18 @@ def compute_checksum(body: str) -> int:
     return total
 
 
-def read_sentences(data: bytes, path: Path, source: Input, notes: tuple[str, ...]) -> Log:
-    """The log that sentences are.
+def read_sentences(
+    data: bytes, path: Path, source: Input, notes: tuple[str, ...], unit: str | None = None
+) -> Log:
+    """The log that sentences are; `unit` is that of a field whose sentence does not fix it.
 
     Raises `LogError` where none of them holds a field.
     """
-    rows: dict[str, list[list[float]]] = {}
-    stamps: dict[str, list[str]] = {}
+    found: list[Sentence] = []
+    stamps: list[str] = []
     wrong = 0
     seen: Counter[str] = Counter()
-    for line in data.decode("utf-8", "replace").split("\n"):
+    for number, line in enumerate(data.decode("utf-8", "replace").split("\n")):
         match = _SENTENCE.match(line)
         if match is None:
             continue
@@ -75,27 +84,21 @@ def read_sentences(data: bytes, path: Path, source: Input, notes: tuple[str, ...
         if stated and stated.upper() not in (f"{compute_checksum(match['body']):02X}", "XX"):
             wrong += 1
             continue
-        before = match["before"].strip(" ,;:\t->[]")
-        rows.setdefault(name, []).append([to_number(before), *map(to_number, cells)])
-        stamps.setdefault(name, []).append(before)
-    name = _choose(rows, seen, wrong)
-    columns = ("t", *_columns(name))
-    table: dict[str, NDArray[Any]] = {
-        column: np.array([row[k] if k < len(row) else np.nan for row in rows[name]])
-        for k, column in enumerate(columns)
-    }
-    if not np.isfinite(table["t"]).any():
-        del table["t"]
-        if 2 * sum(map(bool, stamps[name])) > len(stamps[name]):
-            table["time"] = np.array(stamps[name], dtype=object)
+        found.append((number, name, cells))
+        stamps.append(match["before"].strip(" ,;:\t->[]"))
+    name, lines, table = _read_field(found, seen, wrong)
+    when = dict(zip((number for number, _, _ in found), stamps, strict=True))
+    said = _add_beside(table, lines, [when[line] for line in lines.tolist()], found)
     damaged = (f"{wrong} sentences with a wrong checksum were left out",) * (wrong > 0)
     log = build_log(
         table,
         path=path,
         source=source,
         format="NMEA-like sentences",
+        unit=unit,
         others=[f"${other}" for other in seen if other != name],
         notes=(*notes, *damaged),
+        remarks=said,
     )
     if name not in CORRECTED:
         return log
@@ -104,20 +107,70 @@ def read_sentences(data: bytes, path: Path, source: Input, notes: tuple[str, ...
     return replace(log, sensors=tuple(sensors))
 
 
-def _columns(name: str) -> tuple[str, ...]:
-    return RAW.get(name) or CORRECTED.get(name) or ("mag_x", "mag_y", "mag_z")
+def _read_field(
+    found: Sequence[Sentence], seen: Counter[str], wrong: int
+) -> tuple[str, Array, Table]:
+    """The sentence that holds the field, the lines of its readings, and their columns."""
+    names = {name for _, name, _ in found}
+    others = [name for name in names if name.endswith("MAG") and name not in CORRECTED]
+    corrected = [name for name, columns in CORRECTED.items() if columns]
+    for name in (*RAW, *others, *corrected):
+        if name in names:
+            return name, *_read_sentence(found, name)
+    told = read_transducers(found)
+    axes = {axis: h for h in told if (axis := _find_axis(h))}
+    if len(axes) == 3:
+        lines = told[axes["x"]][0]
+        return "XDR", lines, {header: told[header][1] for header in axes.values()}
+    raise _explain(seen, wrong)
 
 
-def _choose(rows: dict[str, list[list[float]]], seen: Counter[str], wrong: int) -> str:
-    """The sentence with a field, one that is not corrected if there is."""
-    others = [name for name in rows if name.endswith("MAG") and name not in CORRECTED]
-    for name in (*RAW, *others, *(n for n, columns in CORRECTED.items() if columns)):
-        if name in rows:
-            return name
+def _find_axis(header: str) -> str:
+    column = identify_column(header)
+    return column.axis if column is not None and column.quantity.column == "field" else ""
+
+
+def _read_sentence(found: Sequence[Sentence], name: str) -> tuple[Array, Table]:
+    """The lines of a sentence, and its columns."""
+    rows = [(line, cells) for line, other, cells in found if other == name]
+    columns = RAW.get(name) or CORRECTED.get(name) or ("mag_x", "mag_y", "mag_z")
+    table: Table = {
+        column: np.array([to_number(cells[k]) if k < len(cells) else np.nan for _, cells in rows])
+        for k, column in enumerate(columns)
+    }
+    return np.array([line for line, _ in rows], dtype=np.float64), table
+
+
+def _add_beside(
+    table: Table, lines: Array, stamps: Sequence[str], found: Sequence[Sentence]
+) -> tuple[str, ...]:
+    """Add to the columns of the field what the other sentences tell, and the times; notes."""
+    beside = {h: series for h, series in read_beside(found).items() if h not in table}
+    table |= carry(beside, lines)
+    seconds = np.array([to_number(stamp) for stamp in stamps])
+    if np.isfinite(seconds).any():
+        table["t"] = seconds
+    elif 2 * sum(map(bool, stamps)) > len(stamps):
+        table["time"] = np.array(stamps, dtype=object)
+    elif clock := read_clock(found):
+        at, utc, dated = clock
+        table["timestamp_s"] = np.interp(lines, at, utc, left=np.nan, right=np.nan)
+        return ("times by the GPS sentences between the readings",)
+    return ()
+
+
+def _explain(seen: Counter[str], wrong: int) -> LogError:
+    """What the sentences are, and what is needed."""
     there = ", ".join(f"${name} ({count})" for name, count in seen.most_common(6))
     if wrong == sum(seen.values()):
-        raise LogError(f"sentences {there}, all with a wrong checksum: damaged; record again")
-    raise LogError(
+        return LogError(f"sentences {there}, all with a wrong checksum: damaged; record again")
+    headings = [name for name in seen if name[-3:] in ("HDG", "HDM", "HDT", "THS", "VHW")]
+    compass = (
+        "; headings of a compass alone are corrected by a swing: agonic plan swing"
+        if headings
+        else ""
+    )
+    return LogError(
         f"sentences {there} hold no magnetometer; have the device send its raw field "
-        "(VectorNav: $VNIMU), or $MAG,x,y,z"
+        f"(VectorNav: $VNIMU), $MAG,x,y,z, or $…XDR with MAGX, MAGY and MAGZ{compass}"
     )
