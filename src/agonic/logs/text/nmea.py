@@ -82,8 +82,10 @@ def read_beside(sentences: Sequence[Sentence]) -> dict[str, Series]:
     return columns
 
 
-def read_clock(sentences: Sequence[Sentence]) -> tuple[Array, Array, bool] | None:
-    """Lines, the UTC seconds at them and whether those are dated; `None` where nothing tells them.
+def read_clock(sentences: Sequence[Sentence]) -> Series | None:
+    """Lines, and the Unix seconds at them, or without a date those of the day.
+
+    `None` where nothing tells them.
 
     >>> read_clock([(0, "GPGGA", ["235959.5"]), (9, "GPGGA", ["000000.5"])])[1].tolist()
     [86399.5, 86400.5]
@@ -106,7 +108,7 @@ def read_clock(sentences: Sequence[Sentence]) -> tuple[Array, Array, bool] | Non
     lines, seconds = np.array([line for line, _ in clock]), _unwrap(clock)
     first = np.append(True, np.diff(seconds) > 0)
     start = float(np.median(dates)) if dates else 0.0
-    return lines[first].astype(np.float64), seconds[first] + start, bool(dates)
+    return lines[first].astype(np.float64), seconds[first] + start
 
 
 def carry(series: Mapping[str, Series], lines: Array) -> dict[str, Array]:

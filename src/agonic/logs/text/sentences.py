@@ -153,8 +153,7 @@ def _add_beside(
     elif 2 * sum(map(bool, stamps)) > len(stamps):
         table["time"] = np.array(stamps, dtype=object)
     elif clock := read_clock(found):
-        at, utc, dated = clock
-        table["timestamp_s"] = np.interp(lines, at, utc, left=np.nan, right=np.nan)
+        table["timestamp_s"] = np.interp(lines, *clock, left=np.nan, right=np.nan)
         return ("times by the GPS sentences between the readings",)
     return ()
 
