@@ -52,6 +52,17 @@ def test_the_speed_of_a_plane_is_found_in_its_turns() -> None:
     assert fit.channels["dip"].noise < 1.5 * fit.channels["magnitude"].noise
 
 
+def test_a_car_that_brakes_and_turns_is_not_told_that_its_gyro_is_wrong() -> None:
+    """Braking leans the felt vertical by degrees, and with it the azimuth; wrong axes turn it."""
+    for seed in (2, 3):
+        made, logged, place = drive("car", seed, n=4000, rate_Hz=25.0)
+        fit = ag.fit_inertial(logged, place)
+        assert fit.verdict == "good"
+        assert (np.abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all()
+    turned = logged.with_columns(rotation_rate=logged.rotation_rate[:, [1, 2, 0]])
+    assert ag.fit_inertial(turned, place).verdict == "refused"
+
+
 def test_an_accelerometer_alone_is_enough() -> None:
     made, logged, place = drive(tilt_deg=8.0)
     fit = ag.fit_inertial(logged.with_columns(rotation_rate=None, time=None), place)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Index, Mask
+from agonic.attitude.azimuth import check_azimuth
 from agonic.attitude.calibration import make_mean_calibration
 from agonic.attitude.heading_column import check_heading_column
 from agonic.attitude.mounted_heading import (
@@ -44,8 +45,6 @@ from agonic.samples import Samples
 
 ATTITUDE_DOUBTFUL_DEG = 5.0
 ATTITUDE_REFUSED_DEG = 15.0
-HEADING_DOUBTFUL_DEG = 5.0
-HEADING_REFUSED_DEG = 20.0
 WIDEST_GAP_DEG = 60.0
 LEAST_TILT_DEG = 10.0
 HALF_DEG = 150
@@ -219,14 +218,6 @@ def _tilt_sd_deg(channels: dict[str, Channel], radius: float) -> float | None:
     return float(np.degrees(np.sqrt(max(excess, 0.0)) / radius))
 
 
-def _heading_sd_deg(evidence: Evidence, channels: dict[str, Channel]) -> float | None:
-    """What the azimuth scatters by over the level part of the field: errors of the heading."""
-    if "azimuth" not in channels:
-        return None
-    level = evidence.radius * np.cos(np.radians(evidence.coverage.inclination_deg))
-    return float(np.degrees(channels["azimuth"].noise / max(level, 1e-9)))
-
-
 def _findings(
     samples: Samples,
     evidence: Evidence,
@@ -250,23 +241,8 @@ def _findings(
     found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(_doubt_attitude(tilt_sd, felt=problem.shared is not None))
-    turned = _heading_sd_deg(evidence, channels)
-    if turned is not None and turned > HEADING_DOUBTFUL_DEG:
-        found.append(
-            Finding(
-                "heading",
-                "refuse" if turned > HEADING_REFUSED_DEG else "check",
-                f"the field's azimuth scatters by {figure(turned)}° about "
-                + (
-                    "that of the known heading: it is wrong, late, or in radians"
-                    if problem.relative is None
-                    else "what the gyro tells: its unit, axes, sign or clock are wrong"
-                ),
-                "check the heading, its unit and its zero, or fit without it (levelled)"
-                if problem.relative is None
-                else "check unit, axes and times of the gyro",
-            )
-        )
+    if (azimuth := check_azimuth(evidence, problem, channels)) is not None:
+        found.append(azimuth)
     return tuple(found)
 
 
