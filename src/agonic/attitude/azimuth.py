@@ -1,4 +1,4 @@
-"""Whether the azimuth of the field agrees with a known heading, or with what the gyro tells."""
+"""Whether the azimuth of the field agrees with a known heading, or with what a gyro tells."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from collections.abc import Mapping
 import numpy as np
 
 from agonic.fit import Channel
-from agonic.health import Evidence, Finding, figure
-from agonic.maths.equation.channels import Problem
+from agonic.health import Finding, figure
 
 HEADING_DOUBTFUL_DEG = 5.0
 HEADING_REFUSED_DEG = 20.0
 
 
 def check_azimuth(
-    evidence: Evidence, problem: Problem, channels: Mapping[str, Channel]
+    channels: Mapping[str, Channel], radius: float, inclination_deg: float, *, felt: bool = False
 ) -> Finding | None:
-    """The finding that the azimuth of the calibrated field scatters by too much."""
+    """The finding that the azimuth of the calibrated field scatters by too much.
+
+    Parameters: the size of the field in the unit of the readings, and its dip; `felt` where a gyro
+    tells the azimuth and not a known heading.
+    """
     if "azimuth" not in channels:
         return None
-    felt = problem.relative is not None
-    off = compute_azimuth_sd_deg(
-        channels, evidence.radius, evidence.coverage.inclination_deg, felt=felt
-    )
+    level = max(radius * np.cos(np.radians(inclination_deg)), 1e-9)
+    off = float(np.degrees(channels["azimuth"].noise / level))
     if off <= HEADING_DOUBTFUL_DEG:
         return None
     if felt:
@@ -38,21 +39,3 @@ def check_azimuth(
         f"the field's azimuth scatters by {figure(off)}° about {beside}",
         move,
     )
-
-
-def compute_azimuth_sd_deg(
-    channels: Mapping[str, Channel], radius: float, inclination_deg: float, *, felt: bool
-) -> float:
-    """What the azimuth scatters by over the level part of the field: errors of heading or gyro.
-
-    A tilt that is felt wrongly by ε turns the field's azimuth by up to ε tan(dip): a vehicle that
-    brakes and turns would be told that its gyro is wrong. The dip shows that ε, so its share
-    √(σ_dip² − σ_magnitude²) sin(dip) is taken out.
-    """
-    dip = np.radians(inclination_deg)
-    square = channels["azimuth"].noise ** 2
-    if felt and "dip" in channels:
-        tilt = channels["dip"].noise ** 2 - channels["magnitude"].noise ** 2
-        square -= max(tilt, 0.0) * np.sin(dip) ** 2
-    level = max(radius * np.cos(dip), 1e-9)
-    return float(np.degrees(np.sqrt(max(square, 0.0)) / level))

@@ -241,8 +241,9 @@ def _findings(
     found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(_doubt_attitude(tilt_sd, felt=problem.shared is not None))
-    if (azimuth := check_azimuth(evidence, problem, channels)) is not None:
-        found.append(azimuth)
+    if problem.relative is None:
+        dip = evidence.coverage.inclination_deg
+        found += filter(None, (check_azimuth(channels, evidence.radius, dip),))
     return tuple(found)
 
 

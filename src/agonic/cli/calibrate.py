@@ -11,6 +11,7 @@ import typer
 from agonic.console.options import (
     At,
     Between,
+    Course,
     Date,
     Json,
     LogPath,
@@ -48,10 +49,7 @@ def calibrate(
         ),
     ] = None,
     between: Between = None,
-    course: Annotated[
-        bool,
-        typer.Option("--course", help="The course over ground is the heading: cars, rovers only."),
-    ] = False,
+    course: Course = False,
     mounting: Annotated[
         str | None,
         typer.Option(

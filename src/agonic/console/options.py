@@ -59,6 +59,9 @@ KnownField = Annotated[
         "log, a coil's or a reference magnetometer's, matched by time.",
     ),
 ]
+Course = Annotated[
+    bool, typer.Option("--course", help="The course over ground is the heading: cars, rovers only.")
+]
 Between = Annotated[
     str | None,
     typer.Option(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from agonic.attitude.azimuth import check_azimuth
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
@@ -15,6 +16,8 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 
 INCLINATION_DOUBTFUL_DEG = 3.0
+WALKS_DEG = 0.5
+"""°/√s: no gyro is as noisy; one with a clock off by 0.3 s, or with other axes, seems so."""
 OPPOSITE_DEG = 15.0
 """A dip is the opposite of the known one to this, and known one steep enough to tell."""
 
@@ -36,6 +39,21 @@ def check_inclination(solved: Solved) -> Finding | None:
     )
 
 
+def check_gyro(fit: Fit, solved: Solved) -> Finding | None:
+    """The finding that the gyro does not turn as the field does.
+
+    A vehicle that brakes leans the vertical that is felt, and with it the azimuth of the field: so
+    the gyro is blamed only where it contradicts the joint estimate too, which knows the tilt by
+    the field.
+    """
+    if solved.walk_deg < WALKS_DEG:
+        return None
+    magnitude = fit.calibration.magnitude
+    assert magnitude is not None
+    radius = 3 * magnitude / float(np.trace(fit.calibration.matrix))
+    return check_azimuth(fit.channels, radius, fit.coverage.inclination_deg, felt=True)
+
+
 def check_gravity(
     fit: Fit, samples: Samples, given: Reference | None, settings: Settings
 ) -> Finding | None:
@@ -43,8 +61,7 @@ def check_gravity(
 
     Then the field seems to dip by as much towards the sky.
     """
-    doubted = {finding.name for finding in fit.findings if finding.severity == "refuse"}
-    if given is None or given.values.ndim == 1 or not doubted & {"attitude", "heading"}:
+    if given is None or given.values.ndim == 1 or fit.verdict != "refused":
         return None
     level, below = given.horizontal_and_vertical(len(samples)).mean(axis=0)
     magnitude = Reference.constant(float(np.hypot(level, below)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.fit import Fit
 from agonic.health.turning import check_turning
-from agonic.inertial.evidence import check_gravity, check_inclination, without_scale
+from agonic.inertial.evidence import check_gravity, check_gyro, check_inclination, without_scale
+from agonic.inertial.headings import find_headings, name_heading, without_heading
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
-from agonic.inertial.solve import solve, solve_beside
+from agonic.inertial.solve import join_headings, solve, solve_beside
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -37,6 +38,7 @@ def fit_inertial(
     gyro_scale_sd: float = 0.02,
     speed_sd_m_s: float = 10.0,
     stretch_s: float = 30.0,
+    heading_offset_sd_deg: float = 1.0,
     accelerometer_scale_sd: float | None = None,
     seed: int = 0,
 ) -> InertialFit:
@@ -51,6 +53,10 @@ def fit_inertial(
     of the three kinds of residual is weighted by its own scatter. Without a gyro, or without times,
     the azimuth is left out and each row's acceleration tells down.
 
+    Headings that do not come from the magnetometer (by GPS, of a filter of velocities, the course)
+    join beside a gyro: heading = atan2(Rx̂ east, Rx̂ north) + offset, the offset one unknown of all.
+    Those that follow the magnetometer, or turn otherwise than the gyro, are left out and told.
+
     Parameters
     ----------
     samples : with `acceleration`, and best `rotation_rate` and `time`.
@@ -63,6 +69,7 @@ def fit_inertial(
     accelerometer_sd_m_s2 : standard deviation of the prior on each axis of its bias.
     gyro_bias_sd_deg_s, gyro_scale_sd : those of the gyro's bias, degrees a second, and scale.
     speed_sd_m_s : that of a speed which the vehicle keeps in turns, on each of its axes.
+    heading_offset_sd_deg : that of what all known headings share, where the declination is known.
     stretch_s : seconds over which the first estimate trusts the gyro to keep a heading.
     accelerometer_scale_sd : prior on the nine entries of the accelerometer's gain beside one;
         `None`: its gain is one, but for gravity's own 0.3 % from place to place.
@@ -95,33 +102,44 @@ def fit_inertial(
         gyro_scale_sd=gyro_scale_sd,
         speed_sd_m_s=speed_sd_m_s,
         stretch_s=stretch_s,
+        heading_offset_sd_deg=heading_offset_sd_deg,
         accelerometer_scale_sd=accelerometer_scale_sd,
         seed=seed,
     )
     solved = solve(samples, reference, settings)
+    headings, doubt = find_headings(solved)
+    if headings is not None:
+        solved = join_headings(solved, headings)
+    level = without_heading(solved.samples)
     fit = make_fit(
         solved.found,
         solved.problem,
         solved.scale,
-        solved.samples,
+        level,
         solved.usable,
         solved.settings,
         "inertial",
     )
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
-    fit = fit.with_findings(check_turning(samples), check_inclination(solved))
+    told = (check_gyro(fit, solved), check_turning(samples), check_inclination(solved), doubt)
+    fit = fit.with_findings(*told)
     fit = fit.with_findings(check_gravity(fit, samples, reference, settings))
     if reference is None:
         fit = without_scale(fit, samples.unit)
+    if headings is not None:
+        named = f"{name_heading(samples)} told the heading beside the gyro"
+        fit = replace(fit, remarks=(*fit.remarks, named))
     return InertialFit(
         **{f.name: getattr(fit, f.name) for f in fields(Fit)},
-        samples=solved.samples,
+        samples=level,
         reference=solved.reference,
         felt=solved.felt,
         inertial_errors=solved.errors,
         inertial_sd=np.sqrt(variances) * solved.sds,
         accelerometer_gain=solved.gain,
         settings=solved.settings,
+        headings=headings,
+        heading_source=None if headings is None else name_heading(samples),
     )
 
 
@@ -137,7 +155,13 @@ def fit_part(whole: InertialFit, samples: Samples, reference: Reference) -> Affi
         among = np.zeros(len(whole.samples), dtype=bool)
         among[rows] = True
         found = solve_beside(
-            whole.samples, whole.reference, whole.felt, whole.inertial_errors, whole.settings, among
+            whole.samples,
+            whole.reference,
+            whole.felt,
+            whole.inertial_errors,
+            whole.settings,
+            among,
+            whole.headings,
         )
     return make_calibration(
         found.found, found.problem, found.scale, found.samples, whole.settings, "inertial"

@@ -8,6 +8,7 @@ from agonic.arrays import Array, Index
 from agonic.attitude.problem import Scale, normalise
 from agonic.inertial.attitude import Inertial, find_parts
 from agonic.inertial.maths.factors import GRAVITY_SD, Log
+from agonic.inertial.maths.headings import Headings
 from agonic.inertial.settings import Settings
 from agonic.maths.equation.affine import FREE, correct, split
 from agonic.maths.equation.channels import Problem, field_of_terms
@@ -25,9 +26,9 @@ FEWEST = 30
 
 
 def with_tilt(samples: Samples, felt: Inertial) -> Samples:
-    """The samples with roll and pitch as they were felt, and no heading."""
+    """The samples with roll and pitch as they were felt."""
     roll, pitch = kernel.roll_pitch_deg(kernel.tilt_from_down(felt.down))
-    return samples.with_columns(roll_deg=roll, pitch_deg=pitch, heading_deg=None)
+    return samples.with_columns(roll_deg=roll, pitch_deg=pitch)
 
 
 def pose(
@@ -82,8 +83,14 @@ def without_errors(samples: Samples, errors: Array) -> Samples:
     return samples.with_columns(acceleration=force, rotation_rate=rate)
 
 
-def make_log(samples: Samples, felt: Inertial, sds: Array, scale_sd: float | None) -> Log:
-    """What the inertial unit recorded, with the noise that was felt of it."""
+def make_log(
+    samples: Samples,
+    felt: Inertial,
+    sds: Array,
+    scale_sd: float | None,
+    headings: Headings | None = None,
+) -> Log:
+    """What the inertial unit recorded, with the noise that was felt of it, and known headings."""
     assert samples.time is not None
     assert samples.acceleration is not None
     assert samples.rotation_rate is not None
@@ -100,6 +107,7 @@ def make_log(samples: Samples, felt: Inertial, sds: Array, scale_sd: float | Non
         sds,
         gains,
         NODDING_S,
+        headings,
     )
 
 

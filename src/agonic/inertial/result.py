@@ -9,6 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.fit import Fit
 from agonic.inertial.attitude import Inertial
+from agonic.inertial.maths.headings import Headings
 from agonic.inertial.settings import Settings
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -22,7 +23,8 @@ class InertialFit(Fit):
     theirs; `felt` is that attitude, with the errors found taken out. `inertial_errors` (q,) and
     their `inertial_sd`: the accelerometer's bias, m/s², and with a gyro its bias, rad/s, its scale,
     and the speed, m/s, that the vehicle keeps in turns. `accelerometer_gain` (3, 3) is what it
-    reads over what it feels, where there is a gyro.
+    reads over what it feels, where there is a gyro. `headings` are those that joined, and
+    `heading_source` what told them.
     """
 
     samples: Samples
@@ -32,6 +34,8 @@ class InertialFit(Fit):
     inertial_sd: Array
     accelerometer_gain: Array | None
     settings: Settings
+    headings: Headings | None = None
+    heading_source: str | None = None
 
     @property
     def accelerometer_bias(self) -> Array:
@@ -46,7 +50,8 @@ class InertialFit(Fit):
     @property
     def source(self) -> str:
         """What told the attitude."""
-        return "accelerometer" if self.felt.ahead is None else "accelerometer and gyro"
+        unit = "accelerometer" if self.felt.ahead is None else "accelerometer and gyro"
+        return unit if self.heading_source is None else f"{unit}, and {self.heading_source}"
 
     def find_rows(self, samples: Samples) -> Index | None:
         """The rows of the fit that some of its samples are; `None` where they are others."""

@@ -13,6 +13,7 @@ _POSITIVE = (
     "gyro_scale_sd",
     "speed_sd_m_s",
     "stretch_s",
+    "heading_offset_sd_deg",
     "accelerometer_scale_sd",
 )
 
@@ -30,6 +31,7 @@ class Settings(AttitudeSettings):
     gyro_scale_sd: float = 0.02
     speed_sd_m_s: float = 10.0
     stretch_s: float = 30.0
+    heading_offset_sd_deg: float = 1.0
     accelerometer_scale_sd: float | None = None
     inclination_sd: float = 0.0
 

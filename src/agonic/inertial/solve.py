@@ -10,6 +10,7 @@ from agonic.arrays import Array, Mask
 from agonic.attitude.fit import estimate_usable
 from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.fresh import without_held
+from agonic.inertial.maths.headings import Headings
 from agonic.inertial.maths.joint import Joint, estimate_jointly
 from agonic.inertial.problem import make_log, orient, standard_deviations, without_errors
 from agonic.inertial.settings import INCLINATION_SD, Settings
@@ -46,6 +47,11 @@ def solve(samples: Samples, reference: Reference | None, settings: Settings) -> 
     return _free_attitude(solved) if solved.felt.ahead is not None else solved
 
 
+def join_headings(solved: Solved, headings: Headings) -> Solved:
+    """The estimate with headings that do not come from the magnetometer beside it."""
+    return _free_attitude(solved._replace(headings=headings))
+
+
 def solve_beside(
     samples: Samples,
     reference: Reference,
@@ -53,10 +59,11 @@ def solve_beside(
     errors: Array,
     settings: Settings,
     among: Mask,
+    headings: Headings | None = None,
 ) -> Solved:
     """The same from some of the readings (n,), where the attitude is felt already.
 
-    Parameters: `errors` (q,) of the unit, as they were taken out.
+    Parameters: `errors` (q,) of the unit, as they were taken out; headings of all rows.
     """
     sds = standard_deviations(felt, settings)
     posed = pose_felt(samples, reference, felt, settings, errors / sds)
@@ -65,17 +72,21 @@ def solve_beside(
     some = usable if felt.ahead is None else thin_out(usable)
     found = estimate_usable(problem, some, settings)
     solved = Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
+    solved = solved._replace(headings=headings)
     return _free_attitude(solved) if felt.ahead is not None else solved
 
 
 def _free_attitude(solved: Solved) -> Solved:
     """The joint estimate, attitudes free, from the one beside the attitude that was felt."""
     found, samples = solved.found, solved.samples
+    assert samples.time is not None
     params, q, noise = found.solution.params, len(solved.sds), found.noise["magnitude"]
     felt = feel_attitude(without_errors(samples, solved.errors))
     joint = estimate_jointly(
         solved.problem,
-        make_log(samples, felt, solved.sds, solved.settings.accelerometer_scale_sd),
+        make_log(
+            samples, felt, solved.sds, solved.settings.accelerometer_scale_sd, solved.headings
+        ),
         params,
         orient(solved.problem, samples, felt, params),
         solved.usable.astype(np.float64),
@@ -100,6 +111,7 @@ def _free_attitude(solved: Solved) -> Solved:
         reference=reference,
         felt=again,
         gain=joint.gain,
+        walk_deg=float(np.degrees(joint.sds[2] * np.sqrt(np.median(np.diff(samples.time))))),
     )
 
 

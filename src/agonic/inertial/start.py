@@ -14,6 +14,7 @@ from agonic.errors import CoverageError
 from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.fresh import find_fresh
+from agonic.inertial.maths.headings import Headings
 from agonic.inertial.problem import (
     pose,
     standard_deviations,
@@ -40,7 +41,10 @@ small to act twice."""
 
 
 class Solved(NamedTuple):
-    """An estimate with the problem that it solves, of which rows, and the attitude it rests on."""
+    """An estimate with the problem that it solves, of which rows, and the attitude it rests on.
+
+    `walk_deg`, °/√s, is by how much the gyro walks away from the attitudes of a joint estimate.
+    """
 
     found: Estimate
     problem: Problem
@@ -52,6 +56,8 @@ class Solved(NamedTuple):
     sds: Array
     settings: Settings
     gain: Array | None = None
+    headings: Headings | None = None
+    walk_deg: float = 0.0
 
     @property
     def errors(self) -> Array:

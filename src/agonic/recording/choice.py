@@ -15,6 +15,7 @@ from agonic.attitude.disturbers import (
     list_moving,
 )
 from agonic.attitude.fit import CHANNELS, fit_channels_alone
+from agonic.attitude.heading_source import check_heading_source
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.known_heading import is_known
 from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
@@ -31,7 +32,6 @@ from agonic.fit import Fit
 from agonic.health import Finding
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
-from agonic.recording.heading_source import check_heading_source
 from agonic.recording.sources import add_choice, fit_with_sources, keep_common, list_sources
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -212,6 +212,8 @@ def _fit_with_attitude(
     if fit is None:
         fit = run(samples, reference, **settings)
     if isinstance(fit, InertialFit):
+        if fit.heading_source is not None:
+            reason += f", and {fit.heading_source} the heading beside the gyro"
         part = partial(fit_part, fit)
         return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
     same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}

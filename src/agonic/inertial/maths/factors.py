@@ -6,6 +6,7 @@ rest −g ẑ, always. With the attitude R of the sensor in them, and an error �
     reading   raw − bias − W⁻¹ Rᵀ B                                in the sensor's axes
     force     ⟨R (force − b_a − ω × v + (1 + S) g Rᵀ ẑ)⟩            in the level axes
     rate      Log(R₂ (R₁ D)ᵀ), D what ω turns between two states    in the level axes
+    heading   atan2(R₂₁, R₁₁) − heading − offset                     where one is known (`headings`)
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.inertial.maths.headings import Headings
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem, field_of_terms
 from agonic.maths.rotations.low_pass import low_pass
@@ -44,7 +46,8 @@ class Log(NamedTuple):
     deviations of a row's noise; `sds` (q,) of the shared errors, first those of the unit: bias of
     the accelerometer, bias and scale of the gyro, speed, three each. `gains` (g, 3, 3): what one
     standard deviation of each gain of the accelerometer adds to S. `settling_s`: time constant of
-    ⟨⟩, for a vehicle that nods in a gust does not change its course at once.
+    ⟨⟩, for a vehicle that nods in a gust does not change its course at once. `headings`: those that
+    do not come from the magnetometer, where there are any.
     """
 
     time: Array
@@ -56,6 +59,12 @@ class Log(NamedTuple):
     sds: Array
     gains: Array
     settling_s: float
+    headings: Headings | None = None
+
+    @property
+    def extra(self) -> int:
+        """How many parameters come after those of the problem: gains, and the headings' offset."""
+        return len(self.gains) + (self.headings is not None)
 
 
 class Felt(NamedTuple):
@@ -74,13 +83,14 @@ class Felt(NamedTuple):
 
 def take_out(log: Log, params: Array) -> Felt:
     """What the inertial unit felt, without the errors found."""
-    gain = len(params) - len(log.gains)
+    gain = len(params) - log.extra
     unit = gain - len(log.sds)
     errors = params[unit:gain] * log.sds
     rate = (log.rate - errors[3:6]) / (1.0 + errors[6:9])
     track = lay_track(log.time, rate, log.parts)
     force = log.force - errors[:3]
-    return Felt(force, rate, track, errors[9:12], params[gain:], unit, gain, len(params))
+    gains = params[gain : gain + len(log.gains)]
+    return Felt(force, rate, track, errors[9:12], gains, unit, gain, len(params))
 
 
 def sum_readings(
@@ -151,7 +161,7 @@ def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
         first = felt.unit
         by_params[:, :, first : first + 3] = -axes[rows] * log.sds[:3]
         by_params[:, :, first + 9 : first + 12] = -turning[rows] * log.sds[9:12]
-        by_params[:, :, felt.gain :] = -stretched[rows]
+        by_params[:, :, felt.gain : felt.gain + len(log.gains)] = -stretched[rows]
         by_state = np.broadcast_to(-skew(_UP), (n, 3, 3))
         return sum_rows(track, level[rows] - _UP, by_state, by_params, np.ones(n))
 

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.inertial.maths.factors import Log, sum_force, sum_rate, sum_readings, take_out
+from agonic.inertial.maths.headings import sum_headings
 from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.batch_means import compute_scatter
@@ -33,8 +34,9 @@ _TUKEY = 0.961  # Σ w q / Σ w of Gaussian vectors under Tukey's loss, q = r²/
 
 class Joint(NamedTuple):
     """The joint estimate: parameters (p,) and their covariance; attitudes (N, 3, 3) of the states
-    and their track; the noise of a reading, a force and a rate; how much each
-    reading counts; and the gain (3, 3) of the accelerometer."""
+    and their track; the noise of a reading, a force and a rate, and of headings in units of what
+    they state; how much each reading counts; the gain (3, 3) of the accelerometer, and the offset
+    of the headings, rad."""
 
     params: Array
     covariance: Array
@@ -44,6 +46,7 @@ class Joint(NamedTuple):
     sds: Array
     weights: Array
     gain: Array
+    offset: float
 
 
 class _Step(NamedTuple):
@@ -76,10 +79,13 @@ def estimate_jointly(
     attitudes (n, 3, 3) from the sensor's axes to magnetic north, east and down; weights (n,) of the
     readings, and their noise and loss.
     """
-    params = np.concatenate([params, np.zeros(len(log.gains))])
-    prior = _add_gains(problem, len(log.gains))
+    params = np.concatenate([params, np.zeros(log.extra)])
+    prior = _add_gains(problem, log.extra)
     least = np.array([1e-9, max(log.force_sd, _LEAST_FORCE), max(log.rate_sd, 1e-5)]) ** 2
     variances = np.maximum(least, [noise_sd**2, 0.0, 0.0])
+    by_headings: tuple[Sums, ...] = ()
+    if log.headings is not None:
+        variances = np.append(variances, 1.0)
     weights, states = usable, start[take_out(log, params).track.nodes]
     for turn in range(_ROUNDS):
         felt = take_out(log, params)
@@ -87,14 +93,19 @@ def estimate_jointly(
         readings, squares = sum_readings(problem, felt, attitudes, params, weights)
         force = sum_force(log, felt, attitudes)
         groups = (readings, force, sum_rate(log, felt, states, attitudes))
-        step = _solve(groups, variances, prior, params)
+        if log.headings is not None:
+            headings, scatter = sum_headings(log.headings, felt.track, attitudes, params)
+            by_headings = (headings,)
+        step = _solve((*groups, *by_headings), variances, prior, params)
         params = params + step.params
         states = Rotation.from_rotvec(step.states).as_matrix() @ states
         if turn:
             expected = 1.0 if loss is leastsq.squares() else _TUKEY
-            updated = _update(groups, variances, least, step.spread) / [expected, 1.0, 1.0]
+            updated = _update(groups, variances[:3], least, step.spread) / [expected, 1.0, 1.0]
             updated[1] = _measure_force(force, least[1])
             updated[0] = max(updated[0], least[0])
+            if by_headings:
+                updated = np.append(updated, scatter)
             change = np.abs(np.log(updated / variances)).max()
             variances = updated
             weights = usable * loss.weight(squares / (3 * variances[0]))
@@ -109,7 +120,8 @@ def estimate_jointly(
         felt.track,
         np.sqrt(variances),
         weights,
-        np.eye(3) + np.tensordot(params[len(params) - len(log.gains) :], log.gains, axes=1),
+        np.eye(3) + np.tensordot(params[len(params) - log.extra :][: len(log.gains)], log.gains, 1),
+        0.0 if log.headings is None else float(params[-1] * log.headings.offset_sd),
     )
 
 

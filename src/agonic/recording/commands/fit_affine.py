@@ -10,6 +10,7 @@ import typer
 from agonic.console.options import (
     At,
     Between,
+    Course,
     Date,
     Json,
     LogPath,
@@ -101,6 +102,7 @@ def aided(
     date: Date = None,
     sources: Sources = "",
     second: Second = None,
+    course: Course = False,
     model: Model = "full",
     gauge: FreeGauge = "auto",
     robust: Robust = True,
@@ -112,6 +114,12 @@ def aided(
     """Bias and matrix, aided by the attitude; the kind says by how much of it."""
     settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
     samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
+    if course:
+        from agonic.attitude.course import with_course
+
+        if context.info_name == "levelled":
+            raise AgonicError("--course is of no use to a levelled fit: ask for inertial or vector")
+        samples = with_course(samples)
     return _run(str(context.info_name), samples, (at, date, None), settings, out, as_json)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.attitude.levelled import fit_levelled
+from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
 from agonic.maths.estimation.leastsq import MAD_TO_SD
@@ -31,17 +32,22 @@ MANY = 0.2
 """Share of the stretches that may disagree: GPS has its moments."""
 
 
-def check_heading_source(samples: Samples, reference: Reference) -> Finding | None:
+def check_heading_source(
+    samples: Samples, reference: Reference, calibration: Affine | None = None
+) -> Finding | None:
     """The finding that a log's heading cannot teach a calibration; `None` where nothing is against.
 
     A heading that comes from the magnetometer agrees with the field as it was read, or as the
     autopilot corrected it on board, and not with the calibrated field. One by a filter that has not
     settled turns otherwise than the gyro does.
+
+    Parameters: samples with roll, pitch and heading; a calibration made without the heading, which
+    is fitted by roll and pitch where there is none.
     """
     if samples.heading_deg is None or samples.roll_deg is None or samples.pitch_deg is None:
         return None  # the fit says what is missing
     named = samples.heading_source or "the logged heading"
-    if (followed := _find_followed(samples, reference)) is not None:
+    if (followed := _find_followed(samples, reference, calibration)) is not None:
         what, own, other = followed
         return Finding(
             "heading follows the magnetometer",
@@ -61,19 +67,22 @@ def check_heading_source(samples: Samples, reference: Reference) -> Finding | No
     return None
 
 
-def _find_followed(samples: Samples, reference: Reference) -> tuple[str, float, float] | None:
+def _find_followed(
+    samples: Samples, reference: Reference, calibration: Affine | None
+) -> tuple[str, float, float] | None:
     """What the heading follows, and how far it scatters about that and the calibrated field."""
     assert samples.heading_deg is not None
     assert samples.roll_deg is not None
     assert samples.pitch_deg is not None
     rows = samples.heading_known
-    try:
-        levelled = fit_levelled(samples, reference)
-    except AgonicError:
-        return None
+    if calibration is None:
+        try:
+            calibration = fit_levelled(samples, reference).calibration
+        except AgonicError:
+            return None
     tilt = kernel.tilt_from_angles(samples.roll_deg[rows], samples.pitch_deg[rows])
     logged = samples.heading_deg[rows]
-    calibrated = kernel.heading_deg(levelled.calibration.correct(samples.field[rows]), tilt)
+    calibrated = kernel.heading_deg(calibration.correct(samples.field[rows]), tilt)
     other = _scatter_deg(logged - calibrated)
     for what, field in _list_read(samples):
         read = kernel.heading_deg(field[rows], tilt)
