@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from agonic.calibration.sources import parse_source
 from agonic.calibration.thermal import Thermal
-from agonic.inflight.fit import fit_inflight
+from agonic.errors import AgonicError
+from agonic.inflight.fit import fit_inflight, fit_mission, large_scan
 from agonic.inflight.fit.torquers import find_settling_s
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.samples import Samples
+from tests.inflight.test_mission import Pieces
 
 COMMANDS = ("torquer_x_Am2", "torquer_y_Am2", "torquer_z_Am2")
 TORQUER = 3000.0
@@ -41,15 +45,41 @@ def test_what_a_torquer_adds_is_found_within_its_stated_error() -> None:
     assert 0.75 < np.sqrt(np.mean(np.square(scaled))) < 1.25
 
 
-def test_readings_while_torquers_settle_are_found_and_left_out() -> None:
-    samples, ground, _ = flown(3, 2.0)
-    fit = fit_inflight(samples, ground=ground, sources=COMMANDS, drift_knots=0)
-    said = {finding.name: finding for finding in fit.findings}
-    assert "torquers settling" in said
-    assert fit.n < 0.95 * len(samples)
-    added = fit.sources * 0.2 / TORQUER
+def test_the_time_constant_of_torquers_is_found_and_no_reading_is_lost() -> None:
+    """The field follows a command exponentially: modelled, all readings take part."""
+    scaled, constants = [], []
+    for seed in range(6):
+        samples, ground, moved = flown(seed, 2.0)
+        fit = fit_inflight(samples, ground=ground, sources=COMMANDS, drift_knots=0)
+        said = {finding.name: finding for finding in fit.findings}
+        assert "time constant of" in said["torquers followed"].what
+        assert "torquers settling" not in said
+        assert fit.n == len(samples)
+        added = fit.sources * 0.2 / TORQUER - ground.matrix[0]
+        scaled.append(added / (fit.sources_sd * 0.2 / TORQUER))
+        constants.append(-parse_source(fit.source_names[0]).time_constant_s)
+        assert np.linalg.norm(fit.change.bias - moved) < 5 * np.linalg.norm(fit.sd[:3])
+    assert 0.75 < np.sqrt(np.mean(np.square(scaled))) < 1.25
+    assert np.abs(np.array(constants) - 2.0).max() < 0.04
+
+
+def test_a_mission_in_pieces_leaves_out_what_one_piece_does(monkeypatch) -> None:
+    """Switches are followed across pieces and counted in all rows, not in the thinned ones."""
+    samples, ground, _ = flown(4, 2.0, n=20_000)
+    whole = fit_inflight(samples, ground=ground, drift_knots=0)
+    for most, share, apart in ((20_000, 0.0, 0.3), (3_000, 0.1, 2.0)):  # fewer rows tell less
+        monkeypatch.setattr(large_scan, "MOST", most)
+        fit = fit_mission(Pieces(samples, 3_777), ground=ground, drift_knots=0)
+        assert abs(fit.n - whole.n) <= share * whole.n
+        assert np.abs((fit.change.bias - whole.change.bias) / whole.sd[:3]).max() < apart
+        assert "torquers on" in [finding.name for finding in fit.findings]
+    modelled = fit_mission(Pieces(samples, 3_777), ground=ground, drift_knots=0, sources=COMMANDS)
+    assert "torquers settling" in [finding.name for finding in modelled.findings]
+    assert modelled.n > 1.1 * fit.n
+    added = modelled.sources * 0.2 / TORQUER
     assert np.abs(added - ground.matrix[0]).max() < 0.02
-    assert fit.noise < 60.0
+    with pytest.raises(AgonicError, match="piece by piece"):
+        fit_mission(Pieces(samples, 3_777), ground=ground, sources=("torquer_x_Am2~-2",))
 
 
 def test_torquers_that_are_not_modelled_are_left_out_while_on() -> None:

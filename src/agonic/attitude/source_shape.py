@@ -1,11 +1,8 @@
 """The shape in which sources count: the power of a duty, and how a column goes with its effect.
 
 Values of a grid are compared on blocks of time that were not fitted, like sources. One that surely
-leaves less than the usual one is refined: with x the sources and x' = ∂x/∂θ beside them in a fit,
-
-    K (x + x' δ) = K x + S x',   so   δ = (kᵀ C⁻¹ s) / (kᵀ C⁻¹ k),   sd² = 1 / (kᵀ C⁻¹ k),
-
-where k and s are the entries of K and S, and C is the covariance of s.
+leaves less than the usual one is refined by fits with the sources x and ∂x/∂θ side by side
+(`find_move`).
 """
 
 from __future__ import annotations
@@ -25,6 +22,7 @@ from agonic.attitude.source_names import name_sources
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import Source, list_columns, parse_source, spell_source
 from agonic.errors import AgonicError
+from agonic.maths.estimation.shape import find_move
 from agonic.samples import Samples
 
 What = Literal["power", "delay", "time constant"]
@@ -185,9 +183,7 @@ def _compare_slopes(found: Interference, first: int, count: int) -> tuple[float,
     covariance = found.covariance[-3 * width :, -3 * width :][np.ix_(at, at)]
     terms: Array = found.coefficients[:, first : first + count].ravel()
     slopes: Array = found.coefficients[:, first + count :].ravel()
-    weighted = np.linalg.solve(covariance, terms)
-    information = float(terms @ weighted)
-    return float(slopes @ weighted) / information, information**-0.5
+    return find_move(terms, slopes, covariance)
 
 
 def _respell(sources: Sequence[str], what: What, value: float) -> tuple[str, ...]:

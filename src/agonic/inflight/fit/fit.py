@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -13,6 +12,7 @@ from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
 from agonic.field.place import describe_missing, field_along
 from agonic.inflight.fit import evidence
+from agonic.inflight.fit.decay import follow_commands, leave_out_settling
 from agonic.inflight.fit.pointing import expect_direction, find_direction_e
 from agonic.inflight.fit.problem import (
     Attitude,
@@ -24,9 +24,8 @@ from agonic.inflight.fit.problem import (
     select_rows,
 )
 from agonic.inflight.fit.result import InflightFit, build_result
-from agonic.inflight.fit.solve import Estimate, find_estimate
+from agonic.inflight.fit.solve import find_estimate
 from agonic.inflight.fit.torquers import (
-    find_settling_s,
     leave_out_unmodelled,
     measure_since_switch,
 )
@@ -67,7 +66,8 @@ def fit_inflight(
     ----------
     samples : readings with times; with a track and a date where no reference is given. Rows that
         are `flagged` are left out, and so are those in which a torquer is on (a disturber in A m²)
-        that `sources` do not name, or has not settled yet after it switched.
+        that `sources` do not name, or has not settled yet after it switched; where `sources` name
+        it, the time constant with which its field follows is found and taken into account.
     reference : the field on the way, or a scalar instrument's reading (`Reference.magnitude`);
         default: the world model along the samples' own track. With the attitude directions are
         those of the world model where the reference is a magnitude.
@@ -99,6 +99,7 @@ def fit_inflight(
 
     Examples
     --------
+    >>> from dataclasses import replace
     >>> from agonic.simulation import simulate
     >>> made = simulate("tumble", n=4000, noise=50.0)
     >>> ground = replace(made.truth, bias=made.truth.bias + [800.0, -300.0, 500.0])
@@ -124,7 +125,10 @@ def fit_inflight(
     )
     problem = _pose_problem(samples, reference, ground, exclude, settings)
     problem, estimate = find_estimate(problem)
-    settled = _without_settling(problem, estimate)
+    problem, estimate = follow_commands(problem, estimate)
+    since = measure_since_switch(problem.samples, problem.torquers.commands)
+    step_s = float(np.median(np.diff(problem.time)))
+    settled = leave_out_settling(problem, estimate, since, step_s)
     if settled is not problem:
         problem, estimate = find_estimate(settled)
     return evidence.examine(build_result(problem, estimate, samples), problem, samples)
@@ -168,23 +172,6 @@ def _pose_problem(
         direction_e=find_direction_e(samples, along),
         torquers=torquers,
     )
-
-
-def _without_settling(problem: Problem, estimate: Estimate) -> Problem:
-    """The problem without readings that are taken while torquers settle, where that shows."""
-    torquers = problem.torquers
-    if not torquers.commands:
-        return problem
-    since = measure_since_switch(problem.samples, torquers.commands)
-    step = float(np.median(np.diff(problem.time)))
-    settling_s = find_settling_s(since[problem.used], estimate.residuals["magnitude"], step)
-    within = since < settling_s - 0.5 * step
-    if not (problem.used & within).any():
-        return problem
-    left = problem.used & ~within
-    require_enough(left)
-    known = replace(torquers, settling_s=settling_s, settling=int((problem.used & within).sum()))
-    return replace(problem, used=left, torquers=known)
 
 
 def _check(samples: Samples, ground: Calibration | None, settings: Settings) -> None:

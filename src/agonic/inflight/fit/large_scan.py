@@ -14,7 +14,8 @@ from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model, describe_missing
 from agonic.inflight.fit.pointing import find_direction_e
 from agonic.inflight.fit.problem import Settings, require_enough, select_rows
-from agonic.samples import COLUMNS, Samples
+from agonic.inflight.fit.torquers import Switches, list_dipoles
+from agonic.samples import Samples
 
 Progress = Callable[[str, int], None]
 
@@ -35,10 +36,12 @@ class Recording(Protocol):
 
 class Known(NamedTuple):
     """The magnitude at readings (n,), NaN where one is left out, and the direction (n, 3) of the
-    field in Earth-fixed axes, NaN where it is not known."""
+    field in Earth-fixed axes, NaN where it is not known; in the first pass also the seconds since a
+    torquer was switched (n,)."""
 
     magnitudes: Array
     direction_e: Array | None
+    since: Array | None = None
 
 
 def write_known(cache: IO[bytes], known: Known) -> None:
@@ -60,13 +63,14 @@ def read_known(cache: IO[bytes], n: int) -> Known:
 
 class Scan(NamedTuple):
     """What the first pass found: rows every `stride`-th with what is known there, how many readings
-    take part, seconds between two, what later passes need not read, and what told the field."""
+    can take part, seconds between two, what later passes need not read, and what told the field."""
 
     samples: Samples
     magnitudes: Array
     direction_e: Array | None
+    since: Array
     stride: int
-    taking_part: int
+    usable: int
     step_s: float
     without: tuple[str, ...]
     source: str
@@ -79,6 +83,7 @@ def scan_recording(
     model = _Model()
     magnitude = _scalar if scalar else model
     thin, done, count, clean, step = _ThinnedRows(), 0, 0, True, 0.0
+    switches: Switches | None = None
     for samples in recording.pieces():
         if samples.time is None:
             raise AgonicError("a fit in flight needs times; the log has none")
@@ -90,7 +95,8 @@ def scan_recording(
         )
         known = known._replace(magnitudes=values)
         write_known(cache, known)
-        thin.add(samples, known)
+        switches = switches or Switches(list_dipoles(samples))
+        thin.add(samples, known._replace(since=switches.measure_since(samples)))
         clean &= not samples.rejected
         done += len(samples)
         count += int(np.isfinite(values).sum())
@@ -100,7 +106,12 @@ def scan_recording(
     require_enough(np.ones(count, dtype=bool))
     samples, known = thin.whole()
     source = "the scalar instrument in the record" if scalar else model.source
-    return Scan(samples, *known, thin.stride, count, step, TRACK if clean else (), source)
+    without = TRACK if clean else ()
+    assert known.since is not None
+    return Scan(
+        samples, known.magnitudes, known.direction_e, known.since, thin.stride, count, step,
+        without, source,
+    )  # fmt: skip
 
 
 class _Model:
@@ -160,17 +171,21 @@ class _ThinnedRows:
         parts = list(self._parts)
         if self._last is not None and parts[-1].number[-1] != self._last.number[0]:
             parts.append(self._last)
+        recorded = [part.samples.columns() for part in parts]
         columns = {
-            name: np.concatenate([getattr(part.samples, name) for part in parts])
-            for name in COLUMNS
-            if all(getattr(part.samples, name) is not None for part in parts)
+            name: np.concatenate([one[name] for one in recorded])
+            for name in recorded[0]
+            if all(name in one for one in recorded)
         }
-        gone = {name: None for name in COLUMNS if name not in columns}
-        samples = parts[0].samples.with_columns(**columns, **gone)
+        first = parts[0].samples
+        disturbers = {n: columns.pop(n) for n in tuple(columns) if n in first.disturbers}
+        own = dict.fromkeys(name for name in recorded[0] if name not in first.disturbers)
+        samples = first.with_columns(**{**own, **columns, "disturbers": disturbers})
         outsides = [part.known.direction_e for part in parts if part.known.direction_e is not None]
         known = Known(
             np.concatenate([part.known.magnitudes for part in parts]),
             np.concatenate(outsides) if len(outsides) == len(parts) else None,
+            np.concatenate([part.known.since for part in parts if part.known.since is not None]),
         )
         return samples, known
 
@@ -184,8 +199,12 @@ class _Part(NamedTuple):
 
     def select(self, rows: Index) -> _Part:
         """Some of the rows."""
-        magnitudes, outside_e = self.known
-        some = Known(magnitudes[rows], None if outside_e is None else outside_e[rows])
+        magnitudes, outside_e, since = self.known
+        some = Known(
+            magnitudes[rows],
+            None if outside_e is None else outside_e[rows],
+            None if since is None else since[rows],
+        )
         return _Part(self.samples.select(rows), some, self.number[rows])
 
     def every(self, stride: int) -> list[_Part]:

@@ -10,9 +10,11 @@ from typing import IO, Literal, get_args
 import numpy as np
 
 from agonic.calibration.base import Calibration, apply
+from agonic.calibration.timing import find_timing
 from agonic.errors import AgonicError, check_choice
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.covariance import Clock
+from agonic.inflight.fit.decay import leave_out_settling
 from agonic.inflight.fit.large_scan import (
     Known,
     Progress,
@@ -29,6 +31,12 @@ from agonic.inflight.fit.solve import (
     add_covariance,
     compute_residuals_of,
     find_estimate,
+)
+from agonic.inflight.fit.torquers import (
+    Switches,
+    is_on,
+    is_settling,
+    leave_out_unmodelled,
 )
 from agonic.inflight.maths.residuals import Rows, residual_pieces
 from agonic.maths.estimation import leastsq
@@ -101,6 +109,7 @@ def fit_mission(
         robust=robust,
         seed=seed,
     )
+    _check_sources(settings.sources)
     check_ground(ground)
     check_choice("solve", settings.solve, get_args(Solve))
     if ground is None and settings.solve != "full":
@@ -111,18 +120,32 @@ def fit_mission(
     with TemporaryFile() as cache:
         scan = scan_recording(recording, cache, scalar, settings, progress)
         problem, thinned = find_estimate(_pose_thinned(scan, ground, settings))
-        estimate = _solve_whole(recording, cache, scan, problem, thinned, progress)
-    return _build_result(scan, problem, estimate)
+        settled = leave_out_settling(problem, thinned, scan.since, scan.step_s)
+        if settled is not problem:
+            problem, thinned = find_estimate(settled)
+        estimate, n = _solve_whole(recording, cache, scan, problem, thinned, progress)
+    return replace(_build_result(scan, problem, estimate), n=n)
+
+
+def _check_sources(sources: tuple[str, ...]) -> None:
+    """Raise `AgonicError` for what a record in pieces cannot tell."""
+    if timed := find_timing(sources):
+        raise AgonicError(
+            f"{', '.join(timed)}: a record that is read piece by piece has no delays and time "
+            "constants of sources; name them as they are (readings while torquers settle are left "
+            "out), or give one file that fits in memory"
+        )
 
 
 def _pose_thinned(scan: Scan, ground: Calibration | None, settings: Settings) -> Problem:
     """The fit in memory."""
-    used = np.isfinite(scan.magnitudes)
+    known = np.isfinite(scan.magnitudes)
+    used, torquers = leave_out_unmodelled(scan.samples, settings.sources, known)
     require_enough(used)
     magnitude = float(scan.magnitudes[used].mean())
     return Problem(
         samples=scan.samples if ground is None else apply(ground, scan.samples),
-        wanted=np.where(used, scan.magnitudes, magnitude) / magnitude,
+        wanted=np.where(known, scan.magnitudes, magnitude) / magnitude,
         magnitude=magnitude,
         used=used,
         ground=ground,
@@ -131,6 +154,7 @@ def _pose_thinned(scan: Scan, ground: Calibration | None, settings: Settings) ->
         source=scan.source,
         rotation=np.eye(3),
         direction_e=scan.direction_e,
+        torquers=torquers,
     )
 
 
@@ -141,18 +165,27 @@ def _solve_whole(
     problem: Problem,
     estimate: Estimate,
     progress: Progress,
-) -> Estimate:
-    """The estimate from all readings, noise and terms as the rows in memory had them."""
+) -> tuple[Estimate, int]:
+    """The estimate from all readings, noise and terms as the rows in memory had them; and how many
+    readings they are."""
     loss = leastsq.tukey() if problem.settings.robust else leastsq.squares()
     noise = estimate.noise["magnitude"]._replace(loss=loss)
-    passes = 0
+    torquers = problem.torquers
+    off = torquers.unmodelled if torquers.on else ()
+    passes = taking_part = 0
 
     def source() -> Iterator[Rows]:
-        nonlocal passes
-        passes, done = passes + 1, 0
+        nonlocal passes, taking_part
+        passes, done, taking_part = passes + 1, 0, 0
+        switches = Switches(torquers.commands)
         cache.seek(0)
         for samples in recording.pieces(scan.without):
-            rows = _corrected_rows(problem, estimate, samples, read_known(cache, len(samples)))
+            known = read_known(cache, len(samples))
+            since = switches.measure_since(samples)
+            left = is_on(samples, off) | is_settling(since, torquers.settling_s, scan.step_s)
+            known = known._replace(magnitudes=np.where(left, np.nan, known.magnitudes))
+            rows = _corrected_rows(problem, estimate, samples, known)
+            taking_part += len(rows.points)
             if len(rows.points):
                 yield rows
             done += len(samples)
@@ -166,10 +199,9 @@ def _solve_whole(
         prior=build_prior(problem, estimate.terms, estimate.layout),
         tolerance=3e-2,
     )
-    time = problem.time[problem.used]
-    clock = Clock.of(float(time[0]), float(time[-1]), scan.step_s)
+    clock = Clock.of(float(problem.time[0]), float(problem.time[-1]), scan.step_s)
     whole = estimate._replace(solution=solution, noise={"magnitude": noise})
-    return add_covariance(problem, whole, source, clock)
+    return add_covariance(problem, whole, source, clock), taking_part
 
 
 def _corrected_rows(problem: Problem, estimate: Estimate, samples: Samples, known: Known) -> Rows:
@@ -191,4 +223,4 @@ def _build_result(scan: Scan, problem: Problem, estimate: Estimate) -> InflightF
     estimate = estimate._replace(residuals={"magnitude": seen})
     fit = build_result(problem, estimate, scan.samples)
     fit = replace(fit, correlation_s=fit.correlation * scan.step_s, thinned=scan.stride)
-    return replace(evidence.examine(fit, problem, scan.samples), n=scan.taking_part)
+    return evidence.examine(fit, problem, scan.samples)

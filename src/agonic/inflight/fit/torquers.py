@@ -22,14 +22,22 @@ SURELY = 4.0
 @dataclass(frozen=True, kw_only=True)
 class Torquers:
     """What was left out for torquers: rows in which `unmodelled` ones were on, and rows within
-    `settling_s` of a switch of any of `commands`."""
+    `settling_s` of a switch of any of `commands`; and the time constant with which the field
+    follows those that are modelled, 0 where it does at once."""
 
     commands: tuple[str, ...] = ()
     unmodelled: tuple[str, ...] = ()
     on: int = 0
     settling_s: float = 0.0
     settling: int = 0
+    time_constant_s: float = 0.0
+    time_constant_sd_s: float = 0.0
     rows: int = field(default=1)
+
+
+def list_dipoles(samples: Samples) -> tuple[str, ...]:
+    """The columns that hold the dipole of a torquer."""
+    return tuple(name for name in samples.disturbers if name.endswith(DIPOLE))
 
 
 def find_commands(samples: Samples) -> tuple[str, ...]:
@@ -39,11 +47,8 @@ def find_commands(samples: Samples) -> tuple[str, ...]:
     >>> find_commands(Samples(field=np.ones((2, 3)), disturbers=dipoles))
     ('torquer_x_Am2',)
     """
-    return tuple(
-        name
-        for name, values in samples.disturbers.items()
-        if name.endswith(DIPOLE) and float(np.ptp(values)) > 0
-    )
+    dipoles = list_dipoles(samples)
+    return tuple(name for name in dipoles if float(np.ptp(samples.disturbers[name])) > 0)
 
 
 def leave_out_unmodelled(
@@ -54,9 +59,7 @@ def leave_out_unmodelled(
     commands = find_commands(samples)
     taken = list_columns(sources)
     unmodelled = tuple(name for name in commands if name not in taken)
-    on = np.zeros(len(samples), dtype=bool)
-    for name in unmodelled:
-        on |= samples.disturbers[name] != 0
+    on = is_on(samples, unmodelled)
     if (used & ~on).sum() < FEWEST:
         on[:] = False
     found = Torquers(
@@ -68,21 +71,48 @@ def leave_out_unmodelled(
     return used & ~on, found
 
 
-def measure_since_switch(samples: Samples, commands: tuple[str, ...]) -> Array:
-    """Seconds since any of the commands changed last, (n,); infinite before the first change.
+class Switches:
+    """When any of some commands changed last, over a record in one piece or in several."""
 
-    >>> pulse = Samples(field=np.ones((4, 3)), time=np.arange(4.0),
-    ...                 disturbers={"torquer_x_Am2": [0.0, 0.2, 0.2, 0.2]})
-    >>> measure_since_switch(pulse, ("torquer_x_Am2",)).tolist()
-    [inf, 0.0, 1.0, 2.0]
-    """
-    assert samples.time is not None
-    if not commands:
-        return np.full(len(samples), np.inf)
-    values = np.stack([samples.disturbers[name] for name in commands], axis=1)
-    changed = np.r_[False, (np.diff(values, axis=0) != 0).any(axis=1)]
-    at = np.maximum.accumulate(np.where(changed, np.arange(len(samples)), -1))
-    return np.where(at < 0, np.inf, samples.time - samples.time[at])
+    def __init__(self, commands: tuple[str, ...]) -> None:
+        self._commands, self._at_s = commands, -np.inf
+        self._before: Array | None = None
+
+    def measure_since(self, samples: Samples) -> Array:
+        """Seconds since the last change, (n,); infinite before the first. The pieces come in order.
+
+        >>> pulse = Samples(field=np.ones((4, 3)), time=np.arange(4.0),
+        ...                 disturbers={"torquer_x_Am2": [0.0, 0.2, 0.2, 0.2]})
+        >>> Switches(("torquer_x_Am2",)).measure_since(pulse).tolist()
+        [inf, 0.0, 1.0, 2.0]
+        """
+        assert samples.time is not None
+        if not self._commands or not len(samples):
+            return np.full(len(samples), np.inf)
+        values = np.stack([samples.disturbers[name] for name in self._commands], axis=1)
+        before = values[0] if self._before is None else self._before
+        changed = (np.diff(values, axis=0, prepend=before[None]) != 0).any(axis=1)
+        at = np.maximum.accumulate(np.where(changed, samples.time, self._at_s))
+        self._before, self._at_s = values[-1], float(at[-1])
+        return np.asarray(samples.time - at)
+
+
+def measure_since_switch(samples: Samples, commands: tuple[str, ...]) -> Array:
+    """Seconds since any of the commands changed last, (n,); infinite before the first change."""
+    return Switches(commands).measure_since(samples)
+
+
+def is_settling(since: Array, settling_s: float, step_s: float) -> Mask:
+    """Whether torquers still settle in a reading, by the seconds since a switch."""
+    return since < settling_s - 0.5 * step_s
+
+
+def is_on(samples: Samples, names: tuple[str, ...]) -> Mask:
+    """Whether any of the torquers is on, (n,)."""
+    on = np.zeros(len(samples), dtype=bool)
+    for name in names:
+        on |= samples.disturbers[name] != 0
+    return on
 
 
 def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
@@ -138,6 +168,16 @@ def list_torquer_findings(torquers: Torquers) -> list[Finding]:
                 "check",
                 "torquers are on in nearly all readings, and what they add was not taken out",
                 f"take them into the fit: --with {names}",
+            )
+        )
+    if torquers.time_constant_s:
+        size = f"{torquers.time_constant_s:.3g} ± {torquers.time_constant_sd_s:.1g} s"
+        findings.append(
+            Finding(
+                "torquers followed",
+                "note",
+                f"the field follows the torquers with a time constant of {size}, which is taken "
+                "into account",
             )
         )
     if torquers.settling:
