@@ -5,9 +5,17 @@ import pytest
 
 import agonic as ag
 from agonic.exports.csv import write_csv
-from agonic.recording.mounting import parse_mounting, turn_back, turn_calibration, turn_readings
+from agonic.recording.mounting import (
+    calibrate_mounted,
+    find_turn,
+    parse_mounting,
+    turn_back,
+    turn_calibration,
+    turn_readings,
+)
 from agonic.simulation import simulate
 from tests.command_line import answer
+from tests.inertial.drives import drive
 
 MOUNTED = "x up, y forward"
 
@@ -81,6 +89,39 @@ def test_readings_in_body_axes_need_another_orientation_instead() -> None:
     samples, _, _, turn = flown()
     with pytest.raises(ag.AgonicError, match="body axes"):
         turn_readings(samples.with_columns(frame="b"), turn)
+
+
+def test_a_mounting_that_is_certain_is_applied_and_told() -> None:
+    samples, field_b, place, _ = flown()
+    result = calibrate_mounted(samples, place)
+    assert (result.method, result.verdict) == ("levelled", "good")
+    assert "x points up, y forward, z left" in result.status
+    off = (result.calibration.correct(samples.field) - field_b).mean(axis=0)
+    assert np.abs(off).max() < 60.0
+    plain = samples.with_columns(field=samples.field @ parse_mounting(MOUNTED).T)
+    assert find_turn(plain, place) is None
+
+
+def test_a_mounting_is_applied_only_where_dip_and_axes_agree() -> None:
+    """Roll counted the wrong way round looks like a sensor that lies on its back."""
+    samples, _, place, turn = flown()
+    plain = samples.with_columns(field=samples.field @ turn.T)
+    banked = calibrate_mounted(plain.with_columns(roll_deg=-plain.roll_deg), place)
+    assert banked.method == "ellipsoid"  # in axes of its own
+    assert "is mounted so that" not in banked.status
+    level = samples.with_columns(frame="b")
+    assert find_turn(level, place) is None  # the orientation set for it is wrong, not the mounting
+    assert find_turn(samples, ag.Reference.constant(50_000.0)) is None
+
+
+def test_beside_an_accelerometer_the_axes_are_those_of_it() -> None:
+    made, logged, place = drive(tilt_deg=10.0, n=2000)
+    turn = parse_mounting("x backward, y right")
+    result = calibrate_mounted(logged.with_columns(field=logged.field @ turn), place)
+    assert (result.method, result.verdict) == ("inertial", "good")
+    assert "x points backward, y right, z up" in result.status
+    off = result.calibration.correct(logged.field @ turn) - made.field_b
+    assert np.degrees(np.linalg.norm(off.mean(axis=0)) / 50_000.0) < 2.0
 
 
 def test_from_the_command_line(tmp_path, capsys) -> None:

@@ -24,8 +24,9 @@ from agonic.logs.read import open_log
 from agonic.logs.remote import locate, name_locally
 from agonic.population import Row
 from agonic.provenance import escape_text, hash_file
-from agonic.recording.calibrated import Calibrated, calibrate, calibrate_recording
+from agonic.recording.calibrated import Calibrated, calibrate_recording
 from agonic.recording.files import write_folder
+from agonic.recording.mounting import calibrate_mounted
 from agonic.samples import Samples
 from agonic.version import __version__
 
@@ -160,7 +161,8 @@ def try_calibrate(
         reference, of_place = choose_reference(samples, settings.at, date, settings.field_nT)
         if run is not None:
             return run(reference, **of_place)
-        return calibrate(samples, reference, kind=settings.method, **of_place)  # type: ignore[arg-type]
+        kind: Any = settings.method
+        return calibrate_mounted(samples, reference, kind=kind, **of_place)
     except Exception as error:  # as above
         return error
 

@@ -30,6 +30,18 @@ FEWEST_TILTS = 8
 _MOST = 20_000  # readings that are enough to tell axes apart
 
 
+def find_mounting(readings: Array, down: Array) -> Array | None:
+    """The turn (3, 3) by right angles that the readings are in, where no other comes near it.
+
+    Parameters: as in `check_mounting`. `None` too where the axes are those they are named for.
+    """
+    turns = right_angles()
+    misfit = vertical_misfit(readings, down, turns)
+    best, rival = np.argsort(misfit)[:2]
+    clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
+    return turns[best] if clear else None
+
+
 def check_mounting(readings: Array, down: Array) -> Finding | None:
     """The finding that the sensor sits in the vehicle by another right angle than its axes say.
 

@@ -17,7 +17,7 @@ from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
 from agonic.logs.log import Log
 from agonic.recording.calibrated import Calibrated, calibrate
-from agonic.recording.mounting import parse_mounting, turn_back, turn_readings
+from agonic.recording.mounting import calibrate_mounted, parse_mounting, turn_back, turn_readings
 from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
 from agonic.recording.pair import require_reference, take_mixes, tell_pairs
 from agonic.samples import Samples
@@ -69,7 +69,7 @@ def calibrate_each(
         reference, settings = find_reference(samples, at, date, field)
         kind: Any = method
         if turn is None:
-            return calibrate(samples, reference, kind=kind, **settings)
+            return calibrate_mounted(samples, reference, kind=kind, **settings)
         turned = turn_readings(samples, turn)
         return turn_back(calibrate(turned, reference, kind=kind, **settings), turn)
 

@@ -12,11 +12,17 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError
+from agonic.health import FEWEST, Finding, find_mounting, find_usable_rows, sentences
+from agonic.inertial.attitude import feel_attitude
 from agonic.maths.equation.affine import FREE, join, model_basis, split
+from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.mounting import describe_mounting
-from agonic.recording.calibrated import Calibrated
+from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.choice import Kind
+from agonic.reference import Reference
 from agonic.samples import Samples
 
+STEEP_DEG = 10.0
 _WAYS = {
     "forward": (1, 0, 0),
     "backward": (-1, 0, 0),
@@ -63,6 +69,56 @@ def _unclear(text: str) -> AgonicError:
         f"--mounting {text!r} is not understood; say where two axes of the sensor point in the "
         f'vehicle: "x up, y forward" ({", ".join(_WAYS)})'
     )
+
+
+def calibrate_mounted(
+    samples: Samples, reference: Reference | None, *, kind: Kind = "auto", **settings: Any
+) -> Calibrated:
+    """What `calibrate` makes of it; of a sensor that sits turned, in the vehicle's axes.
+
+    The turn is applied where roll and pitch, or an accelerometer, tell it far better than any
+    other, and the fit of the turned readings holds, dip included.
+    """
+    turn = find_turn(samples, reference) if kind == "auto" else None
+    if turn is not None:
+        turned = calibrate(turn_readings(samples, turn), reference, kind=kind, **settings)
+        if turned.verdict != "refused" and turned.method != "ellipsoid":
+            return _tell_turn(turn_back(turned, turn), turn)
+    return calibrate(samples, reference, kind=kind, **settings)
+
+
+def find_turn(samples: Samples, reference: Reference | None) -> Array | None:
+    """The turn (3, 3) from the sensor's axes to the vehicle's that the log tells for certain.
+
+    The vertical part of the field has to be steep enough for its sign to be seen, for roll counted
+    the wrong way round looks like a sensor that lies on its back.
+    """
+    if reference is None or samples.frame == "b":
+        return None
+    dip = reference.inclination_deg
+    if dip is None or abs(dip) < STEEP_DEG:
+        return None
+    if samples.roll_deg is not None and samples.pitch_deg is not None:
+        down = down_b(samples.roll_deg, samples.pitch_deg)
+    elif samples.acceleration is not None:
+        down = feel_attitude(samples).down
+    else:
+        return None
+    rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)
+    return find_mounting(samples.field[rows], down[rows]) if rows.sum() >= FEWEST else None
+
+
+def _tell_turn(result: Calibrated, turn: Array) -> Calibrated:
+    """The result, saying how the sensor was found to sit."""
+    found = Finding(
+        "mounting",
+        "note",
+        f"the readings show that the sensor is mounted so that {describe_mounting(turn)}; the "
+        "calibration turns them into the vehicle's axes",
+        "if it does not sit like that, name its axes rightly and calibrate again",
+    )
+    fit = result.fit.with_findings(found)
+    return replace(result, fit=fit, status=f"{result.status} {sentences(found.sentence)}")
 
 
 def turn_readings(samples: Samples, turn: Array) -> Samples:
