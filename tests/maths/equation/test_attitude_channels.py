@@ -2,11 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from agonic.maths.equation.affine import split
-from agonic.maths.equation.channels import Dip, Problem, pieces
-from agonic.maths.equation.maximum_likelihood import estimate
+from agonic.maths.equation.channels import (
+    Dip,
+    Problem,
+    field_of_terms,
+    pieces,
+)
+from agonic.maths.equation.maximum_likelihood import estimate, find_attitude_shares
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation import leastsq
 
@@ -49,6 +55,47 @@ def test_roll_pitch_and_intensities_find_bias_and_matrix_of_a_vehicle_that_hardl
     assert matrix == pytest.approx(W, abs=0.01)
     assert found.noise["magnitude"].sd == pytest.approx(0.003, rel=0.1)
     assert found.noise["dip"].sd == pytest.approx(0.003, rel=0.1)
+
+
+def test_a_step_keeps_to_lines_on_which_the_field_is_linear() -> None:
+    given, _ = problem(20, slope=[0.3, -0.2, 0.1], gauge="free")
+    rng = np.random.default_rng(0)
+    params = np.r_[BIAS, W[0, 0], W[1, 1], W[2, 2], W[0, 1], W[0, 2], W[1, 2], W[1, 0], W[2, 0]]
+    params = np.r_[params, W[2, 1], 0.3, -0.2, 0.1] + 0.1 * rng.normal(size=15)
+    step = 0.2 * rng.normal(size=15)
+
+    def field(there: np.ndarray) -> np.ndarray:
+        bias, matrix = split(given.basis @ there[:12])
+        return (given.points - field_of_terms(given, there) - bias) @ matrix.T
+
+    here, half, whole = (field(given.move(params, share * step)) for share in (0.0, 0.5, 1.0))
+    assert half == pytest.approx((here + whole) / 2, abs=1e-12)
+    tiny = 1e-7
+    beside = (field(given.move(params, tiny * step)) - here) / tiny
+    straight = (field(params + tiny * step) - here) / tiny
+    assert beside == pytest.approx(straight, abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_gain_and_bias_that_vouch_for_each_other_are_followed_to_the_minimum(seed: int) -> None:
+    """Tilts of half a degree leave a long curved valley, in which straight steps never end."""
+    given, _ = problem(300, noise=0.002, tilt_deg=0.5, seed=seed, gauge="free", soft_iron_sd=0.1)
+    found, _, _ = fitted(given)
+    assert found.solution.converged
+    assert found.solution.iterations < 9
+    prior, noise = given.prior(given.soft_iron_sd), found.noise
+    shares = find_attitude_shares(given, noise, found.solution.params)
+
+    def cost(params: np.ndarray) -> np.ndarray:
+        sides = [prior(params)[0]]
+        for channel, of in noise.items():
+            ((r, _),) = pieces(given, channel, noise["magnitude"].sd, shares[channel])(params)
+            sides.append(r / of.sd / np.sqrt(of.correlation))
+        return np.concatenate(sides)
+
+    best = least_squares(cost, found.solution.params, x_scale="jac")
+    gained = np.sum(cost(found.solution.params) ** 2) / 2 - best.cost
+    assert gained < 0.01
 
 
 def test_the_magnitude_alone_would_not_have_found_them() -> None:

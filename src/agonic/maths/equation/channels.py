@@ -116,6 +116,26 @@ class Problem(NamedTuple):
             shared=self.shared_count,
         )
 
+    def move(self, params: Array, step: Array) -> Array:
+        """Parameters a step away, along lines on which the field is linear.
+
+        field = W (raw − b − K x) is linear in W, W b and W K: where W changes by δW, the steps of b
+        and K are (W + δW)⁻¹ W times as long. Gain and bias vouch for each other along such a line
+        where a vehicle hardly tilts; b + δb leaves it, and the way to the minimum is then a
+        hundred small steps (a retraction: Absil, Mahony & Sepulchre 2008, §4.1).
+        """
+        basis = self.basis
+        m = basis.shape[1]
+        _, matrix = split(basis @ params[:m])
+        bias, change = split(basis @ step[:m])
+        further = np.linalg.pinv(matrix + change) @ matrix - np.eye(3)
+        moved = params + step
+        moved[:m] += basis[:3].T @ (further @ bias)
+        if self.terms is not None:
+            slopes = slice(m, m + 3 * self.terms.shape[1])
+            moved[slopes] += (further @ step[slopes].reshape(3, -1)).ravel()
+        return moved
+
     @property
     def shared_count(self) -> int:
         """How many unknowns there are of the errors that all rows share; they come last."""

@@ -124,6 +124,7 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
             params,
             prior=prior,
             tolerance=1e-2,
+            move=problem.move,
         )
         params, assumed = solution.params, noise
         left = dict(zip(channels, np.split(solution.residuals, len(channels)), strict=True))

@@ -82,6 +82,6 @@ def _relax(few: Problem, params: Array, steps: tuple[float, ...], robust: bool) 
             scale = max(leastsq.robust_scale(residuals, len(params)), 1e-9)
             channels.append(leastsq.Channel(pieces(few, channel), scale, loss))
         params = leastsq.solve_together(
-            channels, params, prior=few.prior(sd), tolerance=0.1, max_iterations=25
+            channels, params, prior=few.prior(sd), tolerance=0.1, max_iterations=25, move=few.move
         ).params
     return params
