@@ -234,6 +234,7 @@ _KEEPS_LEVEL = 0.9  # length of the mean of directions that stay within some 35Â
 _CELL_SHARE = 1 / 32  # of all that counts, in one cell of many
 _FEWEST_CELLS = 12
 _FINEST = 21  # so often cubes are halved at most
+_TABLE_BITS = 20  # a table of a million cubes is sooner filled than a long list sorted
 _THINNED = 0.5  # of the rows; where more are left all stay
 
 
@@ -246,14 +247,14 @@ def weigh_crowded(cells: Index) -> Array:
     >>> weigh_crowded(np.repeat([0, 1, 2, 3], [91, 3, 3, 3])).round(2)[[0, 99]].tolist()
     [0.1, 1.0]
     """
-    _, where, counts = np.unique(cells, return_inverse=True, return_counts=True)
+    counts = np.bincount(cells)
     visited = max(int(np.count_nonzero(counts >= min(3, counts.max(initial=1)))), 1)
     share, cap = max(_CELL_SHARE, 2 / visited), float(counts.max(initial=1))
     for _ in range(60):
         before, cap = cap, min(cap, max(share * float(np.minimum(counts, cap).sum()), 1.0))
         if cap == before:
             break
-    return np.asarray(np.minimum(1.0, cap / counts)[where])
+    return np.asarray(np.minimum(1.0, cap / np.maximum(counts, 1))[cells])
 
 
 def find_places(points: Array) -> Index:
@@ -264,8 +265,10 @@ def find_places(points: Array) -> Index:
     middle = np.median(points, axis=0)
     size = 2 * float(np.abs(points - middle).max(initial=0.0))
     cells = np.zeros(len(points), dtype=np.intp)
-    apart = np.sort(np.abs(np.diff(points, axis=0)).max(axis=1))
-    least = float(apart[_FEWEST_CELLS - 1]) if len(apart) >= _FEWEST_CELLS else np.inf
+    apart = np.abs(np.diff(points, axis=0)).max(axis=1, initial=0.0)
+    least = np.inf
+    if len(apart) >= _FEWEST_CELLS:
+        least = float(np.partition(apart, _FEWEST_CELLS - 1)[_FEWEST_CELLS - 1])
     for halved in range(2, _FINEST + 1):
         if size == 0.0:
             break
@@ -285,7 +288,12 @@ def _number_cubes(points: Array, size: float, halved: int) -> Index:
     key = (cube[:, 0] << bits) + cube[:, 1]
     if 3 * bits > 62:
         key = np.unique(key, return_inverse=True)[1]
-    return np.unique((key << bits) + cube[:, 2], return_inverse=True)[1]
+    key = (key << bits) + cube[:, 2]
+    if 3 * bits > _TABLE_BITS:
+        return np.unique(key, return_inverse=True)[1]
+    seen = np.zeros(1 << 3 * bits, dtype=bool)
+    seen[key] = True
+    return (np.cumsum(seen) - 1)[key]
 
 
 def find_spread_rows(points: Array, *, most: int | None = None, seed: int = 0) -> Index:
