@@ -57,7 +57,6 @@ def fit_channels_alone(
     reference: Reference,
     channels: tuple[str, ...],
     settings: Settings,
-    name: str,
     near: Affine | None = None,
 ) -> Affine:
     """The calibration of `fit_channels` without its evidence, of which parts of a log make no use.
@@ -68,7 +67,7 @@ def fit_channels_alone(
     start = None if near is None else find_parameters(near, problem, scale)
     found = estimate_usable(problem, usable, settings, start)
     found, _ = _state_errors(found, _select(problem, usable), scale)
-    return make_calibration(found, problem, scale, samples, settings, name)
+    return make_calibration(found, problem, scale, samples, settings, "part")
 
 
 def _pose(

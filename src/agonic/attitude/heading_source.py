@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.fit import CHANNELS, fit_channels_alone
+from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
@@ -77,7 +78,8 @@ def _find_followed(
     rows = samples.heading_known
     if calibration is None:
         try:
-            calibration = fit_levelled(samples, reference).calibration
+            channels, plain = CHANNELS["levelled"], Settings()
+            calibration = fit_channels_alone(samples, reference, channels, plain)
         except AgonicError:
             return None
     tilt = kernel.tilt_from_angles(samples.roll_deg[rows], samples.pitch_deg[rows])

@@ -221,7 +221,6 @@ def _fit_with_attitude(
         fit_channels_alone,
         channels=CHANNELS.get(method) or find_channels(samples, reference),
         settings=Settings(**same),
-        name=method,
         near=fit.calibration,
     )
     return Choice(samples, reference, fit, method, reason, again, latency, tried)

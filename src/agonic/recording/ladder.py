@@ -162,7 +162,7 @@ def _list_others(
 def _join(*channels: str, sources: tuple[str, ...] = ()) -> Callable[..., Affine]:
     """The fit by those channels, with what sources add."""
     settings = Settings(sources=sources)
-    return partial(fit_channels_alone, channels=channels, settings=settings, name="ladder")
+    return partial(fit_channels_alone, channels=channels, settings=settings)
 
 
 def _varies(current: Array | None) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -207,7 +207,7 @@ def _even(fitted: Fitted, whole: Linearised) -> Linearised:
     if max(lengths) < UNEVEN * min(lengths):
         return whole
     weights = whole.weights * np.repeat(lengths, len(whole.weights) // len(lengths))
-    return whole._replace(weights=weights)
+    return replace(whole, weights=weights)
 
 
 def _see(all_rows: Again, rows: Index, radius: float) -> Seen:

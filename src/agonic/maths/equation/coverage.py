@@ -293,7 +293,7 @@ def _number_cubes(points: Array, size: float, halved: int) -> Index:
         return np.unique(key, return_inverse=True)[1]
     seen = np.zeros(1 << 3 * bits, dtype=bool)
     seen[key] = True
-    return (np.cumsum(seen) - 1)[key]
+    return np.asarray((np.cumsum(seen) - 1)[key], dtype=np.intp)
 
 
 def find_spread_rows(points: Array, *, most: int | None = None, seed: int = 0) -> Index:

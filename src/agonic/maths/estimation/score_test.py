@@ -16,6 +16,8 @@ Econometrica 55, 703, for scores with memory.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +51,8 @@ class Score(NamedTuple):
     gain: float
 
 
-class Linearised(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Linearised:
     """A fit at its solution: residuals (n,) over their noise, Jacobian (n, p), weights (n,).
 
     `prior` (p, p) is the information of the prior, `batch` (n,) the number of the batch of each
@@ -66,10 +69,15 @@ class Linearised(NamedTuple):
     shared: Array | None = None
     captured: float = 1.0
 
-    @property
+    @cached_property
+    def weighted(self) -> Array:
+        """JᵀW, (p, n)."""
+        return np.asarray(self.jacobian.T * self.weights)
+
+    @cached_property
     def information(self) -> Array:
         """JᵀWJ + P, (p, p)."""
-        return np.asarray((self.jacobian.T * self.weights) @ self.jacobian + self.prior)
+        return np.asarray(self.weighted @ self.jacobian + self.prior)
 
     @property
     def square(self) -> float:
@@ -78,8 +86,7 @@ class Linearised(NamedTuple):
 
     def find_move(self, error: Array) -> Array:
         """How far an error (n,) of the residuals moves the estimate, (p,): A⁻¹ JᵀW e."""
-        pull = (self.jacobian.T * self.weights) @ error
-        return np.asarray(np.linalg.solve(self.information, pull))
+        return np.asarray(np.linalg.solve(self.information, self.weighted @ error))
 
 
 def batches_of(n: int, correlation: float) -> Index:
@@ -117,7 +124,7 @@ def with_batches_beside(fit: Linearised, columns: Array) -> Linearised:
     """
     correlation = correlation_length(with_columns(fit, columns).residuals, fit.weights)
     batch = batches_of(len(columns), correlation)
-    return fit._replace(batch=batch, captured=find_captured(batch, correlation))
+    return replace(fit, batch=batch, captured=find_captured(batch, correlation))
 
 
 def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
@@ -144,9 +151,7 @@ def score_test(
     `likely` is the prior standard deviation of the size: what rows hardly tell from the unknowns
     of the fit would otherwise be of any size.
     """
-    weighted = fit.jacobian.T * fit.weights
-    information = fit.information
-    taken = np.linalg.solve(information, weighted @ columns)
+    taken = np.linalg.solve(fit.information, fit.weighted @ columns)
     projected = columns - fit.jacobian @ taken
     clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
     seen = _seen(projected, columns, noise, fit.weights, clear, HELD if surely else 1e-9)
@@ -187,9 +192,9 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
     prior[:p, :p] = fit.prior
     prior[p:, p:] = 1e-9 * len(columns) * np.eye(k)
     jacobian = np.hstack([fit.jacobian, kept])
-    wider = fit._replace(jacobian=jacobian, prior=prior, shared=both)
-    step = np.linalg.solve(wider.information, (jacobian.T * fit.weights) @ fit.residuals)
-    return wider._replace(residuals=fit.residuals - jacobian @ step)
+    wider = replace(fit, jacobian=jacobian, prior=prior, shared=both)
+    step = np.linalg.solve(wider.information, wider.weighted @ fit.residuals)
+    return replace(wider, residuals=fit.residuals - jacobian @ step)
 
 
 def _seen(
