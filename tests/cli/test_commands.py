@@ -248,9 +248,14 @@ def test_bad_input_is_exit_status_2_and_one_line(arguments, cal, capsys) -> None
     for more in ([], ["--json"]):
         assert run([*arguments, *more]) == 2
         said = capsys.readouterr()
-        assert said.out == ""
         assert said.err.startswith("agonic: ")
         assert said.err.count("\n") == 1
+        if not more:
+            assert said.out == ""
+        else:
+            told = json.loads(said.out)
+            assert told["schema"] == "agonic/error@1"
+            assert said.err == f"agonic: {told['error']}\n"
     assert {path: path.read_bytes() for path in before} == before
 
 

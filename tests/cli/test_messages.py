@@ -1,6 +1,7 @@
 """Messages as a user meets them: each says what was, and nothing that was not."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -126,3 +127,33 @@ def test_what_a_log_holds_is_told_without_scipy() -> None:
         f"run(['info', {log!r}])\nsys.exit('scipy' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["verify", "wrong.csv", "wrong.csv"], "this is a text, as tables .* calibration file is"),
+        (["apply", "empty.csv", "wrong.csv", "-o", "x.csv"], "this is empty, and a calibration"),
+        (["heading", "wrong.csv", "wrong.csv", "-o", "x.csv"], "a setup \\(TOML\\) or a calib"),
+        (["fit", "north", "wrong.csv"], "north.toml, which describes the recordings"),
+        (["fit", "alignment", "folder"], "folder does not hold session.toml"),
+        (["fit", "remanence", "wrong.csv"], "the angle of the platform as heading_deg"),
+        (["calibrate", "missing.csv"], "there is no such file"),
+        (["calibrate", "log.csv", "--method", "best"], "--method"),
+        (["calibrate"], "Missing LOG"),
+        (["fit", "thermal", "wrong.csv"], "^wrong.csv: wrong.csv: no column"),
+    ],
+)
+def test_a_wrong_input_is_one_object_for_programs_and_one_line_for_people(
+    tmp_path, monkeypatch, capsys, words, said
+):
+    monkeypatch.chdir(tmp_path)
+    Path("wrong.csv").write_text("name,age\nbob,3\n")
+    Path("empty.csv").write_text("")
+    Path("folder").mkdir()
+    assert run([*words, "--json"]) == 2
+    told = capsys.readouterr()
+    made = json.loads(told.out)
+    assert (made["schema"], made["status"]) == ("agonic/error@1", 2)
+    assert re.search(said, made["error"]), made["error"]
+    assert told.err == f"agonic: {made['error']}\n"

@@ -199,11 +199,11 @@ def test_unknown_fields_are_passed_over(file):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "truncated"),
+        (b"", "this is empty, and a calibration file is needed"),
         (encode(AFFINE)[:200], "truncated"),
-        (b"\x89PNG\r\n\x1a\n\x00\xff", "malformed"),
-        (b"time_s,mag_x_nT\n0,1\n", "malformed"),
-        (b"[1, 2]", "object"),
+        (b"\x89PNG\r\n\x1a\n\x00\xff", "this is a PNG picture, and a calibration"),
+        (b"time_s,mag_x_nT\n0,1\n", "this is a text, as tables of readings are"),
+        (b"[1, 2]", "a calibration file is needed"),
         (b'{"schema": "agonic/calibration@1", "x":' + b"[" * 100_000, "recursion"),
         (b'{"bias": [1, 2, 3]}', '"schema": "agonic/calibration@1"'),
         (b'{"schema": "agonic/calibrate@1"}', '"schema": "agonic/calibration@1"'),

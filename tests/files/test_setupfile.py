@@ -153,7 +153,10 @@ ONE = '[[compass]]\ncalibration = "mag.json"\n'
         ('[compass]\ncalibration = "mag.json"', "at least one [[compass]]"),
         ("[[compass]]\nlatency_s = 0.1", "needs the key `calibration`"),
         ('[[compass]]\ncalibration = "gone.json"', "gone.json: cannot be read"),
-        ('[[compass]]\ncalibration = "other.txt"', "other.txt: not a usable calibration file"),
+        (
+            '[[compass]]\ncalibration = "other.txt"',
+            "other.txt: this is a text, as tables of readings are",
+        ),
         ('[[compass]]\ncalibration = "card.json"', "card stands where a calibration is needed"),
         (ONE + 'deviation = "mag.json"', "calibration stands where a deviation card is needed"),
         (ONE + 'latency_s = "late"', "expected `float`, got `str` at `latency_s`"),
@@ -168,8 +171,8 @@ ONE = '[[compass]]\ncalibration = "mag.json"\n'
         (ONE + "[field]\nhorizontal_nT = 20000", "needs the key `vertical_nT`"),
         (ONE + "[fields]\nhorizontal_nT = 20000", "fields: not part of a setup"),
         (ONE + "[limits]\nmagnitude = -1", "magnitude_limit is -1"),
-        ("[[compass]\n", "neither a setup (TOML) nor a calibration file (JSON)"),
-        ("\x00", "neither a setup (TOML) nor a calibration file (JSON)"),
+        ("[[compass]\n", "a setup (TOML) or a calibration file (JSON) is needed"),
+        ("\x00", "a setup (TOML) or a calibration file (JSON) is needed"),
         ("{}", "not a usable calibration file"),
     ],
 )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError, UnitError
+from agonic.files.names import file_stem
 from agonic.logs import csv_text
 from agonic.logs.formats import READ
 from agonic.logs.read import open_log, read, sensors
@@ -133,3 +134,12 @@ def test_a_unit_given_for_a_format_that_fixes_it_is_mentioned(recordings):
     path = recordings / "vehicle/px4/sample.ulg"
     np.testing.assert_array_equal(read(path, unit="mG").field, read(path).field)
     assert "given unit mG is not used" in open_log(path, unit="mG").notes[-1]
+
+
+def test_names_that_differ_in_case_alone_get_files_of_their_own(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [f"{i},{name},{i},20,43" for i in range(30) for name in ("MAG", "mag", "Mag")]
+    path.write_text("\n".join(["time_s,sensor,mag_x_uT,mag_y_uT,mag_z_uT", *rows]))
+    names = [sensor.name for sensor in open_log(path).sensors]
+    assert names == ["MAG", "mag #2", "Mag #3"]
+    assert len({file_stem(name).lower() for name in names}) == 3

@@ -89,17 +89,18 @@ def run(arguments: list[str]) -> int:
         with protect(), keep_standard_input(arguments) as words:
             status = make_command()(args=words, prog_name="agonic", standalone_mode=False)
     except typer.TyperException as error:
-        return _complain(describe_usage_error(error))
+        message, failure = describe_usage_error(error), UNUSABLE
     except Interrupted as stopped:
-        _complain(str(stopped))
-        return INTERRUPTED
+        message, failure = str(stopped), INTERRUPTED
     except (AgonicError, OSError) as error:
-        return _complain(str(error))
+        message, failure = str(error), UNUSABLE
     except Exception as error:  # a fault of ours: one line that says where, never a traceback
         if os.environ.get(DEBUG):
             raise
-        return _complain(explain(error, arguments))
-    return int(status or GOOD)
+        message, failure = explain(error, arguments), UNUSABLE
+    else:
+        return int(status or GOOD)
+    return _complain(message, failure, as_json="--json" in arguments)
 
 
 def _warner() -> Callable[..., None]:
@@ -115,9 +116,15 @@ def _warner() -> Callable[..., None]:
     return warn
 
 
-def _complain(message: str) -> int:
-    print(f"agonic: {' '.join(message.split())}", file=sys.stderr)
-    return UNUSABLE
+def _complain(message: str, status: int, *, as_json: bool) -> int:
+    """The status, after one line on stderr; programs get an object with the same on stdout."""
+    from agonic.console.output import print_json
+
+    line = " ".join(message.split())
+    if as_json:
+        print_json("agonic/error@1", {"error": line, "status": status})
+    print(f"agonic: {line}", file=sys.stderr)
+    return status
 
 
 @lru_cache(maxsize=1)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from agonic.console.progress import waiting
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, LogError
 
 if TYPE_CHECKING:
     from agonic.calibration.base import Calibration
@@ -45,9 +45,19 @@ def open_sensor(
     between: str | None = None,
     *,
     preferred: str = "",
+    needed: str = "",
 ) -> Samples:
-    """The sensor of a log that was asked for, or the preferred one, or its only one."""
-    _, sensors = open_sensors(path, sensor, unit, between)
+    """The sensor of a log that was asked for, or the preferred one, or its only one.
+
+    `needed` is what the command reads, which is told where the file holds no magnetometer.
+    """
+    try:
+        _, sensors = open_sensors(path, sensor, unit, between)
+    except LogError as error:
+        if not needed:
+            raise
+        said = str(error).removeprefix(f"{path}: ")
+        raise LogError(f"{said}; {needed}", path=path) from error
     name = choose_name((samples.name for samples in sensors), preferred)
     return next(samples for samples in sensors if samples.name == name)
 

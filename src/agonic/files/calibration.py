@@ -10,7 +10,7 @@ from agonic.calibration.chain import AnyCalibration
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.encoding import decode, encode
 from agonic.errors import AgonicError, LogError
-from agonic.logs.contents import read_bytes
+from agonic.logs.contents import name_content, read_bytes
 
 
 def save(calibration: Calibration | Deviation, path: Path | str) -> Path:
@@ -46,6 +46,12 @@ def load(path: Path | str) -> AnyCalibration | Deviation:
     'affine'
     """
     data = read_bytes(path)
+    if not data.lstrip().startswith(b"{"):
+        raise LogError(
+            f"this is {name_content(data)}, and a calibration file is needed: the JSON that agonic "
+            "calibrate LOG writes into LOG-agonic, or agonic fit",
+            path=path,
+        )
     try:
         return decode(data)
     except (AgonicError, ValueError, RecursionError) as error:

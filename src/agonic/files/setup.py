@@ -53,7 +53,7 @@ from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, save
 from agonic.files.names import file_stem
 from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
-from agonic.logs.contents import read_bytes
+from agonic.logs.contents import name_content, read_bytes
 from agonic.maths.rotations.tilt import Order
 from agonic.units import ACCELERATION
 
@@ -83,8 +83,12 @@ def load_setup(path: Path | str) -> Setup:
     try:
         table = tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:
+        is_setup = file.suffix == ".toml" and data.strip()
+        what = f"no TOML ({error})" if is_setup else name_content(data)
         raise LogError(
-            f"neither a setup (TOML) nor a calibration file (JSON): {error}", path=file
+            f"this is {what}, and a setup (TOML) or a calibration file (JSON) is needed: agonic "
+            "calibrate LOG writes both into LOG-agonic",
+            path=file,
         ) from None
     mistakes: list[str] = []
     setup = _setup(table, file.parent, mistakes)

@@ -11,17 +11,23 @@ import msgspec
 from msgspec import Struct
 
 from agonic.errors import AgonicError, LogError
-from agonic.logs.contents import read_bytes
+from agonic.logs.contents import name_content, read_bytes
 
 Made = TypeVar("Made")
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file, or a `LogError` that says why there are none."""
+def read_toml(path: Path, needed: str = "a description in TOML") -> dict[str, Any]:
+    """The tables of a TOML file, or a `LogError` that says why there are none.
+
+    `needed` is what the file should be.
+    """
+    data = read_bytes(path)
     try:
-        return tomllib.loads(read_bytes(path).decode())
+        return tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:
-        raise LogError(f"this is no TOML: {error}", path=path) from None
+        if path.suffix == ".toml":
+            raise LogError(f"this is no TOML: {error}", path=path) from None
+        raise LogError(f"this is {name_content(data)}, and {needed} is needed", path=path) from None
 
 
 def read_section(

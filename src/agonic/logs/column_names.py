@@ -162,7 +162,7 @@ def names_for(
 
 def _read_beside(path: Path) -> ColumnNames | None:
     """The names in the file beside a log, if there is one with a table of columns."""
-    beside = path.with_name(path.name + _BESIDE)
+    beside = Path(f"{path}{_BESIDE}")
     if not isfile(beside):  # False too where the name is longer than names may be
         return None
     try:

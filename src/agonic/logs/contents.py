@@ -45,3 +45,24 @@ def to_number(text: str | bytes) -> float:
         return float(text)
     except ValueError:
         return math.nan
+
+
+def name_content(data: bytes) -> str:
+    """What the bytes of a file are, for an error where something else is needed.
+
+    >>> name_content(b""), name_content(b"PAR1 and more"), name_content(b"time_s,mag_x_nT\\n0,1")
+    ('empty', 'a file of the kind Parquet', 'a text, as tables of readings are')
+    """
+    from agonic.logs.formats import HEAD_BYTES, JSON, TEXT, format_of
+
+    if not data.strip():
+        return "empty"
+    try:
+        kind = format_of(data[:HEAD_BYTES])
+    except LogError as error:
+        return str(error).partition(";")[0].removeprefix("this is ")
+    if kind == JSON:
+        return "JSON of something else"
+    return (
+        "a text, as tables of readings are" if kind == TEXT else f"a file of the kind {kind.name}"
+    )

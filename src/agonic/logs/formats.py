@@ -121,7 +121,7 @@ def _is_bag(head: bytes) -> bool:
 
 def _is_json(head: bytes) -> bool:
     """Whether it begins like an object, or a list of objects or of lists."""
-    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*[\[{]|\{)", head) is not None
+    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*(\[\s*[-\d\"]|\{)|\{)", head) is not None
 
 
 JSON = Format("JSON (.json, .jsonl)", "json_text", _is_json)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -158,9 +159,25 @@ def _sign(log: Log, sha256: str) -> Log:
     """The log with the hash of its file wherever that is named."""
     sensors = tuple(
         samples.with_source(replace(samples.source or log.source, sha256=sha256))
-        for samples in log.sensors
+        for samples in _tell_apart(log.sensors)
     )
     return replace(log, source=replace(log.source, sha256=sha256), sensors=sensors)
+
+
+def _tell_apart(sensors: Iterable[Samples]) -> Iterator[Samples]:
+    """The sensors, numbered where names differ in case alone: a file of each must have its own.
+
+    File systems of Windows and macOS take "MAG.json" and "mag.json" for one file.
+    """
+    times: Counter[str] = Counter()
+    for samples in sensors:
+        times[samples.name.lower()] += 1
+        if (number := times[samples.name.lower()]) == 1:
+            yield samples
+        else:
+            note = f"named {samples.name!r} in the file, as another is but for capital letters"
+            name = f"{samples.name} #{number}"
+            yield replace(samples, name=name, notes=(*samples.notes, note))
 
 
 def _head(file: Path) -> bytes:

@@ -94,8 +94,8 @@ def choose(
         return _join_disturbers(alone, samples, reference, reason, settings)
     if reference is None:
         raise AgonicError(
-            f"a {method} fit needs the field of the place: give it (--at LAT,LON, --date), or a "
-            "reference with horizontal and vertical intensity"
+            f"{method}: this fit needs the field of the place: give it (--at LAT,LON, --date), or "
+            "a reference with horizontal and vertical intensity"
         )
     if kind == "auto" and method == "inertial":
         return _choose_surer(samples, reference, reason, settings)

@@ -11,6 +11,11 @@ from agonic.alignment.commands.options import Wanted
 from agonic.console.options import Between, Json, LogPath, Report, Sensor, Unit
 from agonic.console.sensors import open_sensor
 
+_NEEDED = (
+    "this needs the log of a magnetometer at rest beside a platform that is turned: its field, and "
+    "the angle of the platform as heading_deg"
+)
+
 
 def add_to(kinds: typer.Typer) -> None:
     """Register the kind of fit."""
@@ -38,7 +43,7 @@ def remanence(
     from agonic.alignment.remanence.document import describe_remanence
     from agonic.console.finish import finish
 
-    samples = open_sensor(log, sensor, unit, between)
+    samples = open_sensor(log, sensor, unit, between, needed=_NEEDED)
     beside = None if reference is None else open_sensor(reference, None, unit, None)
     fit = fit_remanence(samples, beside, wanted_arcsec=wanted)
     return finish(describe_remanence(fit), report=report, as_json=as_json)

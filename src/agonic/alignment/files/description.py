@@ -120,7 +120,10 @@ def read_description(
     """
     given = Path(path)
     file = given / name if given.is_dir() else given
-    table, known = read_toml(file), (*sections, *beside)
+    needed_file = f"{name}, which describes the recordings beside it in TOML,"
+    if given.is_dir() and not file.is_file():
+        raise LogError(f"the folder does not hold {needed_file.rstrip(',')}", path=given)
+    table, known = read_toml(file, needed_file), (*sections, *beside)
     mistakes: list[str] = []
     plain = {key: value for key, value in table.items() if key not in known}
     made = read_section(plain, head, "the file", mistakes, known)

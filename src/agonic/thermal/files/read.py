@@ -63,7 +63,8 @@ def read_campaign(
             names = name_columns(description, one.board)
             gathered.add(one, read_recording(file, common, names))
         except (AgonicError, OSError) as error:
-            name = file.relative_to(given) if file.is_relative_to(given) else file.name
+            below = file != given and file.is_relative_to(given)
+            name = file.relative_to(given) if below else file.name
             gathered.damaged.append(str(error).replace(str(file), str(name)))
         done += size[file]
     if progress is not None:
