@@ -246,7 +246,7 @@ def test_a_reference_that_stops_too_early(folder) -> None:
 
 
 def test_a_folder_without_a_session(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"session\.toml: cannot be read"):
+    with pytest.raises(LogError, match=r"does not hold session\.toml"):
         read_session(tmp_path)
     (tmp_path / "session.toml").write_text("name = ")
     with pytest.raises(LogError, match="this is no TOML"):

@@ -15,7 +15,6 @@ from types import ModuleType
 from typing import NamedTuple
 
 from agonic.errors import LogError
-from agonic.logs.text.encoding import is_wide
 
 HEAD_BYTES = 65536
 """How much of a file tells of its kind."""
@@ -100,6 +99,16 @@ def _is_vires(head: bytes) -> bool:
     header, _, rest = head.partition(b"\n")
     row, _, _ = rest.partition(b"\n")
     return b"Timestamp" in header.split(b",") and b"{" in row and b";" in row
+
+
+def is_wide(data: bytes) -> bool:
+    """Whether the start is UTF-16 with the low byte first, of plain letters and without a mark.
+
+    >>> is_wide("time,x,y,z".encode("utf-16-le")), is_wide(b"time,x,y,z")
+    (True, False)
+    """
+    low, high = data[:400:2], data[1:400:2]
+    return len(high) >= 10 and not any(high) and low.isascii() and 0 not in low
 
 
 def _is_text(head: bytes) -> bool:

@@ -8,12 +8,13 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from agonic.logs.formats import is_wide
+
 Text = bytes | mmap.mmap
 """A text as it lies in memory, or in a file that is mapped."""
 
 _HEAD = 262_144
 _LONG = 1_000_000
-_FEWEST = 10
 _ENCODINGS = {"latin-1": "Latin-1", "cp1251": "Windows-1251", "gb18030": "GB 18030"}
 _MINUS = "\u2212".encode()
 _STRAY = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
@@ -55,16 +56,6 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
     if b"\0" in data or _STRAY.search(data[:_HEAD]):
         data = data.translate(None, _CONTROL)
     return data, notes
-
-
-def is_wide(data: bytes) -> bool:
-    """Whether the start is UTF-16 with the low byte first, of plain letters and without a mark.
-
-    >>> is_wide("time,x,y,z".encode("utf-16-le")), is_wide(b"time,x,y,z")
-    (True, False)
-    """
-    low, high = data[:400:2], data[1:400:2]
-    return len(high) >= _FEWEST and not any(high) and low.isascii() and 0 not in low
 
 
 def _to_utf8(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:
