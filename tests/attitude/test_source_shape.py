@@ -90,3 +90,18 @@ def test_how_well_a_time_constant_is_known_is_kept_in_the_file(tmp_path: Path) -
     assert again.timing_sd_s == made.timing_sd_s
     assert 0.0 < again.timing_sd_s["heater_A"] < 0.05
     np.testing.assert_array_equal(ag.apply(again, samples).field, ag.apply(made, samples).field)
+
+
+def test_what_moves_with_a_disturber_is_told_and_not_taken_too() -> None:
+    """A throttle that makes the current: one stands for both."""
+    quiet = flight(5)
+    current = np.repeat(np.random.default_rng(5).uniform(0.0, 10.0, 100), 20)
+    samples = quiet.with_columns(
+        field=quiet.field + current[:, None] * [300.0, -200.0, 400.0],
+        current_A=current,
+        throttle=(current / 10.0) ** (2 / 3),
+    )
+    result = ag.calibrate(samples, PLACE)
+    assert len(result.calibration.needs) == 1
+    (said,) = [one for one in result.fit.findings if one.name == "disturbers"]
+    assert "moved with that and cannot be told from it" in said.what

@@ -11,6 +11,7 @@ import pytest
 import agonic as ag
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.timing import follow, undo_filter
+from agonic.exports.ardupilot import compute_ardupilot_parameters
 from agonic.exports.firmware.writer import write_firmware
 from tests.exports.controller import Controller
 
@@ -105,3 +106,12 @@ def test_two_compasses_with_different_time_constants_are_refused(tmp_path: Path)
 def test_what_a_controller_learns_late_is_said(tmp_path: Path) -> None:
     setup = Setup(compasses=(compass("current_A@0.2"),), declination_deg=0.0)
     assert any("0.2 s late" in one for one in write_firmware(setup, tmp_path).warnings)
+
+
+def test_a_target_with_a_term_for_the_current_takes_it_as_recorded(tmp_path: Path) -> None:
+    late, plain = compass("current_A~0.3").calibration, compass("current_A").calibration
+    made = [ag.write_ardupilot(one, tmp_path / "mag.param") for one in (late, plain)]
+    parameters = [compute_ardupilot_parameters(one)[0] for one in (late, plain)]
+    assert parameters[0] == parameters[1]
+    assert any("as it comes" in one for one in made[0].warnings)
+    assert not any("as it comes" in one for one in made[1].warnings)

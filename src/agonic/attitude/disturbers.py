@@ -23,6 +23,7 @@ from scipy.special import stdtrit
 from agonic.arrays import Array
 from agonic.attitude.block_sums import BLOCKS, BlockSums, Log, sum_blocks
 from agonic.attitude.fit import find_usable
+from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
 from agonic.attitude.source_names import MEMBER, name_sources
 from agonic.attitude.source_shape import Shape, find_shapes, list_followed
@@ -48,20 +49,24 @@ POWER = 1.5
 
 class Trial(NamedTuple):
     """A set of sources, the share of the residuals' squares that it takes away on blocks that were
-    not fitted, the standard error of that share, and whether it was taken."""
+    not fitted, the standard error of that share, and whether it was taken; `followed` where the
+    field followed it slowly."""
 
     sources: tuple[str, ...]
     gain: float
     gain_sd: float
     taken: bool
+    followed: bool = False
 
 
 class SourceChoice(NamedTuple):
-    """The sources that were taken, all that was tried, in order, and shapes that were found."""
+    """The sources that were taken, all that was tried, in order, the shapes that were found, and
+    what cannot be told from those taken, since it moves with them."""
 
     sources: tuple[str, ...]
     trials: tuple[Trial, ...]
     shapes: tuple[Shape, ...] = ()
+    alike: tuple[tuple[str, ...], ...] = ()
 
     @property
     def gain(self) -> float:
@@ -81,6 +86,7 @@ def choose_sources(
     chosen: tuple[str, ...] = ()
     trials: list[Trial] = []
     shapes: list[Shape] = []
+    alike: list[tuple[str, ...]] = []
     for _ in range(MOST):
         if not candidates:
             break
@@ -90,9 +96,14 @@ def choose_sources(
         if taken is None:
             break
         shaped, found = find_shapes(log, chosen, taken.sources)
+        if taken.followed and not any(one.what == "time constant" for one in found):
+            trials[-1] = taken._replace(taken=False)
+            break
         chosen, shapes = chosen + shaped, shapes + found
-        candidates = [one for one in candidates if not _shares(one, chosen)]
-    return SourceChoice(chosen, tuple(trials), tuple(shapes))
+        left = [one for one in candidates if not _shares(one, chosen)]
+        candidates = [one for one in left if not _is_alike(samples, one, chosen)]
+        alike += [one for one in left if one not in candidates]
+    return SourceChoice(chosen, tuple(trials), tuple(shapes), tuple(alike))
 
 
 def _compare(
@@ -119,7 +130,7 @@ def _compare(
     sums = sum_blocks(log, chosen, list(followed))
     best = max((_try(sums, one) for one in followed), key=lambda one: one.gain - one.gain_sd)
     if _is_sure(best, _find_surely(len(tried) + len(followed))):
-        tried.append(best._replace(sources=followed[best.sources], taken=True))
+        tried.append(best._replace(sources=followed[best.sources], taken=True, followed=True))
     return tried
 
 
@@ -193,6 +204,14 @@ def _is_sure(one: Trial, surely: float) -> bool:
     return one.gain > max(MATTERS, surely * one.gain_sd)
 
 
+def _is_alike(samples: Samples, sources: tuple[str, ...], chosen: tuple[str, ...]) -> bool:
+    """Whether those chosen tell all of these sources, so that the two cannot be told apart."""
+    basis = np.column_stack([np.ones(len(samples)), find_terms(samples, chosen)])
+    x = find_terms(samples, sources)
+    left = x - basis @ np.linalg.lstsq(basis, x, rcond=None)[0]
+    return bool((left.var(axis=0) < (1 - ALIKE**2) * x.var(axis=0)).all())
+
+
 def _shares(sources: tuple[str, ...], chosen: tuple[str, ...]) -> bool:
     """Whether sources take a column that is taken."""
     return not set(list_columns(sources)).isdisjoint(list_columns(chosen))
@@ -203,6 +222,9 @@ def describe_gain(choice: SourceChoice) -> Finding | None:
     if not choice.sources:
         return None
     shaped = [f"; {one.describe()}" for one in choice.shapes]
+    names = dict.fromkeys(name for one in choice.alike for name in list_columns(one))
+    if names:
+        shaped.append(f"; {', '.join(names)} moved with that and cannot be told from it")
     return Finding(
         "disturbers",
         "note",

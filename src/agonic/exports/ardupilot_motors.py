@@ -5,7 +5,9 @@
 Source: ArduPilot/ardupilot, libraries/AP_Compass/Compass_PerMotor.cpp (`scaled_output`,
 `compensate`), and AP_Compass_Backend.cpp (`correct_field`): V is the battery's voltage, the duty
 0…1 follows from the output's pulse, and with COMPASS_PMOT_EN only the first compass is compensated
-so. c_n is therefore minus the matrix times what motor n adds at full duty, over V^EXP.
+so. c_n is therefore minus the matrix times what motor n adds at full duty, over V^EXP. This holds
+since per-motor compensation came (pull request 6448, 2017). A rework that is proposed (22490) takes
+c_n · thrust_n · current instead and has no COMPASS_PMOT_EXP: other numbers, another fit.
 """
 
 from __future__ import annotations
@@ -32,8 +34,11 @@ ASK_VOLTAGE = (
 )
 ABOUT_MOTORS = (
     "COMPASS_PMOT_EN 1 compensates the first compass only, and replaces COMPASS_MOT there; it "
-    "needs outputs for motors 1 to 4 and the battery's voltage, with which it grows"
+    "needs outputs for motors 1 to 4 and the battery's voltage, with which it grows. The numbers "
+    "are for firmware that has COMPASS_PMOT_EXP; without that parameter the formula is another"
 )
+USUAL_POWER = 2.0
+"""Beyond this COMPASS_PMOT_EXP leaves the range of its documentation; the formula still holds."""
 
 
 class MotorTerms(NamedTuple):
@@ -63,7 +68,8 @@ def find_motor_terms(
     mine = [one for one, own in zip(sources, motors, strict=True) if own]
     held = tuple(name for name, own in zip(step.sources, motors, strict=True) if not own)
     powers = {one.value if one.form == "^" else 1.0 for one in mine}
-    whole = all(one.form in ("", "^") and not one.late_s for one in mine)
+    timed = any(one.late_s or one.time_constant_s for one in mine)
+    whole = all(one.form in ("", "^") for one in mine) and not timed
     if len(powers) != 1 or not whole or (held and step.typical is None):
         return None
     into, _, _ = find_turns(calibration, "b", rotation_bm)
@@ -85,7 +91,12 @@ def about_motors(terms: MotorTerms) -> tuple[str, ...]:
         f"beside the motors the target has no terms for {', '.join(terms.held)}: held at their "
         "average in the log"
     )
-    return (ABOUT_MOTORS, held) if terms.held else (ABOUT_MOTORS,)
+    steep = (
+        f"COMPASS_PMOT_EXP is {terms.power:g}, and ground stations warn beyond {USUAL_POWER:g}: "
+        "set it all the same"
+    )
+    said = [ABOUT_MOTORS, *([held] if terms.held else [])]
+    return (*said, steep) if terms.power > USUAL_POWER else tuple(said)
 
 
 def compute_motor_parameters(terms: MotorTerms, matrix: Array, voltage: float) -> dict[str, float]:

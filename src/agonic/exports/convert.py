@@ -7,8 +7,8 @@ here bring a calibration to that form and say in warnings what could not be kept
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,8 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain, compose, steps_of
 from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
+from agonic.calibration.network import Network
+from agonic.calibration.sources import parse_source
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure
@@ -123,6 +125,9 @@ def hold_sources(
     """
     steps = steps_of(calibration)
     sources = [n for step in steps if isinstance(step, Interference) for n in step.sources]
+    if len(sources) == 1 and (column := _find_timed(sources[0])) in kept:
+        said = f"the target takes {column} as it comes, late or filtered as it was recorded"
+        return _take_as_recorded(steps, (column,)), (said,)
     if not sources or "second" in sources or (len(sources) == 1 and sources[0] in kept):
         return calibration, ()
     if any(isinstance(step, Interference) and step.typical is None for step in steps):
@@ -144,6 +149,24 @@ def hold_sources(
         "the terms"
     )
     return held[0] if len(held) == 1 else Chain(steps=tuple(held)), (warning,)
+
+
+def _find_timed(source: str) -> str:
+    """The column of a source that is late or filtered and else as it is; "" where it is not so."""
+    columns, form, _, late_s, time_constant_s = parse_source(source)
+    timed = bool(late_s or time_constant_s)
+    return columns[0] if timed and not form and len(columns) == 1 else ""
+
+
+def _take_as_recorded(
+    steps: Sequence[Affine | Thermal | Network | Alignment], sources: tuple[str, ...]
+) -> Calibration:
+    """The steps, with the sources of the one that has any replaced."""
+    taken = tuple(
+        replace(step, sources=sources, timing_sd_s={}) if isinstance(step, Interference) else step
+        for step in steps
+    )
+    return taken[0] if len(taken) == 1 else Chain(steps=taken)
 
 
 def find_source_term(
