@@ -53,3 +53,21 @@ def test_what_is_no_log(archive):
         open_log(archive(picture=np.eye(4)))
     with pytest.raises(LogError, match="more than 4096 arrays"):
         open_log(archive(**{f"a{i}": np.zeros(1) for i in range(4100)}))
+
+
+def test_one_array_and_structured_arrays(tmp_path):
+    field = np.random.default_rng(6).normal(0.0, 30.0, (40, 3))
+    time = np.arange(40) * 0.02
+    np.save(tmp_path / "mag_uT.npy", field)
+    np.testing.assert_allclose(read(tmp_path / "mag_uT.npy").field, field * 1e3)
+    np.save(tmp_path / "run7.npy", field)
+    assert read(tmp_path / "run7.npy").unit == "raw"
+    named = np.rec.fromarrays([time, *field.T], names="time_s,mag_x_uT,mag_y_uT,mag_z_uT")
+    np.savez(tmp_path / "log.npz", data=named)
+    samples = read(tmp_path / "log.npz")
+    np.testing.assert_allclose(samples.field, field * 1e3)
+    np.testing.assert_allclose(samples.time, time)
+    cut = tmp_path / "cut.npy"
+    cut.write_bytes((tmp_path / "mag_uT.npy").read_bytes()[:-100])
+    with pytest.raises(LogError, match="shorter than the array"):
+        read(cut)

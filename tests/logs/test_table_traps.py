@@ -133,3 +133,16 @@ def test_json_of_other_programs(tmp_path):
     assert len(read(write(tmp_path, lines, name="log.json"))) == N - 1
     listed = read(write(tmp_path, json.dumps(FIELD.tolist()), name="log.json"), unit="uT")
     np.testing.assert_allclose(listed.field, FIELD * 1e3)
+
+
+def test_the_nameless_index_of_moments_that_pandas_writes(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    moments = pandas.to_datetime(1.7e9 + TIME, unit="s", utc=True)
+    columns = {name: values for name, values in COLUMNS.items() if name != "time_s"}
+    frame = pandas.DataFrame(columns, index=moments)
+    frame.to_csv(tmp_path / "log.csv")
+    frame.to_parquet(tmp_path / "log.parquet")
+    for name in ("log.csv", "log.parquet"):
+        samples = read(tmp_path / name)
+        check(samples)
+        assert samples.epoch.timestamp() == 1.7e9

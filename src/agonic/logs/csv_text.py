@@ -39,6 +39,7 @@ from agonic.logs.text.numbers import read_numbers, split_rows
 from agonic.provenance import Input
 
 _HEAD = 100_000
+_MOMENT = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 _LABELS = ("date", "sensor", "frame")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
 _ABSOLUTES = "# MagPy Absolutes"
@@ -193,7 +194,7 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArra
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
         raise LogError("there is a header and no row below it")
-    header = rename_headers(layout.header)
+    header = rename_headers(_name_index(layout.header, first))
     vectors = _find_vectors(header, first)
     wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])
     texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
@@ -210,6 +211,15 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArra
         else:
             table[name] = values[numeric.index(i)]
     return _add_rate(table, layout), [h for i, h in enumerate(layout.header) if i not in wanted]
+
+
+def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The header, with "time" for the nameless first column of a table that pandas wrote by it."""
+    known = find_quantities(header).values()
+    nameless = header[0] in ("", "Unnamed: 0", "index") and not {"time", "date"} & set(known)
+    if nameless and _most([row[0] for row in rows if row], _MOMENT.match):
+        return ["time", *header[1:]]
+    return list(header)
 
 
 def _add_rate(table: dict[str, NDArray[Any]], layout: Layout) -> dict[str, NDArray[Any]]:

@@ -88,8 +88,10 @@ def is_dataflash(head: bytes) -> bool:
     return bool(_FMT.search(head) or FMT_TEXT.search(head))
 
 
-def _is_numpy_archive(head: bytes) -> bool:
-    """Whether the first member of a ZIP archive is a NumPy array."""
+def _is_numpy(head: bytes) -> bool:
+    """Whether it is a NumPy array, or the first member of a ZIP archive is one."""
+    if head.startswith(b"\x93NUMPY"):
+        return True
     length = int.from_bytes(head[26:28], "little")
     return head.startswith(b"PK\x03\x04") and head[30 : 30 + length].endswith(b".npy")
 
@@ -144,7 +146,7 @@ FORMATS = (
     PARQUET,
     ROS,
     Format("MATLAB (.mat)", "matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")),
-    Format("NumPy (.npz)", "numpy_archive", _is_numpy_archive),
+    Format("NumPy (.npz, .npy)", "numpy_archive", _is_numpy),
     FOLDER,
     JSON,
     Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
@@ -174,7 +176,6 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"\xb5\x62", "a u-blox UBX stream, whose receivers have no magnetometer"),
     (0, b"\xd0\xcf\x11\xe0", "an old workbook of Excel (save the sheet as CSV)"),
     (0, b"Rar!", "a RAR archive (unpack it first)"),
-    (0, b"\x93NUMPY", "a single NumPy array (save it with numpy.savez and name it mag_uT)"),
     (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
     (0, b"<", "a web page or XML"),
 )

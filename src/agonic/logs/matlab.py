@@ -8,6 +8,7 @@ of ArduPilot logs by their labels, see `ardupilot.labelled`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import MissingExtraError
 from agonic.logs import broad
+from agonic.logs.apart import call
 from agonic.logs.ardupilot import labelled
 from agonic.logs.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.log import Log
@@ -51,10 +53,16 @@ def read_tables(path: Path) -> list[dict[str, NDArray[Any]]]:
 
 
 def _version_7_3(path: Path) -> dict[str, Any]:
-    try:
-        import h5py
-    except ImportError:
-        raise MissingExtraError("reading a MATLAB 7.3 file", "space") from None
+    if find_spec("h5py") is None:
+        raise MissingExtraError("reading a MATLAB 7.3 file", "space")
+    contents: dict[str, Any] = call(read_version_7_3, path)
+    return contents
+
+
+def read_version_7_3(path: Path) -> dict[str, Any]:
+    """The numeric data sets of an HDF5 file, those of a group as a dictionary."""
+    import h5py
+
     check_heaps(path)
     with h5py.File(path, "r") as file:
         return _contents(file, Budget())

@@ -19,6 +19,7 @@ from agonic.logs.long_table import build_tables_log
 from agonic.logs.remote import Remote
 from agonic.provenance import Input
 
+_INDEX = "__index_level_0__"
 _LARGEST_FOOTER = 16_000_000
 """Bytes; 200 are a column. Far more than a log needs, and refused before it costs anything."""
 
@@ -41,7 +42,8 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     with _open_parquet(path) as file:
         schema = file.schema
         headers = [schema.column(i).path for i in range(len(schema))]
-        wanted = {headers[i]: name for i, name in find_columns(rename_headers(headers)).items()}
+        ours = _name_index(headers, file.schema_arrow)
+        wanted = {headers[i]: name for i, name in find_columns(rename_headers(ours)).items()}
         columns = file.read(columns=list(wanted)).flatten()
     table = {
         wanted[header]: columns.column(header).to_numpy()
@@ -50,6 +52,14 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     }
     others = [header for header in headers if header not in wanted]
     return table, {"format": "Parquet table", "others": others}
+
+
+def _name_index(headers: list[str], schema: Any) -> list[str]:
+    """The headers, with "time" for the nameless index of moments of a table that pandas wrote."""
+    at = headers.index(_INDEX) if _INDEX in headers else -1
+    if at < 0 or "timestamp" not in str(schema.field(_INDEX).type):
+        return headers
+    return [*headers[:at], "time", *headers[at + 1 :]] if "time" not in headers else headers
 
 
 def count_rows(path: Path | Remote) -> int:

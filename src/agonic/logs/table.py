@@ -183,6 +183,11 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
     other = next((named for name, named in _INERTIAL.items() if name in found), "")
     beside = f" (of {other} only; if the magnetometer is in a file beside it, name the folder)"
+    if not every:
+        raise LogError(
+            "no columns of numbers found in it (arrays of structures are not read); save time and "
+            "field as variables of their own"
+        )
     said = f"{part} found among {have}{beside if other and not parts else ''}; say which they are: "
     said += suggest_names(every)
     if any(set(axes) == set("xy") for axes in found.get("field", {}).values()):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.apart import call
 from agonic.logs.clock import read_clock
 from agonic.logs.columns import refuse_many
 from agonic.logs.hdf5 import Budget, check_heaps, list_items
@@ -64,11 +66,16 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
 
 def _version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
+    if find_spec("h5py") is None:
+        raise MissingExtraError("reading a netCDF-4 file", "space")
+    read: tuple[dict[str, Found], list[str]] = call(read_version_4, path)
+    return read
+
+
+def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
     """The variables of one or two dimensions, those of groups by `group.name`, and notes."""
-    try:
-        import h5py
-    except ImportError:
-        raise MissingExtraError("reading a netCDF-4 file", "space") from None
+    import h5py
+
     check_heaps(path)
     found: dict[str, Found] = {}
     notes: list[str] = []
