@@ -25,6 +25,7 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.equation.row_scatter import compute_row_covariance
+from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -156,7 +157,8 @@ def _state_errors(found: Estimate, part: Problem, scale: Scale) -> tuple[Estimat
     """The estimate with the covariance that rows and shared errors give it; what a turn moves."""
     turn = None
     if part.shared is None:  # beside an inertial unit batches have told it
-        covariance = compute_row_covariance(part, found)
+        found, growth = correct_for_unequal_noise(part, found)
+        covariance = compute_row_covariance(part, found) + growth
         found = found._replace(solution=found.solution._replace(covariance=covariance))
         turn = find_turn_move(found, part)
     return add_shared_errors(found, part, scale, turn), turn

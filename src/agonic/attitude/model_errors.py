@@ -113,11 +113,7 @@ def _blur_attitude(estimate: Estimate, part: Problem) -> Problem:
 def _prior_information(estimate: Estimate, part: Problem, units: Array) -> Array:
     params = estimate.solution.params
     by = np.r_[units, np.ones(len(params) - len(units))]
-    prior = part.prior(part.soft_iron_sd)
-    if prior is None:
-        return np.zeros((len(params), len(params)))
-    jacobian = prior(params)[1] / by
-    return np.asarray(jacobian.T @ jacobian)
+    return np.asarray(part.prior_information(params) / np.outer(by, by))
 
 
 def _list_signals(part: Problem) -> dict[str, Array]:

@@ -66,11 +66,7 @@ def find_reference_moves(estimate: Estimate, problem: Problem, sd: float) -> lis
 def _move(estimate: Estimate, problem: Problem, other: Problem) -> Array:
     """How far another problem's minimum lies from this one's, to first order: −A⁻¹ Σ Jᵀ w δr/σ²."""
     solution = estimate.solution
-    known = solution.information.copy()
-    prior = problem.prior(problem.soft_iron_sd)
-    if prior is not None:
-        jacobian = prior(solution.params)[1]
-        known += jacobian.T @ jacobian
+    known = solution.information + problem.prior_information(solution.params)
     pull = np.zeros(len(solution.params))
     for channel, noise in estimate.noise.items():
         here = compute_residuals(problem, channel, solution.params)

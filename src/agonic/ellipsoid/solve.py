@@ -19,6 +19,7 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.covariance import add_up, compute_covariance, predict_unseen
 from agonic.maths.equation.maximum_likelihood import estimate
 from agonic.maths.equation.starting_values import nearest_parameters
+from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
 
 SIGNIFICANT = 0.01
 """A larger model is kept when the smaller one would be this improbable."""
@@ -72,6 +73,7 @@ def solve_likelihood(
     near the bias and matrix of `start`, where given."""
     near = None if start is None else nearest_parameters(*start, problem.basis)
     found = estimate(problem, robust=robust, seed=seed, start=near)
+    found, growth = correct_for_unequal_noise(problem, found)
     solution, noise = found.solution, found.noise["magnitude"]
     bias, matrix = split(model_basis(model) @ solution.params)
     sums = add_up(problem, found)
@@ -79,7 +81,7 @@ def solve_likelihood(
         model,
         bias,
         matrix,
-        gauge.expand_model_covariance(model, compute_covariance(problem, found, sums)),
+        gauge.expand_model_covariance(model, compute_covariance(problem, found, sums) + growth),
         noise.sd,
         noise.correlation,
         found.residuals["magnitude"],
@@ -87,7 +89,7 @@ def solve_likelihood(
         solution.condition,
         solution.iterations,
         solution.converged,
-        gauge.expand_model_covariance(model, solution.covariance),
+        gauge.expand_model_covariance(model, solution.covariance + growth),
         predict_unseen(problem, found, sums),
     )
 

@@ -136,6 +136,14 @@ class Problem(NamedTuple):
             moved[slopes] += (further @ step[slopes].reshape(3, -1)).ravel()
         return moved
 
+    def prior_information(self, params: Array) -> Array:
+        """What the priors know of the parameters, at these."""
+        prior = self.prior(self.soft_iron_sd)
+        if prior is None:
+            return np.zeros((len(params), len(params)))
+        jacobian = prior(params)[1]
+        return np.asarray(jacobian.T @ jacobian)
+
     @property
     def shared_count(self) -> int:
         """How many unknowns there are of the errors that all rows share; they come last."""

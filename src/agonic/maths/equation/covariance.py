@@ -40,7 +40,7 @@ def compute_covariance(problem: Problem, estimate: Estimate, sums: Scatters) -> 
     """
     noise, solution = estimate.noise["magnitude"], estimate.solution
     n, m = len(problem.points), len(solution.params)
-    known = _prior_information(problem, solution.params)
+    known = problem.prior_information(solution.params)
     if noise.sd <= problem.rounding:  # residuals smaller than that are luck
         return inverse(solution.information + known)
     if n < 2 * m or solution.condition > _WORST_CONDITION:
@@ -66,21 +66,13 @@ def predict_unseen(problem: Problem, estimate: Estimate, sums: Scatters) -> Arra
     By one Newton step from the fit to all: without block b, with information A_b and gradient g_b,
     the parameters move by (A − A_b)⁻¹ g_b.
     """
-    known = _prior_information(problem, estimate.solution.params)
+    known = problem.prior_information(estimate.solution.params)
     noise = estimate.noise["magnitude"]
     without = sums.information.sum(axis=0) - sums.information + noise.correlation * known
     moved = np.einsum("bij,bj->bi", inverse(without), sums.gradient)
     square = sums.square + 2 * np.einsum("bi,bi->b", sums.gradient, moved)
     square += np.einsum("bi,bij,bj->b", moved, sums.information, moved)
     return np.asarray(square / np.maximum(sums.weight, 1.0) * noise.sd**2)
-
-
-def _prior_information(problem: Problem, params: Array) -> Array:
-    prior = problem.prior(problem.soft_iron_sd)
-    if prior is None:
-        return np.zeros((len(params), len(params)))
-    jacobian = prior(params)[1]
-    return np.asarray(jacobian.T @ jacobian)
 
 
 class Scatters(NamedTuple):

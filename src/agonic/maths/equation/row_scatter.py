@@ -11,7 +11,8 @@ needs neither. It counts as far as it differs from the solver's by more than cha
 long memory is known from few independent residuals: its scores grow by Student's t. Errors that
 stand in the sensor's axes, or turn the attitude, show in all channels at once, along directions
 that turn with the vehicle: what products of residuals show of them (`noise_with_memory`) takes the
-place of the correlation lengths.
+place of the correlation lengths. Where they show nothing, the readings' noise has the memory in
+every channel that it has in the magnitude.
 
 Source: H. White (1980), Econometrica 48, 817; MacKinnon & White (1985) for the leverage.
 """
@@ -52,7 +53,7 @@ def compute_row_covariance(problem: Problem, estimate: Estimate) -> Array:
     root = np.asarray(np.linalg.cholesky(inverse(solution.information + by.T @ by)))
     lengths = np.array([of.correlation for of in noise.values()])
     each = -(-n // STRETCHES)
-    sums = _Sums(m, lengths, each)
+    sums = _Sums(m, lengths, _share_memory(estimate), each)
     for block in _blocks(problem, estimate, root, each * max(_BLOCK // each, 1)):
         sums.add(*block)
     known, scatter = by @ root, sums.scatter()
@@ -64,10 +65,10 @@ class _Sums:
     information, the score's square and the weight; how scores scatter, and by how much by chance.
     """
 
-    def __init__(self, parameters: int, lengths: Array, each: int) -> None:
+    def __init__(self, parameters: int, lengths: Array, shared: Array, each: int) -> None:
         count, square = len(lengths), (parameters, parameters)
         self.each = each
-        self.lengths = lengths
+        self.lengths, self.shared = lengths, shared
         self.information = np.zeros((count, *square))
         self.weight, self.power, self.fourth, self.lever, self.rows = np.zeros((5, count))
         self.own = np.zeros((count, *square))
@@ -117,7 +118,7 @@ class _Sums:
         sums = Stretches(*map(np.concatenate, parts))
         memory = find_memory(sums, one, geometries)
         if memory is None:
-            return self._scatter_rows(self.lengths)
+            return self._scatter_rows(np.maximum(self.lengths, self.shared))
         along = np.sum(self.along, axis=0) / np.maximum(self.weight, 1e-300)[:, None]
         sizes = zip(geometries, memory.slow, strict=True)
         slow = np.sum([variance * along[:, at].sum(axis=1) for at, variance in sizes], axis=0)
@@ -144,6 +145,15 @@ class _Sums:
             chance += mean[a] * mean[b] * across * per_pair**2 * shortest
         apart = float(np.sum((own - equal) ** 2))
         return np.asarray(own + min(_CHANCE * chance / max(apart, 1e-300), 1.0) * (equal - own))
+
+
+def _share_memory(estimate: Estimate) -> Array:
+    """The correlation length that noise of the readings gives each channel, (c,), by its share of
+    the variance: beside errors of the attitude a dip hardly shows that the sensor's noise lasts."""
+    noise = estimate.noise
+    of_readings = noise["magnitude"]
+    shares = [min(of_readings.sd / of.sd, 1.0) ** 2 for of in noise.values()]
+    return np.asarray(1.0 + np.array(shares) * (of_readings.correlation - 1.0))
 
 
 def _blocks(

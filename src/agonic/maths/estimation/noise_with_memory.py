@@ -32,7 +32,7 @@ from agonic.maths.estimation.student import compute_widening
 STRETCHES = 256
 """Stretches of time that a record is summed up in, at most."""
 
-FEWEST = 60
+FEWEST = 30
 """Stretches below which nothing is said."""
 
 _CHANCE = 14.0  # χ² by which slow errors must explain the products better than white noise
