@@ -146,3 +146,42 @@ def test_the_nameless_index_of_moments_that_pandas_writes(tmp_path):
         samples = read(tmp_path / name)
         check(samples)
         assert samples.epoch.timestamp() == 1.7e9
+
+
+def test_rows_of_two_devices_are_two_sensors(tmp_path):
+    rows = [f"{row},{'AB'[k % 2]}" for k, row in enumerate(ROWS)]
+    log = open_log(write(tmp_path, "\n".join([f"{HEADER},device", *rows])))
+    assert [(s.name, len(s)) for s in log.sensors] == [("A", N // 2), ("B", N // 2)]
+    np.testing.assert_allclose(log.sensors[1].field, FIELD[1::2] * 1e3)
+    alone = [f"{row},WT901" for row in ROWS]
+    check(read(write(tmp_path, "\n".join([f"{HEADER},Device name", *alone]))))
+
+
+def test_messages_of_ardupilot_as_a_table_are_corrected_readings_in_milligauss(tmp_path):
+    header = "timestamp,TimeUS,I,MagX,MagY,MagZ,OfsX,OfsY,OfsZ,MOX,MOY,MOZ"
+    rows = [
+        f"{1.7e9 + t:.2f},{t * 1e6:.0f},0,{x},{y},{z},10,20,30,0,0,0"
+        for t, (x, y, z) in zip(TIME, FIELD * 10, strict=True)
+    ]
+    samples = read(write(tmp_path, "\n".join([header, *rows]), name="MAG_0.csv"))
+    check(samples)
+    assert samples.corrected
+    assert samples.epoch.timestamp() == 1.7e9
+
+
+@pytest.mark.parametrize("stamp", ["[2023-11-14 22:13:{:06.3f}] ", "22:13:{:06.3f} -> "])
+def test_stamps_of_terminals_before_three_numbers(tmp_path, stamp):
+    rows = [
+        f"{stamp.format(20 + t)}{row.partition(',')[2]}" for t, row in zip(TIME, ROWS, strict=True)
+    ]
+    check(read(write(tmp_path, "\n".join(rows)), unit="uT"))
+
+
+def test_other_marks_between_cells(tmp_path):
+    lines = [HEADER, *ROWS]
+    check(read(write(tmp_path, "\n".join(line.replace(",", "|") for line in lines))))
+    quoted = "\n".join(f'"{line}"'.replace(",", ";") for line in lines)
+    check(read(write(tmp_path, quoted)))
+    tex = HEADER.replace("time_s", "t [s]").replace("mag_x_uT", r"$B_x$ [$\mu$T]")
+    tex = tex.replace("mag_y_uT", r"$B_y$ [$\mu$T]").replace("mag_z_uT", r"$B_z$ [$\mu$T]")
+    check(read(write(tmp_path, "\n".join([tex, *ROWS]))))

@@ -105,6 +105,8 @@ def identify_columns(headers: Iterable[str]) -> Identified:
         axes: dict[str, Column] = {}
         for column in (column for column in columns if column.rank == best):
             twin = axes.setdefault(column.axis, column)
+            if {twin.header, column.header} == _SAME_CLOCK:
+                continue
             if twin is not column and not _add_fraction(axes, twin, column):
                 raise LogError(
                     f"{twin.header!r} and {column.header!r} could both be the "
@@ -115,6 +117,8 @@ def identify_columns(headers: Iterable[str]) -> Identified:
     return found
 
 
+_SAME_CLOCK = {"timestamp", "TimeUS"}
+"""What pymavlink writes of one moment; the first is Unix time, and stands first."""
 FRACTION = "fraction"
 """The axis under which the nanoseconds of a time in two columns are kept."""
 

@@ -45,7 +45,18 @@ class Convention:
         )
 
 
+CORRECTED = "MAG of ArduPilot, already corrected by the autopilot; read its own log (.bin)"
+_OFFSETS = {"MagX", "OfsX", "MOX"}
+"""Columns of the message MAG: its field has had the offsets added, and the motor term."""
+
 CONVENTIONS = (
+    Convention(
+        name="ArduPilot MAG",
+        marks=(r"^MagX$", r"^OfsX$"),
+        units={"field": "mG"},
+        only=r"^Mag[XYZ]$",
+        source="ArduPilot/ardupilot: libraries/AP_Compass/LogStructure.h",
+    ),
     Convention(
         name="ROS sensor_msgs/Imu",
         marks=(r"\blinear_acceleration[/._]x\b|_linear_acceleration[/._]x$",
@@ -157,6 +168,15 @@ def apply_conventions(
         f"{', '.join(dict.fromkeys(names))}: units as {format} documents"
         for format, names in used.items()
     )
+
+
+def find_correction(headers: Iterable[str]) -> tuple[str, ...]:
+    """`CORRECTED` where the format of the table holds readings that are, else nothing.
+
+    >>> find_correction(["TimeUS", "MagX", "MagY", "MagZ"])
+    ()
+    """
+    return (CORRECTED,) if _OFFSETS.issubset(headers) else ()
 
 
 def _tell(

@@ -94,7 +94,8 @@ def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
     """The text of a file with plain rows, its first lines, and notes."""
     data, notes = load(path, _count_understood)
     head = _split_head(data)
-    if head[0].startswith(LABVIEW) or not any(map(str.isalpha, head[0])):
+    plain = not any(map(str.isalpha, head[0].replace("T", "")))
+    if plain or head[0].startswith((LABVIEW, '"')):
         from agonic.logs.text.sanity import level
 
         data = level(data, head)

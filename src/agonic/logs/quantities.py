@@ -190,7 +190,10 @@ QUANTITIES: tuple[Quantity, ...] = (
         column="flagged", name="flagged",
         aliases="excluded torquers torquerson mtq mtqon magnetorquers magnetorquerson",
     ),
-    Quantity(column="sensor", name="sensor", aliases="sensorid sensorname magid"),
+    Quantity(
+        column="sensor", name="sensor", aliases="sensorid sensorname magid",
+        weak="device deviceid devicename deviceaddress macaddress",  # where it is more than one
+    ),
     Quantity(column="frame", name="frame"),
 )
 # fmt: on

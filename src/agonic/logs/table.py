@@ -13,8 +13,8 @@ from agonic.arrays import Index
 from agonic.errors import LogError, TwoAxisError
 from agonic.logs.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.column_names import suggest_names
-from agonic.logs.columns import Identified, identify_column, identify_columns
-from agonic.logs.conventions import apply_conventions
+from agonic.logs.columns import FALLBACK, Identified, identify_column, identify_columns
+from agonic.logs.conventions import CORRECTED, apply_conventions, find_correction
 from agonic.logs.log import Log, Stream
 from agonic.logs.resample import compute_rate_Hz
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
@@ -67,7 +67,7 @@ def build_log(
         clocks=find_clocks(table, found, fields),
         unit=unit,
         source=source,
-        remarks=(*remarks, *documented),
+        remarks=(*remarks, *documented, *find_correction([*table, *others])),
     )
     sensors, failures = _read_sensors(whole, fields)
     return Log(
@@ -124,6 +124,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         axes="".join(sorted(axes)),
         frame=_find_frame(part),
         heading_estimated=estimated,
+        corrected=CORRECTED in part.remarks,
         disturbers=disturbers,
         notes=(*part.remarks, *unit_notes, *time_notes, *sorted_notes, *remarks, *told),
         source=replace(part.source, count=len(field)),
@@ -161,6 +162,9 @@ def _split_rows(whole: Part) -> Iterator[tuple[str, Index]]:
         return
     labels = np.array([str(label).strip() for label in whole.table[column.header]])
     names, first, which = np.unique(labels, return_index=True, return_inverse=True)
+    if column.rank == FALLBACK and len(names) == 1:
+        yield "", whole.rows  # all of one device
+        return
     if len(names) > _MOST_SENSORS:
         raise LogError(f"{column.header!r} names {len(names)} sensors; is it another quantity?")
     for k in np.argsort(first):

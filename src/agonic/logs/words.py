@@ -73,6 +73,7 @@ def spell_out(text: str) -> str:
     ('magneticfield X, uT', ' magneticfield Y(uT)', 'T, degC')
     """
     plain = unicodedata.normalize("NFC", text).translate(_SIGNS)
+    plain = plain.replace("\\mu", "u").replace("$", "")  # as in TeX
     if plain.isascii():
         return _translate(plain)
     plain = unicodedata.normalize("NFKC", plain).translate(_SIGNS)

@@ -193,7 +193,7 @@ def _find_separator(rows: Sequence[str]) -> str | None:
     if stated := _SEPARATED.fullmatch(rows[0].strip(' "')):
         return str(stated[1])
     alike = []
-    for separator in (";", "\t", ","):
+    for separator in (";", "\t", ",", "|"):
         widths = [count_cells(row, separator) for row in rows]
         width, times = Counter(widths).most_common(1)[0]
         first, last = (split_cells(rows[k], separator) for k in (0, -1))

@@ -19,6 +19,11 @@ from agonic.logs.text.layout import LABVIEW, Layout, holds_values, is_header, sp
 from agonic.logs.text.numbers import split_rows
 
 _PLAIN = re.compile(r"[-+\d.eE,;\s()\[\]{}<>]+")
+_STAMPED = re.compile(
+    r"\s*\[?((?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+)\]?\s*(?:->|>|:|,|\s)\s*(?=[-+.\d])"
+)
+"""What terminals write before a line: the moment that it came."""
+_NUMBER = re.compile(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?")
 _BRACKET = re.compile(r"[(\[{<]")
 _BETWEEN = bytes.maketrans(b"()[]{}<>,;", b" " * 10)
 _LABVIEW_END = b"***End_of_Header***"
@@ -41,10 +46,29 @@ def level(data: Text, head: Sequence[str]) -> Text:
         body = data[data.rfind(_LABVIEW_END, 0, _HEAD) :].partition(b"\n")[2]
         return body.replace(b"X_Value", b"time_s", 1) if _TIMED.search(data[:_HEAD]) else body
     rows = [line for line in head if holds_values(line)][:50]
+    if rows and all(
+        row.count('"') == 2 and row.strip()[:: len(row.strip()) - 1] == '""' for row in rows
+    ):
+        return data[:].replace(b'"', b"")  # a table whose lines were taken for single cells
+    if rows and all(map(_STAMPED.match, rows)):
+        return _name_stamps(data[:].decode(), rows)
     plain = bool(rows) and all(map(_PLAIN.fullmatch, rows))
     if not plain or not (any(map(_BRACKET.search, rows)) or all(map(_is_mixed, rows))):
         return data
     return data[:].translate(_BETWEEN)
+
+
+def _name_stamps(text: str, rows: Sequence[str]) -> bytes:
+    """Rows with the stamp of a terminal before them; three numbers behind it are x, y and z."""
+    cells = [re.split(r"[\s,;]+", _STAMPED.sub("", row, count=1).strip()) for row in rows]
+    if not all(len(row) == 3 and all(map(_NUMBER.fullmatch, row)) for row in cells):
+        return text.encode()
+    lines = ["time,x,y,z"]
+    for line in text.split("\n"):
+        if stamp := _STAMPED.match(line):
+            rest = re.split(r"[\s,;]+", line[stamp.end() :].strip())
+            lines.append(",".join([stamp[1].replace(",", "."), *rest]))
+    return "\n".join(lines).encode()
 
 
 def _is_mixed(row: str) -> bool:
