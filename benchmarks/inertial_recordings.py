@@ -1,4 +1,5 @@
-"""Hand-held recordings cut to small tilts: python -m benchmarks.inertial_recordings.
+"""Recordings: hand-held ones cut to small tilts, and a flight. Alone:
+python -m benchmarks.inertial_recordings.
 
 Trials 02 and 07 of BROAD (Laidig et al. 2021), undisturbed: the fit sees the rows that are tilted
 by less than so much, without place or attitude, and its headings are compared with the optical
@@ -15,6 +16,7 @@ import numpy as np
 import agonic as ag
 from agonic.attitude.latency import undelayed
 from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.console.place import find_reference
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.attitude import down_b
 from benchmarks import tables
@@ -85,5 +87,51 @@ def describe() -> str:
     return INTRODUCTION + "\n\n" + tables.markdown(["trial", "n", *columns], rows)
 
 
+FLIGHT = FOLDER.parent / "ardupilot/log171.bin"
+FLOWN_S = (84.0, 236.0)
+FLIGHT_INTRODUCTION = """A quadrotor's flight (log171): heading of its two internal compasses
+against the external one as it was flown, all with the roll and pitch of the log, rms about the
+mean, degrees; own standard error and verdict. The EKF's own yaw leaves 3 to 4°."""
+
+
+def describe_flight() -> str:
+    """The table of a flight: as flown, levelled, inertial, against the external compass."""
+    outside = _flown("MAG")
+    external = np.unwrap(np.radians(_headings_deg(outside.logged, outside)))
+    place, _ = find_reference(outside, None, None, None)
+    rows = []
+    for name in ("MAG2", "MAG3"):
+        tables.progress(f"log171, {name}")
+        samples = _flown(name)
+        bare = samples.with_columns(roll_deg=None, pitch_deg=None, heading_deg=None)
+        known = place.select(np.minimum(np.arange(len(samples)), len(outside) - 1))
+        fits = (ag.fit_levelled(samples, known), ag.fit_inertial(bare, known))
+        cells = [name]
+        for one in (samples.logged, *(fit.calibration for fit in fits)):
+            own = np.radians(_headings_deg(one, samples))
+            off = np.exp(1j * (own - np.interp(samples.time, outside.time, external)))
+            off *= np.exp(-1j * np.angle(off.mean()))
+            cells.append(f"{np.degrees(np.sqrt(np.mean(np.angle(off) ** 2))):.1f}")
+        for fit in fits:
+            own = compute_mounted_heading(fit.calibration, fit.coverage).own_sd_deg
+            cells += [f"{own:.2g}", fit.verdict]
+        rows.append(cells)
+    whats = [f"{fit}: {what}" for fit in ("levelled", "inertial") for what in ("stated", "verdict")]
+    head = ["compass", "as flown", "levelled", "inertial", *whats]
+    return FLIGHT_INTRODUCTION + "\n\n" + tables.markdown(head, rows)
+
+
+def _flown(sensor: str) -> ag.Samples:
+    """The flight without what came before and after."""
+    samples = ag.read(FLIGHT, sensor=sensor)
+    return samples.select((samples.time > FLOWN_S[0]) & (samples.time < FLOWN_S[1]))
+
+
+def _headings_deg(correction, samples: ag.Samples) -> np.ndarray:
+    """Headings by a calibration, or a correction on board, and the roll and pitch of the log."""
+    field = (samples.field - correction.bias) @ correction.matrix.T
+    return kernel.heading_by_vectors_deg(field, down_b(samples.roll_deg, samples.pitch_deg))
+
+
 if __name__ == "__main__":
-    print(describe())
+    print(describe() + "\n\n" + describe_flight())

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
+from agonic.recording.choice import choose
 from tests.inertial.drives import drive, heading_error_deg
 
 
@@ -52,3 +53,19 @@ def test_acceleration_of_the_opposite_sign_is_named() -> None:
     named = [finding.what for finding in fit.findings if finding.name == "inertial unit"]
     assert len(named) == 1
     assert "opposite sign" in named[0]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        (lambda s: {"rotation_rate": np.degrees(s.rotation_rate)}, "in degrees a second"),
+        (lambda s: {"acceleration": -s.acceleration}, "the acceleration has the opposite sign"),
+    ],
+)
+def test_what_was_recorded_wrongly_is_named_where_the_magnitude_alone_is_refused_too(
+    wrong, named: str
+) -> None:
+    _, logged, place = drive(tilt_deg=5.0, n=1000)
+    chosen = choose(logged.with_columns(**wrong(logged)), place, "auto", {})
+    assert chosen.fit.verdict == "refused"
+    assert named in chosen.fit.status

@@ -49,6 +49,8 @@ SURER = 0.8
 """Of the heading's standard error: a fit that knows more has to be better by this much."""
 SURE_DEG = 0.3
 """A heading that is known to this by the magnitude alone needs nothing else."""
+OF_THE_RECORDING = {"attitude", "heading", "mounting", "inertial unit"}
+"""Reasons to refuse a fit which another recording of the same motion would not have."""
 NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting"}
 """Reasons to refuse a fit that do not concern one that knows the magnitude only."""
 
@@ -245,8 +247,11 @@ def _choose_surer(
             raise failed from None
     if aided is None or (alone is not None and not _is_surer(aided.fit, alone.fit)):
         assert alone is not None
-        if aided is not None and aided.fit.verdict == "refused" != alone.fit.verdict:
-            return _tell(alone, aided)
+        if aided is not None and aided.fit.verdict == "refused":
+            if alone.fit.verdict != "refused":
+                return _tell(alone, aided)
+            if _causes(aided) & OF_THE_RECORDING:
+                return aided  # what was recorded wrongly is the first thing to know
         return replace(alone, reason=enough)
     return aided
 
