@@ -287,6 +287,27 @@ def second_sensor(size: float, every: int = 2) -> Fault:
     return fault
 
 
+def mixed_sensors(size: float, share: float, gain: float) -> Fault:
+    """Rows at random of another sensor, with another bias and other gains."""
+
+    def fault(d: Draft) -> None:
+        away, other = d.rng.normal(size=3), d.rng.random(d.n) < share
+        gains = 1 + gain * d.rng.normal(size=3)
+        d.raw[other] = d.raw[other] * gains + size * away / np.linalg.norm(away)
+
+    return fault
+
+
+def axis_dead(d: Draft) -> None:
+    """One axis never moves."""
+    d.raw[:, 2] = d.raw[0, 2]
+
+
+def axis_copied(d: Draft) -> None:
+    """One axis reads what another does."""
+    d.raw[:, 1] = d.raw[:, 0] + NOISE * d.rng.normal(size=d.n)
+
+
 def unequal_noise(*sizes: float) -> Fault:
     """Axes of different noise."""
 
@@ -347,6 +368,39 @@ def switching(size: float, mean_rows: float = 40.0) -> Fault:
         on = np.cumsum(d.rng.random(d.n) < 1 / mean_rows) % 2
         way = d.rng.normal(size=3)
         d.raw = d.raw + on[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def bursts(size: float, rows: float = 40.0, on: float = 0.3) -> Fault:
+    """A current that is on for a share of every so many rows."""
+
+    def fault(d: Draft) -> None:
+        way = d.rng.normal(size=3)
+        now = (np.arange(d.n) / rows) % 1 < on
+        d.raw = d.raw + now[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def follows_pitch(size: float) -> Fault:
+    """A current that goes with the pitch, nose up as nose down, as of motors that work harder."""
+
+    def fault(d: Draft) -> None:
+        down = d.rot_nm.inv().apply([0.0, 0.0, 1.0])
+        way = d.rng.normal(size=3)
+        d.raw = d.raw + np.abs(down[:, :1]) * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def steel_below(size: float) -> Fault:
+    """Nose down the sensor comes near a floor with steel in it: the field there is another."""
+
+    def fault(d: Draft) -> None:
+        down = d.rot_nm.inv().apply([0.0, 0.0, 1.0])
+        change_n = np.clip(down[:, :1], 0.0, 1.0) ** 2 * size * np.array([0.4, -0.5, 0.77])
+        d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
 
     return fault
 
@@ -611,6 +665,12 @@ def _of_the_sensor() -> list[Kind]:
             for s in (1000.0, 3000.0, 10_000.0)
         ),
         Kind("second sensor 3 µT apart in every third row", tumble, (second_sensor(3000.0, 3),)),
+        *(
+            Kind(f"two of five rows from a sensor {s / 1e3:g} µT and 2 % apart", tumble, (mixed,))
+            for s in (1000.0, 3000.0)
+            for mixed in [mixed_sensors(s, 0.4, 0.02)]
+        ),
+        Kind("one axis reads what another does", tumble, (axis_copied,)),
         Kind("noise 100, 200, 600 nT by axis", tumble, (unequal_noise(100, 200, 600),)),
         Kind(
             "noise 100, 200, 600 nT by axis, tilts of 30°",
@@ -643,6 +703,15 @@ def _of_the_place() -> list[Kind]:
             Kind(f"current of {s / 1e3:g} µT at random", tumble, (switching(s),))
             for s in (1000.0, 2500.0, 8000.0)
         ),
+        *(
+            Kind(f"current of {s / 1e3:g} µT in bursts, tilts of 60°", tilts(60), (bursts(s),))
+            for s in (1000.0, 2500.0)
+        ),
+        *(
+            Kind(f"{s / 1e3:g} µT with the pitch, tilts of 60°", tilts(60), (follows_pitch(s),))
+            for s in (1000.0, 3000.0)
+        ),
+        Kind("3 µT near a floor of steel", tumble, (steel_below(3000.0),)),
         Kind("current of 2.5 µT at random, tilts of 45°", tilts(45), (switching(2500.0),)),
         *(
             Kind(f"{s / 1e3:g} µT that follow the bank", tumble, (follows_attitude(s),))
@@ -729,6 +798,22 @@ def _of_the_attitude() -> list[Kind]:
             )
         ),
         Kind("levelled, cubic non-linearity 2 %", tilts(30), (cubic(0.02), with_attitude())),
+        *(
+            Kind(
+                f"levelled, saturation across axes at {s / 1e3:.0f} µT",
+                tilts(30),
+                (saturation_across(s), with_attitude()),
+            )
+            for s in (200_000.0, 400_000.0)
+        ),
+        Kind("levelled, 2 µT with the pitch", tilts(30), (follows_pitch(2000.0), with_attitude())),
+        *(
+            Kind(f"with heading, {name}", tilts(45), (fault, with_attitude(heading=True)))
+            for name, fault in (
+                ("one axis reads what another does", axis_copied),
+                ("one axis never moves", axis_dead),
+            )
+        ),
         Kind("levelled, current at random", tilts(30), (switching(2500.0), with_attitude())),
         Kind(
             "levelled, 3 µT that follow the bank",

@@ -6,8 +6,11 @@ from benchmarks.faults import (
     DIP_DEG,
     FIELD_N,
     MAGNITUDE,
+    bursts,
     coloured,
     cubic,
+    follows_pitch,
+    mixed_sensors,
     outliers,
     record,
     saturation_across,
@@ -92,6 +95,34 @@ def test_what_all_axes_share_is_seen_where_each_alone_hides(fault, motion, cause
     assert max(over) < 3.0
     assert min(over) > 0.1  # and by no more than is there
     assert np.median(over) > 0.2
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        (bursts(1000.0), "comes and goes"),
+        (follows_pitch(2500.0), "comes and goes"),
+        (mixed_sensors(1500.0, 0.4, 0.02), "two populations"),
+    ],
+    ids=["bursts", "pitch", "two sensors"],
+)
+def test_some_dozens_of_changes_are_enough_to_tell_a_moving_bias(fault, cause) -> None:
+    seen, over = 0, []
+    for seed in range(6):
+        recording, fit = fitted(seed, fault, motion=tilts(60), n=1500)
+        seen += bool({cause, "field changed"} & {finding.name for finding in fit.findings})
+        over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
+    assert seen >= 5
+    assert max(over) < 4.0
+    assert 0.2 < np.median(over) < 2.0
+
+
+def test_noise_of_all_directions_is_no_moving_bias() -> None:
+    names = {"comes and goes", "two populations"}
+    for seed in range(15):
+        for fault in (coloured(0.95, 300.0), unequal_noise(100, 200, 600)):
+            _, fit = fitted(seed, fault, motion=tilts(60), n=1200)
+            assert not causes(fit) & names
 
 
 def test_a_drift_does_not_hide_as_noise_with_a_long_memory() -> None:

@@ -2,6 +2,17 @@
 
 import numpy as np
 import pytest
+from benchmarks.faults import (
+    FIELD_N,
+    axis_copied,
+    axis_dead,
+    follows_pitch,
+    record,
+    saturation_across,
+    tilts,
+    with_attitude,
+)
+from benchmarks.torture import heading_error_deg
 
 import agonic as ag
 from agonic.calibration.interference import Interference
@@ -43,6 +54,26 @@ def test_what_the_log_holds_decides() -> None:
         assert reason in result.reason
     by_force = ag.calibrate(bare.with_columns(acceleration=None), field_n)
     assert by_force.method == "ellipsoid"
+
+
+def test_what_only_directions_show_is_not_left_for_a_fit_by_the_magnitude() -> None:
+    for fault in (saturation_across(200_000.0), follows_pitch(2000.0)):
+        for seed in range(2):
+            recording = record(seed, tilts(30), (fault, with_attitude()), n=1500)
+            result = ag.calibrate(recording.samples, ag.Reference.vector(FIELD_N, frame="n"))
+            error = heading_error_deg(result.fit.calibration, recording)
+            assert error < max(3 * result.fit.coverage.heading_sd_deg, 0.2)
+
+
+@pytest.mark.parametrize("fault", [axis_copied, axis_dead])
+def test_an_axis_that_says_nothing_of_its_own_is_refused_and_no_crash(fault) -> None:
+    recording = record(1, tilts(45), (fault, with_attitude(heading=True)), n=300)
+    try:
+        fit = ag.fit_vector(recording.samples, ag.Reference.vector(FIELD_N, frame="n"))
+        verdict = fit.verdict
+    except ag.CoverageError:
+        verdict = "refused"
+    assert verdict == "refused"
 
 
 def test_the_user_may_decide() -> None:

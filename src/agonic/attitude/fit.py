@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
 from agonic.arrays import Array, Mask
@@ -50,7 +53,8 @@ def fit_channels(
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
     found = estimate_usable(problem, usable, settings)
-    return make_fit(found, problem, scale, samples, usable, settings, name)
+    with _without_hold():
+        return make_fit(found, problem, scale, samples, usable, settings, name)
 
 
 def fit_channels_alone(
@@ -114,13 +118,28 @@ def estimate_usable(
     """The estimate from the usable rows of a problem of all rows; from `start` first, if given."""
     part = _select(problem, usable)
     robust = settings.robust and len(part.points) >= 2 * FEWEST
-    return estimate(part, robust=robust, seed=settings.seed, start=start)
+    with _without_hold():
+        return estimate(part, robust=robust, seed=settings.seed, start=start)
 
 
 def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:
     """The same from near parameters, and nowhere else."""
     part = _select(problem, usable)
-    return refine(part, params, settings.robust and len(part.points) >= 2 * FEWEST)
+    with _without_hold():
+        return refine(part, params, settings.robust and len(part.points) >= 2 * FEWEST)
+
+
+@contextmanager
+def _without_hold() -> Iterator[None]:
+    """The error of a fit that runs away."""
+    try:
+        yield
+    except (OverflowError, np.linalg.LinAlgError):
+        raise CoverageError(
+            "the readings do not determine a calibration: an axis never moves, or says what "
+            "another does",
+            turns="look at each axis of the log, and turn the sensor about all three",
+        ) from None
 
 
 def make_fit(

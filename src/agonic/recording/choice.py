@@ -54,6 +54,10 @@ OF_THE_RECORDING = {"attitude", "heading", "mounting", "inertial unit"}
 NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting"}
 """Reasons to refuse a fit that do not concern one that knows the magnitude only."""
 
+SEEN_BY_DIRECTION = {"non-linear", "compressed", "follows bank", "follows pitch"}
+"""Errors of the readings that dip and azimuth show and the magnitude may hide: a fit by the
+magnitude alone is sure of itself for not seeing them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Choice:
@@ -295,10 +299,16 @@ def _leave_attitude(
     except CoverageError:
         return aided
     surer = alone.fit.coverage.heading_sd_deg < SURER * _own_heading_deg(aided.fit)
-    if not surer or _rank(alone.fit) > _rank(aided.fit):
+    if not surer or _rank(alone.fit) > _rank(aided.fit) or _sees_less(alone.fit, aided.fit):
         return aided
     why = "the magnitude alone tells the calibration more surely than with the attitude"
     return replace(alone, reason=why)
+
+
+def _sees_less(alone: Fit, aided: Fit) -> bool:
+    """Whether directions show an error of the readings that magnitudes hide."""
+    told = {finding.name for finding in aided.findings} & SEEN_BY_DIRECTION
+    return not told <= {finding.name for finding in alone.findings}
 
 
 def fall_back(

@@ -61,7 +61,7 @@ CAUSES: dict[str, tuple[str, str]] = {
         "fasten what swings, record the currents beside the field, and calibrate with them",
     ),
     "two populations": (
-        "readings sit about two values along one direction: two sensors or a current that switches",
+        "readings are of two calibrations, mixed: two sensors, or a current that switches",
         "separate the sensors, or record the current beside the field",
     ),
     "prior": (

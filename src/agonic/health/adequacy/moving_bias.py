@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.health.adequacy.fitted import FEWEST_ROWS, ModelError, Work, make_error
-from agonic.maths.estimation.score_test import Linearised, score_test
+from agonic.maths.estimation.score_test import sums_by
 
 SIGNIFICANT = 1e-3 / 3
+MOST_WINDOWS, FEWEST_WINDOWS = 600, 16
+FAR = 6.0
+"""Products of windows farther from their median than this many median distances count as so far."""
+LEAST_VARIANCE = 0.05
+"""Of residuals over the noise."""
+MEAN = 1.0
+"""Square of the mean of what comes and goes over its variance, as of a current that is on for half
+of the time: the bias holds the mean, which no residual shows."""
+_ENTRIES = ((0, 0), (1, 1), (0, 1), (0, 2), (1, 2))
+"""Of a symmetric matrix without trace."""
 
 
 def find_moving_bias(work: Work) -> list[ModelError]:
@@ -16,76 +28,133 @@ def find_moving_bias(work: Work) -> list[ModelError]:
 
     A bias that varies with covariance M makes E[r_i r_j] = n_iᵀ M n_j for rows close in time;
     noise with memory alone makes it n_i·n_j. Two populations in random rows are not close in
-    time: there the residuals' distribution about ± along the direction tells.
+    time: there the residuals' distribution tells.
     """
     fit, normals = work.linear, work.normals
     close = np.diff(work.rows) == 1
     first = np.flatnonzero(close & (fit.weights[1:] > 0) & (fit.weights[:-1] > 0))
     pairs = (normals[first], normals[first + 1], fit.residuals[first] * fit.residuals[first + 1])
-    found = _anisotropy(*pairs, fit.batch[first])
-    name = "comes and goes"
-    if found is None:
-        kept = np.flatnonzero(fit.weights > 0)
-        same = (normals[kept], normals[kept], fit.residuals[kept] ** 2)
-        found = _anisotropy(*same, fit.batch[kept])
-        name = "two populations"
-        if found is None or not _two_levels(normals[kept], fit.residuals[kept], found[1]):
-            return []
-    p_value, spread = found
+    found = _anisotropy(*pairs, work.fitted.correlation)
+    spread = None if found is None else _along(found.traceless)
+    if found is None or spread is None:
+        return _find_populations(work)
+    size = float(np.sqrt(np.trace(spread))) * work.fitted.noise
     growth = np.zeros((len(work.scale), len(work.scale)))
-    growth[:3, :3] = spread * work.fitted.noise**2
-    return [make_error(work, name, p_value, float(np.sqrt(np.trace(growth[:3, :3]))), growth)]
+    growth[:3, :3] = (1.0 + MEAN) * spread * work.fitted.noise**2
+    return [make_error(work, "comes and goes", found.p_value, size, growth)]
 
 
-def _anisotropy(a: Array, b: Array, product: Array, batch: Index) -> tuple[float, Array] | None:
-    """Covariance M (3, 3) of a bias that varies by direction, from products of residuals."""
-    if len(product) < FEWEST_ROWS:
+class _Anisotropy(NamedTuple):
+    """How the covariance of a bias differs by direction (3, 3), without what all share."""
+
+    p_value: float
+    traceless: Array
+
+
+def _anisotropy(a: Array, b: Array, product: Array, correlation: float) -> _Anisotropy | None:
+    """The covariance of a bias that varies by direction, from products of residuals."""
+    windows = min(int(len(product) / max(correlation, 1.0)), MOST_WINDOWS)
+    if len(product) < FEWEST_ROWS or windows < FEWEST_WINDOWS:
         return None
     isotropic = np.sum(a * b, axis=1)
-    entries = [(0, 0), (1, 1), (0, 1), (0, 2), (1, 2)]
     columns = np.stack(
         [
             a[:, i] * b[:, j] / 2 + a[:, j] * b[:, i] / 2 - (isotropic / 3 if i == j else 0.0)
-            for i, j in entries
+            for i, j in _ENTRIES
         ],
         axis=1,
     )
-    centred = product - isotropic * (product @ isotropic) / (isotropic @ isotropic)
-    _, number = np.unique(batch, return_inverse=True)
-    fit = Linearised(centred, isotropic[:, None], np.ones(len(product)), np.zeros((1, 1)), number)
-    score = score_test(fit, columns)
-    if score is None or score.p_value > SIGNIFICANT:
+    p_value = _compare(isotropic, columns, product, windows)
+    if p_value > SIGNIFICANT:
         return None
-    xx, yy, xy, xz, yz = score.size
+    gains = isotropic @ columns / (isotropic @ isotropic)
+    beside = columns - isotropic[:, None] * gains
+    xx, yy, xy, xz, yz = np.linalg.lstsq(beside, product, rcond=None)[0]
     traceless = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, 0.0]])
+    return _Anisotropy(p_value, traceless)
+
+
+def _along(traceless: Array) -> Array | None:
+    """The covariance (3, 3) along a direction, beyond what all share; None where it is rather
+    flat: noise that differs by axis."""
     values, vectors = np.linalg.eigh(traceless)
-    along = np.maximum(values - values[1], 0.0)  # beyond what all directions share
-    if along[2] < (values[1] - values[0]):
-        return None  # flat, not along a direction: noise that differs by axis
-    return score.p_value, np.asarray((vectors * along) @ vectors.T)
+    along = np.maximum(values - values[1], 0.0)
+    if along[2] < values[1] - values[0]:
+        return None
+    return np.asarray((vectors * along) @ vectors.T)
 
 
-def _two_levels(normals: Array, residuals: Array, spread: Array) -> bool:
-    """Whether residuals sit at two levels along a direction rather than spread about one (BIC)."""
-    values, vectors = np.linalg.eigh(spread)
-    along, size = normals @ vectors[:, 2], float(np.sqrt(values[2]))
-    sd = float(np.sqrt(max(np.mean(residuals**2 - (along * size) ** 2), 0.05)))
-    low, high, share = -size, size, 0.5
-    for _ in range(60):
-        z = (residuals[:, None] - along[:, None] * [low, high]) / sd
-        weight = np.exp(-0.5 * z**2) * [1 - share, share]
-        total = weight.sum(axis=1)
-        second = weight[:, 1] / np.maximum(total, 1e-300)
-        share = float(np.clip(second.mean(), 0.02, 0.98))
-        low = float(((1 - second) * along) @ residuals / (((1 - second) * along) @ along))
-        high = float((second * along) @ residuals / ((second * along) @ along))
-        left = (1 - second) * (residuals - along * low) ** 2 + second * (
-            residuals - along * high
-        ) ** 2
-        sd = float(np.sqrt(max(left.mean(), 1e-6)))
-    z = (residuals[:, None] - along[:, None] * [low, high]) / sd
-    mixed = np.log(np.maximum(np.exp(-0.5 * z**2) @ [1 - share, share], 1e-300)) - np.log(sd)
-    variance = np.mean(residuals**2 - (along * size) ** 2) + (along * size) ** 2
-    variance = np.maximum(variance, 1e-6)
-    alone = -0.5 * residuals**2 / variance - 0.5 * np.log(variance)
-    return bool(mixed.sum() - alone.sum() > 2 * np.log(len(residuals)) + 8)
+def _compare(isotropic: Array, columns: Array, product: Array, windows: int) -> float:
+    """The p-value that products (n,) go by `columns` (n, 5) no more than by chance.
+
+    Means over windows of a correlation length are independent, and scatter alike whatever the
+    direction where nothing but noise is in them: an F-test. The score's own scatter, which asks
+    for no such noise, knows too little from some dozens of squares: a current that is switched on
+    and off every few seconds, of three times the noise, passed.
+    """
+    from scipy.special import fdtrc  # here, so that what only reads a log loads no SciPy
+
+    window = np.arange(len(product)) * windows // len(product)
+    all_sums = sums_by(window, np.column_stack([isotropic, columns, product]), windows)
+    means = all_sums / np.bincount(window)[:, None]
+    design, seen = means[:, :-1], means[:, -1]
+    middle = np.median(seen)
+    reach = FAR * np.median(np.abs(seen - middle))
+    seen = np.clip(seen, middle - reach, middle + reach)
+    alone, whole = (
+        float(np.sum((seen - part @ np.linalg.lstsq(part, seen, rcond=None)[0]) ** 2))
+        for part in (design[:, :1], design)
+    )
+    k, left = columns.shape[1], windows - design.shape[1]
+    return float(fdtrc(k, left, (alone - whole) / k / max(whole / left, 1e-300)))
+
+
+def _find_populations(work: Work) -> list[ModelError]:
+    """Readings of two calibrations, δ apart, mixed at random: r = J δ_k with one scatter, against
+    one calibration with a scatter that goes by direction (BIC)."""
+    kept = np.flatnonzero(work.linear.weights > 0)
+    residuals, normals = work.linear.residuals[kept], work.normals[kept]
+    found = _anisotropy(normals, normals, residuals**2, work.fitted.correlation)
+    if found is None:
+        return []
+    jacobian = work.linear.jacobian[kept]
+    middle = float(np.mean(residuals**2 - _by_direction(normals, found.traceless)))
+    variance = np.maximum(middle + _by_direction(normals, found.traceless), LEAST_VARIANCE)
+    alone = -0.5 * float(np.sum(residuals**2 / variance + np.log(variance)))
+    shares, apart, mixed = _separate(residuals, jacobian, normals, found.traceless)
+    further = 2 * jacobian.shape[1] + 2 - 7
+    if mixed - alone < 0.5 * further * np.log(len(residuals)) + 8:
+        return []
+    growth = shares[0] * shares[1] * np.outer(apart, apart) * np.outer(work.scale, work.scale)
+    size = float(np.sqrt(shares[0] * shares[1] * np.mean((jacobian @ apart) ** 2)))
+    return [make_error(work, "two populations", found.p_value, size * work.fitted.noise, growth)]
+
+
+def _by_direction(normals: Array, spread: Array) -> Array:
+    return np.asarray(np.einsum("ij,jk,ik->i", normals, spread, normals))
+
+
+def _separate(
+    residuals: Array, jacobian: Array, normals: Array, traceless: Array
+) -> tuple[Array, Array, float]:
+    """Shares (2,) of two calibrations, how far apart they are (p,), and their log-likelihood, by
+    expectation and maximisation from two biases along the direction of most scatter."""
+    values, vectors = np.linalg.eigh(traceless)
+    start = normals @ vectors[:, 2] * np.sqrt(values[2] - values[0])
+    expected, shares, sd = np.stack([-start, start], axis=1), np.full(2, 0.5), 1.0
+    found = np.zeros((2, jacobian.shape[1]))
+    floor = 1e-6 * np.diag(np.diag(jacobian.T @ jacobian))
+    for _ in range(100):
+        z = (residuals[:, None] - expected) / sd
+        likely = np.exp(-0.5 * z**2) * shares
+        of = likely / np.maximum(likely.sum(axis=1, keepdims=True), 1e-300)
+        shares = np.clip(of.mean(axis=0), 0.02, 0.98)
+        for k in range(2):
+            weighted = jacobian.T * of[:, k]
+            found[k] = np.linalg.solve(weighted @ jacobian + floor, weighted @ residuals)
+        expected = jacobian @ found.T
+        left = float(np.mean(of * (residuals[:, None] - expected) ** 2) * 2)
+        sd = np.sqrt(max(left, LEAST_VARIANCE))
+    z = (residuals[:, None] - expected) / sd
+    total = np.maximum(np.exp(-0.5 * z**2) @ shares, 1e-300)
+    return shares, found[1] - found[0], float(np.sum(np.log(total)) - len(z) * np.log(sd))
