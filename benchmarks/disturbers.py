@@ -238,11 +238,11 @@ the median standard error.
         """
 A heater behind a sensor that is late or filtered, or whose field follows its current (negative):
 how often that was found, and nothing else; error over standard error, rms; the median standard
-error.
+error. Twice as many draws.
 """
     )
     cases = (("delay", 0.2), ("time constant", 0.3), ("time constant", -0.6))
-    rows = [study_shape(*case, draws) for case in cases]
+    rows = [study_shape(*case, 2 * draws) for case in cases]
     print(tables.markdown(("shape", "found", "error/sd, rms", "sd"), rows))
     confounded = study_confounded(draws)
     print(

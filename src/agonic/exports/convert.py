@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,8 +24,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain, compose, steps_of
 from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
-from agonic.calibration.network import Network
-from agonic.calibration.sources import parse_source
+from agonic.calibration.sources import parse_source, spell_source
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure
@@ -120,14 +120,13 @@ def hold_sources(
 ) -> tuple[Calibration, tuple[str, ...]]:
     """The calibration for a target that has a term for one of the sources `kept`, and warnings.
 
-    Where it takes others into account, or several, they are held at their average in the log, or
-    at zero where that is not known.
+    Others, or several, are held at their average in the log, or at zero where that is not known.
     """
     steps = steps_of(calibration)
     sources = [n for step in steps if isinstance(step, Interference) for n in step.sources]
-    if len(sources) == 1 and (column := _find_timed(sources[0])) in kept:
-        said = f"the target takes {column} as it comes, late or filtered as it was recorded"
-        return _take_as_recorded(steps, (column,)), (said,)
+    if len(sources) == 1 and (plain := _find_untimed(sources[0])) in kept:
+        said = f"the target takes {plain} as it comes, late or filtered as it was recorded"
+        return _take_as_recorded(steps, plain), (said,)
     if not sources or "second" in sources or (len(sources) == 1 and sources[0] in kept):
         return calibration, ()
     if any(isinstance(step, Interference) and step.typical is None for step in steps):
@@ -151,20 +150,17 @@ def hold_sources(
     return held[0] if len(held) == 1 else Chain(steps=tuple(held)), (warning,)
 
 
-def _find_timed(source: str) -> str:
-    """The column of a source that is late or filtered and else as it is; "" where it is not so."""
-    columns, form, _, late_s, time_constant_s = parse_source(source)
-    timed = bool(late_s or time_constant_s)
-    return columns[0] if timed and not form and len(columns) == 1 else ""
+def _find_untimed(source: str) -> str:
+    """The source without its delay or time constant; "" where it has none."""
+    plain = spell_source(parse_source(source)._replace(late_s=0.0, time_constant_s=0.0))
+    return "" if plain == source else plain
 
 
-def _take_as_recorded(
-    steps: Sequence[Affine | Thermal | Network | Alignment], sources: tuple[str, ...]
-) -> Calibration:
-    """The steps, with the sources of the one that has any replaced."""
+def _take_as_recorded(steps: Sequence[Any], source: str) -> Calibration:
+    """The steps, with the source of the one that has any replaced."""
     taken = tuple(
-        replace(step, sources=sources, timing_sd_s={}) if isinstance(step, Interference) else step
-        for step in steps
+        replace(one, sources=(source,), timing_sd_s={}) if isinstance(one, Interference) else one
+        for one in steps
     )
     return taken[0] if len(taken) == 1 else Chain(steps=taken)
 

@@ -31,7 +31,8 @@ def describe_disturbers(result: Calibrated) -> list[Section]:
     blocks: list[Any] = [Table(TRIED, list(map(_list_cells, _list_best(result))), style="numbers")]
     if isinstance(result.fit.calibration, Interference):
         blocks.append(Table(MOVED, _list_moves(result), style="numbers"))
-    return [Section(TITLE, [*blocks, _explain()])]
+    shapes = [element("p", f"{one.describe()}.") for one in result.disturbers.shapes]
+    return [Section(TITLE, [*blocks, *shapes, _explain()])]
 
 
 def list_trials(result: Calibrated) -> list[dict[str, Any]]:
@@ -96,6 +97,6 @@ def _explain() -> Markup:
         "fit to the other blocks leaves of a block, beside the fit without it; a second that is "
         f"taken, beside the first. Sets are taken that are surely better, by {MATTERS:.0%} or "
         f"more, the simplest of those as good. A duty counts to the power {POWER:g}, as a motor’s "
-        "current.",
+        "current, unless another power, a delay or a filter surely suits unseen blocks better.",
         class_="aside",
     )

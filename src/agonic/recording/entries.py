@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +21,7 @@ from agonic.recording.quantities import (
 )
 from agonic.report import tables
 from agonic.report.digits import NO_BREAK, degrees, group_digits, quantity, with_sd, write_minus
-from agonic.report.labels import unit_label
+from agonic.report.labels import TIMING, unit_label
 
 SHORT = {"Scale factor": "Scale", "Non-orthogonality": "Angles", "Turn about": "Turn"}
 """Names of groups as labels of a line."""
@@ -68,6 +69,9 @@ def list_entries(result: Calibrated) -> dict[str, str]:
     }
     if result.latency is not None:
         entries["Latency"] = describe_latency(result.latency)
+    if result.disturbers is not None and result.disturbers.shapes:
+        shapes = result.disturbers.shapes
+        entries["Disturbers"] = "\n".join(f"{one.describe()}." for one in shapes)
     for group in others:
         if group.name.startswith(ADDED):
             label, known = _label_source(group.name.removeprefix(ADDED))
@@ -82,8 +86,9 @@ def _label_source(name: str) -> tuple[str, str]:
     >>> _label_source("throttle^1.5"), _label_source("output1_duty+output2_duty")
     (('throttle^1.5', ''), ('Duty', ' (the sum of output1…2_duty)'))
     """
-    if name in LABELS:
-        return LABELS[name], f" ({name})"
+    plain = re.sub(TIMING, "", name)
+    if plain in LABELS:
+        return LABELS[plain], f" ({name})"
     if len(name) <= LONGEST_LABEL:
         return name, ""
     label = next((word for end, word in FAMILIES.items() if end in name), "Source")

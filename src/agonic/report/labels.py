@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 from agonic.units import RAW
 
+TIMING = r"[@~].*"
+"""How late a source is recorded, or through which filter: behind its name."""
 PER = {
     "A": "per A",
     "W": "per W",
@@ -27,10 +31,10 @@ FRAMES = {
 def per_label(source: str) -> str:
     """What the coefficient of a source is for.
 
-    >>> per_label("current_A"), per_label("motor1_duty^1.5"), per_label("heater_A>0.5")
+    >>> per_label("current_A~0.3"), per_label("motor1_duty^1.5"), per_label("heater_A>0.5")
     ('per A', 'at full duty', 'while on')
     """
-    column, power, _ = source.partition("^")
+    column, power, _ = re.sub(TIMING, "", source).partition("^")
     if ">" in source:
         return "while on"
     unit = column.rsplit("_", 1)[-1]
