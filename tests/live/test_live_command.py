@@ -15,6 +15,7 @@ from agonic.live.fit import LiveFit
 from agonic.live.streams import Chunk
 from agonic.live.web.plan import Plan
 from agonic.live.web.watch import WatchedSensor
+from tests.live.rover import AT, ON, drive, stand, turn
 
 
 def test_in_the_terminal_with_the_same_words(tmp_path, capsys):
@@ -63,6 +64,24 @@ def test_one_object_for_programs(tmp_path, capsys):
     again = ag.calibrate(ag.read(out / "mag-readings.csv"), ag.Reference.constant(50_000.0))
     np.testing.assert_allclose(again.fit.calibration.bias, of_mag["bias_nT"], rtol=1e-6)
     assert ag.load(out / "mag.json").provenance.inputs[0].name == "mag-readings.csv"
+
+
+def test_a_rover_is_told_what_to_drive_and_accepted_as_calibrate_would(tmp_path, capsys):
+    samples = drive(turn(0, 720), stand(0), stand(0, 5.0), stand(0, 0.0, -5.0))
+    log, out = ag.write_csv(samples, tmp_path / "rover.csv"), tmp_path / "out"
+    place = ["--at", AT, "--date", ON]
+    status = run(["live", str(log), "--speed", "0", *place, "--json", "-o", str(out)])
+    told = json.loads(capsys.readouterr().out)
+    (of_mag,), (guided,) = told["sensors"], told["guidance"]
+    assert status == 0
+    assert of_mag["method"] == guided["method"] == "inertial"
+    assert min(guided["rose"]["counts"]) > 0
+    assert max(guided["rose"]["tilts_deg"]) > 4
+    readings, again = str(out / "mag-readings.csv"), str(tmp_path / "again")
+    assert run(["calibrate", readings, *place, "--json", "-o", again]) == 0
+    (again,) = json.loads(capsys.readouterr().out)["sensors"]
+    np.testing.assert_allclose(again["bias_nT"], of_mag["bias_nT"], rtol=1e-4)
+    assert again["verdict"] == of_mag["verdict"] == "good"
 
 
 def test_ctrl_c_in_the_terminal_says_what_is_saved(sensor, tmp_path):

@@ -10,7 +10,9 @@ from agonic.live.streams.rows import LineParser, Reading, Unreadable
 
 def test_motioncal_counts_are_a_tenth_of_a_microtesla():
     rows = LineParser()
-    assert rows.read("Raw:1,2,3,4,5,6,200,-10,430") == [Reading("mag", (200.0, -10.0, 430.0), "mG")]
+    assert rows.read("Raw:0,0,0,0,0,0,200,-10,430") == [Reading("mag", (200.0, -10.0, 430.0), "mG")]
+    motion = rows.read("Raw:0,0,-8192,0,0,16,200,-10,430")[0].motion
+    assert motion == pytest.approx((0, 0, -9.80665, 0, 0, np.radians(1.0)))
     assert rows.motioncal
     assert rows.read("Uni:0.1,0.2,0.3") == []
     assert rows.read("Cal1:0,0,0,0,0,0,1.5,2,3,50") == []
@@ -28,6 +30,20 @@ def test_a_header_names_sensors_units_and_clock():
     ]
     with pytest.raises(Unreadable, match="7 cells under a header of 8"):
         rows.read("1500;1;2;3;10;20;30")
+
+
+def test_a_header_names_accelerometer_and_gyro():
+    rows, axes = LineParser(), "xyz"
+    field = ",".join(f"mag_{a}_uT" for a in axes)
+    force = ",".join(f"acc_{a}_g" for a in axes)
+    rows.read(",".join([field, force, *(f"gyro_{a}_deg_s" for a in axes)]))
+    motion = rows.read("1,2,3,0,0,-1,0,0,90")[0].motion
+    assert motion == pytest.approx((0, 0, -9.80665, 0, 0, np.pi / 2))
+    rows.read(",".join([field.replace("mag", "mag1"), field.replace("mag", "mag2"), force]))
+    both = rows.read("1,2,3,4,5,6,0,0,-1")
+    np.testing.assert_allclose([one.motion for one in both], [[0, 0, -9.80665, *[np.nan] * 3]] * 2)
+    rows.read(",".join([field, "acc_x,acc_y,acc_z"]))  # in no unit that is known
+    assert rows.read("1,2,3,0,0,-1")[0].motion is None
 
 
 def test_three_numbers_need_no_header():

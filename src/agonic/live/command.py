@@ -13,12 +13,12 @@ from agonic.errors import AgonicError, MissingExtraError
 if TYPE_CHECKING:
     from agonic.calibration.affine import Affine
     from agonic.live.streams import Source
+    from agonic.live.web.messages import Sensor as Status
     from agonic.live.web.session import Session
     from agonic.reference import Reference
 
-PORT = 8737
-INTERRUPTED = 130
-"""The exit status after Ctrl-C, where no result was written."""
+PORT = 8737  # of the page
+INTERRUPTED = 130  # the exit status after Ctrl-C, where no result was written
 
 
 def add_to(app: typer.Typer) -> None:
@@ -109,22 +109,22 @@ def _find_reference(
     import numpy as np
 
     from agonic.console.place import find_reference
-    from agonic.live.streams.replay import Replay
+    from agonic.live.streams.replay import FIELD_N, Replay
     from agonic.reference import Reference
     from agonic.samples import Samples
 
     played = source.sensors if isinstance(source, Replay) else ()
     if field is None and at is None and played and played[0].notes == ("simulated",):
-        return Reference.constant(50_000.0, source="the simulation"), {}
+        return Reference.vector(FIELD_N, frame="n", source="the simulation"), {}
     samples = played[0] if played else Samples(field=np.array([[0.0, 0.0, 1.0]]))
     reference, settings = find_reference(samples, at, date, field)
     if reference is None:
         return None, settings
-    magnitudes = reference.magnitudes(len(samples))
-    constant = Reference.constant(
-        float(magnitudes.mean()), sd=reference.sd, source=reference.source
-    )
-    return constant, settings
+    told: dict[str, Any] = {"sd": reference.sd, "source": reference.source}
+    if reference.kind == "vector" and reference.frame == "n":  # nobody goes far meanwhile
+        return Reference.vector(reference.values.mean(axis=0), frame="n", **told), settings
+    magnitude = float(reference.magnitudes(len(samples)).mean())
+    return Reference.constant(magnitude, **told), settings
 
 
 def _require_writable(folder: Path) -> None:
@@ -167,8 +167,7 @@ def _list_ports() -> int:
     first = ports[0][0] if ports else "sim"
     if not ports:
         say("No serial port was found.")
-    say(f"\nSources   {FORMS}")
-    say(f"\nNext      agonic live {first}")
+    say(f"\nSources   {FORMS}\n\nNext      agonic live {first}")
     return 2
 
 
@@ -207,21 +206,21 @@ def _run_on_page(session: Session, listen: str | None, port: int, browser: bool)
 
 
 def _has_screen() -> bool:
-    """Whether somebody sits before a screen that can show a browser: not a script, not a server."""
+    """Whether somebody sits before a screen: not a script, not a server."""
     import os
     import sys
 
     if not sys.stdout.isatty():
         return False
-    return sys.platform in ("win32", "darwin") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
+    shown = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    return shown or sys.platform in ("win32", "darwin")
 
 
 def _run_in_terminal(session: Session, as_json: bool) -> int:
     """Guide in words until the target is reached or the source has ended, then write."""
     import sys
     import time
+    from dataclasses import replace
 
     from agonic.console.finish import finish
     from agonic.recording.document import describe_recording
@@ -247,13 +246,24 @@ def _run_in_terminal(session: Session, as_json: bool) -> int:
     if not session.shown:
         raise AgonicError(f"no readings came: {session.status.heard}")
     outcomes = session.accept()
+    lines.show(session.status, last=True)  # the slower fits are made by now
     if session.status.trouble:
         raise AgonicError(session.status.trouble)
     failures = [(o.sensor, o.status) for o in outcomes if o.sensor not in session.written]
     document = describe_recording(
         session.results, written=session.written, failures=failures, schema="agonic/live@1"
     )
+    guidance = [_record_guidance(one) for one in session.status.sensors]
+    document = replace(document, values={**(document.values or {}), "guidance": guidance})
     return finish(document, page=session.plan.folder / "report.html", as_json=as_json)
+
+
+def _record_guidance(sensor: Status) -> dict[str, Any]:
+    """What was last said, and of a vehicle that stays level the headings seen."""
+    from msgspec import to_builtins
+
+    names = ("name", "method", "heading_sd_deg", "say", "done", "rose")
+    return {name: to_builtins(getattr(sensor, name)) for name in names}
 
 
 class _Lines:

@@ -16,6 +16,7 @@ from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
 from agonic.live.plausible import find_plausible
 from agonic.live.state import LiveParams, LiveState
+from agonic.live.track import COLUMNS
 from agonic.logs.contents import read_bytes
 
 SCHEMA = "agonic/live-state@1"
@@ -85,6 +86,11 @@ def _check(params: LiveParams, state: LiveState) -> None:
             raise LogError(f"its {name} is no table of {columns} columns")
         if not (np.isfinite(table[:, 0]) & find_plausible(table[:, 1:], params.unit)).all():
             raise LogError(f"its {name} holds readings that no sensor gives")
+    track = state.track
+    if track is not None:
+        whole = track.sums.shape == (len(track.slots), COLUMNS) and track.width > 0
+        if not (whole and np.isfinite(track.sums[:, :8]).all() and (track.sums[:, 0] > 0).all()):
+            raise LogError("its track is damaged")
     boxes = state.voxels
     if boxes is not None:
         count = len(boxes.keys)

@@ -16,8 +16,10 @@ from agonic.ellipsoid.calibration import Scale, make_calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding
+from agonic.live.aided import Aided, fit_aided, get_samples, plan_drive
 from agonic.live.files import load_state, save_state
-from agonic.live.guidance import Guidance, make_guidance
+from agonic.live.guidance import Guidance, make_guidance, make_way
+from agonic.live.level import Level, see_level
 from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
 from agonic.live.update import collect_boxes, update_state
@@ -29,15 +31,21 @@ from agonic.units import RAW, nanotesla_per
 _OF_THE_SENSOR = ("unit", "every", "soft_iron_sd", "name", "device_id")
 """Settings that a state cannot be gone on with when they change."""
 
+GROWTH = 1.2
+"""The fit beside accelerometer and gyro is made anew when there are so many times the readings."""
+
 
 class LiveFit:
-    """A running magnitude calibration of one sensor, in bounded memory.
+    """A running calibration of one sensor, in bounded memory.
 
     Readings are summed up in boxes of equal size, each of which weighs little more after its
     first 25, so that a sensor at rest does not drown the rest; the fit minimises the magnitude
     residual over their moments with a prior on soft iron (`equation.moment_fit`). Readings wait a
     moment before they are let in, and those made near iron are not (`live.quarantine`). Two calls
     of `add` with the halves of a recording give what one call with all of it gives.
+
+    Where acceleration and rotation rate come with the readings and the field of the place is known,
+    the fit beside them that `agonic calibrate` would choose takes its place (`live.aided`).
 
     Parameters: `LiveParams`, or its fields as keywords.
 
@@ -60,9 +68,15 @@ class LiveFit:
         self._fitted: tuple[int, tuple[Affine, Coverage]] | None = None
         self._collected: tuple[int, Voxels | None] | None = None
         self._examined: tuple[int, tuple[Finding, ...]] | None = None
+        self._aided: tuple[int, Aided | None] = (0, None)
+        self.aside = False
 
-    def add(self, time: ArrayLike, field: ArrayLike) -> None:
-        """Take readings `field` (n, 3), in the unit of the parameters, made at `time` (n,), s."""
+    def add(self, time: ArrayLike, field: ArrayLike, motion: ArrayLike | None = None) -> None:
+        """Take readings `field` (n, 3), in the unit of the parameters, made at `time` (n,), s.
+
+        `motion` (n, 6) are acceleration, m/s², and rotation rate, rad/s, in the same axes, NaN
+        where not known.
+        """
         rows = np.asarray(field, dtype=np.float64)
         moments = np.asarray(time, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 3 or moments.shape != (len(rows),):
@@ -71,7 +85,13 @@ class LiveFit:
                 f"{rows.shape}"
             )
         stacked = np.column_stack([moments, rows * self._nanotesla])
-        self.state = update_state(self.params, self.state, stacked)
+        moved = None if motion is None else np.asarray(motion, dtype=np.float64)
+        if moved is not None and moved.shape != (len(rows), 6):
+            raise AgonicError(
+                f"motion is acceleration and rotation rate of each reading, ({len(rows)}, 6), not "
+                f"{moved.shape}"
+            )
+        self.state = update_state(self.params, self.state, stacked, moved)
 
     @property
     def n(self) -> int:
@@ -102,7 +122,9 @@ class LiveFit:
     @property
     def fitted(self) -> tuple[Affine, Coverage] | None:
         """Calibration and coverage, `None` before there is any."""
-        found = self.state.found
+        aided, found = self.aided, self.state.found
+        if aided is not None and aided.chosen:
+            return aided.calibration, aided.coverage
         if found is None:
             return None
         if self._fitted is None or self._fitted[0] != found.n:
@@ -112,7 +134,37 @@ class LiveFit:
     @property
     def guidance(self) -> Guidance:
         """What to do next, and what is wrong."""
-        return make_guidance(self.params, self.state, self.fitted, self._examine)
+        aided = self.aided
+        way = make_way(self.params, self.state.track, self.level, aided)
+        return make_guidance(self.params, self.state, self.fitted, self._examine, way)
+
+    @property
+    def aided(self) -> Aided | None:
+        """The fit that `calibrate` would choose where an accelerometer came with the readings;
+        `None` where there was none, or too little. It is made anew once a fifth has been added, or
+        with `aside` set only when `consider` is called, for it may take seconds."""
+        if not self.aside:
+            self.consider(GROWTH)
+        return self._aided[1]
+
+    def consider(self, growth: float = 1.0) -> None:
+        """Make the fit beside accelerometer and gyro, of all readings so far, where there are more
+        than `growth` times those of the last one."""
+        state = self.state
+        if state.n > growth * self._aided[0]:
+            before, aided = self._aided[1], fit_aided(self.params, state.track)
+            self._aided = (state.n, aided)
+            if aided is not None:  # the plan takes longer: until there is a new one the old stands
+                kept = None if before is None else before.plan
+                self._aided = (state.n, aided._replace(plan=kept))
+                plan = plan_drive(self.params, state.track, aided)
+                self._aided = (state.n, aided._replace(plan=plan))
+
+    @property
+    def level(self) -> Level | None:
+        """The headings and tilts so far, where the vehicle stays level and its fit tells them."""
+        aided = self.aided
+        return None if aided is None else see_level(self.state.track, aided.calibration)
 
     @property
     def boxes(self) -> Voxels | None:
@@ -123,7 +175,11 @@ class LiveFit:
 
     @property
     def samples(self) -> Samples:
-        """The readings that were kept, for the final calibration, in the order of their times."""
+        """The readings for the final calibration, in the order of their times: the first of every
+        direction, or the way that was driven where accelerometer and gyro tell more."""
+        track, aided = self.state.track, self._aided[1]
+        if track is not None and aided is not None and aided.chosen:
+            return get_samples(self.params, track)
         kept = np.concatenate([self.state.kept, self.state.waiting])
         kept = kept[np.argsort(kept[:, 0], kind="stable")]
         return Samples(
@@ -171,6 +227,9 @@ class LiveFit:
 
     def _examine(self) -> tuple[Finding, ...]:
         """What `agonic calibrate` would object to; looked at again once a tenth has been added."""
+        aided = self.aided
+        if aided is not None and aided.chosen:
+            return aided.objections
         if self._examined is None or not self._examined[0] <= self.n < 1.1 * self._examined[0]:
             self._examined = (self.n, self._find_objections())
         return self._examined[1]

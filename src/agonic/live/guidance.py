@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +12,12 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.health import Finding, figure
+from agonic.live.aided import Aided
+from agonic.live.level import Level, Plan, find_down, list_steps
 from agonic.live.maths import next_turn
 from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
+from agonic.live.track import Track
 from agonic.maths.equation import coverage as cells
 
 NEAR_METAL = 0.05  # of the field's magnitude
@@ -24,6 +28,8 @@ MUCH = 0.3  # of the readings
 STUCK = 50  # repeats in a row
 OFF_MODEL = 0.15  # of the world model's magnitude
 SURE = 4.0  # standard errors of the mean gain
+LEVEL_S = 20.0  # of a way, until it is said that a level vehicle needs the place
+BEGIN = "turn slowly through a full circle, and tilt it where it can be tilted"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,7 +39,8 @@ class Guidance:
     `present` (3,) is where the calibrated field points now, `wanted` (3,) where it should, `turn`
     (3,) the rotation vector of the sensor between them, rad, and `say` the same in words; `None`
     and a sentence where there is no fit yet. `done` when the target is reached and nothing is
-    wrong; `findings` what is.
+    wrong; `findings` what is. Of a vehicle that stays level `level` are the headings and tilts so
+    far, and `plan` is what to drive next, which `say` tells, with the heading error afterwards.
     """
 
     say: str
@@ -42,6 +49,41 @@ class Guidance:
     wanted: Array | None = None
     turn: Array | None = None
     findings: tuple[Finding, ...] = field(default_factory=tuple)
+    level: Level | None = None
+    plan: Plan | None = None
+
+
+class Way(NamedTuple):
+    """What is known of a vehicle that stays level: headings and tilts, `None` before there is a
+    fit; what to drive next, what `calibrate` objects to, and the finding that nothing tells the
+    field of the place."""
+
+    level: Level | None
+    plan: Plan | None
+    objections: tuple[Finding, ...]
+    missing: tuple[Finding, ...]
+
+
+def make_way(
+    params: LiveParams, track: Track | None, level: Level | None, aided: Aided | None
+) -> Way | None:
+    """What the guidance of a level vehicle goes by; `None` of a sensor that is turned over."""
+    if track is None or find_down(track) is None:
+        return None
+    unknown = params.field_n is None and track.duration_s > LEVEL_S
+    missing = (_PLACE_MISSING,) if unknown else ()
+    plan = None if aided is None else aided.plan
+    objections = aided.objections if aided is not None and aided.chosen else ()
+    return Way(level, plan, objections, missing)
+
+
+_PLACE_MISSING = Finding(
+    "place",
+    "check",
+    "the vehicle stays level and the field of the place is not known, so accelerometer and gyro "
+    "are of no use",
+    "give the place (--at LAT,LON)",
+)
 
 
 def make_guidance(
@@ -49,21 +91,25 @@ def make_guidance(
     state: LiveState,
     fitted: tuple[Affine, Coverage] | None,
     examine: Callable[[], tuple[Finding, ...]] = tuple,
+    way: Way | None = None,
 ) -> Guidance:
     """The guidance at a state, and the calibration and coverage there.
 
     `examine` looks at the readings as `agonic calibrate` will; it is asked once all else is well.
+    `way` is that of a vehicle that stays level.
     """
     findings = [*_find_stuck(state), *_find_missing(state)]
     if fitted is None or state.found is None:
-        say = "turn the sensor slowly about all three axes"
+        say = BEGIN if way is not None else "turn the sensor slowly about all three axes"
         return Guidance(say=say, findings=tuple(findings))
     calibration, coverage = fitted
     findings += [
-        *_find_near_metal(state, calibration),
+        *_find_near_metal(state, calibration, coverage),
         *(_find_held_out(state) or _find_scatter(calibration)),
         *_find_off_model(params, calibration),
     ]
+    if way is not None:
+        return _guide_vehicle(params, way, coverage, findings, examine)
     present = state.recent[-5:, 1:].mean(axis=0)
     present = calibration.correct(present[None])[0]
     wanted = _choose_direction(params, state.found, present / np.linalg.norm(present))
@@ -80,6 +126,32 @@ def make_guidance(
         turn=turn,
         findings=tuple(findings),
     )
+
+
+def _guide_vehicle(
+    params: LiveParams,
+    way: Way,
+    coverage: Coverage,
+    findings: list[Finding],
+    examine: Callable[[], tuple[Finding, ...]],
+) -> Guidance:
+    """The guidance of a vehicle that stays level: headings and tilts to add."""
+    close = coverage.heading_sd_deg <= params.target_deg
+    findings = [*findings, *way.missing, *way.objections]
+    if close and not findings:
+        findings += examine()
+    done = close and not findings
+    plan = way.plan
+    if done:
+        say = "enough: accept the result"
+    elif way.level is None:
+        say = BEGIN
+    elif plan is None:
+        missing = not way.level.seen.all()
+        say = list_steps(way.level)[0].say if missing else "go on driving circles"
+    else:
+        say = f"{plan.step.say}: heading error then ±{figure(plan.after_deg)}°"
+    return Guidance(say=say, done=done, findings=tuple(findings), level=way.level, plan=plan)
 
 
 def _describe_turn(turn: Array) -> str:
@@ -124,16 +196,19 @@ def _find_missing(state: LiveState) -> list[Finding]:
     return [Finding("NaN", "check", what, "look at the sensor and its cable")]
 
 
-def _find_near_metal(state: LiveState, calibration: Affine) -> list[Finding]:
-    """The present readings are off the sphere, all to one side."""
+def _find_near_metal(state: LiveState, calibration: Affine, coverage: Coverage) -> list[Finding]:
+    """The present readings are off the sphere, all to one side, and the fit knows it there."""
     assert calibration.magnitude is not None
     if abs(float(state.recent[-1, 0]) - state.alarm) < WAIT_S:
         off = state.off
     else:
-        sizes = np.linalg.norm(calibration.correct(state.recent[:, 1:]), axis=1)
+        field = calibration.correct(state.recent[:, 1:])
+        sizes = np.linalg.norm(field, axis=1)
         off = float(np.median(sizes)) / calibration.magnitude - 1
         spread = (calibration.noise or 0.0) / calibration.magnitude
-        if abs(off) < max(NEAR_METAL, 4 * spread):
+        here = cells.find_cells(np.median(field, axis=0)[None])[0]
+        unsure = float(coverage.field_sd[here]) / calibration.magnitude
+        if abs(off) < max(NEAR_METAL, 4 * spread, 4 * unsure):
             return []
     word = "stronger" if off > 0 else "weaker"
     return [

@@ -10,6 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.live.maths.voxels import Voxels
+from agonic.live.track import Track
 from agonic.reference import Reference
 from agonic.units import find_unit
 
@@ -22,6 +23,8 @@ class LiveParams:
     ----------
     unit : of the readings, "nT", "uT", "mG", "G" … or "raw".
     magnitude : of the field at the place, nT; `None` where it is not known.
+    field_n : the field of the place, nT, north, east and down; `None` where it is not known. It is
+        what accelerometer and gyro are of use with. It tells `magnitude` and `inclination_deg`.
     magnitude_sd : its standard error, nT. source : where it is from, in words.
     inclination_deg : dip of the field, for the standard error of a level heading.
     target_deg : the standard error of the heading that is enough, degrees.
@@ -37,6 +40,7 @@ class LiveParams:
 
     unit: str = "nT"
     magnitude: float | None = None
+    field_n: tuple[float, float, float] | None = None
     magnitude_sd: float = 0.0
     source: str = "given"
     inclination_deg: float = 60.0
@@ -51,6 +55,11 @@ class LiveParams:
         for name in ("target_deg", "soft_iron_sd", "every"):
             if not getattr(self, name) > 0:
                 raise AgonicError(f"{name} is {getattr(self, name)}; it must be above zero")
+        if self.field_n is not None:
+            north, east, down = self.field_n
+            dip = np.degrees(np.arctan2(down, np.hypot(north, east)))
+            object.__setattr__(self, "magnitude", float(np.linalg.norm(self.field_n)))
+            object.__setattr__(self, "inclination_deg", float(dip))
         if self.magnitude is not None and not self.magnitude > 0:
             raise AgonicError(
                 f"a magnitude of {self.magnitude} nT is none; leave it out if unknown"
@@ -58,10 +67,13 @@ class LiveParams:
 
     @property
     def reference(self) -> Reference | None:
-        """The magnitude as a reference, `None` where it is not known."""
+        """The field of the place, or its magnitude, as a reference; `None` where not known."""
+        sd, source = self.magnitude_sd, self.source
+        if self.field_n is not None:
+            return Reference.vector(self.field_n, frame="n", sd=sd, source=source)
         if self.magnitude is None:
             return None
-        return Reference.constant(self.magnitude, sd=self.magnitude_sd, source=self.source)
+        return Reference.constant(self.magnitude, sd=sd, source=source)
 
 
 class Found(NamedTuple):
@@ -95,6 +107,8 @@ class LiveState:
     is; `judge` the fit that they are held against, made when `judged_at` readings were seen;
     `alarm` the time, s, of the last that were off it, by `off` of the magnitude, and `held` how
     many were kept out.
+
+    `track` is the way the sensor went, where an accelerometer came with the readings.
     """
 
     n: int = 0
@@ -110,3 +124,4 @@ class LiveState:
     alarm: float = -np.inf
     off: float = 0.0
     held: int = 0
+    track: Track | None = None

@@ -12,6 +12,7 @@ from agonic.live.maths.voxels import Voxels
 from agonic.live.plausible import find_plausible, find_stray
 from agonic.live.quarantine import Alarm, judge_blocks
 from agonic.live.state import Found, LiveParams, LiveState
+from agonic.live.track import extend_track
 from agonic.maths.equation import moment_fit, moments
 
 RECENT = 25
@@ -34,8 +35,12 @@ FINEST = 2.0**-12
 """Edge of the first boxes, over the largest reading: small enough to begin with."""
 
 
-def update_state(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
+def update_state(
+    params: LiveParams, state: LiveState, rows: Array, motion: Array | None = None
+) -> LiveState:
     """The state after rows (n, 4) of time and field, the same however they are cut in chunks.
+
+    Parameters: `motion` (n, 6) as of `LiveFit.add`.
 
     Rows that no sensor gives are left out and counted. A fit is made where the count of readings
     last passed a multiple of `params.every`.
@@ -43,6 +48,8 @@ def update_state(params: LiveParams, state: LiveState, rows: Array) -> LiveState
     good = np.isfinite(rows[:, 0]) & find_plausible(rows[:, 1:], params.unit)
     state = replace(state, rejected=state.rejected + int((~good).sum()))
     rows = rows[good]
+    if motion is not None:
+        state = replace(state, track=extend_track(state.track, rows, motion[good]))
     blocks = state.n // params.every
     while len(rows):
         until = _plan_next_judge(params, state)

@@ -8,7 +8,11 @@ from agonic.arrays import Array
 
 
 class Chunk(NamedTuple):
-    """Readings of one sensor: `time` (n,) s, `field` (n, 3) in `unit`, in the axes `frame`."""
+    """Readings of one sensor: `time` (n,) s, `field` (n, 3) in `unit`, in the axes `frame`.
+
+    `motion` (n, 6) is what an inertial unit told with them: acceleration, m/s², and rotation rate,
+    rad/s, NaN where it did not.
+    """
 
     sensor: str
     time: Array
@@ -16,6 +20,7 @@ class Chunk(NamedTuple):
     unit: str
     frame: str = "m"
     device_id: int | None = None
+    motion: Array | None = None
 
 
 class Notice(NamedTuple):

@@ -18,6 +18,9 @@ MOST_LINES_S = 5000
 SHOWN = 60
 """Characters of a line that is shown."""
 
+_STILL = (np.nan,) * 6
+"""Of a reading without accelerometer and gyro."""
+
 PATIENCE_S = 1.0
 """How often it is said what cannot be read."""
 
@@ -82,7 +85,9 @@ class Lines:
         time = self._clock.times([row.time for row in rows], now, rows[0].sensor)
         unit = rows[0].unit or self._unit
         name = rows[0].sensor + self._suffix
-        return Chunk(name, time, np.array([row.field for row in rows]), unit)
+        field = np.array([row.field for row in rows])
+        motion = np.array([row.motion or _STILL for row in rows])
+        return Chunk(name, time, field, unit, motion=motion)
 
 
 def _make_printable(line: bytes) -> str:

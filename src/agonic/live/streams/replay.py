@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from threading import Event as Flag
+from typing import Any
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.logs.read import open_log
 from agonic.samples import Samples
@@ -27,6 +29,13 @@ watched."""
 LONGEST_PAUSE_S = 10.0
 """Of the log; nobody waits for longer ones, and a clock in other units than seconds has them
 between any two readings."""
+
+
+FIELD_N = (25_000.0, 0.0, 50_000 * 0.75**0.5)
+"""Where the simulation is, nT: 50 000, dipping 60°."""
+
+
+ROVER_TILT_DEG = 5.0
 
 
 class Replay:
@@ -48,6 +57,7 @@ class Replay:
         """The readings, each when its time has come."""
         yield Notice(True, f"playing {self.name}")
         times = [_get_times(samples) for samples in self.sensors]
+        motions = [_get_motion(samples) for samples in self.sensors]
         first = min(t[0] for t in times)
         last = max(t[-1] for t in times)
         done = [0] * len(times)
@@ -66,7 +76,7 @@ class Replay:
             for k, samples in enumerate(self.sensors):
                 until = int(np.searchsorted(times[k], played, side="right"))
                 if until > done[k]:
-                    rows = slice(done[k], until)
+                    rows, motion = slice(done[k], until), motions[k]
                     yield Chunk(
                         samples.name,
                         times[k][rows],
@@ -74,6 +84,7 @@ class Replay:
                         samples.unit,
                         samples.frame,
                         samples.device_id,
+                        None if motion is None else motion[rows],
                     )
                     done[k] = until
         yield Notice(False, f"{self.name} has ended", ended=True)
@@ -94,23 +105,32 @@ def make_simulated(
     minutes: float = 10.0,
     speed: float = 1.0,
 ) -> Replay:
-    """Sensors that are turned together, in a field of 50 000 nT dipping 60°."""
-    from agonic.simulation import random_calibration, simulate  # which takes a second
+    """Sensors that are turned together, in a field of 50 000 nT dipping 60°.
+
+    Parameters: `kind` as of `simulate`, or "rover": circles on sloping ground, with a raw
+    accelerometer and gyro.
+    """
+    from agonic.simulation import random_calibration, simulate, with_inertial_unit  # takes a second
 
     rng = np.random.default_rng(seed)
+    rover = kind == "rover"
+    settings: dict[str, Any] = {"tilt_deg": ROVER_TILT_DEG} if rover else {}
     made = [
         _slow_down(
             simulate(
-                kind,
+                "circle" if rover else kind,
                 n=int(minutes * 60 * rate_Hz),
                 rate_Hz=SLOWER * rate_Hz,
                 seed=seed,
                 noise=150.0,
                 calibration=replace(random_calibration(rng), sensor=f"mag{k or ''}"),
+                **settings,
             ).samples
         )
         for k in range(sensors)
     ]
+    if rover:
+        made = [with_inertial_unit(seed=seed)(samples) for samples in made]
     return Replay(made, "the simulation", speed)
 
 
@@ -119,6 +139,14 @@ def _slow_down(samples: Samples) -> Samples:
     rate = samples.rotation_rate
     turning = {} if rate is None else {"rotation_rate": rate / SLOWER}
     return samples.with_columns(time=SLOWER * _get_times(samples), **turning)
+
+
+def _get_motion(samples: Samples) -> Array | None:
+    """Acceleration and rotation rate (n, 6) of a sensor, NaN where there is none."""
+    force, rate = samples.acceleration, samples.rotation_rate
+    if force is None:
+        return None
+    return np.column_stack([force, np.full_like(force, np.nan) if rate is None else rate])
 
 
 def _get_times(samples: Samples) -> np.ndarray:

@@ -9,19 +9,24 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from agonic.errors import AgonicError
-from agonic.logs.columns import Column, identify_column, identify_columns
-from agonic.units import RAW
+from agonic.logs.columns import Column, Identified, identify_column, identify_columns
+from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
 Vector = tuple[float, float, float]
 
 
 class Reading(NamedTuple):
-    """One reading: the sensor's name, the field, its unit, and the device's own time, s."""
+    """One reading: the sensor's name, the field, its unit, and the device's own time, s.
+
+    `motion` is what came with it of an inertial unit: acceleration, m/s², and rotation rate, rad/s,
+    NaN where not known.
+    """
 
     sensor: str
     field: Vector
     unit: str
     time: float | None = None
+    motion: tuple[float, ...] | None = None
 
 
 class Unreadable(AgonicError):
@@ -30,11 +35,15 @@ class Unreadable(AgonicError):
 
 _SEPARATORS = re.compile(r"[,;\t ]\s*")
 _SENTENCES = {"VNIMU": "G"}
-"""Sentences whose first three values are an uncorrected field, and their unit (VectorNav)."""
+"""Sentences whose first three values are an uncorrected field, and their unit (VectorNav);
+acceleration, m/s², and rotation rate, rad/s, follow."""
 _CORRECTED = ("VNMAG", "VNYMR", "VNYIA", "VNYBA")
 """Sentences of the same maker whose field the device has already corrected."""
 _TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "ns": 1e-9}
 _MOTIONCAL_OTHERS = ("Uni:", "Ori:")
+_MOTIONCAL_FORCE = STANDARD_GRAVITY_M_S2 / 8192
+_MOTIONCAL_RATE = math.radians(1 / 16)
+"""What a count is: of acceleration, m/s², and of rotation rate, rad/s (MotionCal, rawdata.c)."""
 
 
 @dataclass
@@ -48,6 +57,7 @@ class LineParser:
     unit: str = RAW
     header: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    inertial: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
     time: tuple[int, float] | None = None
     width: int = 0
     told: dict[str, tuple[float, ...]] = field(default_factory=dict)
@@ -58,8 +68,8 @@ class LineParser:
 
         Raises `Unreadable` for anything else.
 
-        >>> LineParser().read("Raw:0,0,8192,0,0,0,200,-10,430")
-        [Reading(sensor='mag', field=(200.0, -10.0, 430.0), unit='mG', time=None)]
+        >>> LineParser().read("Raw:0,0,0,0,0,0,200,-10,430")[0][:4]
+        ('mag', (200.0, -10.0, 430.0), 'mG', None)
         >>> rows = LineParser()
         >>> rows.read("millis,mag_x_uT,mag_y_uT,mag_z_uT"), rows.read("20,1.5,2,43")[0].time
         ([], 0.02)
@@ -69,7 +79,8 @@ class LineParser:
             return []
         if text.startswith("Raw:"):
             self.motioncal = True
-            return [Reading("mag", _make_vector(_parse_numbers(text[4:], 9)[6:]), "mG")]
+            counts = _parse_numbers(text[4:], 9)
+            return [Reading("mag", _make_vector(counts[6:]), "mG", None, _scale_counts(counts[:6]))]
         if text.startswith(("Cal1:", "Cal2:")):
             self.told[text[:4]] = _parse_numbers(text[5:], None)
             return []
@@ -96,14 +107,19 @@ class LineParser:
         time = None if self.time is None else values[self.time[0]] * self.time[1]
         return [
             Reading(
-                name, _make_vector([values[i] * by for i, by in columns]), self.units[name], time
+                name,
+                _make_vector([values[i] * by for i, by in columns]),
+                self.units[name],
+                time,
+                tuple(values[i] * by for i, by in self.inertial.get(name, ())) or None,
             )
             for name, columns in self.header.items()
         ]
 
     def _begin(self, cells: list[str]) -> None:
         """Take a line as header."""
-        found = identify_columns(cells).get("field", {})
+        told = identify_columns(cells)
+        found = told.get("field", {})
         whole = {number: axes for number, axes in found.items() if len(axes) == 3}
         if not whole:
             raise Unreadable("a header without a field: name the columns mag_x_uT, mag_y_uT, …")
@@ -113,12 +129,44 @@ class LineParser:
             for number, axes in whole.items()
         }
         self.units = {f"mag{n}": _find_unit(axes) or self.unit for n, axes in whole.items()}
+        self.inertial = {f"mag{number}": _find_motion(told, number, place) for number in whole}
         self.width, self.time = len(cells), _find_clock(cells)
 
 
 def _find_unit(axes: Mapping[str, Column]) -> str | None:
     units = {column.unit for column in axes.values()}
     return units.pop() if len(units) == 1 else None
+
+
+def _find_motion(
+    told: Identified, number: str, place: Mapping[str, int]
+) -> list[tuple[int, float]]:
+    """The columns of acceleration and rotation rate beside a magnetometer, with factors to m/s²
+    and rad/s; none without an acceleration, and rates times NaN without a gyro."""
+    groups: list[list[tuple[int, float]]] = []
+    for name in ("acceleration", "rotation_rate"):
+        of = told.get(name, {})
+        axes = of.get(number) or of.get("") or {}
+        factors = [axes[a].quantity.units.get(axes[a].unit or "") for a in "xyz" if a in axes]
+        known = [factor[0] for factor in factors if factor is not None]
+        raw = any(axes[a].unit in ("raw", "counts") for a in axes)
+        if len(known) == 3 and not raw:
+            groups.append([(place[axes[a].header], by) for a, by in zip("xyz", known, strict=True)])
+        else:
+            groups.append([(0, math.nan)] * 3)
+    return [] if math.isnan(groups[0][0][1]) else groups[0] + groups[1]
+
+
+def _scale_counts(counts: tuple[float, ...]) -> tuple[float, ...] | None:
+    """Acceleration and rotation rate of MotionCal's counts; `None` of zeros, which stand for none.
+
+    >>> [round(v, 3) for v in _scale_counts((0.0, 0.0, -8192.0, 0.0, 0.0, 160.0))]
+    [0.0, 0.0, -9.807, 0.0, 0.0, 0.175]
+    """
+    if not any(counts[:3]):
+        return None
+    force = tuple(_MOTIONCAL_FORCE * v for v in counts[:3])
+    return force + tuple(_MOTIONCAL_RATE * v for v in counts[3:])
 
 
 def _find_clock(cells: list[str]) -> tuple[int, float] | None:
@@ -145,10 +193,11 @@ def _parse_sentence(text: str) -> Reading:
         raise Unreadable(f"${name} is already corrected by the device: have it send $VNIMU")
     if name not in _SENTENCES and not name.endswith("MAG"):
         raise Unreadable(f"${name} holds no field that is known: send $…MAG,x,y,z")
-    values = [_parse_number(cell) for cell in cells[:3]]
-    if len(values) < 3 or any(map(math.isnan, values)):
+    values = [_parse_number(cell) for cell in cells[:9]]
+    if len(values) < 3 or any(map(math.isnan, values[:3])):
         raise Unreadable(f"${name} without three numbers")
-    return Reading("mag", _make_vector(values), _SENTENCES.get(name, ""))
+    motion = tuple(values[3:9]) if name in _SENTENCES and len(values) == 9 else None
+    return Reading("mag", _make_vector(values), _SENTENCES.get(name, ""), None, motion)
 
 
 def _make_vector(values: list[float] | tuple[float, ...]) -> Vector:

@@ -23,6 +23,7 @@ from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.live.streams.links import Packet
 from agonic.live.streams.parameters import Parameters
 from agonic.logs.ardupilot.dataflash_binary import Table
+from agonic.logs.ardupilot.messages import INERTIAL, Columns
 from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.units import RAW
 
@@ -170,11 +171,14 @@ class Vehicle:
         answered = np.isfinite(field).all(axis=1) & field.any(axis=1)
         if not answered.any():
             return []
-        own = [_get_time(m) for m, there in zip(heard, answered, strict=True) if there]
-        field = field[answered]
+        told = [m for m, there in zip(heard, answered, strict=True) if there]
+        own, field, motion = [_get_time(m) for m in told], field[answered], None
+        if self._autopilot == ARDUPILOT or kind != "RAW_IMU":  # of others in counts
+            motion = np.array([_get_motion(m, INERTIAL[kind]) for m in told])
         if self._autopilot != ARDUPILOT:
             unit, factor = OTHERS[kind]
-            return [Chunk(kind, self._clock.times(own, now, kind), field * factor, unit)]
+            time_s = self._clock.times(own, now, kind)
+            return [Chunk(kind, time_s, field * factor, unit, motion=motion)]
         if kind not in SLOTS:
             return []
         slot = SLOTS[kind]
@@ -186,7 +190,7 @@ class Vehicle:
             Table(np.arange(len(field)), columns), self.parameters.table, slot
         )
         time_s = self._clock.times(own, now, kind)
-        return [Chunk(kind, time_s, found.field, "nT", "b", found.device_id)]
+        return [Chunk(kind, time_s, found.field, "nT", "b", found.device_id, motion)]
 
     # ---- writing -----------------------------------------------------------------------------
 
@@ -238,6 +242,12 @@ class _Wire:
 
     def write(self, data: bytes) -> None:
         self._write(bytes(data))
+
+
+def _get_motion(message: Any, columns: Columns) -> list[float]:
+    """Acceleration, m/s², and rotation rate, rad/s, of a message; zeros stand for no gyro."""
+    parts = [columns[f"{stem}{axis}"] for stem in ("Acc", "Gyr") for axis in "XYZ"]
+    return [factor * float(getattr(message, name)) for name, factor in parts]
 
 
 def _get_time(message: Any) -> float:

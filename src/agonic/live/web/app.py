@@ -62,6 +62,7 @@ _FILES: dict[str, Callable[[], str]] = {
         + _read_static("live.css")
     ),
     "strips.js": lambda: _read_static("strips.js"),
+    "rose.js": lambda: _read_static("rose.js"),
     "uplot.js": lambda: _read_static("uplot/uPlot.iife.min.js"),
     "canvas.js": lambda: of_report("canvas.js"),
 }

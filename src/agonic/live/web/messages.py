@@ -29,13 +29,33 @@ class Number(msgspec.Struct, frozen=True):
     before: float | None = None
 
 
+class Rose(msgspec.Struct, frozen=True):
+    """The way of a vehicle that stays level, by sectors of heading from magnetic north eastwards.
+
+    `counts` of rows and the largest tilt, degrees, in each sector; where the vehicle stands now;
+    `wanted` sectors to be passed next, on ground that slopes by `slope_deg`, and the heading error
+    `after_deg` then.
+    """
+
+    counts: list[int]
+    tilts_deg: list[float]
+    heading_deg: float
+    pitch_deg: float
+    roll_deg: float
+    wanted: list[int] = []
+    slope_deg: float = 0.0
+    after_deg: float | None = None
+
+
 class Sensor(msgspec.Struct, frozen=True):
     """Where one sensor stands.
 
     `centre` (3) and `shape` (9) bring readings onto the unit sphere; `cells` (80) readings in each
     direction; `present` and `wanted` where the field points in the sensor's axes and should;
     `heading_sd_deg` and `progress` (0…1) are of the calibration so far; `course` the former over
-    the time since the first reading, s; `left_out` what became of readings that do not count.
+    the time since the first reading, s; `left_out` what became of readings that do not count;
+    `method` the word of the fit, `vehicle_sd_deg` the heading's standard error with how the sensor
+    sits in the vehicle, where that was fitted, and `rose` the way of a vehicle that stays level.
     """
 
     name: str
@@ -58,6 +78,9 @@ class Sensor(msgspec.Struct, frozen=True):
     before: str = ""
     course: list[tuple[float, float]] = []
     left_out: str = ""
+    method: str = "ellipsoid"
+    vehicle_sd_deg: float | None = None
+    rose: Rose | None = None
 
 
 class Outcome(msgspec.Struct, frozen=True):

@@ -33,9 +33,14 @@ class Plan:
         """Those of the live fit of a sensor."""
         reference = self.reference
         known = None if reference is None else float(reference.magnitudes(1)[0])
+        place = None
+        if reference is not None and reference.kind == "vector":
+            north, east, down = map(float, reference.values[0])
+            place = north, east, down
         return LiveParams(
             unit=first.unit,
             magnitude=known,
+            field_n=place,
             magnitude_sd=reference.sd if reference else 0.0,
             source=reference.source if reference else "given",
             target_deg=self.target_deg,

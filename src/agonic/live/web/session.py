@@ -6,9 +6,11 @@ import threading
 import time
 
 from agonic.errors import AgonicError
+from agonic.live.fit import GROWTH
 from agonic.live.streams import Chunk, Notice, Source
-from agonic.live.streams.device import Change, Device
-from agonic.live.web.messages import Outcome, Sensor, Setting, Status, describe_read_back
+from agonic.live.streams.device import Device
+from agonic.live.web.messages import Outcome, Sensor, Status
+from agonic.live.web.offer import DeviceOffer, make_offer, write_offer
 from agonic.live.web.plan import Plan
 from agonic.live.web.results import write_results
 from agonic.live.web.resume import SavedFits
@@ -18,14 +20,9 @@ from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written
 from agonic.samples import Samples
 
-DIGEST_S = 0.2
-"""Between two fits, and two statuses."""
-
-RETRY_S = 1.0
-"""Before a source whose driver failed is opened again."""
-
-MOST_SENSORS = 8
-MOST_NOTES = 16
+DIGEST_S = 0.2  # between two fits, and two statuses
+RETRY_S = 1.0  # before a source whose driver failed is opened again
+MOST_SENSORS, MOST_NOTES = 8, 16
 
 
 class Session:
@@ -34,6 +31,7 @@ class Session:
     def __init__(self, source: Source, plan: Plan) -> None:
         self.source, self.plan = source, plan
         self._lock, self._stop = threading.RLock(), threading.Event()
+        self._fitting = threading.Lock()
         self._threads: list[threading.Thread] = []
         self._watched: dict[str, WatchedSensor] = {}
         origin = source.name if source.lasting else ""
@@ -44,13 +42,13 @@ class Session:
         self._version = self._accepted = 0
         self._outcomes: list[Outcome] = []
         self._busy, self._trouble, self._unsaved = False, "", ""
-        self._offer: tuple[str, list[Setting], str] = ("", [], "")
+        self._offer = DeviceOffer()
         self.results: list[Calibrated] = []
         self.written: dict[str, Written] = {}
 
     def start(self) -> None:
         """Begin to read."""
-        for task in (self._read, self._digest):
+        for task in (self._read, self._digest, self._consider):
             thread = threading.Thread(target=task, name=f"agonic-{task.__name__}", daemon=True)
             self._threads.append(thread)
             thread.start()
@@ -67,9 +65,8 @@ class Session:
     @property
     def parting(self) -> str:
         """What is left of the session when it is stopped, in words."""
-        return (
-            self._trouble or self._unsaved or self._unfinished.parting(accepted=bool(self.written))
-        )
+        left = self._unfinished.parting(accepted=bool(self.written))
+        return self._trouble or self._unsaved or left
 
     @property
     def status(self) -> Status:
@@ -86,9 +83,9 @@ class Session:
                 busy=self._busy,
                 trouble=self._trouble or self._unsaved,
                 device="" if self.source.device is None else self.source.device.name,
-                offered=self._offer[0],
-                offer=self._offer[1],
-                device_says=self._offer[2],
+                offered=self._offer.sensor,
+                offer=list(self._offer.settings),
+                device_says=self._offer.says,
                 notes=self._notes + [one.left_out for one in self._sensors if one.left_out],
             )
 
@@ -104,16 +101,13 @@ class Session:
 
     def offer(self, sensor: str) -> None:
         """Show what would be written to the device for a sensor; "" takes an offer back."""
-        offered: tuple[str, list[Setting], str] = ("", [], "")
+        offered = DeviceOffer()
         if sensor and not any(o.sensor == sensor for o in self._outcomes):
             self.accept()
         try:
             if sensor:
-                changes, warnings = self._device().changes(
-                    self._find_result(sensor).fit.calibration
-                )
-                listed = [Setting(c.name, c.old, c.new) for c in changes]
-                offered = (sensor, listed, ". ".join(warnings))
+                calibration = self._find_result(sensor).fit.calibration
+                offered = make_offer(sensor, self._device(), calibration)
             trouble = ""
         except AgonicError as error:
             trouble = str(error)
@@ -124,20 +118,18 @@ class Session:
     def write(self, sensor: str) -> None:
         """Write to the device what was offered, and nothing else; read it back."""
         with self._lock:
-            offered, listed, _ = self._offer
-            if offered != sensor or self._busy or not listed:
+            offered = self._offer
+            if offered.sensor != sensor or self._busy or not offered.settings:
                 return
             self._busy = True
             self._changed()
         try:
-            changes = [Change(one.name, one.old, one.new) for one in listed]
-            read = self._device().write(changes, self._find_result(sensor).fit.calibration)
-            listed = [Setting(one.name, one.old, one.new, read.get(one.name)) for one in listed]
-            says = describe_read_back(listed)
-        except (AgonicError, OSError) as error:
-            says = f"not written: {error}"
+            calibration = self._find_result(sensor).fit.calibration
+            offered = write_offer(offered, self._device(), calibration)
+        except AgonicError as error:
+            offered = offered._replace(says=f"not written: {error}")
         with self._lock:
-            self._offer, self._busy = (sensor, listed, says), False
+            self._offer, self._busy = offered, False
             self._changed()
 
     def _device(self) -> Device:
@@ -170,6 +162,9 @@ class Session:
                 return self._outcomes
             self._busy, self._trouble = True, ""
             self._changed()
+            self._sensors = [self._digest_one(one) for one in self._watched.values()]
+        self._consider_all()
+        with self._lock:
             self._sensors = [self._digest_one(one) for one in self._watched.values()]
             samples = {n: one.samples for n, one in self._watched.items() if one.live.n}
         try:
@@ -222,23 +217,19 @@ class Session:
     def _take(self, chunk: Chunk) -> None:
         with self._lock:
             if self.plan.sensor not in (None, chunk.sensor):
-                self._pass_over(chunk.sensor)
+                asked = f"only {self.plan.sensor} was asked for"
+                self._note(f"{chunk.sensor} is heard and left aside: {asked}")
                 return
             watched = self._watched.get(chunk.sensor)
             if watched is None:
                 if len(self._watched) >= MOST_SENSORS:
                     return
-                before = find_calibration_before(
-                    self.plan.folder, chunk.sensor, dict(self.plan.before)
-                )
+                given = dict(self.plan.before)
+                before = find_calibration_before(self.plan.folder, chunk.sensor, given)
                 watched = WatchedSensor(chunk, self.plan.params(chunk), before)
                 self._watched[chunk.sensor] = watched
                 self._go_on(watched)
             watched.take(chunk)
-
-    def _pass_over(self, sensor: str) -> None:
-        """Say once that a sensor is heard that was not asked for."""
-        self._note(f"{sensor} is heard and left aside: only {self.plan.sensor} was asked for")
 
     def _go_on(self, watched: WatchedSensor) -> None:
         """Take a sensor up where it was left."""
@@ -268,10 +259,23 @@ class Session:
                 if self._unfinished.due():
                     self._save()
             except Exception as error:
-                with self._lock:
-                    self._note(f"the fits stopped ({_tell(error)}) and were started again")
+                self._note(f"the fits stopped ({_tell(error)}) and were started again")
             # a slow machine fits less often rather than falls behind
             self._stop.wait(max(DIGEST_S - (time.monotonic() - began), 0.1 * DIGEST_S))
+
+    def _consider(self) -> None:
+        """Make the fits that take seconds, a third of the time at most."""
+        while not self._stop.is_set():
+            began = time.monotonic()
+            self._consider_all(GROWTH)
+            self._stop.wait(max(DIGEST_S, 2 * (time.monotonic() - began)))
+
+    def _consider_all(self, growth: float = 1.0) -> None:
+        """Fit beside accelerometer and gyro, of sensors that have grown so many times."""
+        with self._fitting:
+            for watched in list(self._watched.values()):
+                if trouble := watched.consider(growth):
+                    self._note(trouble)
 
     def _digest_one(self, watched: WatchedSensor) -> Sensor:
         """Fit what has come of a sensor; one that begins anew leaves its saved readings aside."""
@@ -283,9 +287,10 @@ class Session:
 
     def _note(self, note: str) -> None:
         """Say something once."""
-        if note not in self._notes and len(self._notes) < MOST_NOTES:
-            self._notes.append(note)
-            self._changed()
+        with self._lock:
+            if note not in self._notes and len(self._notes) < MOST_NOTES:
+                self._notes.append(note)
+                self._changed()
 
     def _changed(self) -> None:
         self._version += 1

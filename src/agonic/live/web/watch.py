@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS, Affine
+from agonic.coverage import Coverage
 from agonic.live.fit import LiveFit
+from agonic.live.level import Level, Plan
 from agonic.live.plausible import find_plausible
 from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
-from agonic.live.web.messages import Number, Problem, Sensor
+from agonic.live.web.messages import Number, Problem, Rose, Sensor
 from agonic.live.web.view import RecentReadings
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.samples import Samples
@@ -51,6 +53,7 @@ class WatchedSensor:
 
     def _begin(self, live: LiveFit, last_s: float | None = None) -> None:
         self.live, self.shown = live, RecentReadings()
+        live.aside = True
         self._waiting: list[Chunk] = []
         self._arrived: list[tuple[float, int]] = []
         self._last_s, self._later_s = last_s, 0.0
@@ -76,7 +79,17 @@ class WatchedSensor:
         first = times[np.isfinite(times)][:1]
         if self._last_s is not None and len(first):  # this machine's clock may have begun anew
             self._later_s, self._last_s = self._last_s + PAUSE_S - float(first[0]), None
-        self.live.add(times + self._later_s, np.concatenate([chunk.field for chunk in waiting]))
+        field = np.concatenate([chunk.field for chunk in waiting])
+        self.live.add(times + self._later_s, field, _join_motion(waiting))
+
+    def consider(self, growth: float) -> str:
+        """Make the fit beside accelerometer and gyro, and say what went wrong."""
+        try:
+            self.live.consider(growth)
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}"
+            return f"{self.name}: the fit beside accelerometer and gyro stopped ({what})"
+        return ""
 
     def proceed(self) -> tuple[Sensor, str]:
         """Fit what has come; the status, and what went wrong, in words.
@@ -113,13 +126,11 @@ class WatchedSensor:
     @property
     def samples(self) -> Samples:
         """The readings to calibrate from."""
-        return self.live.samples.with_columns(
-            frame=self.frame, notes=("kept of a live session: the first of every direction",)
-        )
+        return self.live.samples.with_columns(frame=self.frame, notes=("kept of a live session",))
 
     def status(self) -> Sensor:
         """All that a page shows of it."""
-        live, guidance = self.live, self.live.guidance
+        live, guidance, aided = self.live, self.live.guidance, self.live.aided
         self._note()
         centre, shape = self._sphere()
         calibration, coverage = live.fitted or (None, None)
@@ -130,7 +141,7 @@ class WatchedSensor:
             rate_Hz=round(self.rate_Hz, 1),
             say=guidance.say,
             done=guidance.done,
-            progress=0.0 if coverage is None else coverage.filled,
+            progress=_measure_progress(coverage, guidance.level),
             target_deg=self.params.target_deg,
             centre=_make_list(centre),
             shape=_make_list(shape),
@@ -144,6 +155,9 @@ class WatchedSensor:
             before="" if self.before is None else _describe(self.before),
             course=list(self._course),
             left_out=self._describe_left_out(),
+            method="ellipsoid" if aided is None else aided.method,
+            vehicle_sd_deg=_make_finite(aided.vehicle_sd_deg) if aided and aided.chosen else None,
+            rose=None if guidance.level is None else _draw_rose(guidance.level, guidance.plan),
         )
 
     def _note(self) -> None:
@@ -173,7 +187,7 @@ class WatchedSensor:
 
     def _numbers(self, calibration: Affine) -> list[Number]:
         now = [*calibration.bias, *pack_symmetric(calibration.matrix)]
-        sd = [None] * 9 if calibration.sd is None else calibration.sd.tolist()
+        sd = [None] * 9 if calibration.sd is None else calibration.sd[:9].tolist()
         before = self._comparable(calibration)
         old = [None] * 9 if before is None else [*before.bias, *pack_symmetric(before.matrix)]
         units = [calibration.unit_in] * 3 + [""] * 6
@@ -205,6 +219,36 @@ class WatchedSensor:
             return None
         sizes = np.linalg.norm(correct(boxes.middles), axis=1)
         return _make_finite(100 * float(sizes.std() / sizes.mean()))
+
+
+def _measure_progress(coverage: Coverage | None, level: Level | None) -> float:
+    """The share of directions that was seen; of a vehicle that stays level, of headings."""
+    if level is not None:
+        return float(level.seen.mean())
+    return 0.0 if coverage is None else coverage.filled
+
+
+def _draw_rose(level: Level, plan: Plan | None) -> Rose:
+    counts, tilts = level.counts.tolist(), level.tilts_deg.round(1).tolist()
+    now = (level.heading_deg, level.pitch_deg, level.roll_deg)
+    if plan is None:
+        return Rose(counts, tilts, *now)
+    return Rose(
+        counts,
+        tilts,
+        *now,
+        wanted=list(plan.step.sectors),
+        slope_deg=plan.step.slope_deg,
+        after_deg=_make_finite(plan.after_deg),
+    )
+
+
+def _join_motion(chunks: Sequence[Chunk]) -> Array | None:
+    """What an inertial unit told with the readings of chunks, (n, 6), NaN where nothing."""
+    if all(chunk.motion is None for chunk in chunks):
+        return None
+    parts = [np.full((len(c.time), 6), np.nan) if c.motion is None else c.motion for c in chunks]
+    return np.concatenate(parts)
 
 
 def find_calibration_before(folder: Path, name: str, given: dict[str, Affine]) -> Affine | None:

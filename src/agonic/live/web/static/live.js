@@ -8,6 +8,9 @@
   const WORST_DEG = 90;       // heading error that is still drawn
   const SPOKEN_MS = 4000;     // between two sentences for a screen reader
   const AXES = ["+x nose", "+y right", "+z down"];
+  const BESIDE = {            // what told the attitude
+    inertial: " (beside accelerometer and gyro)", levelled: " (beside roll and pitch)",
+  };
   const EASE = 0.12;          // share of the way that the view follows in a frame
 
   const {
@@ -227,17 +230,21 @@
       article.classList.toggle("done", now.done);
       article.classList.toggle("alone", !now.before);
       text(part(".say"), now.say);
-      const seen = now.cells.filter((n) => n > 0).length;
-      text(part(".seen"), `${seen} of 80 directions seen`);
+      const cells = now.cells.filter((n) => n > 0).length;
+      const seen = now.rose ? `${rose.count(now.rose)} of ${rose.SECTORS}` : `${cells} of 80`;
+      text(part(".seen"), now.rose ? `${seen} headings seen, tilted up to ${rose.tilt(now.rose).toFixed(0)}°` : `${seen} directions seen`);
+      part(".of-rose").hidden = !now.rose;
+      part(".of-sphere").hidden = Boolean(now.rose);
       part("progress").value = now.progress;
       text(part(".heading"), now.heading_sd_deg === null ? "no calibration yet"
-        : `heading standard error ${now.heading_sd_deg.toFixed(2)}°, enough at ${now.target_deg}°`);
+        : `heading standard error ${now.heading_sd_deg.toFixed(2)}°${BESIDE[now.method] || ""}, enough at ${now.target_deg}°`
+          + (now.vehicle_sd_deg === null ? "" : `; ${now.vehicle_sd_deg.toFixed(2)}° with how the sensor sits in the vehicle`));
       text(part(".count"), `${now.n.toLocaleString("en")} readings, ${now.rate_Hz} a second`);
       problems(now.problems);
       numbers(now.numbers);
       const device = part(".device");
       device.hidden = !status.device;
-      canvas.setAttribute("aria-label", `Sphere of directions: ${seen} of 80 seen. ${now.say}.`);
+      canvas.setAttribute("aria-label", `${now.rose ? "Compass rose of headings" : "Sphere of directions"}: ${seen} seen. ${now.say}.`);
       dirty = true;
     }
 
@@ -254,9 +261,14 @@
     }
 
     function draw() {
-      follow();
+      if (!told || !told.rose) follow();
       if (!dirty || !hello) return;
       dirty = false;
+      if (told && told.rose) {
+        rose.draw(canvas, told.rose, colours, fitted(canvas, 1));
+        drawStrips();
+        return;
+      }
       const view = rotation(angles);
       const ratio = fitted(canvas, 1);
       const context = canvas.getContext("2d");
@@ -386,7 +398,8 @@
     if (now.sensors.length === 0) return now.ended ? "The source has ended" : "Waiting for readings";
     if (now.outcomes.some((one) => one.files.length)) return "Calibrated: the files are written";
     if (good) return "Enough: accept the calibration";
-    return now.ended ? "The source has ended: accept, or start again" : "Turn the sensor";
+    if (now.ended) return "The source has ended: accept, or start again";
+    return now.sensors.some((one) => one.rose) ? "Drive on" : "Turn the sensor";
   }
 
   function take(now) {
