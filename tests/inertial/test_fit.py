@@ -108,6 +108,16 @@ def test_dip_and_magnitude_are_found_where_the_log_tells(kind, tilt_deg, worst) 
         assert np.trace(fit.calibration.matrix) / 3 == pytest.approx(gain, rel=0.1)
 
 
+def test_calibrate_takes_it_without_a_place_where_it_is_asked_for() -> None:
+    made, logged, _ = drive(tilt_deg=8.0, n=1500)
+    for given in (None, ag.Reference.constant(50_000.0)):
+        result = ag.calibrate(logged, given, kind="inertial")
+        assert (result.method, result.verdict) == ("inertial", "good")
+        assert heading_error_deg(result.calibration, made, 8.0) < 1.0
+    with pytest.raises(ag.AgonicError, match="needs the field of the place"):
+        ag.calibrate(made.samples, kind="levelled")
+
+
 def test_a_dip_that_the_log_does_not_tell_is_named() -> None:
     _, logged, _ = drive(tilt_deg=0.1)
     fit = ag.fit_inertial(logged)

@@ -98,6 +98,9 @@ def choose(
         if kind != "auto" or reference is None:
             return alone
         return _join_disturbers(alone, samples, reference, reason, settings)
+    if method == "inertial" and (reference is None or reference.values.ndim == 1):
+        plain = {"sources": (), **settings}  # what disturbs on board is chosen by a known field
+        return _fit_with_attitude(samples, reference, method, reason, plain)
     if reference is None:
         raise AgonicError(
             f"{method}: this fit needs the field of the place: give it (--at LAT,LON, --date), or "
@@ -198,20 +201,27 @@ def _join_disturbers(
 
 
 def _fit_with_attitude(
-    samples: Samples, reference: Reference, method: str, reason: str, settings: Mapping[str, Any]
+    samples: Samples,
+    reference: Reference | None,
+    method: str,
+    reason: str,
+    settings: Mapping[str, Any],
 ) -> Choice:
     """The fit to magnitude, dip and perhaps azimuth, delay undone, a current joined."""
     run = _FITS[method]
     if method == "vector" and not samples.heading_known.all():
         known = np.flatnonzero(samples.heading_known)
-        samples, reference = samples.select(known), reference.select(known)
+        samples = samples.select(known)
+        reference = None if reference is None else reference.select(known)
     latency = _find_latency(samples)
     if latency is not None:
         late = samples
         samples = undelayed(samples, latency.latency_s)
-        reference = _select_reference(reference, late, samples)
+        if reference is not None:
+            reference = _select_reference(reference, late, samples)
     fit, tried = None, None
     if "sources" not in settings:
+        assert reference is not None
         fit, tried = fit_with_sources(run, samples, reference, method, settings)
         if fit is not None:
             reason += f", and {describe_sources(list_sources(fit))} the readings"
@@ -222,6 +232,7 @@ def _fit_with_attitude(
             reason += f", and {fit.heading_source} the heading beside the gyro"
         part = partial(fit_part, fit)
         return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
+    assert reference is not None  # any other fit has asked for it
     same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}
     again = partial(
         fit_channels_alone,
