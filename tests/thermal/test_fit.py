@@ -1,5 +1,7 @@
 """Temperature fits: truth, honesty at every temperature, the bound, and what is wrong by name."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -251,6 +253,15 @@ def test_missing_stations_are_named_and_what_remains_is_told() -> None:
     assert alone.verdict == "refused"
     told = next(f for f in alone.findings if f.name == "undetermined")
     assert "stations='known'" in told.move
+
+
+def test_a_field_that_sways_is_not_told_to_lack_stations() -> None:
+    samples, _ = faulty()
+    sway = 1 + 0.05 * np.sin(samples.time[:, None] / 97.0)
+    fit = fit_thermal(dataclasses.replace(samples, field=samples.field * sway), KNOWN, **COARSE)
+    assert fit.verdict == "refused"
+    told = next(f for f in fit.findings if f.name == "undetermined")
+    assert "scatter beyond their noise" in told.move
 
 
 def test_a_stuck_thermometer_is_named() -> None:

@@ -49,3 +49,12 @@ def test_a_larger_model_is_taken_where_unseen_readings_ask_for_it() -> None:
         samples = made.samples.with_columns(field=made.samples.field + slow)
         taken.append(ag.fit_ellipsoid(samples).calibration.model)
     assert taken.count("full") >= 5
+
+
+def test_a_start_without_numbers_is_given_up() -> None:
+    problem = posed("full")
+    found = estimate(problem)
+    lost = np.full(len(found.solution.params), 1e200)
+    with np.errstate(all="ignore"):
+        again = estimate(problem, start=lost)
+    np.testing.assert_allclose(again.solution.params, found.solution.params, rtol=1e-6)

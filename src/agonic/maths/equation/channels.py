@@ -128,8 +128,10 @@ class Problem(NamedTuple):
         m = basis.shape[1]
         _, matrix = split(basis @ params[:m])
         bias, change = split(basis @ step[:m])
-        further = np.linalg.pinv(matrix + change) @ matrix - np.eye(3)
         moved = params + step
+        if not np.isfinite(there := matrix + change).all():
+            return moved  # no step: its cost is no number either
+        further = np.linalg.pinv(there) @ matrix - np.eye(3)
         moved[:m] += basis[:3].T @ (further @ bias)
         if self.terms is not None:
             slopes = slice(m, m + 3 * self.terms.shape[1])

@@ -6,6 +6,7 @@ by what its own residuals say. Start, relax, refine: `starting_values`, then `es
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -55,9 +56,10 @@ def estimate(
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # where nothing holds them
         if start is not None:
-            near = refine(problem, start, robust)
-            if np.mean(near.weights == 0.0) < _FEW:
-                return near
+            with suppress(np.linalg.LinAlgError):  # so far off that numbers overflow
+                near = refine(problem, start, robust)
+                if np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < _FEW:
+                    return near
         return _find_minimum(problem, robust, seed)
 
 

@@ -63,6 +63,12 @@ def _find_largest_sd(calibration: Thermal) -> Array:
     return np.asarray(calibration.sd_at(np.linspace(*calibration.range_C, 25)).max(axis=0))
 
 
+_SCATTER_FIRST = (
+    "first find what makes the readings scatter beyond their noise (field changes): a field that "
+    "changed or an error of the model, which more stations do not cure"
+)
+
+
 def _judge_undetermined(fit: ThermalFit) -> Finding | None:
     relative = compute_relative_sd(fit.calibration)
     poor = [name for name, sd in zip(PARAMETERS, relative, strict=True) if sd > UNKNOWN]
@@ -76,8 +82,16 @@ def _judge_undetermined(fit: ThermalFit) -> Finding | None:
         f"{', '.join(poor)} {'are' if len(poor) > 1 else 'is'} known to {figure(100 * worst)} % of "
         f"the field only; {', '.join(determined) or 'nothing'} "
         f"remain{'s' if len(determined) == 1 else ''} determined",
-        "record the missing stations, or describe how the stations stood (stations='known')",
+        _SCATTER_FIRST
+        if _measure_scatter(fit) > EXCESS_DOUBTFUL
+        else "record the missing stations, or describe how the stations stood (stations='known')",
     )
+
+
+def _measure_scatter(fit: ThermalFit) -> float:
+    """What the means of bins scatter by beyond their noise, over the field."""
+    magnitude = fit.calibration.magnitude or np.inf
+    return float(max(fit.excess * fit.calibration.mean_gain, fit.field_sd) / magnitude)
 
 
 def _judge_orientations(orientations: Orientations | None) -> Finding | None:
