@@ -29,6 +29,7 @@ from agonic.inflight.fit.torquers import (
     leave_out_unmodelled,
     measure_since_switch,
 )
+from agonic.inflight.fit.unseen_drift import allow_for_unseen_drift
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -131,6 +132,7 @@ def fit_inflight(
     settled = leave_out_settling(problem, estimate, since, step_s)
     if settled is not problem:
         problem, estimate = find_estimate(settled)
+    estimate = allow_for_unseen_drift(problem, estimate)
     return evidence.examine(build_result(problem, estimate, samples), problem, samples)
 
 

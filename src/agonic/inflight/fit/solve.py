@@ -88,11 +88,15 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
         estimate = fit_rows(replace(problem, direction=None), first, near, intervals)
     if problem.direction is not None:
         problem, estimate = _with_attitude(problem, estimate, intervals)
+    return problem, state_errors(problem, estimate)._replace(held_out=held_out)
+
+
+def state_errors(problem: Problem, estimate: Estimate) -> Estimate:
+    """The estimate with the covariance under correlated errors, by the rows that it is from."""
     rows = problem.rows(estimate.terms).select(problem.used)
     time = rows.time
     clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
-    estimate = add_covariance(problem, estimate, lambda: [rows], clock)
-    return problem, estimate._replace(held_out=held_out)
+    return add_covariance(problem, estimate, lambda: [rows], clock)
 
 
 def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: Clock) -> Estimate:
