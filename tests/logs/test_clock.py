@@ -91,3 +91,11 @@ def test_repeated_rows_and_single_ties_are_left_alone():
     assert spread_ties(repeated, field)[0] is repeated
     single = np.append(np.arange(1000.0), 999.0)
     assert spread_ties(single, np.arange(3003.0).reshape(-1, 3))[0] is single
+
+
+def test_letters_of_a_zone_cost_no_time():
+    texts = np.array([f"2026-03-01 12:00:0{k}.5 CET" for k in range(5)], dtype=object)
+    time, epoch, notes = read_clock(texts, None)
+    np.testing.assert_allclose(time, np.arange(5) + 0.5)
+    assert epoch == datetime(2026, 3, 1, 12, tzinfo=UTC)
+    assert notes == ("times name the zone CET, which is not read: taken as UTC",)

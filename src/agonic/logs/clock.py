@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -19,6 +20,7 @@ UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 _UNIX_SECONDS = (1e9, 4.1e9)
 """2001 to 2099: a clock that reads this many seconds counts from 1970, not from power-on."""
 _LONGEST_STEP_S = 1000.0
+_ZONE = re.compile(r"\s+\(?([A-Z]{3,5})\)?$")
 _DAY_S = 86400.0
 _HOUR_S = 3600.0
 _NONE_READ = "times left out: none could be read"
@@ -107,6 +109,11 @@ def _of_texts(texts: list[str]) -> Clock:
     order = find_order(texts) if slashes else None
     moments = [_moment(text, order) for text in texts]
     known = [moment for moment in moments if moment is not None]
+    zone = _ZONE.search(texts[0].strip("\"' ")) if texts and not known else None
+    if zone is not None:  # letters that stand for several zones: CST, IST
+        time, start, notes = _of_texts([_ZONE.sub("", text.strip("\"' ")) for text in texts])
+        said = f"times name the zone {zone[1]}, which is not read: taken as UTC"
+        return time, start, notes if start is None else (said,)
     if not known:
         example = next((text for text in texts if text.strip()), "")
         note = f"times left out: {example[:40]!r} is not a time such as 2026-03-01T12:00:00.5Z"
@@ -117,8 +124,8 @@ def _of_texts(texts: list[str]) -> Clock:
         [np.nan if moment is None else (moment - epoch).total_seconds() for moment in moments]
     )
     if first.year > 1:
-        zone = () if any(map(_names_zone, texts[:9])) else ("times name no zone: taken as UTC",)
-        return seconds, epoch, zone
+        named = any(map(_names_zone, texts[:9]))
+        return seconds, epoch, () if named else ("times name no zone: taken as UTC",)
     finite = np.isfinite(seconds)
     seconds[finite] = np.unwrap(seconds[finite], period=_DAY_S)
     return seconds, None, (AMBIGUOUS if slashes else f"{TIMES_OF_DAY} without a date",)
