@@ -200,6 +200,8 @@ def _do(what: PageRequest, session: Session) -> None:
     """What a page asks for, beside the server where it takes a while."""
     if isinstance(what, Restart):
         session.restart(what.sensor)
+    elif isinstance(what, Offer) and not what.sensor:
+        session.offer("")  # at once: an offer that is asked for next may not be overtaken
     elif isinstance(what, Accept):
         Thread(target=session.accept, daemon=True).start()
     else:
