@@ -63,10 +63,10 @@ def cases(samples: Samples, calibration: Affine) -> dict[str, Callable[[], objec
         "roll, pitch and field into heading": partial(kernel, samples),
         "vector form, down and field into heading": partial(vectors, samples),
     }
-    work |= {name: partial(heading, samples, setup) for name, setup in setups.items()}
+    work |= {name: partial(heading, samples, setup, smooth=False) for name, setup in setups.items()}
     two = samples.with_columns(name="MAG2"), replace(calibration, sensor="MAG2")
     pair = Setup(compasses=(compass, Compass(calibration=two[1])), **known)
-    work["… two compasses, compared"] = partial(heading, [samples, two[0]], pair)
+    work["… two compasses, compared"] = partial(heading, [samples, two[0]], pair, smooth=False)
     return work
 
 

@@ -514,12 +514,14 @@ def test_a_recorded_flight(recordings, tmp_path):
             pitch_deg=one.pitch_deg,
             current_A=one.current_A,
         )
-        expected = heading(one, alone)
+        expected = heading(one, alone, smooth=False)
         assert len(one) > 1400
         assert apart(got["true_deg"], expected.true_deg).max() < 0.01
         assert apart(got["compass_deg"], expected.compass_deg).max() < 0.01
         disturbed = (got["status"].astype(int) & prediction.DISTURBED) > 0
-        assert (disturbed == expected.flags["disturbed"]).mean() > 0.999
+        # a log shows what a row by itself does not: that it lies inside a disturbance
+        assert (disturbed & ~expected.flags["disturbed"]).mean() < 0.001
+        assert (disturbed == expected.flags["disturbed"]).mean() > 0.998
 
 
 def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path):
@@ -544,7 +546,7 @@ def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path
         )
         for r, c in zip(raw, calibrations, strict=True)
     ]
-    expected = heading(samples, setup)
+    expected = heading(samples, setup, smooth=False)
     write_firmware(setup, tmp_path)
     c = Controller(tmp_path, ("raw", "roll_deg", "pitch_deg"), compasses=2)
     got = c.heading(raw=np.stack(raw, axis=1), roll_deg=roll, pitch_deg=pitch)
@@ -555,7 +557,8 @@ def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path
     disturbed, steep = (
         (got["status"].astype(int) & bit) > 0 for bit in (prediction.DISTURBED, prediction.STEEP)
     )
-    assert (disturbed == expected.flags["disturbed"]).mean() > 0.995
+    assert (disturbed & ~expected.flags["disturbed"]).mean() < 0.005
+    assert (disturbed == expected.flags["disturbed"]).mean() > 0.99
     assert (steep == expected.flags["tilted"]).mean() > 0.995
     assert all(rows.any() for rows in (disturbed, ~disturbed))
 

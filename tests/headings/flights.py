@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
+from agonic.headings.compute import heading
+from agonic.headings.result import Heading
 from agonic.samples import Samples
 from agonic.simulation import Simulated, simulate
 
@@ -55,3 +58,8 @@ def off_deg(found: np.ndarray, wanted: np.ndarray | float) -> np.ndarray:
 def truth_of(samples: Samples) -> np.ndarray:
     assert samples.heading_deg is not None
     return samples.heading_deg
+
+
+def each_row(samples: Samples | Sequence[Samples], setup: Setup) -> Heading:
+    """Headings of rows by themselves, also where there is a gyro."""
+    return heading(samples, setup, smooth=False)

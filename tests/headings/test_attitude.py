@@ -12,13 +12,12 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError, MissingExtraError
 from agonic.headings.attitude import find_attitude
-from agonic.headings.compute import heading
 from agonic.logs.read import read
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import down_b
 from agonic.samples import Samples
 from agonic.simulation import simulate
-from tests.headings.flights import flight, off_deg, plain, setup_for, truth_of
+from tests.headings.flights import each_row, flight, off_deg, plain, setup_for, truth_of
 
 GRAVITY = 9.80665
 
@@ -60,7 +59,7 @@ def test_a_quarter_turn_ends_where_it_should(axis, down) -> None:
         middle = np.array([0.0, 0, 1]) + down
         if axis != 2:
             assert angle_deg(halfway, middle) < 2.0
-    turned = heading(samples, setup_for(plain(), declination_deg=0.0, tilt="gyro"))
+    turned = each_row(samples, setup_for(plain(), declination_deg=0.0, tilt="gyro"))
     assert off_deg(turned.true_deg[0], 30.0) == pytest.approx(0.0, abs=0.5)
     if axis == 2:
         assert off_deg(turned.true_deg[-1], 120.0) == pytest.approx(0.0, abs=0.5)
@@ -139,7 +138,7 @@ def test_a_missing_filter_is_one_friendly_sentence(monkeypatch) -> None:
 def test_free_fall_and_acceleration_have_no_tilt() -> None:
     force = [[0.0, 0, -GRAVITY], [0.0, 0, 0], [6.0, 0, -GRAVITY]]
     s = Samples(field=np.tile([20_000.0, 0, 40_000], (3, 1)), acceleration=force)
-    found = heading(s, setup_for(plain(), tilt="accelerometer", horizontal=20e3, vertical=40e3))
+    found = each_row(s, setup_for(plain(), tilt="accelerometer", horizontal=20e3, vertical=40e3))
     assert found.flag_names() == ["", "no attitude", "disturbed+unsure tilt"]
     assert np.isnan(found.true_deg[1])
     assert np.isnan(found.sd_deg[1])
@@ -159,7 +158,7 @@ def test_pauses_start_the_filter_anew() -> None:
 def test_headings_by_gyro_follow_the_truth() -> None:
     made = simulate("hand", n=5000, noise=0.0, inclination_deg=65.0, seed=4)
     setup = setup_for(made.truth, tilt="gyro", declination_deg=0.0)
-    found = heading(made.samples, setup)
+    found = each_row(made.samples, setup)
     error = off_deg(found.true_deg, truth_of(made.samples))[found.trusted]
     assert found.tilt == "gyro"
     assert np.sqrt(np.mean(error**2)) < 1.0

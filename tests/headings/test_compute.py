@@ -14,15 +14,14 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import FrameError, LogError, UnitError, ValidityError
 from agonic.field import wmm
-from agonic.headings.compute import heading
 from agonic.samples import Samples
 from agonic.simulation import delayed, magnet_attached, simulate
-from tests.headings.flights import FIELD, flight, off_deg, plain, setup_for, truth_of
+from tests.headings.flights import FIELD, each_row, flight, off_deg, plain, setup_for, truth_of
 
 
 def test_a_banked_flight_without_noise_is_exact() -> None:
     made = flight()
-    found = heading(made.samples, setup_for(made.truth))
+    found = each_row(made.samples, setup_for(made.truth))
     assert np.abs(off_deg(found.true_deg, truth_of(made.samples))).max() < 1e-6
     assert np.abs(off_deg(found.magnetic_deg, truth_of(made.samples) - 2.0)).max() < 1e-6
     assert found.trusted.all()
@@ -39,7 +38,7 @@ def test_a_mounted_sensor_is_turned_into_body_axes() -> None:
         acceleration=turn.apply(s.acceleration.copy(), inverse=True),
     )
     chain = Chain(steps=(plain(), Alignment(rotation=turn)))
-    found = heading(tilted, setup_for(chain))
+    found = each_row(tilted, setup_for(chain))
     assert np.abs(off_deg(found.true_deg, truth_of(s))).max() < 1e-6
 
 
@@ -54,8 +53,8 @@ def test_currents_and_a_second_sensor_are_taken_out() -> None:
         coefficients=(inverse @ stray)[:, None],
         noise=0.0,
     )
-    dirty = heading(made.samples, setup_for(made.truth))
-    clean = heading(made.samples, setup_for(motors))
+    dirty = each_row(made.samples, setup_for(made.truth))
+    clean = each_row(made.samples, setup_for(motors))
     assert np.abs(off_deg(dirty.true_deg, truth_of(made.samples))).max() > 5
     assert np.abs(off_deg(clean.true_deg, truth_of(made.samples))).max() < 1e-6
 
@@ -63,8 +62,8 @@ def test_currents_and_a_second_sensor_are_taken_out() -> None:
 def test_deviation_comes_before_declination() -> None:
     made = flight()
     card = Deviation(coefficients=[1.0, 6.0, -4.0, 2.0, 1.0], heel=[0.05, -0.1, 0.02, 0.03])
-    bare = heading(made.samples, setup_for(made.truth))
-    found = heading(made.samples, setup_for(made.truth, deviation=card))
+    bare = each_row(made.samples, setup_for(made.truth))
+    found = each_row(made.samples, setup_for(made.truth, deviation=card))
     s = made.samples
     added = card.at(bare.compass_deg, s.roll_deg, s.pitch_deg)
     assert found.compass_deg == pytest.approx(bare.compass_deg)
@@ -75,8 +74,8 @@ def test_deviation_comes_before_declination() -> None:
 @pytest.mark.parametrize("late_s", [0.04, 0.093, -0.02])
 def test_late_readings_are_put_back(late_s) -> None:
     made = flight(defects=[delayed(late_s)])
-    ignored = heading(made.samples, setup_for(made.truth))
-    found = heading(made.samples, setup_for(made.truth, latency_s=late_s))
+    ignored = each_row(made.samples, setup_for(made.truth))
+    found = each_row(made.samples, setup_for(made.truth, latency_s=late_s))
     truth = truth_of(made.samples)
     there = ~found.flags["no reading"]
     assert 2000 - there.sum() <= 12
@@ -96,11 +95,11 @@ def test_a_two_axis_compass_needs_no_vertical_axis() -> None:
         horizontal=17_500.0,
         vertical=30_000.0,
     )
-    found = heading(flat, setup)
+    found = each_row(flat, setup)
     assert np.abs(off_deg(found.true_deg, truth_of(flat))).max() < 1e-6
     assert found.trusted.all()
     assert found.sd_deg == pytest.approx(0.5 * 30_000 / 17_500)
-    blind = heading(flat, replace(setup, horizontal=None, vertical=None))
+    blind = each_row(flat, replace(setup, horizontal=None, vertical=None))
     assert "the vertical intensity is not known" in " ".join(blind.notes)
 
 
@@ -113,7 +112,7 @@ def test_inclinometer_angles_are_understood_by_name() -> None:
     setup = Setup(
         compasses=(Compass(calibration=plain()),), tilt_order="pitch-roll", declination_deg=0.0
     )
-    assert heading(samples, setup).true_deg == pytest.approx([70.0, 200.0])
+    assert each_row(samples, setup).true_deg == pytest.approx([70.0, 200.0])
 
 
 def two_sensors(defect=None):
@@ -136,7 +135,7 @@ def two_sensors(defect=None):
 def test_a_disturbed_sensor_gives_way_to_the_next() -> None:
     magnet = magnet_attached(5.0, [9000.0, -6000.0, 3000.0], until=9.0)
     one, two, setup = two_sensors(magnet)
-    found = heading([two, one], setup)
+    found = each_row([two, one], setup)
     during = (one.time >= 5.0) & (one.time < 9.0)
     assert found.sensors == ("MAG1", "MAG2")
     assert (found.used == during).all()
@@ -145,7 +144,7 @@ def test_a_disturbed_sensor_gives_way_to_the_next() -> None:
     assert not found.flags["disagreement"].any()  # one of them is known to be wrong
     assert found.disagreement_deg[during].min() > 5.0
     assert found.disagreement_deg[1:200].max() < 1e-6
-    alone = heading(one, replace(setup, compasses=setup.compasses[:1]))
+    alone = each_row(one, replace(setup, compasses=setup.compasses[:1]))
     assert (alone.flags["disturbed"] == during).all()
 
 
@@ -159,22 +158,22 @@ def test_sensors_that_disagree_unseen_are_flagged() -> None:
     turned = one.with_columns(
         field=level.apply(by.apply(level.apply(one.field.copy())), inverse=True)
     )
-    found = heading([turned, two], setup)
+    found = each_row([turned, two], setup)
     inside = slice(2, -2)
     assert found.disagreement_deg[inside] == pytest.approx(15.0, abs=0.1)
     assert not found.flags["disturbed"].any()
     assert found.flags["disagreement"][inside].all()
     assert set(found.flag_names()[inside]) == {"disagreement"}
-    wide = heading([turned, two], replace(setup, disagreement_limit_deg=20.0))
+    wide = each_row([turned, two], replace(setup, disagreement_limit_deg=20.0))
     assert not wide.flags["disagreement"].any()
-    vague = heading([turned, two], replace(setup, tilt_sd_deg=4.0))
+    vague = each_row([turned, two], replace(setup, tilt_sd_deg=4.0))
     assert not vague.flags["disagreement"][inside].any()
 
 
 def test_where_all_are_disturbed_the_nearest_is_taken() -> None:
     one, two, setup = two_sensors(magnet_attached(0.0, [0.0, 0.0, 20_000.0]))
     two = two.with_columns(field=two.field + np.array([0.0, 0.0, 9_000.0]))
-    found = heading([one, two], setup)
+    found = each_row([one, two], setup)
     assert found.flags["disturbed"][1:-1].all()
     assert (found.used[1:-1] == 1).all()
 
@@ -183,7 +182,7 @@ def test_a_sensor_with_a_pause_gives_way_too() -> None:
     one, two, setup = two_sensors()
     setup = replace(setup, compasses=setup.compasses[::-1])  # times are those of MAG2
     holes = one.select((one.time < 5.0) | (one.time > 6.0))
-    found = heading([two, holes], replace(setup, compasses=setup.compasses))
+    found = each_row([two, holes], replace(setup, compasses=setup.compasses))
     pause = (two.time >= 5.0) & (two.time <= 6.0)
     assert np.isnan(found.disagreement_deg[pause]).all()
     assert np.isfinite(found.disagreement_deg[~pause]).all()
@@ -203,13 +202,13 @@ def test_steep_vertical_and_disturbed_rows_are_flagged() -> None:
         horizontal=20_000.0,
         vertical=40_000.0,
     )
-    assert heading(samples, setup).flags["tilted"].tolist() == [False, True, True]
+    assert each_row(samples, setup).flags["tilted"].tolist() == [False, True, True]
     polar = Samples(field=[[1500.0, 0, 55_000.0]], roll_deg=[0.0], pitch_deg=[0.0])
-    found = heading(polar, replace(setup, horizontal=1500.0, vertical=55_000.0))
+    found = each_row(polar, replace(setup, horizontal=1500.0, vertical=55_000.0))
     assert [name for name, rows in found.flags.items() if rows[0]] == ["vertical field"]
     assert found.flag_names() == ["vertical field"]
     bent = Samples(field=[[20_000.0, 0, 56_000.0]], roll_deg=[0.0], pitch_deg=[0.0])
-    assert heading(bent, setup).flag_names() == ["disturbed"]
+    assert each_row(bent, setup).flag_names() == ["disturbed"]
 
 
 def test_declination_and_field_are_the_world_model_s_along_the_track() -> None:
@@ -225,15 +224,15 @@ def test_declination_and_field_are_the_world_model_s_along_the_track() -> None:
         altitude_m=np.full(400, 2000.0),
         epoch=datetime(2026, 3, 1, tzinfo=UTC),
     )
-    found = heading(samples, Setup(compasses=(Compass(calibration=plain()),), tilt_sd_deg=0.0))
+    found = each_row(samples, Setup(compasses=(Compass(calibration=plain()),), tilt_sd_deg=0.0))
     assert found.declination_deg == pytest.approx(there.declination_deg, abs=1e-3)
     assert found.true_deg == pytest.approx(there.declination_deg, abs=1e-3)
     assert found.sd_deg == pytest.approx(there.declination_sd_deg, rel=1e-3)
     early = samples.with_columns(epoch=datetime(1850, 1, 1, tzinfo=UTC))
     with pytest.raises(ValidityError, match=r"1900\.0"):
-        heading(early, Setup(compasses=(Compass(calibration=plain()),)))
+        each_row(early, Setup(compasses=(Compass(calibration=plain()),)))
     known = Setup(compasses=(Compass(calibration=plain()),), declination_deg=1.0)
-    assert "1900.0" in " ".join(heading(early, known).notes)
+    assert "1900.0" in " ".join(each_row(early, known).notes)
 
 
 def test_declination_follows_time_and_no_jump() -> None:
@@ -251,7 +250,7 @@ def test_declination_follows_time_and_no_jump() -> None:
         longitude_deg=np.full(len(time), 20.0),
         epoch=datetime(2026, 3, 1, tzinfo=UTC),
     )
-    found = heading(samples, Setup(compasses=(Compass(calibration=plain()),)))
+    found = each_row(samples, Setup(compasses=(Compass(calibration=plain()),)))
     there = wmm().at(latitude, 20.0, 0.0, 2026.162)
     assert np.ptp(there.declination_deg) > 1.0
     assert np.abs(found.declination_deg - there.declination_deg).max() < 2e-3
@@ -260,10 +259,10 @@ def test_declination_follows_time_and_no_jump() -> None:
 def test_magnitude_alone_still_finds_gross_disturbance() -> None:
     made = flight(defects=[magnet_attached(10.0, [0.0, 0.0, 30_000.0])])
     setup = replace(setup_for(replace(made.truth, magnitude=FIELD)), horizontal=None, vertical=None)
-    found = heading(made.samples, setup)
+    found = each_row(made.samples, setup)
     assert not found.flags["disturbed"][:500].any()
     assert found.flags["disturbed"][500:].mean() > 0.95
-    blind = heading(
+    blind = each_row(
         made.samples, setup_for(replace(made.truth, magnitude=None), horizontal=None, vertical=None)
     )
     assert "disturbances of mag were not looked for" in " ".join(blind.notes)
@@ -274,25 +273,25 @@ def test_what_is_missing_is_said() -> None:
     s, setup = made.samples, setup_for(made.truth)
     bare = s.with_columns(roll_deg=None, pitch_deg=None, acceleration=None)
     with pytest.raises(LogError, match="neither roll and pitch nor an accelerometer"):
-        heading(bare, setup)
+        each_row(bare, setup)
     with pytest.raises(LogError, match="tilt from the log needs roll_deg"):
-        heading(bare, replace(setup, tilt="log"))
+        each_row(bare, replace(setup, tilt="log"))
     with pytest.raises(LogError, match="no position and no date"):
-        heading(s.with_columns(latitude_deg=None), replace(setup, declination_deg=None))
+        each_row(s.with_columns(latitude_deg=None), replace(setup, declination_deg=None))
     with pytest.raises(UnitError, match="in raw"):
-        heading(s.with_columns(unit="raw"), setup)
+        each_row(s.with_columns(unit="raw"), setup)
     with pytest.raises(FrameError):
-        heading(s.with_columns(frame="b"), setup)
+        each_row(s.with_columns(frame="b"), setup)
     two = replace(setup, compasses=(*setup.compasses, Compass(calibration=plain("MAG2"))))
     with pytest.raises(LogError, match="a compass for MAG2 and the samples are of mag"):
-        heading(s, two)
+        each_row(s, two)
     with pytest.raises(LogError, match="time column"):
-        heading(s.with_columns(time=None), setup_for(made.truth, latency_s=0.1))
+        each_row(s.with_columns(time=None), setup_for(made.truth, latency_s=0.1))
 
 
 def test_columns_are_as_long_as_the_log() -> None:
     made = flight(n=60)
-    found = heading(made.samples, setup_for(made.truth))
+    found = each_row(made.samples, setup_for(made.truth))
     assert len(found) == 60
     assert {len(column) for column in found.columns().values()} == {60}
     assert found.flag_names() == [""] * 60

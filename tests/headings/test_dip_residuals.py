@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.headings.compute import heading
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.samples import Samples
-from tests.headings.flights import FIELD, off_deg, plain, setup_for
+from tests.headings.flights import FIELD, each_row, off_deg, plain, setup_for
 
 SEEDS = range(8)
 UNKNOWN = {"horizontal": None, "vertical": None}
@@ -45,7 +44,7 @@ def test_a_circling_vehicle_s_false_vertical_shows_in_the_dip(bank_deg, known) -
     z = []
     for seed in SEEDS:
         samples, true = circling(seed, bank_deg)
-        found = heading(samples, setup_for(plain(), tilt="accelerometer", **known))
+        found = each_row(samples, setup_for(plain(), tilt="accelerometer", **known))
         z.append(off_deg(found.true_deg, true) / found.sd_deg)
         if bank_deg >= 10.0:
             assert not found.trusted.any()
@@ -72,7 +71,7 @@ def test_recorded_roll_and_pitch_are_as_good_as_the_dip_shows(attitude_sd_deg) -
             horizontal=float(np.hypot(north, east)),
             vertical=float(down),
         )
-        found = heading(made.samples[0], setup)
+        found = each_row(made.samples[0], setup)
         z.append(off_deg(found.true_deg, made.heading_deg) / found.sd_deg)
         sd.append(np.median(found.tilt_sd_deg))
     assert 0.6 < rms(np.concatenate(z)) < 1.25
@@ -87,7 +86,7 @@ def test_on_one_heading_nothing_is_taken_for_known() -> None:
     east = FIELD * np.array([0.0, -np.cos(dip), np.sin(dip)])
     noise = 20 * np.random.default_rng(0).standard_normal((n, 3))
     straight = samples.with_columns(field=east + noise, roll_deg=np.zeros(n), pitch_deg=np.zeros(n))
-    found = heading(straight, setup_for(plain(), tilt="log"))
+    found = each_row(straight, setup_for(plain(), tilt="log"))
     assert found.tilt_sd_deg == pytest.approx(0.5)
 
 
@@ -95,7 +94,7 @@ def test_a_magnet_that_passes_is_no_tilt() -> None:
     samples, _ = circling(3, 0.0)
     field = samples.field.copy()
     field[300:380] += [0.0, 9000.0, 15_000.0]
-    found = heading(samples.with_columns(field=field), setup_for(plain(), tilt="accelerometer"))
+    found = each_row(samples.with_columns(field=field), setup_for(plain(), tilt="accelerometer"))
     assert found.flags["disturbed"][300:380].all()
     assert np.median(found.tilt_sd_deg) < 4.0
     assert found.trusted[1000:].all()

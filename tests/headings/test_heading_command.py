@@ -2,18 +2,20 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import agonic as ag
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
 from agonic.cli import run
 from agonic.ellipsoid import fit_ellipsoid
 from agonic.exports.csv import write_csv
 from agonic.field import wmm
-from agonic.files.calibration import save
+from agonic.files.calibration import load, save
 from agonic.files.setup import save_setup
 from agonic.headings.files.write_headings import COLUMNS
 from agonic.logs.read import sensors
@@ -112,7 +114,7 @@ def test_the_place_may_be_given(capsys) -> None:
     assert given["declination_deg"] == pytest.approx(logged["declination_deg"], abs=0.01)
     status, today = answer(capsys, "mag.json", "placeless.csv", "--at", "52,5")
     assert status == 0
-    assert today["notes"] == [
+    assert today["notes"][-1:] == [
         "the log has no date: the declination is today's; --date gives another"
     ]
 
@@ -207,3 +209,33 @@ def test_bad_input_is_exit_status_2_and_one_line(arguments, said, capsys) -> Non
         assert heard.err.count("\n") == 1
         assert said in heard.err
     assert not Path("out.csv").exists()
+
+
+def test_a_sensor_that_sits_by_right_angles_is_turned_into_the_vehicle(capsys) -> None:
+    """The same flight with x up and y forward: the same headings, and their standard errors."""
+    flight = ag.read("flight.csv")
+    axes = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # x up, y forward
+    own = replace(load("mag.json"), covariance=None)
+    matrix = axes @ own.matrix @ axes.T
+    save(own, "plain.json")
+    save(replace(own, bias=axes @ own.bias, matrix=matrix, gauge="free"), "sensor.json")
+    write_csv(flight.with_columns(field=flight.field @ axes.T), "turned.csv")
+    where = ("--date", WHEN, "-o", "out.csv", "--each-row")
+    assert run(["heading", "plain.json", "flight.csv", *where]) == 0
+    wanted = np.array([row["true_deg"] for row in rows()], dtype=float)
+    asked = ["heading", "sensor.json", "turned.csv", *where]
+    assert run([*asked, "--mounting", "x up, y forward"]) == 0
+    found = np.array([row["true_deg"] for row in rows()], dtype=float)
+    assert np.abs((found - wanted + 180.0) % 360.0 - 180.0).max() < 0.01
+    capsys.readouterr()
+    assert run([*asked, "--mounting", "x up, y down"]) == 2
+    assert "is no mounting" in capsys.readouterr().err
+
+
+def test_info_shows_readings_in_the_vehicle_s_axes(capsys) -> None:
+    assert run(["info", "flight.csv", "--mounting", "x up, y forward", "--json"]) == 0
+    turned = json.loads(capsys.readouterr().out)["sensors"][0]
+    assert run(["info", "flight.csv", "--json"]) == 0
+    plain = json.loads(capsys.readouterr().out)["sensors"][0]
+    assert turned["range"][0][0] == pytest.approx(plain["range"][0][1])  # forward was y
+    assert any("x points up, y forward, z left" in note for note in turned["notes"])

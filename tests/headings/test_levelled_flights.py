@@ -28,7 +28,7 @@ def told(seed: int, *, noise: float, attitude_sd_deg: float) -> tuple[np.ndarray
         declination_deg=float(np.degrees(np.arctan2(east, north))),
         declination_sd_deg=0.0,
     )
-    found = ag.heading(other.samples[0], setup)
+    found = ag.heading(other.samples[0], setup, smooth=False)
     error = (found.true_deg - other.heading_deg + 180.0) % 360.0 - 180.0
     return error, found.sd_deg
 

@@ -9,7 +9,7 @@ from agonic.headings.maths.gyro_heading import carry_heading, level_axes
 from agonic.maths.rotations.tilt import tilt_from_angles
 from agonic.samples import Samples
 from agonic.simulation import simulate, with_inertial_unit
-from tests.headings.flights import FIELD, off_deg, plain, setup_for, truth_of
+from tests.headings.flights import FIELD, each_row, off_deg, plain, setup_for, truth_of
 
 TRACK = {"latitude_deg": None, "longitude_deg": None, "altitude_m": None}
 
@@ -61,7 +61,7 @@ def test_the_gyro_bridges_a_magnet() -> None:
     rows = near & (np.abs(true.pitch_deg) < 75.0)
     found = heading(logged, setup, smooth=True)
     assert rms(off_deg(found.true_deg, truth_of(true))[rows]) < 2.0
-    assert rms(off_deg(heading(logged, setup).true_deg, truth_of(true))[rows]) > 20.0
+    assert rms(off_deg(each_row(logged, setup).true_deg, truth_of(true))[rows]) > 20.0
     assert found.method == "smoothed with the gyro"
     assert any("the gyro bridges" in note for note in found.notes)
     assert not found.flags["disturbed"][rows].any()
@@ -70,9 +70,19 @@ def test_the_gyro_bridges_a_magnet() -> None:
 def test_without_a_gyro_each_row_is_taken_by_itself() -> None:
     _, logged, calibration = driven("car", 0)
     setup = setup_for(calibration, tilt="accelerometer")
-    both = [heading(logged, setup, smooth=smooth) for smooth in (True, False)]
+    both = [heading(logged, setup), each_row(logged, setup)]
     assert both[0].method == "each row by itself"
     assert np.array_equal(both[0].true_deg, both[1].true_deg)
+    assert "the gyro is not used: tilt from the accelerometer follows no motion" in both[0].notes
+    bare = heading(logged.with_columns(rotation_rate=None), setup)
+    assert (bare.method, "gyro is not used" in " ".join(bare.notes)) == (both[0].method, False)
+
+
+def test_it_is_taken_where_nobody_says_and_says_why() -> None:
+    _, logged, calibration = driven("hand", 0)
+    found = heading(logged, setup_for(calibration, tilt="gyro"))
+    assert found.method == "smoothed with the gyro"
+    assert any("by itself" in note and "standard error" in note for note in found.notes)
 
 
 def test_the_gyro_carries_the_heading_through_any_tilt() -> None:

@@ -17,11 +17,10 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.ellipsoid import fit_ellipsoid
-from agonic.headings.compute import heading
 from agonic.headings.propagation import apply_steps, list_steps, propagate
 from agonic.reference import Reference
 from agonic.simulation import simulate
-from tests.headings.flights import FIELD, flight, off_deg, plain, setup_for, truth_of
+from tests.headings.flights import FIELD, each_row, flight, off_deg, plain, setup_for, truth_of
 
 DRAWS = 200
 SD_WITHIN = 3 / np.sqrt(2 * DRAWS)
@@ -61,7 +60,7 @@ def test_on_flights_with_a_fitted_calibration() -> None:
             declination_sd_deg=declination_sd,
             declination_deg=2.0 + declination_sd * rng.standard_normal(),
         )
-        found = heading(seen, setup)
+        found = each_row(seen, setup)
         row = rng.integers(len(s))
         return float(off_deg(found.true_deg, truth_of(s))[row] / found.sd_deg[row])
 
@@ -72,7 +71,7 @@ def test_the_part_that_lasts_is_honest_by_itself() -> None:
     def draw(seed, rng) -> float:
         truth, calibration = fitted(seed)
         s = flight(seed + 500, n=60, calibration=truth).samples
-        found = heading(s, setup_for(replace(calibration, noise=0.0), tilt_sd_deg=0.0))
+        found = each_row(s, setup_for(replace(calibration, noise=0.0), tilt_sd_deg=0.0))
         row = rng.integers(len(s))
         assert found.random_sd_deg[row] == 0.0
         return float(off_deg(found.true_deg, truth_of(s))[row] / found.sd_deg[row])
@@ -83,7 +82,7 @@ def test_the_part_that_lasts_is_honest_by_itself() -> None:
 def test_the_part_of_the_noise_is_honest_in_every_row() -> None:
     made = flight(3, n=5000, noise=150.0)
     exact = replace(made.truth, covariance=np.zeros((9, 9)))
-    found = heading(made.samples, setup_for(exact, tilt_sd_deg=0.0))
+    found = each_row(made.samples, setup_for(exact, tilt_sd_deg=0.0))
     z = off_deg(found.true_deg, truth_of(made.samples)) / found.sd_deg
     assert found.sd_deg == pytest.approx(found.random_sd_deg)
     assert z.std() == pytest.approx(1.0, abs=3 / np.sqrt(2 * 5000))
@@ -94,8 +93,8 @@ def test_interpolated_readings_are_quieter_by_as_much_as_stated() -> None:
     made = flight(4, n=4000, noise=150.0, rate_Hz=200.0)
     exact = replace(made.truth, covariance=np.zeros((9, 9)))
     late = 0.0025  # half-way between readings: the mean of two
-    found = heading(made.samples, setup_for(exact, latency_s=late, tilt_sd_deg=0.0))
-    clean = heading(made.samples, setup_for(exact, tilt_sd_deg=0.0))
+    found = each_row(made.samples, setup_for(exact, latency_s=late, tilt_sd_deg=0.0))
+    clean = each_row(made.samples, setup_for(exact, tilt_sd_deg=0.0))
     rows = ~found.flags["no reading"]
     ratio = found.sd_deg[rows] / clean.sd_deg[rows]
     assert np.median(ratio) == pytest.approx(np.sqrt(0.5), rel=0.02)
@@ -120,9 +119,9 @@ def test_deviation_adds_its_own_error_and_stretches_the_rest() -> None:
         )
         found = true.coefficients + root[:5] @ draw.standard_normal(5)
         card = Deviation(coefficients=found, covariance=root @ root.T)
-        right = heading(made.samples, setup_for(exact, deviation=true, tilt_sd_deg=0.0))
+        right = each_row(made.samples, setup_for(exact, deviation=true, tilt_sd_deg=0.0))
         mistaken = setup_for(replace(exact, noise=300.0), deviation=card, tilt_sd_deg=0.0)
-        seen = heading(noisy, mistaken)
+        seen = each_row(noisy, mistaken)
         row = draw.integers(400)
         z.append(off_deg(seen.true_deg[row], right.true_deg[row]) / seen.sd_deg[row])
     assert_standard_normal(np.array(z))
@@ -190,7 +189,7 @@ def test_what_is_not_known_is_said() -> None:
     made = flight(n=10)
     bare = Affine(bias=made.truth.bias, matrix=made.truth.matrix)
     card = Deviation(coefficients=[1.0, 0, 0, 0, 0])
-    said = " ".join(heading(made.samples, setup_for(bare, deviation=card)).notes)
+    said = " ".join(each_row(made.samples, setup_for(bare, deviation=card)).notes)
     assert "has no covariance" in said
     assert "noise of mag is not known" in said
     assert "deviation card of mag has no covariance" in said
@@ -198,6 +197,8 @@ def test_what_is_not_known_is_said() -> None:
 
 def test_a_hopeless_heading_is_no_worse_than_unknown() -> None:
     s = flight(n=3).samples.with_columns(field=np.tile([0.1, 0.0, 50_000.0], (3, 1)))
-    found = heading(s.with_columns(roll_deg=np.zeros(3), pitch_deg=np.zeros(3)), setup_for(plain()))
+    found = each_row(
+        s.with_columns(roll_deg=np.zeros(3), pitch_deg=np.zeros(3)), setup_for(plain())
+    )
     assert found.sd_deg == pytest.approx(360 / np.sqrt(12))
     assert found.flags["vertical field"].all()

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from agonic.headings.attitude import find_attitude
-from agonic.headings.compute import heading
 from agonic.headings.result import Heading
 from agonic.samples import Samples
 from agonic.simulation import simulate
-from tests.headings.flights import FIELD, off_deg, plain, setup_for, truth_of
+from tests.headings.flights import FIELD, each_row, off_deg, plain, setup_for, truth_of
 
 SEEDS = range(6)
 LEAN = np.radians(0.5) * 9.80665
@@ -64,7 +63,7 @@ def scored(motion: str, tilt: str, **without) -> tuple[np.ndarray, np.ndarray, l
     errors, found = [], []
     for seed in SEEDS:
         true, logged = driven(motion, seed)
-        found.append(heading(logged.with_columns(**without), setup_for(plain(), tilt=tilt)))
+        found.append(each_row(logged.with_columns(**without), setup_for(plain(), tilt=tilt)))
         errors.append(off_deg(found[-1].true_deg, truth_of(true)))
     error = np.concatenate(errors)
     return error, error / np.concatenate([one.sd_deg for one in found]), found
@@ -116,7 +115,7 @@ def test_taken_level_and_told_by_the_log_how_level_it_was(motion) -> None:
     for seed in SEEDS:
         true, logged = driven(motion, seed)
         seen = logged.with_columns(roll_deg=true.roll_deg, pitch_deg=true.pitch_deg)
-        found = heading(seen, setup_for(plain(), tilt="level"))
+        found = each_row(seen, setup_for(plain(), tilt="level"))
         z.append(off_deg(found.true_deg, truth_of(true)) / found.sd_deg)
         told += found.notes
     assert 0.7 < rms(np.concatenate(z)) < 1.3
@@ -130,7 +129,9 @@ def test_taken_level_where_nothing_tells() -> None:
     assert 0.8 < rms(z) < 1.6
     assert "taken to be level to 3°" in found[0].notes[0]
     _, logged = driven("boat", 0)
-    stated = heading(logged.with_columns(**bare), setup_for(plain(), tilt="level", tilt_sd_deg=4.0))
+    stated = each_row(
+        logged.with_columns(**bare), setup_for(plain(), tilt="level", tilt_sd_deg=4.0)
+    )
     assert stated.tilt_sd_deg == pytest.approx(4.0)
     assert not any("level" in note for note in stated.notes)
     assert np.median(stated.sd_deg) == pytest.approx(4.0 * np.tan(np.radians(65.0)), rel=0.05)

@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 
 import agonic as ag
+from agonic.calibration.mounting import turn_calibration, turn_field
+from agonic.console.mounting import parse_mounting
 from agonic.exports.csv import write_csv
-from agonic.recording.mounting import (
-    calibrate_mounted,
-    find_turn,
-    parse_mounting,
-    turn_back,
-    turn_calibration,
-    turn_readings,
-)
+from agonic.recording.mounting import calibrate_mounted, find_turn, turn_back, turn_readings
 from agonic.simulation import simulate
 from tests.command_line import answer
 from tests.inertial.drives import drive
@@ -83,6 +78,15 @@ def test_its_uncertainty_is_that_of_the_turned_readings() -> None:
         back.uncertainty(samples.field[some], current_A=current),
         fit.calibration.uncertainty(turned.field[some], current_A=current),
     )
+
+
+def test_a_field_that_is_turned_keeps_its_uncertainty() -> None:
+    samples, _, _, turn = flown()
+    own = ag.fit_ellipsoid(samples, ag.Reference.constant(48_000.0)).calibration
+    turned, some = turn_field(own, turn), samples.field[:50]
+    np.testing.assert_allclose(turned.correct(some), own.correct(some) @ turn.T)
+    wanted = turn @ own.uncertainty(some) @ turn.T
+    np.testing.assert_allclose(turned.uncertainty(some), wanted, atol=1e-6 * np.abs(wanted).max())
 
 
 def test_readings_in_body_axes_need_another_orientation_instead() -> None:

@@ -16,6 +16,7 @@ from agonic.console.options import (
     Json,
     LogPath,
     Magnitude,
+    Mounting,
     Sensor,
     Unit,
 )
@@ -50,14 +51,7 @@ def calibrate(
     ] = None,
     between: Between = None,
     course: Course = False,
-    mounting: Annotated[
-        str | None,
-        typer.Option(
-            metavar='"x up, y forward"',
-            help="Where the sensor's axes point in the vehicle: the calibration turns readings "
-            "into body axes.",
-        ),
-    ] = None,
+    mounting: Mounting = None,
     store: Annotated[
         Path | None,
         typer.Option("--store", metavar="STORE", help="Keep the result in this history as well."),

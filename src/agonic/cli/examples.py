@@ -35,7 +35,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     ),
     "agonic heading": (
         "agonic heading setup.toml flight.bin -o headings.csv",
-        "agonic heading mag.json walk.csv --at 52.1,5.2 -o headings.csv",
+        'agonic heading mag.json walk.csv --at 52.1,5.2 --mounting "x up, y forward" -o out.csv',
     ),
     "agonic field": (
         "agonic field --at 47.4,8.5,450 --date 2026-03-01",

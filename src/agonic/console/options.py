@@ -82,6 +82,14 @@ Scalar = Annotated[
     ),
 ]
 Robust = Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")]
+Mounting = Annotated[
+    str | None,
+    typer.Option(
+        "--mounting",
+        metavar='"x up, y forward"',
+        help="Where the sensor's axes point in the vehicle: readings are turned into body axes.",
+    ),
+]
 Out = Annotated[
     Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
 ]

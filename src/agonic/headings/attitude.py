@@ -43,7 +43,8 @@ class Attitude:
     """The tilt, the order of its turns, where it came from, how well it is known, (n,) or (1,).
 
     `roll_sd`, `pitch_sd` in rad; `stated_sd`, rad, is what of them the setup states;
-    `unsure` and `missing` mark rows; `notes` say why it came thence.
+    `gyro_bias` (3,), rad/s in body axes, and its sd are what the gyro filter found, if there was
+    one; `unsure` and `missing` mark rows; `notes` say why it came thence.
     """
 
     tilt: kernel.Tilt
@@ -54,6 +55,8 @@ class Attitude:
     roll_sd: Array
     pitch_sd: Array
     stated_sd: float = 0.0
+    gyro_bias: Array | None = None
+    gyro_bias_sd: float = 0.0
     missing: Mask | None = None
     notes: tuple[str, ...] = ()
 
@@ -203,6 +206,8 @@ def _felt(
         roll_sd=roll_sd,
         pitch_sd=pitch_sd,
         stated_sd=float(np.radians(setup.tilt_sd_deg or 0.0)),
+        gyro_bias=found.bias,
+        gyro_bias_sd=found.bias_sd,
         missing=missing,
         notes=notes,
     )

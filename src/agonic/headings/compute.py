@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -25,14 +26,15 @@ from agonic.samples import Samples
 from agonic.units import RAW, WEAKEST_HORIZONTAL
 
 
-def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool = False) -> Heading:
+def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool = True) -> Heading:
     """The true heading at each sample, with its standard error and where not to trust it.
 
         compass = atan2(−y₂, x₂) of the levelled field,
         magnetic = compass + deviation(compass),   true = magnetic + declination
 
-    Each row is taken by itself. On request the magnetic headings are those of compass and gyro
-    together, smoothed forwards and backwards, if that leaves the smaller standard error.
+    Where the log has a gyro, the magnetic headings are those of compass and gyro together, smoothed
+    forwards and backwards, if that leaves the smaller standard error; else, or on request, each row
+    is taken by itself.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
         give the attitude, the place and the date.
     setup : calibrations, deviations, where the tilt and the declination come from.
     smooth : take all rows together, where the samples hold times and rates of a gyro and the tilt
-        is from the log or from the gyro.
+        is from the log or from the gyro; `method` and `notes` of the result say what was done.
 
     Returns
     -------
@@ -79,10 +81,12 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
         return look_at_rows(own, seen, setup, around)
 
     looked = look(first)
-    smoothed = None
+    smoothed: SmoothedHeading | None = None
+    why: tuple[str, ...] = ()
     if smooth:
-        looked, smoothed = smooth_rows(first, looked, look, setup, around)
-    return _assembled(first, setup, looked, around, smoothed)
+        looked, smoothed, why = smooth_rows(first, looked, look, setup, around)
+    found = _assembled(first, setup, looked, around, smoothed)
+    return replace(found, notes=(*found.notes, *why))
 
 
 def match_sensors(

@@ -31,6 +31,8 @@ from agonic.units import RAW
 
 ROWS = 20_000
 """Rows, spread evenly over the log, whose dip is looked at."""
+AVERAGED_S = 1.0
+"""Residuals within it are averaged."""
 FEWEST = 30
 """Rows that a scatter is taken from at least."""
 LOCAL_S = 60.0
@@ -41,6 +43,8 @@ PRIOR = 2.0
 """Independent residuals that the error of the tilt, as it was assumed or felt, counts for."""
 CAUTION = 4.0
 """The same where the residuals are smaller."""
+ONE_HEADING = 0.05
+"""Where the headings show less of one of the vehicle's axes, they do not show it."""
 LEAST_SD = np.radians(0.1)
 """No tilt is taken to be better known than this, unless stated."""
 CLIP = 3.0
@@ -80,6 +84,8 @@ def refine_tilt_sd(
     if not told:
         return attitude
     best = min(told, key=lambda one: _scatter(one.residual))
+    if time is not None and len(time) == len(attitude.tilt.cos_roll):
+        best = _average(best, time)
     followed = _follow(attitude, best, time, None)
     if time is not None and len(time) == len(attitude.tilt.cos_roll):
         followed = _follow(followed, best, time, LOCAL_S)
@@ -129,6 +135,18 @@ def compute_dip_residuals(
     return DipResiduals(rows[kept], dip[kept], noise[kept], calibration[kept], north)
 
 
+def _average(seen: DipResiduals, time: Array) -> DipResiduals:
+    """The residuals of each second: its noise averages out, the tilt's error lasts."""
+    second = np.floor((time[seen.rows] - time[0]) / AVERAGED_S)
+    start = np.flatnonzero(np.concatenate([[True], np.diff(second) > 0]))
+    if len(start) < FEWEST:
+        return seen
+    count = np.diff(np.append(start, len(second)))
+    residual, noise, calibration, north = (np.add.reduceat(v, start) / count for v in seen[1:])
+    rows = seen.rows[start + count // 2]
+    return DipResiduals(rows, residual, noise / count, calibration, north)
+
+
 def _gradient(field: Array, down: Array, turned: kernel.HeadingDerivatives) -> Array:
     """∂dip/∂field (3, k), rad per unit: (h d − (z/h)(b − z d))/|b|²."""
     h, z = turned.horizontal[:, None], turned.vertical[:, None]
@@ -154,6 +172,7 @@ def _follow(
     share = mean(tilt / total)
     less = np.maximum(mean(z**2 - seen.noise / total), 0.0) / np.maximum(share, 1e-9)
     shown = 2 * np.minimum(mean(seen.north), 1.0 - mean(seen.north))
+    shown = np.where(shown > ONE_HEADING, shown, 0.0)
     telling = independent * shown * share**2
     less = np.minimum(less / np.maximum(shown, 1e-3), 1.0)
     less = (CAUTION + telling * less) / (CAUTION + telling)

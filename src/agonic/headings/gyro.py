@@ -33,22 +33,28 @@ LOCAL = 2.0
 class FilteredDown(NamedTuple):
     """Down in body axes (n, 3), NaN where there is none, and the sds about level axes (n,), rad.
 
-    `roll_sd` about the one ahead, `pitch_sd` about the one to the right.
+    `roll_sd` about the one ahead, `pitch_sd` about the one to the right. `bias` (3,) of the gyro,
+    rad/s, and its sd, where a filter found it.
     """
 
     down: Array
     roll_sd: Array
     pitch_sd: Array
+    bias: Array | None = None
+    bias_sd: float = 0.0
 
 
 class Stretch(NamedTuple):
-    """The attitude to axes whose third is up, at even times `step` apart, and what was read."""
+    """The attitude to axes whose third is up, at even times `step` apart, and what was read; the
+    gyro's bias (3,), rad/s, and its sd."""
 
     time: Array
     step: float
     turn: Rotation
     force: Array
     rate: Array
+    bias: Array
+    bias_sd: float
 
 
 def filter_down(
@@ -89,12 +95,14 @@ def filter_down(
     if speed.taken:
         force = force - speed.taken * compute_turn_axis(rotation_rate)
         ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
-    found = FilteredDown(np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan))
+    longest = max(ran, key=lambda one: len(one.time))
+    nowhere = np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan)
+    found = FilteredDown(*nowhere, longest.bias, longest.bias_sd)
     for part, stretch in zip(parts, ran, strict=True):
         up = _at(time[part], stretch.time, stretch.turn.as_matrix()[:, 2])
         found.down[part] = -up / np.sqrt((up**2).sum(axis=1, keepdims=True))
         sds = _doubt(stretch, settling_s, speed)
-        for whole, sd in zip((found.roll_sd, found.pitch_sd), sds, strict=True):
+        for whole, sd in zip(found[1:3], sds, strict=True):
             whole[part] = np.interp(time[part], stretch.time, sd)
     return found, speed
 
@@ -110,10 +118,11 @@ def _ran(time: Array, specific_force: Array, rotation_rate: Array, settling_s: f
     step = period / finer
     even = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step)) + 1)
     force, rate = _at(even, time, specific_force), _at(even, time, rotation_rate)
-    quat_wxyz = offlineVQF(rate, force, None, step, {"tauAcc": settling_s})["quat6D"]
+    found = offlineVQF(rate, force, None, step, {"tauAcc": settling_s})
     kept = slice(None, None, finer)
-    turn = Rotation.from_quat(np.roll(quat_wxyz[kept], -1, axis=1))
-    return Stretch(even[kept], period, turn, force[kept], rate[kept])
+    turn = Rotation.from_quat(np.roll(found["quat6D"][kept], -1, axis=1))
+    bias, sd = found["bias"].mean(axis=0), float(np.median(found["biasSigma"]))
+    return Stretch(even[kept], period, turn, force[kept], rate[kept], bias, sd)
 
 
 def _regress_speed(ran: list[Stretch], settling_s: float) -> tuple[float, float]:

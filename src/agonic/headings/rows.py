@@ -46,11 +46,12 @@ def look_at_rows(
     tilt = find_attitude(first, setup, seen[0][0].calibration)
     tilt = refine_tilt_sd(tilt, list(seen), around, setup, first.time)
     notes: list[str] = []
-    taken = []
+    taken, own = [], []
     for compass, readings in seen:
         found, unknown = compute_indication(readings, compass, tilt, around)
         verdict = compare_with_expected(compass, found, around, setup, tilt.source)
         notes += [*unknown, *verdict.notes]
+        own.append(verdict.distance)
         found, distance = add_disturbance(
             found,
             verdict.distance,
@@ -62,6 +63,6 @@ def look_at_rows(
             first.time,
         )
         taken.append(Taken(compass, readings, found, distance))
-    distances, missing = ([one.distance for one in taken], [one.readings.missing for one in taken])
-    used = choose_compass(distances, missing, len(first))
+    # the row's own distance chooses, as in a vehicle, which knows no later rows
+    used = choose_compass(own, [one.readings.missing for one in taken], len(first))
     return Looked(tilt, tuple(taken), np.asarray(used), tuple(notes))

@@ -11,13 +11,14 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from agonic.attitude.course import with_course
+from agonic.console.mounting import parse_mounting
 from agonic.console.place import find_reference
 from agonic.console.progress import progress, waiting
 from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
 from agonic.logs.log import Log
 from agonic.recording.calibrated import Calibrated, calibrate
-from agonic.recording.mounting import calibrate_mounted, parse_mounting, turn_back, turn_readings
+from agonic.recording.mounting import calibrate_mounted, turn_back, turn_readings
 from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
 from agonic.recording.pair import require_reference, take_mixes, tell_pairs
 from agonic.samples import Samples

@@ -3,18 +3,16 @@ and its calibration turned back, so that it takes the readings as they are logge
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.affine import Affine
-from agonic.calibration.interference import Interference
+from agonic.calibration.mounting import turn_calibration
 from agonic.errors import AgonicError
 from agonic.health import FEWEST, Finding, find_mounting, find_usable_rows, sentences
 from agonic.inertial.attitude import feel_attitude
-from agonic.maths.equation.affine import FREE, join, model_basis, split
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.mounting import describe_mounting
 from agonic.recording.calibrated import Calibrated, calibrate
@@ -23,52 +21,6 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 
 STEEP_DEG = 10.0
-_WAYS = {
-    "forward": (1, 0, 0),
-    "backward": (-1, 0, 0),
-    "right": (0, 1, 0),
-    "left": (0, -1, 0),
-    "down": (0, 0, 1),
-    "up": (0, 0, -1),
-}
-"""Along the body's axes: forward, right, down."""
-
-
-def parse_mounting(text: str) -> Array:
-    """The rotation (3, 3) from the sensor's axes to the body's of "x up, y forward".
-
-    Two axes are enough; a third has to agree.
-
-    >>> parse_mounting("x points right, y backward").tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    along: dict[str, Array] = {}
-    for part in text.replace(" points ", " ").split(","):
-        match part.lower().split():
-            case [("x" | "y" | "z") as axis, way] if way in _WAYS and axis not in along:
-                along[axis] = np.array(_WAYS[way], dtype=np.float64)
-            case _:
-                raise _unclear(text)
-    if len(along) < 2:
-        raise _unclear(text)
-    axes: Any = [along.get(axis) for axis in "xyz"]
-    for k in range(3):
-        if axes[k] is None:
-            axes[k] = np.cross(axes[(k + 1) % 3], axes[(k + 2) % 3])
-    turn = np.stack(axes, axis=1)
-    if not np.array_equal(turn.T @ turn, np.eye(3)) or np.linalg.det(turn) < 0:
-        raise AgonicError(
-            f"--mounting {text!r} is no mounting: two axes point the same way, or the three are "
-            "left-handed; turn the sensor in thought until each axis points where it says"
-        )
-    return turn + 0.0
-
-
-def _unclear(text: str) -> AgonicError:
-    return AgonicError(
-        f"--mounting {text!r} is not understood; say where two axes of the sensor point in the "
-        f'vehicle: "x up, y forward" ({", ".join(_WAYS)})'
-    )
 
 
 def calibrate_mounted(
@@ -142,41 +94,3 @@ def turn_back(result: Calibrated, turn: Array) -> Calibrated:
     fit = replace(result.fit, calibration=turn_calibration(result.fit.calibration, turn))
     reason = f"{result.reason}; the sensor is mounted so that {describe_mounting(turn)}"
     return replace(result, samples=logged, fit=fit, reason=reason)
-
-
-def turn_calibration(calibration: Affine, turn: Array) -> Affine:
-    """A calibration of turned readings, for the readings as they were; turn (3, 3) by which.
-
-    >>> quarter = parse_mounting("x right, y backward")
-    >>> plain = Affine(bias=[1.0, 2.0, 3.0], matrix=np.diag([2.0, 1.0, 1.0]))
-    >>> turned = turn_calibration(plain, quarter)
-    >>> raw = np.array([[5.0, 6.0, 7.0]])
-    >>> bool(np.allclose(turned.correct(raw), plain.correct(raw @ quarter.T)))
-    True
-    """
-    held = {f.name: getattr(calibration, f.name) for f in fields(calibration)}
-    held |= {
-        "bias": turn.T @ calibration.bias,
-        "matrix": calibration.matrix @ turn,
-        "gauge": FREE,
-        "frame_out": "b",
-        "covariance": _turn_covariance(calibration, turn),
-    }
-    if isinstance(calibration, Interference):
-        held["coefficients"] = turn.T @ calibration.coefficients
-    return type(calibration)(**held)
-
-
-def _turn_covariance(calibration: Affine, turn: Array) -> Array | None:
-    if calibration.covariance is None:
-        return None
-    before, after = model_basis("full", calibration.gauge), model_basis("full", FREE)
-    bias, matrix = split(before.T)
-    local = join(bias @ turn, matrix @ turn)
-    columns = np.linalg.lstsq(after, local.T, rcond=None)[0]
-    k = before.shape[1]
-    more = len(calibration.covariance) - k  # coefficients of sources, axis by axis
-    change = np.zeros((len(columns) + more, k + more))
-    change[: len(columns), :k] = columns
-    change[len(columns) :, k:] = np.kron(turn.T, np.eye(more // 3)) if more else 0.0
-    return np.asarray(change @ calibration.covariance @ change.T)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, LogPath, Report, Sensor, Unit
+from agonic.console.options import At, Date, Json, LogPath, Mounting, Report, Sensor, Unit
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -32,11 +32,12 @@ def heading(
     smooth: Annotated[
         bool,
         typer.Option(
-            "--smooth",
-            help="Take all rows together, by compass and gyro; on request, because in a vehicle "
-            "that accelerates for long a single log may err by more than is stated.",
+            "--smooth/--each-row",
+            help="All rows together, by compass and gyro, where the log has one and that makes "
+            "the standard error smaller; or each row by itself.",
         ),
-    ] = False,
+    ] = True,
+    mounting: Mounting = None,
     at: At = None,
     date: Date = None,
     report: Report = None,
@@ -66,6 +67,8 @@ def heading(
     with allow_two_axes() if two else nullcontext():
         recording = open_log(log, unit=unit)
     chosen, samples = pair_compasses(vehicle, recording, sensor)
+    if mounting is not None:
+        chosen = mount(chosen, samples[0], mounting)
     samples = tuple(
         set_place(add_second(compass.calibration, one, recording), at, date)
         for compass, one in zip(chosen.compasses, samples, strict=True)
@@ -130,6 +133,35 @@ def pair_compasses(setup: Setup, log: Log, sensor: str | None) -> tuple[Setup, t
             f"{', '.join(there)}; choose one with --sensor"
         )
     return setup, tuple(there[name] for name in names)
+
+
+def mount(setup: Setup, samples: Samples, mounting: str) -> Setup:
+    """The setup whose one compass gives the field in body axes, its sensor sitting as said."""
+    from dataclasses import replace
+
+    from agonic.calibration.affine import Affine
+    from agonic.calibration.mounting import turn_field
+    from agonic.console.mounting import parse_mounting
+
+    turn = parse_mounting(mounting)
+    compass, *others = setup.compasses
+    if others:
+        raise AgonicError(
+            "--mounting turns one sensor and the setup has more: choose one with --sensor, or "
+            "calibrate each with its own (agonic calibrate --mounting)"
+        )
+    if "b" in (samples.frame, compass.calibration.frame_out):
+        whose = "readings" if samples.frame == "b" else "calibration"
+        raise AgonicError(
+            f"the {whose} of {samples.name} gives body axes already: leave --mounting out"
+        )
+    if not isinstance(compass.calibration, Affine):
+        raise AgonicError(
+            f"--mounting turns an affine calibration and that of {compass.sensor} is "
+            f"{compass.calibration.kind}: calibrate with the mounting (agonic calibrate --mounting)"
+        )
+    turned = replace(compass, calibration=turn_field(compass.calibration, turn))
+    return replace(setup, compasses=(turned,))
 
 
 def set_place(samples: Samples, at: str | None, date: str | None) -> Samples:

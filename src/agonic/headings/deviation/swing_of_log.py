@@ -45,7 +45,7 @@ def find_swing(samples: Samples, setup: Setup) -> LoggedSwing:
             "a surveyed line), or note a swing by hand (agonic plan swing)"
         )
     bare = replace(setup, compasses=tuple(replace(c, deviation=None) for c in setup.compasses[:1]))
-    found = heading(samples, bare)
+    found = heading(samples, bare, smooth=False)
     rows = found.trusted & samples.heading_known
     if not rows.any():
         raise LogError(f"{samples.name}: no heading of this log can be trusted (tilted, disturbed)")

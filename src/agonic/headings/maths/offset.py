@@ -27,8 +27,8 @@ from agonic.arrays import Array, Mask
 from agonic.maths.estimation import block_tridiagonal as blocks
 from agonic.maths.estimation.block_tridiagonal import Tridiagonal
 
-BIAS_SD = np.radians(1.0)
-"""rad/s: of a gyro's bias on each axis, at the start."""
+BIAS_SD = float(np.radians(1.0))
+"""rad/s: of a gyro's bias on each axis, at the start, where nothing tells more."""
 BIAS_WALK = np.radians(0.0015)
 """rad/s in √s: 0.01°/s in a minute, of a common gyro that warms up."""
 STATES = 5
@@ -50,6 +50,8 @@ class Sizes(NamedTuple):
 
 LIKELY = Sizes(np.radians(1.0), 3.0, np.radians(0.04), np.radians(0.3))
 """Of a vehicle about which nothing is known."""
+TOLD_LOG_SD = 0.4
+"""Of the logarithm of what disturbs the compass, where the tilt's errors tell it."""
 _LOG_SD = np.array([1.0, 1.0, 0.1, 1.2])
 _LARGEST_STEP = 4.0  # in standard deviations of the prior
 _STEP = 0.05  # of the differences, in standard deviations
@@ -61,7 +63,7 @@ class Observed(NamedTuple):
     `joined` (N − 1,) is false over a pause. `offset` z and the `variance` of its noise (N,),
     infinite where the compass tells nothing; `field_size` m (N,), about one. `by_bias` and
     `by_scale` (N − 1, 3) are Δγ and Δς, the gyro's scales being the first three of the shared
-    errors; `by_shared` (N, p) the h_k.
+    errors; `by_shared` (N, p) the h_k. `bias_sd` of the gyro's bias on each axis, rad/s.
     """
 
     time: Array
@@ -72,6 +74,7 @@ class Observed(NamedTuple):
     by_bias: Array
     by_scale: Array
     by_shared: Array
+    bias_sd: float = BIAS_SD
 
     def subset(self, start: int, stop: int) -> Observed:
         """Moments in a row."""
@@ -85,6 +88,7 @@ class Observed(NamedTuple):
             self.by_bias[pairs],
             self.by_scale[pairs],
             self.by_shared[start:stop],
+            self.bias_sd,
         )
 
 
@@ -172,7 +176,7 @@ def _add_memory(system: System, seen: Observed, sizes: Sizes) -> None:
     diagonal, below = system.states
     span = np.maximum(np.diff(seen.time), 1e-9)
     drift = (1.0 / (BIAS_WALK**2 * span))[:, None]
-    diagonal[0, _BIAS, _BIAS] += BIAS_SD**-2
+    diagonal[0, _BIAS, _BIAS] += seen.bias_sd**-2
     diagonal[:-1, _BIAS, _BIAS] += drift
     diagonal[1:, _BIAS, _BIAS] += drift
     below[:, _BIAS, _BIAS] -= drift
@@ -193,15 +197,12 @@ def solve(system: System) -> Solution:
     by_shared, alone = found[:, :, :-1], found[:, :, -1]
     schur = system.shared - np.tensordot(system.mixed, by_shared, axes=([0, 1], [0, 1]))
     pull = system.right_shared - np.einsum("nip,ni->p", system.mixed, alone)
+    inverse = np.linalg.inv(schur)
     shared = np.zeros(len(pull))
-    own = np.linalg.inv(schur[:GYRO, :GYRO])
-    shared[:GYRO] = own @ pull[:GYRO]
-    # the gyro's scales answer to the errors that are left alone by −own · schur
-    answer = np.eye(len(pull))
-    answer[:GYRO, GYRO:] = -own @ schur[:GYRO, GYRO:]
-    spread = np.eye(len(pull))
-    spread[:GYRO, :GYRO] = own
-    covariance = answer @ spread @ answer.T
+    shared[:GYRO] = (inverse @ pull)[:GYRO]
+    # the scales are found beside all errors; those that are left at zero err by what they are
+    covariance = np.eye(len(pull))
+    covariance[:GYRO], covariance[:, :GYRO] = inverse[:GYRO], inverse[:, :GYRO]
     return Solution(alone - by_shared @ shared, shared, by_shared, covariance)
 
 
@@ -241,12 +242,18 @@ def compute_cost(system: System) -> float:
     return float(system.constant[0]) + spread - gained
 
 
-def find_sizes(seen: Observed, weights: Array, start: Sizes) -> Sizes:
-    """The likeliest sizes under weak priors, from a start."""
-    middle = np.log(LIKELY)
+def find_sizes(seen: Observed, weights: Array, start: Sizes, field: float = 0.0) -> Sizes:
+    """The likeliest sizes under weak priors, from a start.
+
+    `field`, rad, where it is more than is likely of any vehicle, is what else is known to disturb
+    the compass: few stretches of a log tell how large that is.
+    """
+    told = field > LIKELY.field
+    middle = np.log(LIKELY._replace(field=field) if told else LIKELY)
+    log_sd = np.array([TOLD_LOG_SD if told else _LOG_SD[0], *_LOG_SD[1:]])
 
     def cost(steps: Array) -> float:
-        sizes = Sizes(*np.exp(middle + steps * _LOG_SD))
+        sizes = Sizes(*np.exp(middle + steps * log_sd))
         return compute_cost(assemble(seen, sizes, weights)) + float(steps @ steps)
 
     def slope(steps: Array) -> Array:
@@ -255,10 +262,10 @@ def find_sizes(seen: Observed, weights: Array, start: Sizes) -> Sizes:
 
     found = minimize(
         cost,
-        (np.log(start) - middle) / _LOG_SD,
+        (np.log(start) - middle) / log_sd,
         jac=slope,
         method="L-BFGS-B",
         bounds=[(-_LARGEST_STEP, _LARGEST_STEP)] * len(middle),
         options={"maxiter": 12, "ftol": 1e-6},
     )
-    return Sizes(*np.exp(middle + found.x * _LOG_SD))
+    return Sizes(*np.exp(middle + found.x * log_sd))

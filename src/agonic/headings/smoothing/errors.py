@@ -9,7 +9,7 @@ from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.setup import Compass
-from agonic.headings.attitude import Attitude
+from agonic.headings.attitude import RECORDED_SD_DEG, Attitude
 from agonic.headings.compass_heading import Indication, Readings
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import apply_steps, list_steps, propagate_parts
@@ -75,8 +75,14 @@ def list_tilt_errors(
     if settling_s:
         parts = zip(np.split(axes, moments.cuts), np.split(moments.time, moments.cuts), strict=True)
         lean = np.concatenate([_low_pass(own, time, settling_s) for own, time in parts])
-    sd = float(np.nanmin(attitude.pitch_sd))
+    sd = find_lean_sd(attitude)
     return np.asarray(sd * np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1])
+
+
+def find_lean_sd(attitude: Attitude) -> float:
+    """How far the sensor of the tilt leans, rad: as stated or assumed, or as the dip shows."""
+    own = attitude.stated_sd or float(np.radians(RECORDED_SD_DEG))
+    return min(float(np.sqrt(np.nanmedian(attitude.variance))), own)
 
 
 def _low_pass(values: Array, time: Array, settling_s: float) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index, Mask
+from agonic.headings.gyro import LONGEST_STEP_S
 from agonic.headings.maths.gyro_heading import GyroHeading, carry_heading
 
 SPACING_S = 0.1
@@ -93,6 +94,10 @@ def carry(time: Array, rate: Array, level: Array, moments: Moments) -> GyroHeadi
     Parameters: of all rows of the log, time (n,), rates (n, 3) and turns (n, 3, 3) to level axes.
     """
     found = []
+    step = float(np.median(np.diff(time)))
+    if step <= LONGEST_STEP_S:
+        # a fast unit tells the mean over the step up to its row, as the filter of the tilt has it
+        rate = np.stack([np.interp(time + step / 2, time, axis) for axis in rate.T], axis=1)
     for rows in np.split(moments.rows, moments.start[moments.cuts]):
         if len(rows) > 1:
             found.append(carry_heading(time[rows], rate[rows], level[rows]))

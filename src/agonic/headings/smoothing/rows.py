@@ -13,9 +13,11 @@ from agonic.calibration.setup import Setup
 from agonic.headings.attitude import UNSURE_DEG, find_mounting
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
+from agonic.headings.result import SMOOTHED
 from agonic.headings.rows import Looked, Taken
 from agonic.headings.smoothing.errors import Seen
 from agonic.headings.smoothing.smooth import SmoothedHeading, find_shown_axes, smooth_headings
+from agonic.health.finding import figure
 from agonic.maths.rotations.tilt import compute_down
 from agonic.samples import Samples
 
@@ -26,7 +28,7 @@ CORRECTIONS = 2
 SOUND_S = 5.0
 """A row is relied on where most of those within this time are as they should be."""
 SOUND_SHARE = 0.8
-_SMOOTHED = ("gyro", "log")
+_IN_MOTION = ("gyro", "log")
 """Sources of tilt that follow a vehicle in motion."""
 
 
@@ -36,19 +38,22 @@ def smooth_rows(
     look: Callable[[Samples], Looked],
     setup: Setup,
     around: Surroundings,
-) -> tuple[Looked, SmoothedHeading | None]:
-    """What is known of the rows, and the smoothed headings, or `None` where they are no better.
+) -> tuple[Looked, SmoothedHeading | None, tuple[str, ...]]:
+    """What is known of the rows, the smoothed headings, or `None` where they are no better, and
+    why; nothing is said of a log without a gyro.
 
     Where a gyro's bias shows, the tilt by its rates is found anew without it by `look`.
     """
-    if first.time is None or first.rotation_rate is None or looked.tilt.source not in _SMOOTHED:
-        return looked, None
+    if first.time is None or first.rotation_rate is None:
+        return looked, None, ()
+    if looked.tilt.source not in _IN_MOTION:
+        return looked, None, (_kept(f"tilt from the {looked.tilt.source} follows no motion"),)
     turn = _find_rate_mounting(first, looked, setup)
     own = first
     for _ in range(CORRECTIONS if looked.tilt.source == "gyro" else 0):
         found = _smooth(own, turn, looked, setup, around, LIKELY)
         if found is None:
-            return looked, None
+            return looked, None, (_TOO_LITTLE,)
         changed = _correct_rates(own, turn, looked, found)
         again = look(changed)
         if not np.nanmedian(again.tilt.sd_deg) < BETTER * np.nanmedian(looked.tilt.sd_deg):
@@ -56,10 +61,20 @@ def smooth_rows(
         own, looked = changed, again
     smoothed = _smooth(own, turn, looked, setup, around, None)
     if smoothed is None:
-        return looked, None
+        return looked, None, (_TOO_LITTLE,)
     rows = np.isfinite(smoothed.variance)
-    better = np.median(np.sqrt(smoothed.variance[rows])) <= _typical_sd(looked, rows)
-    return looked, smoothed if better else None
+    sd, alone = float(np.median(np.sqrt(smoothed.variance[rows]))), _typical_sd(looked, rows)
+    by_itself = f"{figure(alone)}° each row by itself"
+    if sd > alone:
+        return looked, None, (_kept(f"standard error {figure(sd)}° with it, {by_itself}"),)
+    return looked, smoothed, (f"{SMOOTHED}: standard error {figure(sd)}°, {by_itself}",)
+
+
+def _kept(why: str) -> str:
+    return f"the gyro is not used: {why}"
+
+
+_TOO_LITTLE = _kept("too few readings are as they should be")
 
 
 def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask], tuple[str, ...]]:

@@ -19,7 +19,9 @@ from agonic.headings.attitude import Attitude
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
 from agonic.headings.maths.offset import (
+    BIAS_SD,
     LIKELY,
+    TOLD_LOG_SD,
     Observed,
     Sizes,
     assemble,
@@ -31,6 +33,7 @@ from agonic.headings.maths.offset import (
 )
 from agonic.headings.smoothing.errors import (
     Seen,
+    find_lean_sd,
     list_compass_errors,
     list_tilt_errors,
     measure_disturbance,
@@ -41,6 +44,11 @@ GYRO_SCALE_SD = 0.01
 """Of a common gyro, on each axis."""
 STUDENT = 4.0
 """Degrees of freedom of the compass's noise: a reading far off counts less."""
+FILTER_DOUBT = 2.0
+"""Times its stated error that the filter's bias of a gyro may be off: it takes acceleration for
+noise, which lasts."""
+LEAST_BIAS_SD = float(np.radians(0.02))
+"""rad/s."""
 TELLING = 3000
 """Moments by which the sizes are found."""
 LASTING_S = 30.0
@@ -93,7 +101,8 @@ def smooth_headings(
     moments = put_together(time, np.asarray(np.isfinite(level).all(axis=(1, 2))))
     if moments is None:
         return None
-    carried = carry(time, rate, level, moments)
+    known = np.zeros(3) if attitude.gyro_bias is None else attitude.gyro_bias
+    carried = carry(time, rate - known, level, moments)
     each = [(s.indicated.magnetic_deg, s.sound, *s.indicated[2:3], *s.indicated[4:]) for s in seen]
     magnetic, sound, random, horizontal, vertical = (
         _pick(used, values) for values in zip(*each, strict=True)
@@ -121,12 +130,15 @@ def smooth_headings(
         by_bias=observed.by_bias @ axes @ axes.T,
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
+        bias_sd=_find_bias_sd(attitude),
     )
-    offset, variance, bias, scale, sizes = _estimate(observed, sizes)
+    offset, variance, bias, scale, sizes = _estimate(
+        observed, sizes, _turn_by_tilt(attitude, steep)
+    )
     whole = np.full((n, 2), np.nan)
     whole[moments.rows, 0] = carried.heading + moments.interpolate(time, offset)
     whole[moments.rows, 1] = moments.interpolate(time, variance)
-    biases = np.stack([np.interp(time, moments.time, axis) for axis in bias.T], axis=1)
+    biases = np.stack([np.interp(time, moments.time, axis) for axis in (bias + known).T], axis=1)
     return SmoothedHeading(
         np.degrees(whole[:, 0]) % 360.0,
         np.degrees(np.degrees(whole[:, 1])),
@@ -134,6 +146,13 @@ def smooth_headings(
         GYRO_SCALE_SD * scale,
         sizes,
     )
+
+
+def _find_bias_sd(attitude: Attitude) -> float:
+    """How well the gyro's bias is known beforehand, rad/s: what a filter says of it, doubted."""
+    if attitude.gyro_bias is None:
+        return BIAS_SD
+    return min(max(FILTER_DOUBT * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
 
 
 def find_shown_axes(down: Array) -> Array:
@@ -196,13 +215,22 @@ def _follow(total: Array, moments: Moments) -> Array:
     return np.concatenate(found)
 
 
-def _estimate(seen: Observed, sizes: Sizes | None) -> tuple[Array, Array, Array, Array, Sizes]:
+def _turn_by_tilt(attitude: Attitude, steep: Array) -> float:
+    """How far errors of the tilt turn the compass that no lean of a sensor makes, rad."""
+    felt = float(np.nanmedian(attitude.variance)) - find_lean_sd(attitude) ** 2
+    return float(np.sqrt(max(felt, 0.0)) * np.nanmedian(np.abs(steep)))
+
+
+def _estimate(
+    seen: Observed, sizes: Sizes | None, by_tilt: float
+) -> tuple[Array, Array, Array, Array, Sizes]:
     """Offsets, their variances (N,), bias (N, 3), scale (3,) in units of its sd, and the sizes."""
     weights, found_sizes = np.ones(len(seen.time)), sizes or LIKELY
     low, high = _choose(seen)
     for turn in range(_ROUNDS):
         if sizes is None and turn in _SIZED:
-            found_sizes = find_sizes(seen.subset(low, high), weights[low:high], found_sizes)
+            chosen = seen.subset(low, high)
+            found_sizes = find_sizes(chosen, weights[low:high], found_sizes, by_tilt)
         system = assemble(seen, found_sizes, weights)
         found = solve(system)
         left = find_left(seen, found_sizes, found)
@@ -212,17 +240,19 @@ def _estimate(seen: Observed, sizes: Sizes | None) -> tuple[Array, Array, Array,
         expected = predict(seen, found_sizes, found)
         seen = seen._replace(offset=expected + left)  # without full turns
     lasting = found_sizes.field_s / (found_sizes.field_s + LASTING_S)
-    doubt = _doubt(seen.time[high - 1] - seen.time[low], found_sizes)
+    doubt = _doubt(seen.time[high - 1] - seen.time[low], found_sizes, by_tilt > LIKELY.field)
     variance = find_variances(system, found, doubt) + doubt * lasting * found_sizes.field**2
     return found.states[:, 0], variance, found.states[:, 2:], found.shared[:3], found_sizes
 
 
-def _doubt(duration_s: float, sizes: Sizes) -> float:
+def _doubt(duration_s: float, sizes: Sizes, told: bool) -> float:
     """The variance of Student's t of as many degrees as there are squares that tell the sizes.
 
-    Squares of a Gauss–Markov process are independent after its time constant.
+    Squares of a Gauss–Markov process are independent after its time constant; what the tilt's
+    errors told counts for as many as it has weight.
     """
-    squares = max(duration_s / sizes.field_s - ESTIMATED, FEWEST_SQUARES)
+    squares = max(duration_s / sizes.field_s - ESTIMATED, 0.0)
+    squares = max(squares + told * 0.5 / TOLD_LOG_SD**2, FEWEST_SQUARES)
     return squares / (squares - 2.0)
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agonic.console.options import Json, LogPath, Unit
+from agonic.console.options import Json, LogPath, Mounting, Unit
 
 if TYPE_CHECKING:
     from agonic.logs.log import Log
@@ -18,19 +18,32 @@ def add_to(app: typer.Typer) -> None:
     app.command("info")(info)
 
 
-def info(log: LogPath, unit: Unit = None, as_json: Json = False) -> int:
+def info(log: LogPath, unit: Unit = None, mounting: Mounting = None, as_json: Json = False) -> int:
     """List the magnetometers of a log, their rates, units and oddities, and what else is there."""
     from agonic.console.output import print_json, say
     from agonic.logs.read import open_log
     from agonic.report.digits import typeset
 
     recording = open_log(log, unit=unit)
+    if mounting is not None:
+        recording = _mount(recording, mounting)
     found = _described(recording)
     if as_json:
         print_json("agonic/info@1", found)
     else:
         say(typeset(_text(recording, found)))
     return 0
+
+
+def _mount(log: Log, mounting: str) -> Log:
+    """The log with its readings in body axes."""
+    from dataclasses import replace
+
+    from agonic.console.mounting import parse_mounting
+    from agonic.recording.mounting import turn_readings
+
+    turn = parse_mounting(mounting)
+    return replace(log, sensors=tuple(turn_readings(one, turn) for one in log.sensors))
 
 
 def _described(log: Log) -> dict[str, Any]:
