@@ -54,9 +54,9 @@ OF_THE_RECORDING = {"attitude", "heading", "mounting", "inertial unit"}
 NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting"}
 """Reasons to refuse a fit that do not concern one that knows the magnitude only."""
 
-SEEN_BY_DIRECTION = {"non-linear", "compressed", "follows bank", "follows pitch"}
-"""Errors of the readings that dip and azimuth show and the magnitude may hide: a fit by the
-magnitude alone is sure of itself for not seeing them."""
+SEEN_BY_DIRECTION = {"turned sensor", "non-linear", "compressed", "follows bank", "follows pitch"}
+"""Errors that dip and azimuth show and the magnitude hides: a fit by the magnitude alone is sure of
+itself for not seeing them."""
 
 
 @dataclass(frozen=True, eq=False)
