@@ -177,7 +177,7 @@ class LiveFit:
     def samples(self) -> Samples:
         """The readings for the final calibration, in the order of their times: the first of every
         direction, or the way that was driven where accelerometer and gyro tell more."""
-        track, aided = self.state.track, self._aided[1]
+        track, aided = self.state.track, self.aided
         if track is not None and aided is not None and aided.chosen:
             return get_samples(self.params, track)
         kept = np.concatenate([self.state.kept, self.state.waiting])
