@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import agonic as ag
-from agonic.attitude.latency import undelayed
+from agonic.attitude.delay import undelayed
 from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.console.place import find_reference
 from agonic.maths.rotations import tilt as kernel

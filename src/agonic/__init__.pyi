@@ -15,10 +15,10 @@ from agonic import live as live
 from agonic import network as network
 from agonic import thermal as thermal
 from agonic.attitude.course import with_course as with_course
+from agonic.attitude.delay import undelayed as undelayed
 from agonic.attitude.interference import fit_interference as fit_interference
 from agonic.attitude.latency import LatencyFit as LatencyFit
 from agonic.attitude.latency import fit_latency as fit_latency
-from agonic.attitude.latency import undelayed as undelayed
 from agonic.attitude.levelled import fit_levelled as fit_levelled
 from agonic.attitude.vector import fit_vector as fit_vector
 from agonic.calibration.affine import Affine as Affine

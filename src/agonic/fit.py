@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -104,7 +104,7 @@ class Fit(Estimated):
         """The matrix (3, 3) of the calibration."""
         return self.calibration.matrix
 
-    def with_findings(self, *more: Finding | None) -> Fit:
+    def with_findings(self, *more: Finding | None) -> Self:
         """The fit with further findings, refusals first; a refused fit boasts of no accuracy."""
         fit = replace(self, findings=sort_findings((*self.findings, *more)))
         return replace(fit, remarks=()) if fit.verdict == "refused" else fit

@@ -6,7 +6,8 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.attitude.latency import fit_latency, undelayed
+from agonic.attitude.delay import undelayed
+from agonic.attitude.latency import fit_latency
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
@@ -181,7 +182,8 @@ def test_bad_input_is_named() -> None:
         fit_latency(samples, limit_s=0.0)
     with pytest.raises(CoverageError, match=r"only .* readings lie 0\.3 s or more from ends"):
         fit_latency(samples.select(np.arange(60)))
-    assert fit_latency(samples.with_columns(heading_deg=None)).method == "gyro"
+    assert fit_latency(samples.with_columns(heading_deg=None)).method == "tilt"
+    assert fit_latency(samples.with_columns(heading_deg=None, roll_deg=None)).method == "gyro"
 
 
 def test_undelayed_readings_meet_the_attitude_they_were_made_in() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
+from agonic.attitude.delay import undelayed
+from agonic.attitude.latency import LatencyFit, fit_latency
 from agonic.maths.rotations.attitude import rot_nb
 
 pytestmark = pytest.mark.recordings

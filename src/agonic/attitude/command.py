@@ -19,10 +19,15 @@ def latency(
     log: LogPath,
     sensor: Sensor = None,
     unit: Unit = None,
-    method: Annotated[str, typer.Option(help="auto, attitude or gyro.")] = "auto",
+    method: Annotated[str, typer.Option(help="auto, attitude, tilt or gyro.")] = "auto",
     limit_ms: Annotated[
-        float, typer.Option("--limit", metavar="MS", help="Largest latency sought, ms.")
-    ] = 300.0,
+        float | None,
+        typer.Option(
+            "--limit",
+            metavar="MS",
+            help="Largest latency sought, ms; default: 300, and 1000 where it lies beyond.",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """How late the readings are beside the attitude or the gyro of the log."""
@@ -31,9 +36,10 @@ def latency(
     from agonic.attitude.latency import fit_latency
     from agonic.console.output import print_json, say
 
+    limit_s = None if limit_ms is None else limit_ms / 1000
     _, sensors = open_sensors(log, sensor, unit)
     fits = {
-        samples.name: fit_latency(samples, method=cast(Any, method), limit_s=limit_ms / 1000)
+        samples.name: fit_latency(samples, method=cast(Any, method), limit_s=limit_s)
         for samples in sensors
     }
     if as_json:

@@ -1,30 +1,37 @@
-"""`fit_latency`: how late the readings of a magnetometer are, and `undelayed` to undo it."""
+"""`fit_latency`: how late the readings of a magnetometer are."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast, get_args
 
 import numpy as np
-from scipy.spatial.transform import Slerp
 
 from agonic.arrays import Array
 from agonic.attitude.maths import latency as kernel
+from agonic.calibration.setup import LATENCY_SD_S
 from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.health import Finding, figure, sentences
-from agonic.maths.rotations.attitude import angles_deg, rot_nb, yaw_pitch_roll
+from agonic.fresh import find_fresh, without_held
+from agonic.health import Finding, sentences
+from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.readable import Readable
 from agonic.samples import Samples
 
+Method = Literal["attitude", "tilt", "gyro"]
+
 STRETCH_S = {"attitude": 20.0, "gyro": 10.0}
 """How long the field, and the drift of an integrated gyro, are taken to be steady."""
-
+SEARCHES_S = (0.3, 1.0)
+"""Latencies within ± the first are sought, and within the next where the best lies at the end."""
+KNOWN_S = 0.03
+"""Standard error above which a latency is not known."""
 FEWEST = 100
 """Readings away from ends and gaps that a latency needs at least."""
 
 _SIGNIFICANT = 3.0  # standard errors
+_CLOSE_S = LATENCY_SD_S / 2  # a standard error above it needs as many times more of them
 _ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
-_READ = ("field", "second")  # two magnetometers on one bus are late together
+_BESIDE = {"attitude": "the recorded attitude", "tilt": "roll and pitch", "gyro": "the gyro"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,22 +39,40 @@ class LatencyFit(Readable):
     """How late readings are beside the attitude or the gyro of the same log.
 
     A reading of row time t was measured at t − `latency_s`; `sd_s` is its standard error, infinite
-    where nothing turned. It is `known` where the log determines it to a tenth of the search, and
-    `significant` where it is also more than three standard errors, which is worth undoing.
-    `method` is "attitude" or "gyro", `n` how many readings counted; `residual_before` and
-    `residual_after` are per axis, in `unit`, without and with the latency.
+    where nothing turned. It is `known` where the log determines it to 30 ms or a tenth of a smaller
+    search, and `significant` where it is also more than three standard errors, which is worth
+    undoing; where these are larger than 5 ms, by as much more. `method` is "attitude", "tilt" or
+    "gyro", `n` how many readings counted; `residual_before` and `residual_after` are per axis, in
+    `unit`, without and with the latency.
     """
 
     latency_s: float
     sd_s: float
     known: bool
     significant: bool
-    method: Literal["attitude", "gyro"]
+    method: Method
     n: int
     residual_before: float
     residual_after: float
     unit: str
     findings: tuple[Finding, ...]
+
+    @property
+    def undone_s(self) -> float:
+        """What is taken off the times: the latency where it is significant, else nothing."""
+        return self.latency_s if self.significant else 0.0
+
+    @property
+    def left_sd_s(self) -> float:
+        """The standard deviation of the delay that is left then.
+
+        A latency that is not significant is not zero: what was found counts with its error, but no
+        more than `LATENCY_SD_S`, the delays that sensors have.
+        """
+        if self.significant:
+            return self.sd_s
+        found = np.hypot(self.sd_s, self.latency_s) if self.known else np.inf
+        return float((LATENCY_SD_S**-2 + found**-2) ** -0.5) if found else 0.0
 
     @property
     def status(self) -> str:
@@ -58,8 +83,8 @@ class LatencyFit(Readable):
 def fit_latency(
     samples: Samples,
     *,
-    method: Literal["auto", "attitude", "gyro"] = "auto",
-    limit_s: float = 0.3,
+    method: Literal["auto", "attitude", "tilt", "gyro"] = "auto",
+    limit_s: float | None = None,
     stretch_s: float | None = None,
 ) -> LatencyFit:
     """The delay of raw readings beside the recorded attitude or rotation rate.
@@ -67,14 +92,16 @@ def fit_latency(
         raw(t) = Γ vec R(t − τ) + b,   R = rot_nb
 
     Γ (3, 9) and b (3,) are free in every stretch of time, so that neither a calibration nor the
-    field need be known.
+    field need be known. Readings that only repeat the one before are left out.
 
     Parameters
     ----------
     samples : raw or calibrated readings with times, and roll, pitch and heading or rotation rate.
     method : "attitude" (roll, pitch, heading), "gyro" (integrated rotation rate, its bias
-        estimated), or "auto": the attitude where the log has it.
+        estimated), "tilt" (roll and pitch: the delay beside the gyro less that which down by roll
+        and pitch has beside it), or "auto": the first of attitude, tilt and gyro that the log has.
     limit_s : latencies within ± this are sought; rows this near to ends and gaps are left out.
+        Default: 0.3, and 1 where the best lies at the end of that.
     stretch_s : seconds over which the field is taken to be constant; default: `STRETCH_S`.
 
     Returns a `LatencyFit`. Raises `AgonicError` without times or anything that tells how the
@@ -91,32 +118,23 @@ def fit_latency(
     >>> round(1000 * fit.latency_s), fit.significant
     (20, True)
     """
-    check_choice("method", method, ("auto", "attitude", "gyro"))
-    if not limit_s > 0:
+    check_choice("method", method, ("auto", *get_args(Method)))
+    if limit_s is not None and not limit_s > 0:
         raise AgonicError(f"limit_s is {limit_s}; the search needs it above zero")
-    time, chosen = _time(samples), _method(samples, method)
-    stretch = STRETCH_S[chosen] if stretch_s is None else stretch_s
-    record = kernel.record(time, samples.field, limit_s, stretch)
-    if len(record.time) < FEWEST:
-        raise CoverageError(
-            f"only {len(record.time)} readings lie {limit_s:g} s or more from ends and gaps; a "
-            f"latency needs {FEWEST}",
-            turns="record for half a minute while turning to and fro",
-        )
-    if not np.ptp(record.raw, axis=0).any():
-        raise CoverageError(
-            "the readings never change, so nothing tells how late they are",
-            turns="check the sensor and its wiring",
-        )
-    if chosen == "attitude":
-        found = kernel.estimate_attitude(record, time, _attitude(samples), limit_s)
-    else:
-        rate = samples.rotation_rate
-        assert rate is not None, "_method has made sure of it"
-        found = kernel.estimate_gyro(record, time, rate, limit_s)
-    at_limit = abs(found.latency_s) >= limit_s
-    known = found.sd_s < limit_s / 10 and not at_limit
-    significant = known and abs(found.latency_s) > _SIGNIFICANT * found.sd_s
+    chosen, samples = _method(samples, method), without_held(samples)
+    first, *wider = SEARCHES_S if limit_s is None else (limit_s,)
+    found, limit = _estimate(samples, chosen, first, stretch_s), first
+    for beyond in wider:
+        if abs(found.latency_s) < limit:
+            break
+        try:
+            found, limit = _estimate(samples, chosen, beyond, stretch_s), beyond
+        except CoverageError:  # too few rows so far from ends and gaps
+            break
+    at_limit = abs(found.latency_s) >= limit
+    known = found.sd_s < min(limit / 10, KNOWN_S) and not at_limit
+    least = _SIGNIFICANT * found.sd_s * max(found.sd_s / _CLOSE_S, 1.0)
+    significant = known and abs(found.latency_s) > least
     return LatencyFit(
         latency_s=found.latency_s,
         sd_s=found.sd_s,
@@ -131,68 +149,82 @@ def fit_latency(
     )
 
 
-def undelayed(samples: Samples, latency_s: float) -> Samples:
-    """The samples as if each reading had been recorded when it was made.
+def find_latency(samples: Samples) -> LatencyFit | None:
+    """The delay of the readings, or `None` where nothing in the log could tell it.
 
-    Each row keeps its reading (and that of a second magnetometer, which is taken to be as late);
-    its time becomes t − `latency_s`, and all other columns are interpolated to that moment:
-    attitudes along the shortest turn, stations by the nearest row. Rows whose moment nothing was
-    recorded about (ends, gaps) are left out and counted in `rejected`. Raises `AgonicError`
-    without times, `CoverageError` where no row is left.
-
-    >>> s = Samples(time=[0, 1, 2], field=np.eye(3), heading_deg=[340, 350, 20])
-    >>> on_time = undelayed(s, 0.5)
-    >>> on_time.time.tolist(), on_time.heading_deg.round(9).tolist()
-    ([0.5, 1.5], [345.0, 5.0])
-    >>> dict(on_time.rejected)
-    {'nothing recorded at the moment of the reading': 1}
+    >>> find_latency(Samples(field=np.eye(3))) is None
+    True
     """
-    time = _time(samples)
-    moments = time - latency_s
-    kept = np.zeros(len(time), dtype=bool)
-    rounding = 1e-9 * max(abs(latency_s), 1.0)
-    for run in kernel.runs(time):
-        kept |= (moments >= time[run[0]] - rounding) & (moments <= time[run[-1]] + rounding)
-    if not kept.any():
+    try:
+        return fit_latency(samples)
+    except AgonicError:
+        return None
+
+
+def _estimate(
+    samples: Samples, chosen: Method, limit_s: float, stretch_s: float | None
+) -> kernel.Estimate:
+    """The latency beside what tells the attitude; of a tilt that of both beside the gyro."""
+    time = samples.time
+    assert time is not None
+    beside = "attitude" if chosen == "attitude" else "gyro"
+    stretch = STRETCH_S[beside] if stretch_s is None else stretch_s
+    record = _record(samples, samples.field, limit_s, stretch)
+    if beside == "attitude":
+        angles = [cast(Array, getattr(samples, name)) for name in _ANGLES]
+        return kernel.estimate_attitude(record, time, rot_nb(*angles), limit_s)
+    rate = samples.rotation_rate
+    assert rate is not None, "_method has made sure of it"
+    found = kernel.estimate_gyro(record, time, rate, limit_s)
+    if chosen == "gyro":
+        return found
+    down = down_b(cast(Array, samples.roll_deg), cast(Array, samples.pitch_deg))
+    try:
+        tilt = kernel.estimate_gyro(_record(samples, down, limit_s, stretch), time, rate, limit_s)
+    except CoverageError:  # level throughout
+        tilt = None
+    if tilt is None or tilt.sd_s > LATENCY_SD_S:
+        return found._replace(sd_s=float(np.hypot(found.sd_s, LATENCY_SD_S)))
+    sd = float(np.hypot(found.sd_s, tilt.sd_s))
+    return found._replace(latency_s=found.latency_s - tilt.latency_s, sd_s=sd)
+
+
+def _record(samples: Samples, readings: Array, limit_s: float, stretch_s: float) -> kernel.Record:
+    """The rows with readings (n, 3) of their own that take part."""
+    assert samples.time is not None
+    if not np.ptp(readings, axis=0).any():
         raise CoverageError(
-            f"no reading is left when {figure(1e3 * latency_s)} ms are taken off its time"
+            "the readings never change, so nothing tells how late they are",
+            turns="check the sensor and its wiring",
         )
-    at = np.clip(moments[kept], time[0], time[-1])
-    columns = {
-        name: _at(at, time, column)
-        for name, column in samples.columns().items()
-        if name not in ("time", *_READ, "station", *_ANGLES)
-    }
-    if samples.station is not None:
-        middles = (time[1:] + time[:-1]) / 2
-        columns["station"] = samples.station[np.searchsorted(middles, at)]
-    left_out = {"nothing recorded at the moment of the reading": int((~kept).sum())}
-    was = dict(samples.rejected)
-    return samples.with_columns(
-        time=moments[kept],
-        **{name: c[kept] for name, c in samples.columns().items() if name in _READ},
-        **columns,
-        **_turned(samples, time, at),
-        rejected=was | ({} if kept.all() else left_out),
-        notes=(*samples.notes, f"a latency of {1e3 * latency_s:.2f} ms was taken off the times"),
-    )
+    own = find_fresh(readings)
+    record = kernel.record(samples.time[own], readings[own], limit_s, stretch_s)
+    if len(record.time) < FEWEST:
+        raise CoverageError(
+            f"only {len(record.time)} readings lie {limit_s:g} s or more from ends and gaps; a "
+            f"latency needs {FEWEST}",
+            turns="record for half a minute while turning to and fro",
+        )
+    return record
 
 
-def _time(samples: Samples) -> Array:
+def _method(samples: Samples, method: str) -> Method:
+    """The method asked for, or the one that the columns allow; or what is missing."""
     if samples.time is None or len(samples) < 2:
         raise AgonicError("a latency needs the times of the readings; this log has none")
-    return samples.time
-
-
-def _method(samples: Samples, method: str) -> Literal["attitude", "gyro"]:
-    """The method asked for, or the one that the columns allow; or what is missing."""
-    attitude = all(getattr(samples, name) is not None for name in _ANGLES)
-    if attitude and method != "gyro":
-        return "attitude"
-    if samples.rotation_rate is not None and method != "attitude":
-        return "gyro"
+    there = [name for name in _ANGLES if getattr(samples, name) is not None]
+    gyro = samples.rotation_rate is not None
+    allowed: dict[Method, bool] = {
+        "attitude": len(there) == len(_ANGLES),
+        "tilt": gyro and {"roll_deg", "pitch_deg"} <= set(there),
+        "gyro": gyro,
+    }
+    for name, possible in allowed.items():
+        if possible and method in ("auto", name):
+            return name
     needed = {
         "attitude": "roll, pitch and heading",
+        "tilt": "roll, pitch and rotation rate",
         "gyro": "rotation rate",
         "auto": "roll, pitch and heading, or of rotation rate",
     }
@@ -202,44 +234,11 @@ def _method(samples: Samples, method: str) -> Literal["attitude", "gyro"]:
     )
 
 
-def _attitude(samples: Samples) -> Array:
-    """rot_nb (n, 3, 3); angles that were not recorded count as zero."""
-    roll, pitch, heading = _angles(samples)
-    return rot_nb(roll, pitch, heading)
-
-
-def _angles(samples: Samples) -> tuple[Array, Array, Array]:
-    roll, pitch, heading = (getattr(samples, name) for name in _ANGLES)
-    none = np.zeros(len(samples))
-    return (
-        none if roll is None else roll,
-        none if pitch is None else pitch,
-        none if heading is None else heading,
-    )
-
-
-def _turned(samples: Samples, time: Array, at: Array) -> dict[str, Array]:
-    """The recorded angles at other moments, along the shortest turn from row to row."""
-    if all(getattr(samples, name) is None for name in _ANGLES):
-        return {}
-    roll, pitch, heading = _angles(samples)
-    turned = Slerp(time, yaw_pitch_roll(heading, pitch, roll))(at)
-    angles = zip(_ANGLES, angles_deg(turned.as_matrix()), strict=True)
-    return {name: angle for name, angle in angles if getattr(samples, name) is not None}
-
-
-def _at(at: Array, time: Array, column: Array) -> Array:
-    """A column (n,) or (n, 3) interpolated linearly."""
-    if column.ndim == 1:
-        return np.interp(at, time, column)
-    return np.stack([np.interp(at, time, axis) for axis in column.T], axis=1)
-
-
 def _finding(
     found: kernel.Estimate, method: str, known: bool, significant: bool, at_limit: bool
 ) -> Finding:
     """What the latency means, and the move that helps."""
-    beside = "the recorded attitude" if method == "attitude" else "the gyro"
+    beside = _BESIDE[method]
     size = f"{abs(1e3 * found.latency_s):.1f} ± {max(1e3 * found.sd_s, 0.05):.1f} ms"
     if not known:
         why = "the best fit lies at the end of the search" if at_limit else "it turned too little"

@@ -62,6 +62,7 @@ class Affine(Correction):
     device_id : the number by which an autopilot knows the sensor, if it does.
     latency_s : how late the readings came beside the attitude in the log it was made from; it is
         undone where the attitude counts (headings, checks), `correct` has no need of it.
+    latency_sd_s : standard error of that, or `None` where nothing told it.
 
     Examples
     --------
@@ -84,6 +85,7 @@ class Affine(Correction):
     sensor: str = "mag"
     device_id: int | None = None
     latency_s: float = 0.0
+    latency_sd_s: float | None = None
     frame_in: str = "m"
     frame_out: str = "m"
     validity: Validity = field(default_factory=Validity)

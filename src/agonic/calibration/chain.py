@@ -146,6 +146,7 @@ class Chain(Correction):
             "noise": affine[0].noise if affine else None,
             "device_id": affine[0].device_id if affine else None,
             "latency_s": self.latency_s,
+            "latency_sd_s": self.latency_sd_s,
             "provenance": self.provenance,
             **{name: getattr(self, name) for name in ENDS},
         }
@@ -206,6 +207,12 @@ class Chain(Correction):
     def latency_s(self) -> float:
         """How late the readings came, by the first step that knows."""
         return next((late for s in self.steps if (late := getattr(s, "latency_s", 0.0))), 0.0)
+
+    @property
+    def latency_sd_s(self) -> float | None:
+        """The standard error of that, by the first step that knows."""
+        known = (getattr(step, "latency_sd_s", None) for step in self.steps)
+        return next((sd for sd in known if sd is not None), None)
 
     @property
     def equation(self) -> str:

@@ -101,6 +101,9 @@ class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="aff
     latency_s: Annotated[
         float, Meta(description="How late the readings came beside the attitude, seconds.")
     ] = 0.0
+    latency_sd_s: Annotated[
+        NotNegative | None, Meta(description="Standard error of that; null: nothing told it.")
+    ] = None
     validity: ValidityRecord = ValidityRecord()
     provenance: ProvenanceRecord
 

@@ -16,6 +16,9 @@ from agonic.maths.rotations.tilt import Order
 from agonic.provenance import Provenance
 from agonic.units import ACCELERATION
 
+LATENCY_SD_S = 0.01
+"""Of the delay of a magnetometer beside attitude or gyro, where the log does not tell it."""
+
 Tilt = Literal["auto", "log", "accelerometer", "gyro", "level"]
 
 
@@ -28,6 +31,8 @@ class Compass(Valued):
     calibration : from readings to the field in body axes (forward, right, down), nT.
     deviation : from what this compass reads to the magnetic heading, or `None` for no deviation.
     latency_s : how late its readings are beside the attitude; default: what the calibration says.
+    latency_sd_s : standard error of that; default: what the calibration says of its own latency,
+        `None` where it is not known.
 
     Examples
     --------
@@ -39,10 +44,15 @@ class Compass(Valued):
     calibration: Calibration
     deviation: Deviation | None = None
     latency_s: float = None  # type: ignore[assignment]  # a number once it is made
+    latency_sd_s: float | None = None
 
     def __post_init__(self) -> None:
+        own = getattr(self.calibration, "latency_s", 0.0)
         if self.latency_s is None:
-            object.__setattr__(self, "latency_s", getattr(self.calibration, "latency_s", 0.0))
+            object.__setattr__(self, "latency_s", own)
+        if self.latency_sd_s is None and self.latency_s == own:
+            known = getattr(self.calibration, "latency_sd_s", None)
+            object.__setattr__(self, "latency_sd_s", known)
         if self.calibration.frame_out not in "mb":
             raise FrameError(
                 "a compass needs its field in body axes",
@@ -55,6 +65,7 @@ class Compass(Valued):
                 "belongs to the tilt"
             )
         _check_number("latency_s", self.latency_s, lowest=-10.0, highest=10.0)
+        _check_number("latency_sd_s", self.latency_sd_s, lowest=0.0, highest=10.0)
 
     @property
     def sensor(self) -> str:

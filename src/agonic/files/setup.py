@@ -5,6 +5,7 @@ calibration = "MAG1.json"       # beside this file
 deviation = "MAG1-card.json"    # may be left out, as all below
 sensor = "MAG1"                 # its name in the log, where the calibration has another
 latency_s = 0.014               # else what the calibration says
+latency_sd_s = 0.001            # else what the calibration says of its own
 
 [tilt]
 source = "log"                  # auto, log, accelerometer, gyro or level
@@ -176,8 +177,7 @@ def _compass(table: Any, folder: Path, where: str, mistakes: list[str]) -> Compa
         return None
     if said.get("sensor") not in (None, parts["calibration"].sensor):
         parts["calibration"] = _rename(parts["calibration"], said["sensor"])
-    if said.get("latency_s") is not None:
-        parts["latency_s"] = said["latency_s"]
+    parts |= {key: said[key] for key in ("latency_s", "latency_sd_s") if said.get(key) is not None}
     return _try_to_make(partial(Compass, **parts), where, mistakes)
 
 
@@ -255,6 +255,8 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
                 lines.append(f"{key} = {_quote(name)}")
         if compass.latency_s or getattr(compass.calibration, "latency_s", 0.0):
             lines.append(f"latency_s = {compass.latency_s!r}")
+        if compass.latency_sd_s not in (None, getattr(compass.calibration, "latency_sd_s", None)):
+            lines.append(f"latency_sd_s = {compass.latency_sd_s!r}")
         lines.append("")
     felt = None
     if setup.accelerometer is not None:

@@ -18,6 +18,7 @@ class CompassSection(Struct, forbid_unknown_fields=True):
     deviation: str | None = None
     sensor: str | None = None
     latency_s: float | None = None
+    latency_sd_s: float | None = None
 
 
 class TiltSection(Struct, forbid_unknown_fields=True):

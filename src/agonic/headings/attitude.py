@@ -15,6 +15,7 @@ from agonic.calibration.base import Calibration, has_two_axes
 from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
+from agonic.fresh import without_held
 from agonic.headings.acceleration import (
     AT_REST,
     Speed,
@@ -83,6 +84,7 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
     "auto" takes what the log recorded, else the gyro filter, else the accelerometer.
     """
     source, why = _choose_source(samples, setup, calibration)
+    samples = without_held(samples)
     turn = find_mounting(calibration)
     felt: tuple[Array, Array] | None = None
     if setup.accelerometer is not None and samples.acceleration is not None:

@@ -12,7 +12,8 @@ from agonic.calibration.base import check_axes, has_two_axes, select_columns
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass
 from agonic.errors import FrameError, LogError, UnitError
-from agonic.headings.attitude import LEVEL, Attitude
+from agonic.fresh import find_fresh
+from agonic.headings.attitude import LEVEL, Attitude, find_mounting
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
 from agonic.maths.rotations import tilt as kernel
@@ -34,13 +35,15 @@ LIKELY_DIP_DEG = 65.0
 class Readings(NamedTuple):
     """Readings brought to common times: raw (n, 3), columns beside them, rows without any.
 
-    `averaged` (n,) is what interpolation leaves of the variance of the noise.
+    `averaged` (n,) is what interpolation leaves of the variance of the noise; `rate` (n, 3), rad/s,
+    is how the sensor turns, in its own axes, where that is known.
     """
 
     raw: Array
     columns: Mapping[str, Array]
     averaged: Array | None = None
     missing: Mask | None = None
+    rate: Array | None = None
 
 
 class Indication(NamedTuple):
@@ -57,32 +60,42 @@ class Indication(NamedTuple):
 def interpolate_readings(samples: Samples, compass: Compass, time: Array | None) -> Readings:
     """The readings that belong to the moments `time` (n,), by linear interpolation.
 
-    A reading recorded at t shows the field of t − latency. Between readings more than
-    `LONGEST_BRIDGE` periods apart, and outside them, there is none.
+    A reading recorded at t shows the field of t − latency; one that is held for further rows, that
+    of the first. Between readings more than `LONGEST_BRIDGE` periods apart, and outside them, there
+    is none.
     """
     _check(samples, compass)
     columns = select_columns(compass.calibration, samples)
-    if time is samples.time and compass.latency_s == 0.0:
-        return Readings(samples.field, columns)
+    fresh = find_fresh(samples.field) if samples.time is not None else np.ones(1, dtype=bool)
+    if time is samples.time and compass.latency_s == 0.0 and fresh.all():
+        return Readings(samples.field, columns, rate=samples.rotation_rate)
     if samples.time is None or time is None:
         raise LogError(
             f"readings of {samples.name} have to be brought to other times and have none of their "
             "own; give the log a time column"
         )
     late = time + compass.latency_s  # when these moments show in the readings
-    field = _interpolated(late, samples.time, samples.field)
+    own = samples.time[fresh]
+    field = _interpolated(late, own, samples.field[fresh])
     moved = {
-        name: _interpolated(late if name in VECTORS else time, samples.time, values)
+        name: (
+            _interpolated(late, own, values[fresh])
+            if name in VECTORS
+            else _interpolated(time, samples.time, values)
+        )
         for name, values in columns.items()
     }
-    after = np.clip(np.searchsorted(samples.time, late), 1, max(len(samples) - 1, 1))
+    after = np.clip(np.searchsorted(own, late), 1, max(len(own) - 1, 1))
     before = after - 1
-    width = samples.time[after] - samples.time[before]
-    share = np.clip((late - samples.time[before]) / width, 0.0, 1.0)
-    period = float(np.median(np.diff(samples.time)))
-    outside = (late < samples.time[0] - 1e-6) | (late > samples.time[-1] + 1e-6)
+    width = own[after] - own[before]
+    share = np.clip((late - own[before]) / width, 0.0, 1.0)
+    period = float(np.median(np.diff(own)))
+    outside = (late < own[0] - 1e-6) | (late > samples.time[-1] + 1e-6)
     missing = outside | ((width > LONGEST_BRIDGE * period) & (share * (1 - share) > 1e-9))
-    return Readings(field, moved, share**2 + (1 - share) ** 2, missing)
+    rate = samples.rotation_rate
+    if rate is not None:
+        rate = _interpolated(time, samples.time, rate)
+    return Readings(field, moved, share**2 + (1 - share) ** 2, missing, rate)
 
 
 def _check(samples: Samples, compass: Compass) -> None:
@@ -160,6 +173,10 @@ def _piece(
         turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
         systematic, random = propagate(steps, values, columns, turned.by_field)
         systematic += _by_tilt(turned, attitude, around, rows)
+        if readings.rate is not None and compass.latency_sd_s:
+            rate = readings.rate[rows] @ find_mounting(compass.calibration).T
+            late = turn_by_delay(turned.by_field, rate, field.T)
+            systematic += (compass.latency_sd_s * late) ** 2
     if readings.averaged is not None:
         random *= readings.averaged[rows]
     systematic, random = np.degrees(np.degrees(systematic)), np.degrees(np.degrees(random))
@@ -172,6 +189,14 @@ def _piece(
     return Indication(
         turned.heading_deg, magnetic, random, systematic, turned.horizontal, turned.vertical
     )
+
+
+def turn_by_delay(gradient: Array, rate: Array, field: Array) -> Array:
+    """By how much a heading of such a gradient (3, n) turns for each second that it is late, (n,).
+
+    A field (n, 3) at rest turns by −ω × b in a sensor that turns at ω (n, 3), rad/s.
+    """
+    return np.asarray(np.einsum("in,ni->n", gradient, np.cross(rate, field)))
 
 
 def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | float:

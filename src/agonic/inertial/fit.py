@@ -8,10 +8,12 @@ from dataclasses import fields, replace
 import numpy as np
 
 from agonic.attitude.calibration import make_calibration
+from agonic.attitude.delay import find_and_undo, keep_latency
 from agonic.attitude.fit import make_fit
 from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.fit import Fit
+from agonic.fresh import without_held
 from agonic.health.turning import check_turning
 from agonic.inertial.evidence import check_gravity, check_gyro, check_inclination, without_scale
 from agonic.inertial.headings import find_headings, name_heading, without_heading
@@ -40,6 +42,7 @@ def fit_inertial(
     stretch_s: float = 30.0,
     heading_offset_sd_deg: float = 1.0,
     accelerometer_scale_sd: float | None = None,
+    latency: bool = True,
     seed: int = 0,
 ) -> InertialFit:
     """Bias and matrix by magnitude, dip and azimuth of the field beside accelerometer and gyro.
@@ -73,6 +76,7 @@ def fit_inertial(
     stretch_s : seconds over which the first estimate trusts the gyro to keep a heading.
     accelerometer_scale_sd : prior on the nine entries of the accelerometer's gain beside one;
         `None`: its gain is one, but for gravity's own 0.3 % from place to place.
+    latency : find how late the readings are beside the gyro, as `fit_latency` does, and undo it.
 
     Returns an `InertialFit`. Raises `LogError` without acceleration, and `CoverageError` where
     nothing can be fitted at all.
@@ -106,6 +110,9 @@ def fit_inertial(
         accelerometer_scale_sd=accelerometer_scale_sd,
         seed=seed,
     )
+    samples, late = without_held(samples), None
+    if latency:
+        samples, reference, late = find_and_undo(samples, reference)
     solved = solve(samples, reference, settings)
     headings, doubt = find_headings(solved)
     if headings is not None:
@@ -129,6 +136,7 @@ def fit_inertial(
     if headings is not None:
         named = f"{name_heading(samples)} told the heading beside the gyro"
         fit = replace(fit, remarks=(*fit.remarks, named))
+    fit = keep_latency(fit, solved.samples, late)
     return InertialFit(
         **{f.name: getattr(fit, f.name) for f in fields(Fit)},
         samples=level,

@@ -9,7 +9,6 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.attitude.fit import estimate_usable
 from agonic.inertial.attitude import Inertial, feel_attitude
-from agonic.inertial.fresh import without_held
 from agonic.inertial.maths.headings import Headings
 from agonic.inertial.maths.joint import Joint, estimate_jointly
 from agonic.inertial.problem import make_log, orient, standard_deviations, without_errors
@@ -36,7 +35,6 @@ def solve(samples: Samples, reference: Reference | None, settings: Settings) -> 
     Without horizontal and vertical intensity these are found first; an error of a known dip, of the
     reference's standard deviation, is one unknown of all rows.
     """
-    samples = without_held(samples)
     if reference is None or reference.values.ndim == 1:
         settings = replace(settings, inclination_sd=INCLINATION_SD)
         reference = find_field(samples, reference, settings)

@@ -11,9 +11,9 @@ from agonic.arrays import Array, Mask
 from agonic.attitude.fit import estimate_usable, find_usable, refine_usable
 from agonic.attitude.problem import Scale
 from agonic.errors import CoverageError
+from agonic.fresh import find_fresh
 from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude
-from agonic.inertial.fresh import find_fresh
 from agonic.inertial.maths.headings import Headings
 from agonic.inertial.problem import (
     pose,

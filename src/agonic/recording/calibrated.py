@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
+from agonic.attitude.delay import keep_latency
 from agonic.attitude.disturbers import SourceChoice
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
@@ -21,6 +22,7 @@ from agonic.calibration.interference import Interference
 from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recording_and_rows
 from agonic.errors import AgonicError
 from agonic.fit import Fit
+from agonic.fresh import without_held
 from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.logs.natural import Given, as_samples
 from agonic.readable import Readable
@@ -128,6 +130,7 @@ def calibrate(
     'good'
     """
     meant, reference = as_samples(samples, unit), Reference.of(reference)
+    meant = without_held(meant)
     choice = choose(meant, reference, kind, settings)
     made = _verify(_keep_latency(choice))
     if kind != "auto" or made.verdict != "refused" or choice.method == "ellipsoid":
@@ -209,10 +212,7 @@ def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
 
 def _keep_latency(choice: Choice) -> Choice:
     """The choice, with the latency kept in the calibration for all that use it later."""
-    if choice.latency is None:
-        return choice
-    kept = replace(choice.fit.calibration, latency_s=choice.latency.latency_s)
-    return replace(choice, fit=replace(choice.fit, calibration=kept))
+    return replace(choice, fit=keep_latency(choice.fit, choice.samples, choice.latency))
 
 
 def judge(
@@ -258,12 +258,13 @@ def _conclude(choice: Choice, verification: Verification) -> Calibrated:
     suited = suit_advice(fit.findings, choice.samples)
     if suited != fit.findings:
         fit = replace(fit, findings=()).with_findings(*suited)
-    failed = list_failed(verification)
+    late = choice.latency is not None and choice.latency.significant
+    latency, failed = choice.latency if late else None, list_failed(verification)
     verdict, said = verdict_of(fit.findings, failed=bool(failed)), [fit.status]
     if verdict != "refused":
         said += [sentences(finding.sentence) for finding in failed]
-        if choice.latency is not None:
-            said.append(describe_latency(choice.latency))
+        if latency is not None:
+            said.append(describe_latency(latency))
     return Calibrated(
         samples=choice.samples,
         fit=fit,
@@ -272,7 +273,7 @@ def _conclude(choice: Choice, verification: Verification) -> Calibrated:
         reason=choice.reason,
         verdict=verdict,
         status=" ".join(said),
-        latency=choice.latency,
+        latency=latency,
         reference=choice.reference,
         disturbers=choice.disturbers,
     )

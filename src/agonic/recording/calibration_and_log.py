@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agonic.attitude.latency import undelayed
+from agonic.attitude.delay import remove_delay
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import require_calibration
 from agonic.console.sensors import add_second, choose_name
@@ -27,11 +27,3 @@ def open_calibration_and_log(
         sensor = choose_name(names, calibration.sensor)
     samples = add_second(calibration, recording.sensor(sensor), recording)
     return calibration, remove_delay(calibration, samples)
-
-
-def remove_delay(calibration: Calibration, samples: Samples) -> Samples:
-    """The samples, each at the moment it was measured by the latency that the calibration knows."""
-    latency_s = getattr(calibration, "latency_s", 0.0)
-    if not latency_s or samples.time is None or len(samples) < 2:
-        return samples
-    return undelayed(samples, latency_s)

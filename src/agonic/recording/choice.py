@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from agonic.attitude.delay import find_and_undo
 from agonic.attitude.disturbers import (
     SourceChoice,
     choose_sources,
@@ -18,7 +19,7 @@ from agonic.attitude.fit import CHANNELS, fit_channels_alone
 from agonic.attitude.heading_source import check_heading_source
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.known_heading import is_known
-from agonic.attitude.latency import LatencyFit, fit_latency, undelayed
+from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.attitude.settings import Settings
@@ -29,6 +30,7 @@ from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alon
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
+from agonic.fresh import find_fresh
 from agonic.health import Finding
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
@@ -41,7 +43,7 @@ Kind = Literal["auto", "ellipsoid", "levelled", "vector", "inertial", "interfere
 _FITS: Mapping[str, Callable[..., Fit]] = {
     "levelled": fit_levelled,
     "vector": fit_vector,
-    "inertial": fit_inertial,
+    "inertial": partial(fit_inertial, latency=False),
     "interference": fit_interference,
 }
 
@@ -58,14 +60,17 @@ SEEN_BY_DIRECTION = {"turned sensor", "non-linear", "compressed", "follows bank"
 """Errors that dip and azimuth show and the magnitude hides: a fit by the magnitude alone is sure of
 itself for not seeing them."""
 
+BESIDE_EACH_ROW = ("levelled", "vector")
+"""Fits that compare a reading with the attitude of its row: one that is only held is late there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Choice:
     """A fit with the word for its method and the reason for choosing it.
 
-    `samples` are those that were fitted, with the latency undone where there was one, and
-    `reference` is that of their rows; `again` calibrates others with the same choices;
-    `disturbers` is what was tried of them, where any were.
+    `samples` are those that were fitted, with a `latency` that is significant undone beside an
+    attitude, and `reference` is that of their rows; `again` calibrates others with the same
+    choices; `disturbers` is what was tried of them, where any were.
     """
 
     samples: Samples
@@ -162,7 +167,7 @@ def _fit_magnitude(
     fit = fit_ellipsoid(samples, reference, **settings)
     same = {**settings, "model": fit.calibration.model}
     again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)
-    return Choice(samples, reference, fit, "ellipsoid", reason, again, _find_latency(samples))
+    return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
 
 
 def _fit_alone(
@@ -213,12 +218,11 @@ def _fit_with_attitude(
         known = np.flatnonzero(samples.heading_known)
         samples = samples.select(known)
         reference = None if reference is None else reference.select(known)
-    latency = _find_latency(samples)
-    if latency is not None:
-        late = samples
-        samples = undelayed(samples, latency.latency_s)
-        if reference is not None:
-            reference = _select_reference(reference, late, samples)
+    samples, reference, latency = find_and_undo(samples, reference)
+    if method in BESIDE_EACH_ROW:
+        own = np.flatnonzero(find_fresh(samples.field))
+        samples = samples.select(own)
+        reference = None if reference is None else reference.select(own)
     fit, tried = None, None
     if "sources" not in settings:
         assert reference is not None
@@ -357,22 +361,3 @@ def _tell(choice: Choice, refused: Choice) -> Choice:
     carried = [one for one in refused.fit.findings if one.name == "heading" and one not in grave]
     why = f"a {refused.method} fit was refused ({grave[0].what})"
     return replace(choice, fit=choice.fit.with_findings(*told, *carried), reason=why)
-
-
-def _find_latency(samples: Samples) -> LatencyFit | None:
-    """The delay of the readings, where the log can tell and it stands out."""
-    if samples.time is None:
-        return None
-    try:
-        latency = fit_latency(samples)
-    except AgonicError:
-        return None
-    return latency if latency.significant else None
-
-
-def _select_reference(reference: Reference, before: Samples, after: Samples) -> Reference:
-    """The reference of the rows that are left, which keep their order in time."""
-    assert before.time is not None
-    assert after.time is not None
-    rows = np.searchsorted(before.time, after.time)
-    return reference.select(np.minimum(rows, len(before) - 1))

@@ -46,10 +46,7 @@ def write_folder(
 def _setup(results: Sequence[Calibrated], written: dict[str, Written], folder: Path) -> list[str]:
     """The setup of the vehicle, for `agonic heading`, where its compasses can be used as such."""
     compasses = {
-        result.samples.name: Compass(
-            calibration=result.fit.calibration,
-            latency_s=result.latency.latency_s if result.latency else 0.0,
-        )
+        result.samples.name: Compass(calibration=result.fit.calibration)
         for result in results
         if written[result.samples.name].files and result.fit.calibration.unit_out == "nT"
     }

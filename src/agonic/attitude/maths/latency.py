@@ -12,41 +12,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.attitude.maths.path import Path, attitude_path, gyro_path
 from agonic.attitude.maths.score_variance import compute_score_variance
 from agonic.maths.estimation.leastsq import MAD_TO_SD, tukey
-from agonic.maths.rotations.attitude import integrate_rates
 
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+MOST_ROWS = 12_000
+"""Rows that are compared with the attitude, evenly spread; of a gyro all are integrated."""
 
 _SUPPORTED = 1e-8  # part of a stretch's largest mean square; 5 nT of 50 000 are below the noise
 _MEDIAN_NORM = 1.5382  # median length of three Gaussian numbers, √(median of χ²₃)
 _FEWEST = 30  # rows of a stretch, for ten regressors
 _SCAN_S = 0.02  # a hand's fastest motion takes ten times as long
 _SCAN_ROWS = 4000
+_CLEARLY = 50.0  # of a logarithm: what regressors that hardly show make of noise is less
 _SHRUNK = 3.0  # variances of the noise, one an axis: what noise alone fits is not motion
 _BLOCKS = 40
 _ITERATIONS = 20
 _SETTLED = 0.05  # of a standard error
 _DRIFT_RAD_S = 1e-4  # 0.06° in ten seconds
 _DRIFT_STEPS = 4  # what is left of a bias is projected out, to first order
-
-# ∂R/∂φ_k for a turn of n by φ: [e_k]× R
-_SKEW = np.zeros((3, 3, 3))
-_SKEW[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0
-_SKEW[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = -1.0
-
-
-class Path(NamedTuple):
-    """Functions of time (9,): the entries of rot_nb, and what unit drifts of a gyro change them."""
-
-    entries: CubicSpline
-    drifts: tuple[CubicSpline, ...] = ()
 
 
 class Record(NamedTuple):
@@ -60,15 +49,24 @@ class Record(NamedTuple):
         """The rows of each stretch."""
         return [slice(start, stop) for start, stop in pairwise(self.edges.tolist())]
 
+    def thin(self, most: int) -> Record:
+        """Every so many rows, that about so many are left."""
+        every = max(1, len(self.time) // most)
+        return Record(self.time[::every], self.raw[::every], -(-self.edges // every))
+
 
 class Estimate(NamedTuple):
-    """The latency, its standard error, residuals per axis without and with it, rows that count."""
+    """The latency, its standard error, residuals per axis without and with it, rows that count.
+
+    `cost` is minus the logarithm of the likelihood, but for a constant.
+    """
 
     latency_s: float
     sd_s: float
     before: float
     after: float
     n: int
+    cost: float
 
 
 class _Projected(NamedTuple):
@@ -76,28 +74,6 @@ class _Projected(NamedTuple):
 
     residuals: Array
     slopes: Array
-
-
-def attitude_path(time: Array, rot_nb: Array) -> Path:
-    """The path through recorded attitudes (n, 3, 3).
-
-    Index are smoothed by the weights 1, 4, 6, 4, 1, and their times with them: what noise is left
-    is well below the Nyquist frequency, where a spline is as noisy between rows as on them.
-    """
-    from scipy.interpolate import CubicSpline  # slow to load
-
-    return Path(CubicSpline(_smooth(time), _smooth(rot_nb.reshape(-1, 9))))
-
-
-def gyro_path(time: Array, rotation_rate: Array) -> Path:
-    """The path that a gyro (n, 3) rad/s integrates to, and what a bias on each axis adds to it."""
-    from scipy.interpolate import CubicSpline  # slow to load
-
-    rot_nb = integrate_rates(rotation_rate, time).as_matrix()
-    turned = CubicSpline(time, rot_nb).antiderivative()(time)  # ∫R dt: columns turn n per bias
-    drifts = np.einsum("nkj,kab,nbc->jnac", turned, _SKEW, rot_nb).reshape(3, -1, 9)
-    entries = CubicSpline(time, rot_nb.reshape(-1, 9))
-    return Path(entries, tuple(CubicSpline(time, drift) for drift in drifts))
 
 
 def runs(time: Array) -> list[Index]:
@@ -120,25 +96,36 @@ def record(time: Array, raw: Array, margin_s: float, stretch_s: float) -> Record
         edges += [count + len(inside) * (k + 1) // pieces for k in range(pieces)]
         count += len(inside)
     rows = np.concatenate(kept)
-    return Record(time[rows], raw[rows], np.array(edges))
+    return Record(time[rows], raw[rows], np.array(edges)).thin(MOST_ROWS)
 
 
 def estimate_attitude(record: Record, time: Array, rot_nb: Array, limit_s: float) -> Estimate:
     """The latency, within ± `limit_s`, of readings beside recorded attitudes (m, 3, 3)."""
     path = attitude_path(time, rot_nb)
-    return _refined(record, lambda _: path, limit_s)
+    return _best(record, lambda _: path, limit_s)
 
 
 def estimate_gyro(record: Record, time: Array, rotation_rate: Array, limit_s: float) -> Estimate:
     """The latency of readings beside a gyro (m, 3) rad/s, whose bias is estimated with it."""
-    return _refined(record, lambda bias: gyro_path(time, rotation_rate + bias), limit_s)
+    return _best(record, lambda bias: gyro_path(time, rotation_rate + bias), limit_s)
 
 
-def _refined(record: Record, path_at: Callable[[Array], Path], limit_s: float) -> Estimate:
+def _best(record: Record, path_at: Callable[[Array], Path], limit_s: float) -> Estimate:
+    """The estimate from the best of a coarse grid, where it is clearly better than from zero."""
+    start = _scanned(record, path_at(np.zeros(3)), limit_s)
+    found = _refined(record, path_at, limit_s, start)
+    if abs(start) <= _SCAN_S:
+        return found
+    near = _refined(record, path_at, limit_s, 0.0)
+    return found if found.cost < near.cost - _CLEARLY else near
+
+
+def _refined(
+    record: Record, path_at: Callable[[Array], Path], limit_s: float, latency: float
+) -> Estimate:
     """Gauss–Newton on latency and gyro bias, with Tukey's weights anew at each step."""
     weights, bias = np.ones(len(record.time)), np.zeros(3)
     path = path_at(bias)
-    latency = _scanned(record, path, limit_s)
     for turn in range(_ITERATIONS):
         seen = _projected(record, path, latency, weights)
         weights, noise = _weighed(record, seen.residuals)
@@ -180,7 +167,8 @@ def _concluded(record: Record, path: Path, latency: float, weights: Array) -> Es
     sd = np.sqrt(scatter) / curvature if curvature > 0 else np.inf
     none = _projected(record, path, 0.0, weights).residuals
     counted = int((weights * trust[:, 0] > 0).sum())
-    return Estimate(latency, float(sd), _size(none), _size(seen.residuals), counted)
+    cost = 3 * float(np.log(noise).sum())
+    return Estimate(latency, float(sd), _size(none), _size(seen.residuals), counted, cost)
 
 
 def _standardised(
@@ -210,8 +198,7 @@ def _trusted(z: Array, fall: Array) -> Array:
 
 def _scanned(record: Record, path: Path, limit_s: float) -> float:
     """The best latency of a coarse grid on some of the rows: Σ n log σ over stretches is least."""
-    every = max(1, len(record.time) // _SCAN_ROWS)
-    some = Record(record.time[::every], record.raw[::every], -(-record.edges // every))
+    some = record.thin(_SCAN_ROWS)
     weights = np.ones(len(some.time))
     grid = np.linspace(-1, 1, 2 * max(1, round(limit_s / _SCAN_S)) + 1) * limit_s
     costs = []
@@ -267,11 +254,3 @@ def _profiled(seen: _Projected, weights: Array) -> tuple[Array, Array]:
 def _size(residuals: Array) -> float:
     """Standard deviation per axis from the median length."""
     return float(np.median(np.linalg.norm(residuals, axis=1))) / _MEDIAN_NORM
-
-
-def _smooth(rows: Array) -> Array:
-    """Index averaged with their neighbours by 1, 4, 6, 4, 1; the first and last are kept."""
-    for _ in range(2):
-        inner = (rows[:-2] + 2 * rows[1:-1] + rows[2:]) / 4
-        rows = np.concatenate([rows[:1], inner, rows[-1:]])
-    return rows

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.setup import Compass
+from agonic.calibration.setup import LATENCY_SD_S, Compass
 from agonic.headings.attitude import RECORDED_SD_DEG, Attitude
-from agonic.headings.compass_heading import Indication, Readings
+from agonic.headings.compass_heading import Indication, Readings, turn_by_delay
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import apply_steps, list_steps, propagate_parts
 from agonic.headings.smoothing.moments import Moments
@@ -18,8 +18,6 @@ from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
 from agonic.maths.rotations.low_pass import low_pass
 
-LATE_SD_S = 0.01
-"""Of the compass beside the gyro, where nothing is known to be late."""
 SEEN_S = 2.0
 """Over which the deviations of the field are averaged that tell what disturbs it."""
 LEAST_SEEN = np.radians(0.3)
@@ -56,8 +54,11 @@ def list_compass_errors(
         gradient = gradient * (1 + slope(level, turned.heading_deg, 0.0, 0.0))
     gradient = np.where(np.isfinite(gradient), gradient, 0.0)
     parts, _ = propagate_parts(steps, values, columns, gradient)
-    late = np.einsum("in,ni->n", gradient, np.cross(rate[rows], values[-1]))[:, None]
-    return np.concatenate([np.zeros((0, len(rows))), *parts]).T, LATE_SD_S * late
+    late = turn_by_delay(gradient, rate[rows], values[-1])[:, None]
+    sd = one.compass.latency_sd_s
+    return np.concatenate([np.zeros((0, len(rows))), *parts]).T, late * (
+        LATENCY_SD_S if sd is None else sd
+    )
 
 
 def list_tilt_errors(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Index
+from agonic.attitude.delay import advance
 from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
 from agonic.logs.natural import Given, as_samples
@@ -126,8 +127,8 @@ def predict_by_choice(
     def predict(fitted: Index, unseen: Index) -> Prediction:
         part = None if reference is None else reference.select(fitted)
         made = calibrate(samples.select(fitted), part, kind=kind, **settings)
-        judged = samples.select(unseen)
-        field = correct_field(made.fit.calibration, judged)
+        judged, calibration = samples.select(unseen), made.fit.calibration
+        field = advance(correct_field(calibration, samples), samples, calibration)[unseen]
         stated = state_errors(made, judged, field, known.select(unseen))
         return Prediction(field, stated, made.verdict == "refused")
 

@@ -14,16 +14,27 @@ from agonic.samples import Samples
 HELD = 1 / 3
 """Of the rows: where more repeat the row before, the sensor is slower than the log."""
 
+FEWEST = 10
+"""Changes that show how long a sensor holds its readings: a thing at rest has fewer."""
+
 
 def find_fresh(values: Array) -> Mask:
     """The rows (n, 3) with a reading of their own; all of them where few repeat the one before.
 
-    >>> find_fresh(np.repeat(np.arange(6.0).reshape(2, 3), 3, axis=0)).tolist()
+    Of a sensor at rest that reads the same for longer than twice the usual number of rows, one in
+    so many is taken to be its own.
+
+    >>> find_fresh(np.repeat(np.arange(30.0).reshape(10, 3), 3, axis=0))[:6].tolist()
     [True, False, False, True, False, False]
     """
     fresh = np.ones(len(values), dtype=bool)
     fresh[1:] = (values[1:] != values[:-1]).any(axis=1)
-    return fresh if np.mean(~fresh) > HELD and fresh.sum() > 1 else np.ones_like(fresh)
+    if np.mean(~fresh) <= HELD or fresh.sum() < FEWEST:
+        return np.ones_like(fresh)
+    starts = np.flatnonzero(fresh)
+    usual = int(np.median(np.diff(starts)))
+    age = np.arange(len(values)) - starts[np.cumsum(fresh) - 1]
+    return np.asarray(fresh | ((age >= 2 * usual) & (age % usual == 0)))
 
 
 def without_held(samples: Samples) -> Samples:

@@ -1,0 +1,154 @@
+"""The delay of a magnetometer beside a raw gyro: found, kept in the calibration, and counted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.attitude.delay import advance, keep_latency, measure_rate
+from agonic.attitude.latency import LATENCY_SD_S, fit_latency
+from agonic.calibration.setup import Compass, Setup
+from agonic.simulation import (
+    delayed,
+    duplicated,
+    simulate,
+    with_correlated_noise,
+    with_inertial_unit,
+    with_outliers,
+)
+
+BROKEN = {
+    "as it should be": lambda seed: lambda s: s,
+    "noise with a memory": lambda seed: with_correlated_noise(300.0, 0.5, seed=seed),
+    "outliers": lambda seed: with_outliers(0.03, seed=seed),
+    "a gyro 1 % off": lambda seed: lambda s: s.with_columns(rotation_rate=1.01 * s.rotation_rate),
+}
+
+
+def log(kind: str, seed: int, late_s: float = 0.0, **settings) -> ag.Samples:
+    """A raw inertial log whose magnetometer is late."""
+    made = simulate(kind, seed=seed, **{"n": 1500, **settings})
+    bare = with_inertial_unit(seed=seed)(made.samples)
+    return delayed(late_s)(bare) if late_s else bare
+
+
+@pytest.mark.parametrize("broken", list(BROKEN))
+def test_its_error_is_as_stated_beside_a_raw_gyro(broken: str) -> None:
+    z = []
+    for seed in range(5):
+        fit = fit_latency(BROKEN[broken](seed)(log("flight", seed, 0.02)))
+        assert fit.known
+        z.append((fit.latency_s - 0.02) / fit.sd_s)
+    assert 0.3 < np.sqrt(np.mean(np.square(z))) < 1.25
+    assert abs(np.mean(z)) < 1.0
+
+
+@pytest.mark.parametrize("kind", ["circle", "car", "boat"])
+def test_a_drive_on_time_is_left_on_time(kind: str) -> None:
+    """Where little turns, the noise makes minima far from zero."""
+    fits = [fit_latency(log(kind, seed)) for seed in range(5)]
+    assert max(abs(fit.undone_s) for fit in fits) < 0.005
+    assert all(0.0 < fit.left_sd_s <= LATENCY_SD_S for fit in fits)
+
+
+def test_beside_roll_and_pitch_it_is_that_of_the_heading_made_with_them() -> None:
+    """Roll and pitch 4 ms early beside the gyro, the readings 11 ms late."""
+    found = []
+    for seed in range(4):
+        samples = delayed(0.011)(simulate("hand", n=2500, seed=seed).samples)
+        early = ag.undelayed(samples, -0.004)
+        rows = np.arange(len(early))
+        early = samples.select(rows).with_columns(
+            roll_deg=early.roll_deg, pitch_deg=early.pitch_deg, heading_deg=None
+        )
+        fit = fit_latency(early)
+        assert fit.method == "tilt"
+        assert fit.significant
+        found.append(1e3 * fit.latency_s)
+    assert np.mean(found) == pytest.approx(15.0, abs=0.5)
+
+
+@pytest.mark.parametrize("late_s", [-0.5, 0.5])
+def test_clocks_far_apart_are_found(late_s: float) -> None:
+    fit = fit_latency(log("circle", 1, late_s))
+    assert fit.significant
+    assert fit.latency_s == pytest.approx(late_s, abs=4 * fit.sd_s)
+
+
+def test_a_slow_sensor_is_not_late_by_half_of_its_interval() -> None:
+    held = duplicated(10)(log("hand", 2))
+    fit = fit_latency(held)
+    assert not fit.significant
+    assert abs(fit.latency_s) < 0.004
+    slow = log("hand", 2)
+    rows = np.arange(len(slow)) // 10 * 10
+    slow = slow.with_columns(rotation_rate=slow.rotation_rate[rows])
+    assert abs(fit_latency(slow).latency_s) < 0.004
+
+
+def test_a_calibration_carries_it_with_its_error() -> None:
+    late = log("tumble", 3, 0.03)
+    made = ag.calibrate(late, 50_000.0)
+    fit = fit_latency(late)
+    assert made.calibration.latency_s == fit.latency_s
+    assert made.calibration.latency_sd_s == fit.sd_s
+    turned = np.degrees(measure_rate(late) * fit.sd_s)
+    assert made.fit.coverage.heading_sd_deg > turned
+    assert Compass(calibration=made.calibration).latency_sd_s == fit.sd_s
+    assert Compass(calibration=made.calibration, latency_s=0.0).latency_sd_s is None
+
+
+def test_a_delay_that_a_fast_log_does_not_tell_is_named() -> None:
+    """Ten milliseconds at 500°/s are 5° of heading, whatever the magnitude tells."""
+    made = simulate("tumble", n=1500, pace_s=0.3, seed=4)
+    samples = with_inertial_unit(seed=4)(made.samples)
+    fit, told = ag.fit_ellipsoid(samples, 50_000.0), fit_latency(samples)
+    unknown = replace(told, sd_s=np.inf, known=False, significant=False)
+    kept = keep_latency(fit, samples, unknown)
+    (named,) = [one for one in kept.findings if one.name == "delay"]
+    assert "10 ms only" in named.what
+    turned = np.degrees(measure_rate(samples) * LATENCY_SD_S)
+    assert kept.coverage.heading_sd_deg == pytest.approx(turned, rel=0.01)
+    assert kept.calibration.latency_sd_s == LATENCY_SD_S
+    assert keep_latency(fit, samples, told).verdict == "good"
+    assert keep_latency(fit, samples, None) is fit
+
+
+def test_the_heading_of_each_row_counts_it() -> None:
+    """Delays that scatter as stated turn headings by as much as stated."""
+    made = simulate("hand", n=1500, noise=0.0, seed=5)
+    calibration = replace(made.truth, covariance=np.zeros((9, 9)), noise=0.0, latency_sd_s=0.01)
+    setup = Setup(
+        compasses=(Compass(calibration=calibration),), declination_deg=0.0, tilt_sd_deg=0.0
+    )
+    squares, stated = [], []
+    for late_s in 0.01 * np.random.default_rng(0).standard_normal(12):
+        samples = delayed(late_s)(made.samples)
+        found = ag.heading(samples, setup)
+        off = (found.true_deg - samples.heading_deg + 180.0) % 360.0 - 180.0
+        level = np.abs(found.pitch_deg) < 45.0
+        squares.append(np.mean(off[level] ** 2))
+        stated.append(np.mean(found.sd_deg[level] ** 2))
+    assert np.sqrt(np.mean(squares) / np.mean(stated)) == pytest.approx(1.0, abs=0.35)
+
+
+def test_the_fit_beside_accelerometer_and_gyro_finds_it_by_itself() -> None:
+    made = simulate("circle", tilt_deg=10.0, n=2000, inclination_deg=65.0, seed=6)
+    late = delayed(0.1)(with_inertial_unit(seed=6)(made.samples))
+    place = ag.Reference.vector(made.field_n, frame="n")
+    fit = ag.fit_inertial(late, place)
+    assert fit.calibration.latency_s == pytest.approx(0.1, abs=0.015)
+    assert fit.calibration.latency_sd_s < 0.006
+    assert (np.abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all()
+    assert ag.fit_inertial(late, place, latency=False).calibration.latency_s == 0.0
+
+
+def test_a_field_brought_to_the_rows_is_that_of_their_moments() -> None:
+    made = simulate("hand", n=500, noise=0.0, seed=7)
+    late = delayed(0.05)(made.samples)
+    truth = replace(made.truth, latency_s=0.05)
+    off = advance(truth.correct(late.field), late, truth) - truth.correct(
+        made.samples.select(np.arange(len(made.samples) - len(late), len(made.samples))).field
+    )
+    assert np.abs(off[5:-5]).max() < 400.0  # of 50 000: interpolated twice between 20 ms
