@@ -68,12 +68,12 @@ from agonic.logs.read import sensors as sensors
 from agonic.moments import Moments as Moments
 from agonic.provenance import Provenance as Provenance
 from agonic.recording.calibrated import Calibrated as Calibrated
-from agonic.recording.calibrated import calibrate as calibrate
 from agonic.recording.comparison import Comparison as Comparison
 from agonic.recording.comparison import compare as compare
 from agonic.recording.document import render as render
 from agonic.recording.evaluation.cross_validation import Evaluation as Evaluation
 from agonic.recording.evaluation.cross_validation import evaluate as evaluate
+from agonic.recording.mounting import calibrate as calibrate
 from agonic.reference import Reference as Reference
 from agonic.samples import Samples as Samples
 from agonic.simulation import SimulatedVehicle as SimulatedVehicle

@@ -162,7 +162,7 @@ def test_what_may_pass_is_tried_again(fleet: Path, tmp_path: Path, monkeypatch) 
         raise MemoryError
 
     with monkeypatch.context() as patched:
-        patched.setattr(one_log, "calibrate_mounted", exhausted)
+        patched.setattr(one_log, "calibrate", exhausted)
         assert run_here(log, out=out).population["verdict"].tolist() == ["refused"]
     assert run_here(log, out=out).population["verdict"].tolist() != ["refused"]
 

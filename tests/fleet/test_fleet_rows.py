@@ -103,7 +103,7 @@ def test_what_nobody_foresaw_is_a_row_too(logs: Path, tmp_path: Path, monkeypatc
     def fails(*_: object, **__: object) -> Calibrated:
         raise ZeroDivisionError("of a kind")
 
-    monkeypatch.setattr(one_log, "calibrate_mounted", fails)
+    monkeypatch.setattr(one_log, "calibrate", fails)
     (row,) = run_here(logs / "good" / "board000.csv", out=tmp_path / "out").population
     assert (row.verdict, row.status) == ("refused", "unexpected: ZeroDivisionError: of a kind")
     assert row.sha256

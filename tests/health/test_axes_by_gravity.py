@@ -100,7 +100,7 @@ def test_at_every_dip(kind: str, inclination_deg: float) -> None:
 
 def test_no_alarm_where_the_vehicle_manoeuvres() -> None:
     checked = 0
-    for seed in range(4):
+    for seed in range(5):
         logs = [
             simulate(kind, n=1000, rate_Hz=20.0, seed=seed).samples
             for kind in ("flight", "boat", "car")

@@ -17,7 +17,7 @@ from benchmarks.torture import heading_error_deg
 import agonic as ag
 from agonic.calibration.interference import Interference
 from agonic.maths.rotations.attitude import down_b
-from agonic.recording.calibrated import judge
+from agonic.recording.calibrated import calibrate_as_named, judge
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)
@@ -98,13 +98,17 @@ def test_a_current_joins_where_it_moves_the_readings_and_only_there() -> None:
     assert not isinstance(alone.fit.calibration, Interference)
 
 
-def test_a_sensor_in_other_axes_is_fitted_by_its_magnitude() -> None:
+def test_a_sensor_in_other_axes_is_turned_into_those_of_the_vehicle() -> None:
     made = simulate("tumble", n=3000)
     turned = made.samples.with_columns(field=made.samples.field[:, [1, 2, 0]])
-    result = ag.calibrate(turned, ag.Reference.vector(made.field_n, frame="n"))
-    assert result.method == "ellipsoid"
-    assert "a vector fit was refused" in result.reason
-    assert result.verdict == "good"
+    place = ag.Reference.vector(made.field_n, frame="n")
+    result = ag.calibrate(turned, place)
+    assert (result.method, result.verdict) == ("vector", "good")
+    off = result.calibration.correct(turned.field) - made.field_b
+    assert np.sqrt(np.mean(off**2)) < 1.5 * result.fit.noise
+    named = calibrate_as_named(turned, place)
+    assert (named.method, named.verdict) == ("ellipsoid", "check")
+    assert "a vector fit was refused" in named.reason
 
 
 def test_halves_are_fitted_with_the_same_choices() -> None:
@@ -154,6 +158,18 @@ def test_where_the_dip_is_not_that_of_the_place_the_magnitude_alone_counts() -> 
     assert "a levelled fit was refused" in result.reason
     assert "attitude" in {finding.name for finding in result.fit.findings}
     assert np.all(np.abs(result.fit.calibration.bias - bias) < 4 * result.fit.sd[:3])
+
+
+@pytest.mark.parametrize("kind", ["tumble", "hand"])
+def test_axes_that_are_mirrored_beside_an_attitude_are_told(kind: str) -> None:
+    """The magnitude does not see it, and no mounting explains it: headings would be wrong."""
+    made = simulate(kind, n=3000, noise=100.0, seed=3)
+    mirrored = made.samples.with_columns(
+        field=made.samples.field * [1.0, -1.0, 1.0], acceleration=None, heading_deg=None
+    )
+    result = ag.calibrate(mirrored, PLACE)
+    assert (result.method, result.verdict) == ("ellipsoid", "check")
+    assert "The axes are not those of roll and pitch: y is reversed" in result.status
 
 
 def test_the_dip_at_which_the_heading_is_stated_is_that_of_the_place() -> None:

@@ -7,7 +7,8 @@ import agonic as ag
 from agonic.calibration.mounting import turn_calibration, turn_field
 from agonic.console.mounting import parse_mounting
 from agonic.exports.csv import write_csv
-from agonic.recording.mounting import calibrate_mounted, find_turn, turn_back, turn_readings
+from agonic.recording.calibrated import calibrate_as_named
+from agonic.recording.mounting import calibrate, find_turn, turn_back, turn_readings
 from agonic.simulation import simulate
 from tests.command_line import answer
 from tests.inertial.drives import drive
@@ -52,7 +53,7 @@ def test_mountings_that_cannot_be(text: str) -> None:
 
 def test_the_calibration_takes_readings_as_they_are_logged() -> None:
     samples, field_b, place, turn = flown()
-    assert ag.calibrate(samples, place).method == "ellipsoid"  # in axes of its own
+    assert calibrate_as_named(samples, place).method == "ellipsoid"  # in axes of its own
     result = turn_back(ag.calibrate(turn_readings(samples, turn), place), turn)
     assert (result.method, result.verdict) == ("levelled", "good")
     assert "x points up, y forward, z left" in result.reason
@@ -97,7 +98,7 @@ def test_readings_in_body_axes_need_another_orientation_instead() -> None:
 
 def test_a_mounting_that_is_certain_is_applied_and_told() -> None:
     samples, field_b, place, _ = flown()
-    result = calibrate_mounted(samples, place)
+    result = calibrate(samples, place)
     assert (result.method, result.verdict) == ("levelled", "good")
     assert "x points up, y forward, z left" in result.status
     off = (result.calibration.correct(samples.field) - field_b).mean(axis=0)
@@ -110,7 +111,7 @@ def test_a_mounting_is_applied_only_where_dip_and_axes_agree() -> None:
     """Roll counted the wrong way round looks like a sensor that lies on its back."""
     samples, _, place, turn = flown()
     plain = samples.with_columns(field=samples.field @ turn.T)
-    banked = calibrate_mounted(plain.with_columns(roll_deg=-plain.roll_deg), place)
+    banked = calibrate(plain.with_columns(roll_deg=-plain.roll_deg), place)
     assert banked.method == "ellipsoid"  # in axes of its own
     assert "is mounted so that" not in banked.status
     level = samples.with_columns(frame="b")
@@ -121,7 +122,7 @@ def test_a_mounting_is_applied_only_where_dip_and_axes_agree() -> None:
 def test_beside_an_accelerometer_the_axes_are_those_of_it() -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000)
     turn = parse_mounting("x backward, y right")
-    result = calibrate_mounted(logged.with_columns(field=logged.field @ turn), place)
+    result = calibrate(logged.with_columns(field=logged.field @ turn), place)
     assert (result.method, result.verdict) == ("inertial", "good")
     assert "x points backward, y right, z up" in result.status
     off = result.calibration.correct(logged.field @ turn) - made.field_b

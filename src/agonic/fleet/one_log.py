@@ -26,7 +26,7 @@ from agonic.population import Row
 from agonic.provenance import escape_text, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate_recording
 from agonic.recording.files import write_folder
-from agonic.recording.mounting import calibrate_mounted
+from agonic.recording.mounting import calibrate
 from agonic.samples import Samples
 from agonic.version import __version__
 
@@ -162,7 +162,7 @@ def try_calibrate(
         if run is not None:
             return run(reference, **of_place)
         kind: Any = settings.method
-        return calibrate_mounted(samples, reference, kind=kind, **of_place)
+        return calibrate(samples, reference, kind=kind, **of_place)
     except Exception as error:  # as above
         return error
 

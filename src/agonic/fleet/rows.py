@@ -30,7 +30,7 @@ def make_row(
 
     Parameters: as the fields of `Row`. A refused fit has its figures too: they show why.
 
-    >>> from agonic.recording.calibrated import calibrate
+    >>> from agonic.recording.mounting import calibrate
     >>> from agonic.simulation import simulate
     >>> row = make_row(calibrate(simulate("tumble").samples), sensor="a", source="a.csv")
     >>> row.verdict, row.method, row.rows

@@ -64,7 +64,11 @@ def check_mounting(readings: Array, down: Array) -> Finding | None:
 
 
 def check_axes(
-    field: Array, acceleration: Array, magnitude: float, upwards: bool | None = None
+    field: Array,
+    acceleration: Array,
+    magnitude: float,
+    upwards: bool | None = None,
+    beside: str = "the accelerometer beside it",
 ) -> Finding | None:
     """The finding that the axes of the readings are not those of the accelerometer beside them.
 
@@ -74,7 +78,7 @@ def check_axes(
 
     Parameters: calibrated field (n, 3) and its magnitude, acceleration (n, 3) m/s²; `upwards`
     whether the field points up there. Without it, all axes and none reversed cannot be told apart,
-    and the naming with fewer reversals is told.
+    and the naming with fewer reversals is told. `beside` says what the acceleration is from.
     """
     thinned = slice(None, None, -(-len(field) // _MOST))
     field, acceleration = field[thinned], acceleration[thinned]
@@ -97,10 +101,10 @@ def check_axes(
     return Finding(
         "axes",
         "check",
-        f"the axes are not those of the accelerometer beside it: {describe_renaming(turn)} (the "
+        f"the axes are not those of {beside}: {describe_renaming(turn)} (the "
         f"vertical field is then constant to {figure(100 * misfit[best])} %, as named to "
         f"{figure(100 * misfit[0])} %)",
-        "name the axes of the magnetometer or of the accelerometer rightly and calibrate again: "
+        f"name the axes of the magnetometer, or those of {beside}, rightly and calibrate again: "
         "the calibration holds for the axes as named, a heading from both would be wrong",
     )
 

@@ -24,7 +24,7 @@ from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
-from agonic.recording.calibrated import calibrate, list_failed
+from agonic.recording.calibrated import calibrate_as_named, list_failed
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -237,7 +237,9 @@ class LiveFit:
     def _find_objections(self) -> tuple[Finding, ...]:
         settings: dict[str, Any] = {"inclination_deg": self.params.inclination_deg}
         try:
-            made = calibrate(self.samples, self.params.reference, kind="ellipsoid", **settings)
+            made = calibrate_as_named(
+                self.samples, self.params.reference, kind="ellipsoid", **settings
+            )
         except AgonicError as error:
             return (Finding("calibration", "check", str(error), "go on turning"),)
         grave = (finding for finding in made.fit.findings if finding.severity != "note")

@@ -98,7 +98,7 @@ class Calibrated(Readable):
         return correct_field(self.fit.calibration, self.samples)
 
 
-def calibrate(
+def calibrate_as_named(
     samples: Given,
     reference: Reference | ArrayLike | None = None,
     *,
@@ -106,29 +106,7 @@ def calibrate(
     kind: Kind = "auto",
     **settings: Any,
 ) -> Calibrated:
-    """Calibrate one magnetometer and verify it on held-out parts of its own log.
-
-    The log is cut into blocks of time; each row is judged by a fit to the blocks that do not hold
-    it (two folds of alternate blocks; where half a log determines too little, a fit without each
-    block). The calibration itself uses all rows.
-
-    Parameters
-    ----------
-    samples : as in `fit_ellipsoid`. reference : as there, (n,) or constant, or as in `fit_levelled`
-        and `fit_vector`. unit : of samples that are given as plain numbers.
-    kind : "ellipsoid", "levelled", "inertial", "vector", "interference", or "auto": vector where an
-        independent heading is known, levelled where roll and pitch are, inertial where an
-        accelerometer is, each with the field of the place; ellipsoid otherwise, or where it is sure
-        enough by itself. A latency that stands out is undone first, and a current on
-        board joins the fit where it matters.
-    settings : those of the fit.
-
-    Raises `CoverageError` where nothing can be fitted at all.
-
-    >>> from agonic.simulation import simulate
-    >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
-    'good'
-    """
+    """`calibrate` along the axes that the readings are named for, whatever their mounting."""
     meant, reference = as_samples(samples, unit), Reference.of(reference)
     meant = without_held(meant)
     choice = choose(meant, reference, kind, settings)

@@ -340,7 +340,7 @@ def fall_back(
     if not causes or not causes <= NOT_OF_THE_MAGNETOMETER:
         return aided
     try:
-        alone = _fit_alone(samples, reference, settings)
+        alone = _check_by_gravity(_fit_alone(samples, reference, settings))
     except CoverageError:
         return aided
     return aided if alone.fit.verdict == "refused" else _tell(alone, aided)
@@ -354,10 +354,11 @@ def _causes(choice: Choice) -> set[str]:
 def _tell(choice: Choice, refused: Choice) -> Choice:
     """A choice with what refused the fit before it: the log's attitude has to be looked at.
 
-    A mounting by right angles is the reason and no more: the calibration is in the sensor's axes.
+    Where the choice says which axes are named wrongly, a mounting by right angles is not told too.
     """
     grave = [finding for finding in refused.fit.findings if finding.severity == "refuse"]
-    told = [replace(one, severity="check") for one in grave if one.name != "mounting"]
+    said = {"mounting"} if any(one.name == "axes" for one in choice.fit.findings) else set()
+    told = [replace(one, severity="check") for one in grave if one.name not in said]
     carried = [one for one in refused.fit.findings if one.name == "heading" and one not in grave]
     why = f"a {refused.method} fit was refused ({grave[0].what})"
     return replace(choice, fit=choice.fit.with_findings(*told, *carried), reason=why)

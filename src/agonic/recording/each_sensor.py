@@ -17,8 +17,8 @@ from agonic.console.progress import progress, waiting
 from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
 from agonic.logs.log import Log
-from agonic.recording.calibrated import Calibrated, calibrate
-from agonic.recording.mounting import calibrate_mounted, turn_back, turn_readings
+from agonic.recording.calibrated import Calibrated, calibrate_as_named
+from agonic.recording.mounting import calibrate, turn_back, turn_readings
 from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
 from agonic.recording.pair import require_reference, take_mixes, tell_pairs
 from agonic.samples import Samples
@@ -70,14 +70,16 @@ def calibrate_each(
         reference, settings = find_reference(samples, at, date, field)
         kind: Any = method
         if turn is None:
-            return calibrate_mounted(samples, reference, kind=kind, **settings)
+            return calibrate(samples, reference, kind=kind, **settings)
         turned = turn_readings(samples, turn)
-        return turn_back(calibrate(turned, reference, kind=kind, **settings), turn)
+        return turn_back(calibrate_as_named(turned, reference, kind=kind, **settings), turn)
 
     def mix(samples: Samples) -> Calibrated:
         reference, settings = find_reference(samples, at, date, field)
         known = require_reference(reference)
-        return calibrate(samples, known, kind="interference", sources=("second",), **settings)
+        return calibrate_as_named(
+            samples, known, kind="interference", sources=("second",), **settings
+        )
 
     recording, sensors = open_sensors(log, None if second else sensor, unit, between)
     results, failures = _run([(one.name, partial(run, one)) for one in sensors])

@@ -7,15 +7,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.mounting import turn_calibration
 from agonic.errors import AgonicError
 from agonic.health import FEWEST, Finding, find_mounting, find_usable_rows, sentences
 from agonic.inertial.attitude import feel_attitude
+from agonic.logs.natural import Given, as_samples
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.mounting import describe_mounting
-from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.calibrated import Calibrated, calibrate_as_named
 from agonic.recording.choice import Kind
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -23,20 +25,48 @@ from agonic.samples import Samples
 STEEP_DEG = 10.0
 
 
-def calibrate_mounted(
-    samples: Samples, reference: Reference | None, *, kind: Kind = "auto", **settings: Any
+def calibrate(
+    samples: Given,
+    reference: Reference | ArrayLike | None = None,
+    *,
+    unit: str | None = None,
+    kind: Kind = "auto",
+    **settings: Any,
 ) -> Calibrated:
-    """What `calibrate` makes of it; of a sensor that sits turned, in the vehicle's axes.
+    """Calibrate one magnetometer and verify it on held-out parts of its own log.
 
-    The turn is applied where roll and pitch, or an accelerometer, tell it far better than any
-    other, and the fit of the turned readings holds, dip included.
+    A sensor that sits turned by right angles is calibrated in the vehicle's axes, where roll and
+    pitch, or an accelerometer, tell that turn far better than any other and the fit of the turned
+    readings holds, dip included; `status` then says so.
+
+    The log is cut into blocks of time; each row is judged by a fit to the blocks that do not hold
+    it (two folds of alternate blocks; where half a log determines too little, a fit without each
+    block). The calibration itself uses all rows.
+
+    Parameters
+    ----------
+    samples : as in `fit_ellipsoid`. reference : as there, (n,) or constant, or as in `fit_levelled`
+        and `fit_vector`. unit : of samples that are given as plain numbers.
+    kind : "ellipsoid", "levelled", "inertial", "vector", "interference", or "auto": vector where an
+        independent heading is known, levelled where roll and pitch are, inertial where an
+        accelerometer is, each with the field of the place; ellipsoid otherwise, or where it is sure
+        enough by itself. A latency that stands out is undone first, and a current on
+        board joins the fit where it matters.
+    settings : those of the fit.
+
+    Raises `CoverageError` where nothing can be fitted at all.
+
+    >>> from agonic.simulation import simulate
+    >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
+    'good'
     """
-    turn = find_turn(samples, reference) if kind == "auto" else None
+    meant, known = as_samples(samples, unit), Reference.of(reference)
+    turn = find_turn(meant, known) if kind == "auto" else None
     if turn is not None:
-        turned = calibrate(turn_readings(samples, turn), reference, kind=kind, **settings)
+        turned = calibrate_as_named(turn_readings(meant, turn), known, kind=kind, **settings)
         if turned.verdict != "refused" and turned.method != "ellipsoid":
             return _tell_turn(turn_back(turned, turn), turn)
-    return calibrate(samples, reference, kind=kind, **settings)
+    return calibrate_as_named(meant, known, kind=kind, **settings)
 
 
 def find_turn(samples: Samples, reference: Reference | None) -> Array | None:

@@ -14,7 +14,7 @@ from agonic.live.streams import Source
 from agonic.live.web.messages import Outcome
 from agonic.live.web.plan import Plan
 from agonic.provenance import Input, hash_file
-from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.calibrated import Calibrated, calibrate_as_named
 from agonic.recording.document import Written
 from agonic.recording.files import write_folder
 from agonic.samples import Samples
@@ -42,7 +42,7 @@ def write_results(plan: Plan, source: Source, samples: Mapping[str, Samples]) ->
         told = Input(name=path.name, sha256=hash_file(path), count=len(readings))
         try:
             readings = replace(readings, source=told)
-            results.append(calibrate(readings, plan.reference, **plan.settings))
+            results.append(calibrate_as_named(readings, plan.reference, **plan.settings))
         except AgonicError as error:
             failures.append(Outcome(name, "refused", str(error), []))
     written = write_folder(results, plan.folder, title=f"Live: {source.name}", stack=source.stack)

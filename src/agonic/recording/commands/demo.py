@@ -32,9 +32,9 @@ def demo(
     from agonic.exports.csv import write_csv
     from agonic.logs.read import open_log
     from agonic.maths.equation.symmetric import pack_symmetric
-    from agonic.recording.calibrated import calibrate
     from agonic.recording.document import describe_recording
     from agonic.recording.files import write_folder
+    from agonic.recording.mounting import calibrate
     from agonic.reference import Reference
     from agonic.report.document import Section, Table
 

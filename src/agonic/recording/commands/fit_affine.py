@@ -199,10 +199,10 @@ def _run(
 ) -> int:
     """Fit, verify, write, and say so."""
     from agonic.console.place import find_reference
-    from agonic.recording.calibrated import calibrate
+    from agonic.recording.calibrated import calibrate_as_named
 
     reference, of_place = find_reference(samples, *place)
-    result = calibrate(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
+    result = calibrate_as_named(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
     return _finish(result, out, as_json)
 
 

@@ -14,7 +14,7 @@ from agonic.attitude.delay import advance
 from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
 from agonic.logs.natural import Given, as_samples
-from agonic.recording.calibrated import Calibrated, calibrate
+from agonic.recording.calibrated import Calibrated, calibrate_as_named
 from agonic.recording.choice import Kind
 from agonic.recording.evaluation.errors import (
     HEADING,
@@ -126,7 +126,7 @@ def predict_by_choice(
 
     def predict(fitted: Index, unseen: Index) -> Prediction:
         part = None if reference is None else reference.select(fitted)
-        made = calibrate(samples.select(fitted), part, kind=kind, **settings)
+        made = calibrate_as_named(samples.select(fitted), part, kind=kind, **settings)
         judged, calibration = samples.select(unseen), made.fit.calibration
         field = advance(correct_field(calibration, samples), samples, calibration)[unseen]
         stated = state_errors(made, judged, field, known.select(unseen))
@@ -212,7 +212,7 @@ def evaluate(
         for one in UNITS
         if one in unseen.errors
     )
-    calibrated = calibrate(shown, reference, kind=kind, **settings)
+    calibrated = calibrate_as_named(shown, reference, kind=kind, **settings)
     beside = "" if HEADING not in unseen.errors else _name_truth(meant, truth)
     return Evaluation(
         calibrated=calibrated,
