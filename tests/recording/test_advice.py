@@ -1,6 +1,7 @@
 """What a user is told to do suits the recording, and the next step is a command to type."""
 
 import webbrowser
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import agonic as ag
 from agonic.cli import run
 from agonic.recording.advice import suit_advice
-from agonic.simulation import simulate
+from agonic.simulation import simulate, with_inertial_unit
 
 N = 400
 
@@ -76,8 +77,70 @@ def test_raw_readings_of_the_earth_s_size_are_asked_about(capsys) -> None:
     samples = simulate("hand", n=500, seed=2).samples
     raw = ag.Samples(field=samples.field / 100, unit="raw")
     assert "Next agonic calibrate log.csv --unit mG" in say(raw, capsys)
+    level = raw.with_columns(field=raw.field * [1, 1, 0.001])  # no unit gives what was not seen
+    assert "Next" not in say(level, capsys)
     counts = raw.with_columns(field=raw.field * 0.37e-3)
     assert "--unit" not in say(counts, capsys)
+
+
+def test_the_next_command_reads_the_log_as_this_one_did(capsys) -> None:
+    """What was typed for the log, its unit, columns and place, is needed by what follows too."""
+    made = simulate("hand", n=800, noise=50.0, seed=2).samples
+    rows = np.column_stack([made.time, made.field / 100])
+    np.savetxt("log.csv", rows, delimiter=",", header="t,a,b,c", comments="")
+    typed = ["--columns", "time_s=t,x=a,y=b,z=c", "--unit", "mG", "--at", "48,11"]
+    capsys.readouterr()
+    assert run(["calibrate", "log.csv", "-o", "out", "--date", "2026-05-01", *typed]) == 0
+    following = capsys.readouterr().out.replace("\\\n", "").split("Next      agonic ")[1]
+    assert run(following.split()) == 0
+    assert Path("corrected.csv").is_file()
+    place = ["--at", "48,11", "--date", "2026-05-01", "--method", "ellipsoid"]
+    following = say(made, capsys, *place).replace("\\ ", "").split("Next agonic ")[1]
+    assert "--at 48,11 --date 2026-05-01" in following
+    assert run(following.split()) == 0
+    assert Path("headings.csv").is_file()
+
+
+def test_a_rover_s_log_without_its_place_is_asked_for_it(capsys) -> None:
+    rover = simulate("circle", tilt_deg=5.0, n=1500, seed=1)
+    samples = with_inertial_unit()(rover.samples)
+    said = say(samples, capsys)
+    assert "give the place (--at LAT,LON)" in said
+    assert "Next agonic calibrate log.csv --at LAT,LON -o out" in said
+    assert "--at LAT" not in say(samples, capsys, "--field", "50000")
+
+
+def test_a_stretch_is_no_cure_for_turns_that_are_missing(capsys) -> None:
+    level = simulate("circle", tilt_deg=2.0, n=2000, noise=50.0, seed=3).samples
+    jump = np.where(np.arange(2000) < 700, 6000.0, 0.0)[:, None] * [1.0, 0.0, 0.0]
+    assert "--between" not in say(level.with_columns(field=level.field + jump), capsys)
+
+
+def test_what_was_not_read_is_told_with_a_refusal(capsys) -> None:
+    made = simulate("circle", tilt_deg=2.0, n=500, seed=3).samples
+    rows = np.column_stack([made.time, made.field, np.tile([1.0, 2.0, 16384.0], (500, 1))])
+    np.savetxt(
+        "log.csv", rows, delimiter=",", comments="", header="time_s,mx_nT,my_nT,mz_nT,ax,ay,az"
+    )
+    assert run(["calibrate", "log.csv", "-o", "out"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "acc left out" in said
+    assert run(["info", "log.csv"]) == 0
+    assert " ".join(capsys.readouterr().out.split()).count("acc left out") == 1
+
+
+def test_a_spacecraft_without_altitude_is_told_what_its_field_rests_on(capsys) -> None:
+    angle = np.linspace(0, 4, N)
+    track = {"latitude_deg": 50 * np.sin(angle), "longitude_deg": np.degrees(angle) - 100}
+    body = simulate("tumble", n=N, seed=1).samples.field
+    epoch = datetime(2026, 5, 1, tzinfo=UTC)
+    made = ag.Samples(field=body, time=angle * 900, epoch=epoch, **track)
+    said = say(made, capsys)
+    assert "the field was taken from the world model at sea level" in said
+    assert "Next agonic fit inflight log.csv --altitude METRES" in said
+    high = say(made.with_columns(altitude_m=np.full(N, 400e3)), capsys)
+    assert "sea level" not in high
+    assert "--altitude" not in high
 
 
 def test_every_file_is_listed_with_what_it_is_for(capsys, monkeypatch) -> None:
@@ -89,5 +152,5 @@ def test_every_file_is_listed_with_what_it_is_for(capsys, monkeypatch) -> None:
         assert f"{path.name} " in listed
     assert "mag.h for firmware" in listed
     assert "report.html the report" in listed
-    assert "Next agonic heading out/setup.toml log.csv -o headings.csv" in said
+    assert "Next agonic heading out/setup.toml log.csv --at LAT,LON --date 20" in said
     assert opened == [Path("out/report.html").resolve().as_uri()]

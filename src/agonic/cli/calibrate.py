@@ -28,6 +28,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def calibrate(
+    context: typer.Context,
     log: LogPath,
     out: Annotated[
         Path | None,
@@ -78,6 +79,7 @@ def calibrate(
     """
     from agonic.cli.keep import keep_results
     from agonic.console.finish import finish
+    from agonic.console.typed_options import list_typed_options
     from agonic.ellipse.command import calibrate_two_axes
     from agonic.errors import TwoAxisError, check_choice
     from agonic.recording.document import describe_recording
@@ -130,6 +132,7 @@ def calibrate(
         place = (unit, at, date, field)
         keep_results(store, results, recording, place, method, between, name)
     document = describe_recording(results, written=written, failures=failures)
-    document = replace(document, next_step=choose_command(results, log, folder))
+    command = choose_command(results, log, folder, list_typed_options(context))
+    document = replace(document, next_step=command)
     page = folder / "report.html"
     return finish(document, page=page, as_json=as_json, brief=not verbose, open_page=show)

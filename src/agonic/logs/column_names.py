@@ -144,6 +144,18 @@ def give_names(text: str | None) -> None:
     _given.set(None if text is None else parse_names(text))
 
 
+def write_given_names() -> str:
+    """The names that were given, as one types them; "" where none were.
+
+    >>> give_names("time_s=t, x=a")
+    >>> write_given_names()
+    'time_s=t,x=a'
+    >>> give_names(None)
+    """
+    given = _given.get()
+    return "" if given is None else ",".join(f"{a}={b}" for a, b in given.headers.items())
+
+
 @contextmanager
 def names_for(
     path: Path, columns: str | Mapping[str, str] | ColumnNames | None

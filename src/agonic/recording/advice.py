@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.health import Finding
+from agonic.health import Finding, sort_findings
+from agonic.reference import Reference
 from agonic.samples import Samples
 
 EARTH_RADIUS_M = 6_371_000.0
@@ -19,8 +20,12 @@ TURNING = ("static", "plane", "small tilt", "coverage", "few orientations")
 """Findings that ask somebody to turn the sensor."""
 
 
-def suit_advice(findings: Iterable[Finding], samples: Samples) -> tuple[Finding, ...]:
+def suit_advice(
+    findings: Iterable[Finding], samples: Samples, reference: Reference | None = None
+) -> tuple[Finding, ...]:
     """The findings, what helps against them suited to where the samples were recorded.
+
+    The `reference` is the one that they were calibrated by, if any.
 
     >>> still = Finding("static", "refuse", "the sensor did not turn", "turn it")
     >>> [found.name for found in suit_advice([still], Samples(field=[[1.0, 2, 3]], frame="n"))]
@@ -30,13 +35,27 @@ def suit_advice(findings: Iterable[Finding], samples: Samples) -> tuple[Finding,
     if samples.frame in ("n", "e"):
         kept = (finding for finding in found if finding.name not in TURNING)
         return (_name_axes_of_the_earth(samples), *kept)
-    move = _choose_move(samples)
-    if not move:
-        return found
-    return tuple(
-        replace(finding, move=move) if _asks_to_turn(finding, samples) else finding
-        for finding in found
-    )
+    if move := _choose_move(samples):
+        found = tuple(
+            replace(finding, move=move) if _asks_to_turn(finding, samples) else finding
+            for finding in found
+        )
+    elif lacks_place(samples, reference):
+        found = tuple(map(_ask_for_place, found))
+    if reference is not None and samples.altitude_m is None and is_in_space(samples):
+        found = (_miss_altitude(), *found)
+    return sort_findings(found)
+
+
+def lacks_place(samples: Samples, reference: Reference | None) -> bool:
+    """Whether the log tells which way is down, and the field of the place is not known to use it.
+
+    >>> lacks_place(Samples(field=[[1.0, 2, 3]], acceleration=[[0, 0, -9.8]]), None)
+    True
+    """
+    felt = samples.acceleration is not None
+    logged = samples.roll_deg is not None and samples.pitch_deg is not None
+    return reference is None and (felt or logged)
 
 
 def is_in_space(samples: Samples) -> bool:
@@ -55,6 +74,27 @@ def is_in_space(samples: Samples) -> bool:
 
 def _asks_to_turn(finding: Finding, samples: Samples) -> bool:
     return finding.name in TURNING and (finding.name == "static" or is_in_space(samples))
+
+
+def _ask_for_place(finding: Finding) -> Finding:
+    """A refusal for want of turning, where the place would make up for some of it."""
+    if finding.name not in TURNING or finding.name == "static" or finding.severity != "refuse":
+        return finding
+    return replace(
+        finding,
+        move="give the place (--at LAT,LON): with it the accelerometer or the attitude in this "
+        f"log makes up for much of the turning; or {finding.move}",
+    )
+
+
+def _miss_altitude() -> Finding:
+    return Finding(
+        "altitude",
+        "check",
+        "the track is that of a spacecraft and has no altitude: the field was taken from the world "
+        "model at sea level, where it is stronger by some 20 % than at 400 km",
+        "log the altitude (altitude_m), or give it: agonic fit inflight LOG --altitude METRES",
+    )
 
 
 def _choose_move(samples: Samples) -> str:

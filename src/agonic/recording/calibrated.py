@@ -233,7 +233,7 @@ def _evidence(
 def _conclude(choice: Choice, verification: Verification) -> Calibrated:
     """The verdict: refused by the fit, to be checked for a failed check, or good."""
     fit = choice.fit
-    suited = suit_advice(fit.findings, choice.samples)
+    suited = suit_advice(fit.findings, choice.samples, choice.reference)
     if suited != fit.findings:
         fit = replace(fit, findings=()).with_findings(*suited)
     late = choice.latency is not None and choice.latency.significant

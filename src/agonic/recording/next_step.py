@@ -4,64 +4,100 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from agonic.console.standard_input import NAME
+from agonic.console.typed_options import write_options
 from agonic.files.names import file_stem
 from agonic.health import Finding, figure
-from agonic.recording.advice import is_in_space
+from agonic.recording.advice import TURNING, is_in_space, lacks_place
 from agonic.recording.calibrated import Calibrated
+from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER, RAW
 
 EARTH_NT = (20_000.0, 70_000.0)
 _GRAVEST_FIRST = ("refused", "check", "good")
+_OF_READING = ("--unit", "--columns")
+"""Options that every command needs which reads the log as this one did."""
+NOTHING: Mapping[str, str] = MappingProxyType({})
 _MOMENT = re.compile(r"t = (-?[\d.]+) s\b")
 
 
-def choose_command(results: Sequence[Calibrated], log: Path, folder: Path) -> str:
+def choose_command(
+    results: Sequence[Calibrated], log: Path, folder: Path, typed: Mapping[str, str] = NOTHING
+) -> str:
     """The command to type next, or "" where something has to be recorded first.
 
-    Parameters: the sensors of the `log`; the `folder` that was written.
+    Parameters: the sensors of the `log`; the `folder` that was written; the options that were
+    `typed`, which the next command needs as well.
     """
     if log.name == NAME:  # what was piped in is not there any more
         return ""
     named = shlex.quote(str(log))
     for result in sorted(results, key=lambda one: _GRAVEST_FIRST.index(one.verdict)):
-        if command := _find_remedy(result, named):
+        if command := _find_remedy(result, named, typed):
             return command
     usable = [result for result in results if result.verdict != "refused"]
     if not usable or len(usable) < len(results):
         return ""
     setup, first = folder / "setup.toml", usable[0]
+    read = {name: typed[name] for name in _OF_READING if name in typed}
     if setup.is_file() and first.samples.pitch_deg is not None:
-        return f"agonic heading {shlex.quote(str(setup))} {named} -o headings.csv"
+        options = write_options(read | _tell_place(first.samples, typed))
+        return f"agonic heading {shlex.quote(str(setup))} {named}{options} -o headings.csv"
     if first.verdict != "good":
         return ""
-    return f"agonic apply {shlex.quote(_find_calibration(folder, first))} {named} -o corrected.csv"
+    calibration = shlex.quote(_find_calibration(folder, first))
+    return f"agonic apply {calibration} {named}{write_options(read)} -o corrected.csv"
+
+
+def _tell_place(samples: Samples, typed: Mapping[str, str]) -> dict[str, str]:
+    """The place and the date that true headings need, where the log does not hold them."""
+    located = samples.latitude_deg is not None and samples.longitude_deg is not None
+    dated = samples.epoch is not None
+    told = {name: typed[name] for name in ("--at", "--date") if name in typed}
+    needed = {} if located else {"--at": "LAT,LON"}
+    needed |= {} if dated else {"--date": datetime.now(UTC).date().isoformat()}
+    return needed | told
 
 
 def _find_calibration(folder: Path, result: Calibrated) -> str:
     return str(folder / f"{file_stem(result.samples.name)}.json")
 
 
-def _find_remedy(result: Calibrated, log: str) -> str:
+def _find_remedy(result: Calibrated, log: str, typed: Mapping[str, str]) -> str:
     """The command that helps against what is the matter with a sensor, if one does."""
     samples = result.samples
     grave = {f.name: f for f in result.fit.findings if f.severity != "note"}
+    refused = {f.name for f in result.fit.findings if f.severity == "refuse"}
+
+    def again(**more: str) -> str:
+        new = {f"--{name}": value for name, value in more.items()}
+        options = new | {name: value for name, value in typed.items() if name not in new}
+        return f"agonic calibrate {log}{write_options(options)}"
+
     if "pair" in grave and "oppositely" in grave["pair"].what:
-        return f"agonic calibrate {log} --second auto"
-    if "field changed" in grave and samples.time is not None:
-        ends = float(samples.time[0]), float(samples.time[-1])
-        stretch = _find_longest_stretch(grave["field changed"], *ends)
-        return f"agonic calibrate {log} --between {stretch}"
-    if samples.unit == RAW and (unit := _guess_unit(result)):
-        return f"agonic calibrate {log} --unit {unit}"
+        return again(second="auto")
     if grave and is_in_space(samples) and samples.frame not in ("n", "e"):
-        return f"agonic fit inflight {log}"
+        options = {name: typed[name] for name in _OF_READING if name in typed}
+        if samples.unit == RAW:
+            options["--unit"] = _guess_unit(result) or "UNIT"
+        if samples.altitude_m is None:
+            options["--altitude"] = "METRES"
+        return f"agonic fit inflight {log}{write_options(options)}"
+    if refused & set(TURNING):  # what was not turned is in no stretch of it, and in no unit
+        return again(at="LAT,LON") if lacks_place(samples, result.reference) else ""
+    if "field changed" in grave and refused <= {"field changed"} and samples.time is not None:
+        ends = float(samples.time[0]), float(samples.time[-1])
+        return again(between=_find_longest_stretch(grave["field changed"], *ends))
+    if samples.unit == RAW and not refused and (unit := _guess_unit(result)):
+        return again(unit=unit)
     return ""
 
 

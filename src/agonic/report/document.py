@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from agonic.calibration.base import Calibration
 from agonic.health import Finding, sentences, sort_findings
+from agonic.health.finding import NOT_READ
 from agonic.report import blocks, tables, text
 from agonic.report.digits import typeset
 from agonic.report.markup import Markup, data_script, element, markup, table
@@ -273,7 +274,7 @@ class Document:
         indent = "  " if self.verdict else ""
         found, rest = self._split_status()
         for finding, says in found:
-            if finding.severity != "note" or not brief:
+            if finding.severity != "note" or not brief or finding.name == NOT_READ:
                 label = f"{tables.SEVERITIES[finding.severity][1]:<{_LABEL}}  "
                 yield text.wrap(says, width=width, indent=indent, label=label)
         if rest:

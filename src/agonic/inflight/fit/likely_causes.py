@@ -52,7 +52,8 @@ def find_impossible_track(samples: Samples) -> Cause | None:
     return Cause(
         f"the track moves at {figure(float(np.median(speed)) / 1000)} km/s at a height of "
         f"{figure(float(np.median(altitude)) / 1000)} km, where nothing orbits",
-        "give altitudes in metres above the ellipsoid",
+        "give altitudes in metres above the ellipsoid (a column altitude_m, --altitude M for all "
+        "readings), or two-line elements (--tle FILE)",
     )
 
 

@@ -90,9 +90,21 @@ def _sensor(samples: Samples) -> dict[str, Any]:
         "corrected": None if samples.logged is None else samples.logged.source,
         "notes": samples.notes,
         "findings": [
-            {"name": f.name, "severity": f.severity, "what": f.what} for f in describe(samples)
+            {"name": f.name, "severity": f.severity, "what": f.what, "move": f.move}
+            for f in describe(samples)
         ],
     }
+
+
+def _write_number(value: float) -> str:
+    """A number to six digits, its thousands set apart as everywhere.
+
+    >>> _write_number(-42067.25).replace("\u202f", " "), _write_number(5.0)
+    ('−42 067.2', '5')
+    """
+    from agonic.report.digits import MINUS, THIN
+
+    return f"{value:,.6g}".replace(",", THIN).replace("-", MINUS)
 
 
 def _text(log: Log, found: dict[str, Any]) -> str:
@@ -103,7 +115,8 @@ def _text(log: Log, found: dict[str, Any]) -> str:
         low, high = s["range"]
         unit = s["unit"]
         ranges = ", ".join(
-            f"{axis} {a:.6g} … {b:.6g}" for axis, a, b in zip("xyz", low, high, strict=True)
+            f"{axis} {_write_number(a)} … {_write_number(b)}"
+            for axis, a, b in zip("xyz", low, high, strict=True)
         )
         lines += [
             f"\n{s['sensor']}: {s['rows']} readings at {rate}{span}, axes of frame {s['frame']}",
@@ -115,8 +128,11 @@ def _text(log: Log, found: dict[str, Any]) -> str:
             lines.append(f"  disturbs? {', '.join(ends)} (agonic calibrate tries them)")
         if s["device_id"] is not None:
             lines.append(f"  device    {s['device_id']}")
-        lines += [f"  note      {note}" for note in s["notes"]]
-        lines += [f"  {f['severity']:<9} {f['what']}" for f in s["findings"]]
+        told = [f"{f['what']}{'; ' * bool(f['move'])}{f['move']}" for f in s["findings"]]
+        notes = (note for note in s["notes"] if not any(note in what for what in told))
+        lines += [f"  note      {note}" for note in notes]
+        marks = (f["severity"] for f in s["findings"])
+        lines += [f"  {mark:<9} {what}" for mark, what in zip(marks, told, strict=True)]
     if log.streams:
         names = ", ".join(f"{stream.name} ({stream.rows})" for stream in log.streams)
         lines.append(f"\nalso      {names}")
