@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 import agonic as ag
-from agonic.attitude.disturber_plan import judge_disturbers
-from agonic.attitude.disturbers import choose_sources
+from agonic.attitude.disturbers.choice import choose_sources
+from agonic.attitude.disturbers.names import name_sources
+from agonic.attitude.disturbers.plan import judge_disturbers
 from agonic.attitude.settings import Settings
-from agonic.attitude.source_names import name_sources
 from agonic.calibration.sources import list_columns
 from agonic.calibration.timing import follow
 from agonic.maths.rotations import tilt as kernel

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.disturber_plan import judge_disturbers
-from agonic.attitude.disturbers import choose_sources, list_candidates
+from agonic.attitude.disturbers.choice import choose_sources, list_candidates
+from agonic.attitude.disturbers.plan import judge_disturbers
 from agonic.attitude.settings import Settings
 from agonic.simulation import simulate
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.disturbers import choose_sources
+from agonic.attitude.disturbers.choice import choose_sources
 from agonic.attitude.settings import Settings
 from agonic.calibration.sources import parse_source
 from agonic.calibration.timing import follow

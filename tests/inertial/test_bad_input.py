@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.recording.choice import choose
+from agonic.recording.choice.choose import choose
 from tests.inertial.drives import drive, heading_error_deg
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
+from agonic.attitude.disturbers.second_sensor import find_placement
 from agonic.attitude.fit import fit_channels
-from agonic.attitude.second_sensor import find_placement
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit

@@ -18,7 +18,7 @@ from agonic.live.state import LiveParams
 from agonic.live.track import Track
 from agonic.recording.advice import TURNING
 from agonic.recording.calibrated import calibrate_as_named, list_failed
-from agonic.recording.choice import choose
+from agonic.recording.choice.choose import choose
 from agonic.samples import Samples
 
 FEWEST = 100

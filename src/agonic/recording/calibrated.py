@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.attitude.delay import keep_latency
-from agonic.attitude.disturbers import SourceChoice
+from agonic.attitude.disturbers.choice import SourceChoice
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, correct_field, select_columns
@@ -27,7 +27,8 @@ from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.logs.natural import Given, as_samples
 from agonic.readable import Readable
 from agonic.recording.advice import suit_advice
-from agonic.recording.choice import Choice, Kind, choose, describe_latency, fall_back
+from agonic.recording.choice.choose import Kind, choose, fall_back
+from agonic.recording.choice.fits import Choice, describe_latency
 from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
 from agonic.recording.ladder import Rung, climb
 from agonic.reference import Reference

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.block_sums import BLOCKS
-from agonic.attitude.disturbers import MATTERS, POWER, Trial
+from agonic.attitude.disturbers.block_sums import BLOCKS
+from agonic.attitude.disturbers.choice import MATTERS, POWER, Trial
+from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.problem import find_terms
-from agonic.attitude.source_names import name_sources
 from agonic.calibration.interference import Interference
 from agonic.recording.calibrated import Calibrated
 from agonic.report import tables

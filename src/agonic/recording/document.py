@@ -12,7 +12,7 @@ import numpy as np
 
 from agonic.recording import figures, sphere
 from agonic.recording.calibrated import Calibrated, list_failed
-from agonic.recording.choice import describe_latency
+from agonic.recording.choice.fits import describe_latency
 from agonic.recording.disturber_section import describe_disturbers
 from agonic.recording.entries import describe_heading, describe_origin, list_details, list_entries
 from agonic.recording.ladder_section import describe_ladder, summarise_ladder

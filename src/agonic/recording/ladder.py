@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.fit import CHANNELS, fit_channels_alone
 from agonic.attitude.settings import Settings
-from agonic.attitude.source_names import name_sources
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.inputs import stack_inputs

@@ -18,7 +18,7 @@ from agonic.logs.natural import Given, as_samples
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.mounting import describe_mounting
 from agonic.recording.calibrated import Calibrated, calibrate_as_named
-from agonic.recording.choice import Kind
+from agonic.recording.choice.choose import Kind
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.choice import describe_latency
+from agonic.recording.choice.fits import describe_latency
 from agonic.recording.quantities import (
     Group,
     Quantity,

@@ -38,7 +38,7 @@ def calibration(
     """Three sets of readings about three axes: the errors to expect for each step of rotation."""
     from agonic.console.finish import finish
     from agonic.ellipsoid.plan import plan_calibration
-    from agonic.recording.plan_document import choose_sets, describe_plan
+    from agonic.recording.plans.calibration import choose_sets, describe_plan
 
     sets = plan_calibration(
         magnitude=field,

@@ -32,12 +32,12 @@ def disturbers(
     """What to switch while recording; of a LOG, what it tells of each disturber and what to add."""
     from agonic.console.finish import finish
     from agonic.console.parse import parse_names
-    from agonic.recording.disturber_plan_document import describe_judged, describe_steps
+    from agonic.recording.plans.disturbers import describe_judged, describe_steps
 
     if log is None:
         finish(describe_steps(motors, parse_names(also)), as_json=as_json)
         return 0
-    from agonic.attitude.disturber_plan import judge_disturbers
+    from agonic.attitude.disturbers.plan import judge_disturbers
     from agonic.console.sensors import open_sensors
 
     samples = open_sensors(log, sensor, unit, between)[1][0]  # the same stands beside each sensor

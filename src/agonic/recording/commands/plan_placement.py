@@ -42,12 +42,12 @@ def placement(
     A table has a row for each place and source: place,source,add_x_nT,add_y_nT,add_z_nT, what is
     added to the field there when the source is switched on.
     """
-    from agonic.attitude.placement import judge_recording, rank_places, read_places
+    from agonic.attitude.disturbers.placement import judge_recording, rank_places, read_places
     from agonic.console.finish import finish
     from agonic.console.sensors import open_sensors
     from agonic.errors import AgonicError, UnitError
     from agonic.logs.contents import read_bytes
-    from agonic.recording.placement_document import describe_placement, describe_places
+    from agonic.recording.plans.placement import describe_placement, describe_places
 
     if b"place" in read_bytes(source).split(b"\n", 1)[0]:
         ranked = rank_places(read_places(source), noise)

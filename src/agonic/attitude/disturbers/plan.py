@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.disturbers import POWER, is_duty, list_moving
+from agonic.attitude.disturbers.choice import POWER, is_duty, list_moving
+from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.problem import find_terms
-from agonic.attitude.source_names import name_sources
 from agonic.errors import LogError
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.samples import Samples

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.disturbers import SourceChoice, choose_sources, describe_gain
+from agonic.attitude.disturbers.choice import SourceChoice, choose_sources, describe_gain
+from agonic.attitude.disturbers.shape import find_timing_sd
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
-from agonic.attitude.source_shape import find_timing_sd
 from agonic.calibration.interference import Interference
 from agonic.fit import Fit
 from agonic.maths.estimation.wald import wald

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from agonic.attitude.placement import Mix
+from agonic.attitude.disturbers.placement import Mix
 from agonic.report.digits import quantity, significant
 from agonic.report.document import Document, Section, Table
 

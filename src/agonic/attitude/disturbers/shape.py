@@ -15,10 +15,10 @@ import numpy as np
 from scipy.special import stdtrit
 
 from agonic.arrays import Array
-from agonic.attitude.block_sums import BLOCKS, MOST_ROWS, Log, sum_blocks
+from agonic.attitude.disturbers.block_sums import BLOCKS, MOST_ROWS, Log, sum_blocks
+from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.fit import fit_channels
 from agonic.attitude.problem import find_terms
-from agonic.attitude.source_names import name_sources
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import Source, list_columns, parse_source, spell_source
 from agonic.errors import AgonicError

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from agonic.attitude.disturber_plan import JudgedDisturber
-from agonic.attitude.source_names import name_sources
+from agonic.attitude.disturbers.names import name_sources
+from agonic.attitude.disturbers.plan import JudgedDisturber
 from agonic.report.digits import quantity
 from agonic.report.document import Document, Section, Table
 from agonic.report.labels import per_label

@@ -1,51 +1,31 @@
-"""`Choice`: which fit suits a log, and that fit."""
+"""`choose`: the method that a log determines best, and what is left where one is refused."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
-import numpy as np
-
-from agonic.attitude.delay import find_and_undo
-from agonic.attitude.disturbers import (
-    SourceChoice,
-    choose_sources,
-    list_moving,
-)
-from agonic.attitude.fit import CHANNELS, fit_channels_alone
 from agonic.attitude.heading_source import check_heading_source
-from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.known_heading import is_known
-from agonic.attitude.latency import LatencyFit, find_latency
-from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.mounted_heading import compute_mounted_heading
-from agonic.attitude.settings import Settings
-from agonic.attitude.source_names import describe_sources
-from agonic.attitude.vector import fit_vector
-from agonic.calibration.base import Calibration
-from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
-from agonic.fresh import find_fresh
 from agonic.health import Finding
-from agonic.inertial.fit import fit_inertial, fit_part
-from agonic.inertial.result import InertialFit
-from agonic.recording.sources import add_choice, fit_with_sources, keep_common, list_sources
+from agonic.recording.choice.fits import (
+    Choice,
+    confirm_by_gravity,
+    fit_alone,
+    fit_beside_attitude,
+    fit_magnitude,
+    join_disturbers,
+)
+from agonic.recording.choice.sources import list_sources
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 Kind = Literal["auto", "ellipsoid", "levelled", "vector", "inertial", "interference"]
-
-_FITS: Mapping[str, Callable[..., Fit]] = {
-    "levelled": fit_levelled,
-    "vector": fit_vector,
-    "inertial": partial(fit_inertial, latency=False),
-    "interference": fit_interference,
-}
 
 SURER = 0.8
 """Of the heading's standard error: a fit that knows more has to be better by this much."""
@@ -60,35 +40,6 @@ SEEN_BY_DIRECTION = {"turned sensor", "non-linear", "compressed", "follows bank"
 """Errors that dip and azimuth show and the magnitude hides: a fit by the magnitude alone is sure of
 itself for not seeing them."""
 
-BESIDE_EACH_ROW = ("levelled", "vector")
-"""Fits that compare a reading with the attitude of its row: one that is only held is late there."""
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """A fit with the word for its method and the reason for choosing it.
-
-    `samples` are those that were fitted, with a `latency` that is significant undone beside an
-    attitude, and `reference` is that of their rows; `again` calibrates others with the same
-    choices; `disturbers` is what was tried of them, where any were.
-    """
-
-    samples: Samples
-    reference: Reference | None
-    fit: Fit
-    method: str
-    reason: str
-    again: Callable[..., Calibration]
-    latency: LatencyFit | None = None
-    disturbers: SourceChoice | None = None
-
-
-def describe_latency(latency: LatencyFit) -> str:
-    """What is done about a latency, in a sentence."""
-    late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms"
-    way = "late" if latency.latency_s > 0 else "early"
-    return f"The readings came {late} {way} beside the attitude; the calibration keeps it."
-
 
 def choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
@@ -99,13 +50,13 @@ def choose(
         _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     )
     if method == "ellipsoid":
-        alone = _check_by_gravity(_fit_magnitude(samples, reference, reason, settings))
+        alone = confirm_by_gravity(fit_magnitude(samples, reference, reason, settings))
         if kind != "auto" or reference is None:
             return alone
-        return _join_disturbers(alone, samples, reference, reason, settings)
+        return join_disturbers(alone, samples, reference, reason, settings)
     if method == "inertial" and (reference is None or reference.values.ndim == 1):
         plain = {"sources": (), **settings}  # what disturbs on board is chosen by a known field
-        return _fit_with_attitude(samples, reference, method, reason, plain)
+        return fit_beside_attitude(samples, reference, method, reason, plain)
     if reference is None:
         raise AgonicError(
             f"{method}: this fit needs the field of the place: give it (--at LAT,LON, --date), or "
@@ -115,7 +66,7 @@ def choose(
         return _choose_surer(samples, reference, reason, settings)
     if method == "vector" and (doubt := check_heading_source(samples, reference)) is not None:
         return _without_heading(samples, reference, kind, settings, doubt)
-    aided = _fit_with_attitude(samples, reference, method, reason, settings)
+    aided = fit_beside_attitude(samples, reference, method, reason, settings)
     if kind != "auto":
         return aided
     if aided.fit.verdict == "refused":
@@ -133,10 +84,10 @@ def _without_heading(
     """The fit by roll and pitch alone, or the one that was asked for, with what speaks against the
     heading."""
     if kind != "auto":
-        chosen = _fit_with_attitude(samples, reference, kind, "it was asked for", settings)
+        chosen = fit_beside_attitude(samples, reference, kind, "it was asked for", settings)
         told = replace(doubt, severity="refuse")
         return replace(chosen, fit=chosen.fit.with_findings(told))
-    levelled = _fit_with_attitude(samples, reference, "levelled", doubt.what, settings)
+    levelled = fit_beside_attitude(samples, reference, "levelled", doubt.what, settings)
     return replace(levelled, fit=levelled.fit.with_findings(doubt))
 
 
@@ -160,107 +111,20 @@ def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, 
     return "vector", "the whole attitude was recorded and the field of the place is known"
 
 
-def _fit_magnitude(
-    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
-) -> Choice:
-    """The fit to the magnitude; its latency matters to a heading, and is told with it."""
-    fit = fit_ellipsoid(samples, reference, **settings)
-    same = {**settings, "model": fit.calibration.model}
-    again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)
-    return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
-
-
-def _fit_alone(
-    samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
-) -> Choice:
-    """The fit to the magnitude, by those settings of a fit beside the attitude that it has too."""
-    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
-    return _fit_magnitude(samples, reference, "", own)
-
-
-def _check_by_gravity(alone: Choice) -> Choice:
-    return replace(alone, fit=check_by_gravity(alone.fit, alone.samples, alone.reference))
-
-
-def _join_disturbers(
-    alone: Choice,
-    samples: Samples,
-    reference: Reference,
-    reason: str,
-    settings: Mapping[str, Any],
-) -> Choice:
-    """The fit to the magnitude with what disturbs on board, where anything recorded does."""
-    if not list_moving(samples):
-        return alone
-    found = choose_sources(samples, reference, ("magnitude",), keep_common(settings))
-    if not found.sources:
-        return replace(alone, disturbers=found)
-    given = {**asdict(keep_common(settings)), "sources": found.sources}
-    plain = samples.with_columns(roll_deg=None, pitch_deg=None)
-    why = f"{reason}, and {describe_sources(found.sources)} the readings"
-    joined = _fit_with_attitude(plain, reference, "interference", why, given)
-    fit = add_choice(joined.fit, found)
-    if fit.verdict == "refused" != alone.fit.verdict:
-        return replace(alone, disturbers=found)
-    return replace(joined, fit=fit, disturbers=found)
-
-
-def _fit_with_attitude(
-    samples: Samples,
-    reference: Reference | None,
-    method: str,
-    reason: str,
-    settings: Mapping[str, Any],
-) -> Choice:
-    """The fit to magnitude, dip and perhaps azimuth, delay undone, a current joined."""
-    run = _FITS[method]
-    if method == "vector" and not samples.heading_known.all():
-        known = np.flatnonzero(samples.heading_known)
-        samples = samples.select(known)
-        reference = None if reference is None else reference.select(known)
-    samples, reference, latency = find_and_undo(samples, reference)
-    if method in BESIDE_EACH_ROW:
-        own = np.flatnonzero(find_fresh(samples.field))
-        samples = samples.select(own)
-        reference = None if reference is None else reference.select(own)
-    fit, tried = None, None
-    if "sources" not in settings:
-        assert reference is not None
-        fit, tried = fit_with_sources(run, samples, reference, method, settings)
-        if fit is not None:
-            reason += f", and {describe_sources(list_sources(fit))} the readings"
-    if fit is None:
-        fit = run(samples, reference, **settings)
-    if isinstance(fit, InertialFit):
-        if fit.heading_source is not None:
-            reason += f", and {fit.heading_source} the heading beside the gyro"
-        part = partial(fit_part, fit)
-        return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
-    assert reference is not None  # any other fit has asked for it
-    same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}
-    again = partial(
-        fit_channels_alone,
-        channels=CHANNELS.get(method) or find_channels(samples, reference),
-        settings=Settings(**same),
-        near=fit.calibration,
-    )
-    return Choice(samples, reference, fit, method, reason, again, latency, tried)
-
-
 def _choose_surer(
     samples: Samples, reference: Reference, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
     """The fit beside accelerometer and gyro, or that by the magnitude alone where it is as sure."""
     alone = aided = None
     try:
-        alone = _check_by_gravity(_fit_alone(samples, reference, settings))
+        alone = confirm_by_gravity(fit_alone(samples, reference, settings))
     except CoverageError as error:
         failed = error
     enough = "the magnitude alone tells the calibration as surely as with the attitude"
     if alone is not None and _is_sure(alone.fit):
         return replace(alone, reason=enough)
     try:
-        aided = _fit_with_attitude(samples, reference, "inertial", reason, settings)
+        aided = fit_beside_attitude(samples, reference, "inertial", reason, settings)
     except CoverageError:
         if alone is None:
             raise failed from None
@@ -310,7 +174,7 @@ def _leave_attitude(
     if list_sources(aided.fit) or _own_heading_deg(aided.fit) < SURE_DEG:
         return aided
     try:
-        alone = _check_by_gravity(_fit_alone(samples, reference, settings))
+        alone = confirm_by_gravity(fit_alone(samples, reference, settings))
     except CoverageError:
         return aided
     surer = alone.fit.coverage.heading_sd_deg < SURER * _own_heading_deg(aided.fit)
@@ -334,13 +198,13 @@ def fall_back(
     Where anything else refuses a fit, one that knows less would be refused too, or should be.
     """
     if "heading" in _causes(aided) and _causes(aided) <= NOT_OF_THE_MAGNETOMETER:
-        levelled = _fit_with_attitude(samples, reference, "levelled", "", settings)
+        levelled = fit_beside_attitude(samples, reference, "levelled", "", settings)
         aided = _tell(levelled, aided)
     causes = _causes(aided)
     if not causes or not causes <= NOT_OF_THE_MAGNETOMETER:
         return aided
     try:
-        alone = _check_by_gravity(_fit_alone(samples, reference, settings))
+        alone = confirm_by_gravity(fit_alone(samples, reference, settings))
     except CoverageError:
         return aided
     return aided if alone.fit.verdict == "refused" else _tell(alone, aided)

@@ -1,0 +1,1 @@
+"""Which fit suits a log, and that fit."""

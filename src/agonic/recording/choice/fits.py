@@ -1,0 +1,154 @@
+"""`Choice`: the fit by one method, its delay undone and what disturbs on board joined."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from agonic.attitude.delay import find_and_undo
+from agonic.attitude.disturbers.choice import (
+    SourceChoice,
+    choose_sources,
+    list_moving,
+)
+from agonic.attitude.disturbers.names import describe_sources
+from agonic.attitude.fit import CHANNELS, fit_channels_alone
+from agonic.attitude.interference import find_channels, fit_interference
+from agonic.attitude.latency import LatencyFit, find_latency
+from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.settings import Settings
+from agonic.attitude.vector import fit_vector
+from agonic.calibration.base import Calibration
+from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
+from agonic.fit import Fit
+from agonic.fresh import find_fresh
+from agonic.inertial.fit import fit_inertial, fit_part
+from agonic.inertial.result import InertialFit
+from agonic.recording.choice.sources import add_choice, fit_with_sources, keep_common, list_sources
+from agonic.reference import Reference
+from agonic.samples import Samples
+
+_FITS: Mapping[str, Callable[..., Fit]] = {
+    "levelled": fit_levelled,
+    "vector": fit_vector,
+    "inertial": partial(fit_inertial, latency=False),
+    "interference": fit_interference,
+}
+
+BESIDE_EACH_ROW = ("levelled", "vector")
+"""Fits that compare a reading with the attitude of its row: one that is only held is late there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A fit with the word for its method and the reason for choosing it.
+
+    `samples` are those that were fitted, with a `latency` that is significant undone beside an
+    attitude, and `reference` is that of their rows; `again` calibrates others with the same
+    choices; `disturbers` is what was tried of them, where any were.
+    """
+
+    samples: Samples
+    reference: Reference | None
+    fit: Fit
+    method: str
+    reason: str
+    again: Callable[..., Calibration]
+    latency: LatencyFit | None = None
+    disturbers: SourceChoice | None = None
+
+
+def describe_latency(latency: LatencyFit) -> str:
+    """What is done about a latency, in a sentence."""
+    late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms"
+    way = "late" if latency.latency_s > 0 else "early"
+    return f"The readings came {late} {way} beside the attitude; the calibration keeps it."
+
+
+def fit_magnitude(
+    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit to the magnitude; its latency matters to a heading, and is told with it."""
+    fit = fit_ellipsoid(samples, reference, **settings)
+    same = {**settings, "model": fit.calibration.model}
+    again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)
+    return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
+
+
+def fit_alone(samples: Samples, reference: Reference | None, settings: Mapping[str, Any]) -> Choice:
+    """The fit to the magnitude, by those settings of a fit beside the attitude that it has too."""
+    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
+    return fit_magnitude(samples, reference, "", own)
+
+
+def confirm_by_gravity(alone: Choice) -> Choice:
+    return replace(alone, fit=check_by_gravity(alone.fit, alone.samples, alone.reference))
+
+
+def join_disturbers(
+    alone: Choice,
+    samples: Samples,
+    reference: Reference,
+    reason: str,
+    settings: Mapping[str, Any],
+) -> Choice:
+    """The fit to the magnitude with what disturbs on board, where anything recorded does."""
+    if not list_moving(samples):
+        return alone
+    found = choose_sources(samples, reference, ("magnitude",), keep_common(settings))
+    if not found.sources:
+        return replace(alone, disturbers=found)
+    given = {**asdict(keep_common(settings)), "sources": found.sources}
+    plain = samples.with_columns(roll_deg=None, pitch_deg=None)
+    why = f"{reason}, and {describe_sources(found.sources)} the readings"
+    joined = fit_beside_attitude(plain, reference, "interference", why, given)
+    fit = add_choice(joined.fit, found)
+    if fit.verdict == "refused" != alone.fit.verdict:
+        return replace(alone, disturbers=found)
+    return replace(joined, fit=fit, disturbers=found)
+
+
+def fit_beside_attitude(
+    samples: Samples,
+    reference: Reference | None,
+    method: str,
+    reason: str,
+    settings: Mapping[str, Any],
+) -> Choice:
+    """The fit to magnitude, dip and perhaps azimuth, delay undone, a current joined."""
+    run = _FITS[method]
+    if method == "vector" and not samples.heading_known.all():
+        known = np.flatnonzero(samples.heading_known)
+        samples = samples.select(known)
+        reference = None if reference is None else reference.select(known)
+    samples, reference, latency = find_and_undo(samples, reference)
+    if method in BESIDE_EACH_ROW:
+        own = np.flatnonzero(find_fresh(samples.field))
+        samples = samples.select(own)
+        reference = None if reference is None else reference.select(own)
+    fit, tried = None, None
+    if "sources" not in settings:
+        assert reference is not None
+        fit, tried = fit_with_sources(run, samples, reference, method, settings)
+        if fit is not None:
+            reason += f", and {describe_sources(list_sources(fit))} the readings"
+    if fit is None:
+        fit = run(samples, reference, **settings)
+    if isinstance(fit, InertialFit):
+        if fit.heading_source is not None:
+            reason += f", and {fit.heading_source} the heading beside the gyro"
+        part = partial(fit_part, fit)
+        return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
+    assert reference is not None  # any other fit has asked for it
+    same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}
+    again = partial(
+        fit_channels_alone,
+        channels=CHANNELS.get(method) or find_channels(samples, reference),
+        settings=Settings(**same),
+        near=fit.calibration,
+    )
+    return Choice(samples, reference, fit, method, reason, again, latency, tried)

@@ -1,0 +1,1 @@
+"""What is said of plans: calibrations, what disturbs on board, where to put a second sensor."""
