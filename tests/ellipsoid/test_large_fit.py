@@ -22,6 +22,7 @@ from agonic.maths.equation.priors import make_prior
 from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import batch_means, leastsq
+from agonic.maths.estimation.loss import squares, tukey
 
 F = 50_000.0
 REFERENCE = ag.Reference.constant(F)
@@ -80,7 +81,7 @@ def minimum(field: np.ndarray, fit: ag.Fit, robust: bool) -> np.ndarray:
         pieces(problem, "magnitude", sd),
         start,
         scale=sd,
-        loss=leastsq.tukey() if robust else leastsq.squares(),
+        loss=tukey() if robust else squares(),
         prior=make_prior("full", 0.1),
         tolerance=1e-7,
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from agonic.maths.equation.affine import magnitude_residual
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import squares
 from agonic.simulation import Simulated, simulate
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def steps(made: Simulated, chunk: int) -> tuple[Array, Array, Array]:
     jacobian = twelve @ BASIS
     rows = [slice(i, i + chunk) for i in range(0, len(raw), chunk)]
     normal = leastsq.accumulate(
-        lambda _: ((r[s], jacobian[s]) for s in rows), truth(made), leastsq.squares(), NOISE
+        lambda _: ((r[s], jacobian[s]) for s in rows), truth(made), squares(), NOISE
     )
     size = np.linalg.norm(jacobian, axis=0)
     q, upper = np.linalg.qr(jacobian / size)

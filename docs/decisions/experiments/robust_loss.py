@@ -14,20 +14,21 @@ from noise_correction import MAGNITUDE, NOISE, bound, truth
 
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import Loss, cauchy, squares, tukey
 from agonic.maths.estimation.noise import estimate_noise
 from agonic.simulation import Simulated, simulate, with_outliers
 
 N, DRAWS, SHARES = 1_000, 300, (0.0, 0.001, 0.05)
 LOSSES = {
-    "least squares": leastsq.squares(),
-    "Cauchy, c = 2.385": leastsq.cauchy(),
-    "Tukey, c = 4.685": leastsq.tukey(4.685),
-    "Tukey, c = 6": leastsq.tukey(),
+    "least squares": squares(),
+    "Cauchy, c = 2.385": cauchy(),
+    "Tukey, c = 4.685": tukey(4.685),
+    "Tukey, c = 6": tukey(),
     "Tukey when one stands out": None,
 }
 
 
-def squared_error(made: Simulated, loss: leastsq.Loss | None) -> float:
+def squared_error(made: Simulated, loss: Loss | None) -> float:
     """Squared length of the bias error, nT², of a fit with this loss (None: chosen by the rule)."""
     problem = Problem(np.array(made.samples.field), np.array([MAGNITUDE]), "full", None)
     start = truth(made)

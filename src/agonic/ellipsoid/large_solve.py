@@ -18,6 +18,7 @@ from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.priors import make_prior
 from agonic.maths.estimation import batch_means, leastsq
+from agonic.maths.estimation.loss import elasticity, expected_square
 
 MOST_PASSES = 12
 NEAR = 0.3
@@ -145,8 +146,8 @@ def _estimate_noise(sums: Sums, assumed: Assumed, robust: bool, parameters: int)
         return assumed._replace(robust=True)
     freedom = total / max(total - parameters, 1)
     loss = assumed.loss
-    over = power / weight / leastsq.expected_square(loss) * freedom
-    sd = assumed.sd * over ** (1 / leastsq.elasticity(loss))
+    over = power / weight / expected_square(loss) * freedom
+    sd = assumed.sd * over ** (1 / elasticity(loss))
     return assumed._replace(sd=max(float(sd), 1e-9))
 
 

@@ -23,7 +23,7 @@ from agonic.inertial.start import (
 )
 from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import squares
 from agonic.maths.estimation.noise import estimate_noise
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -121,7 +121,7 @@ def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> E
     for channel, before in found.noise.items():
         left = compute_residuals(part, channel, params)
         unknowns = len(params) + part.eliminated.get(channel, 0)
-        robust = before.loss is not leastsq.squares()
+        robust = before.loss is not squares()
         least = max(part.rounding, 1e-9)
         one = estimate_noise(left, robust, unknowns, None, least)
         noise[channel], residuals[channel] = one, left

@@ -15,6 +15,7 @@ from agonic.maths.equation.channels import (
 from agonic.maths.equation.maximum_likelihood import estimate, find_attitude_shares
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import squares
 
 H, Z = 0.5, np.sqrt(0.75)
 W = np.array([[1.05, 0.04, -0.03], [0.04, 0.95, 0.02], [-0.03, 0.02, 1.02]])
@@ -176,7 +177,7 @@ def test_pieces_of_all_kinds_cover_all_rows_once() -> None:
         sums = leastsq.accumulate(
             pieces(given, channel),
             np.r_[BIAS, 1, 1, 1, 0, 0, 0],
-            leastsq.squares(),
+            squares(),
             1.0,
         )
         assert len(sums.residuals) == 9000

@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import Loss, cauchy, squares, tukey
+from agonic.maths.estimation.noise import correlation_length, noise_scale, robust_scale
 
 LOSSES = {
-    "squares": leastsq.squares(),
-    "cauchy": leastsq.cauchy(),
-    "tukey": leastsq.tukey(),
+    "squares": squares(),
+    "cauchy": cauchy(),
+    "tukey": tukey(),
 }
 TRUTH = np.array([2.0, -1.0, 0.5])
 UNITS = np.array([1.0, 1e6, 1e-6])  # parameters in wildly different units
@@ -71,7 +73,7 @@ def test_correlation_counts_readings_for_less() -> None:
 
 
 @pytest.mark.parametrize("loss", LOSSES.values(), ids=LOSSES)
-def test_weight_and_curvature_are_derivatives_of_the_loss(loss: leastsq.Loss) -> None:
+def test_weight_and_curvature_are_derivatives_of_the_loss(loss: Loss) -> None:
     z, h = np.linspace(0.05, 9.0, 200), 1e-4
     ahead, here, behind = (loss.value((z + k * h) ** 2) for k in (1, 0, -1))
     assert loss.weight(z**2) == pytest.approx((ahead - behind) / (2 * h * z), abs=1e-6)
@@ -84,10 +86,10 @@ def test_weight_and_curvature_are_derivatives_of_the_loss(loss: leastsq.Loss) ->
 
 @pytest.mark.parametrize(
     ("loss", "efficiency"),
-    [(leastsq.cauchy(), 0.95), (leastsq.tukey(), 0.981)],
+    [(cauchy(), 0.95), (tukey(), 0.981)],
     ids=["cauchy", "tukey"],
 )
-def test_losses_have_the_efficiency_they_claim(loss: leastsq.Loss, efficiency: float) -> None:
+def test_losses_have_the_efficiency_they_claim(loss: Loss, efficiency: float) -> None:
     z = np.linspace(-12, 12, 48_001)
     density = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) * (z[1] - z[0])
     scatter = (density * (loss.weight(z**2) * z) ** 2).sum()
@@ -96,7 +98,7 @@ def test_losses_have_the_efficiency_they_claim(loss: leastsq.Loss, efficiency: f
 
 
 @pytest.mark.parametrize("loss", LOSSES.values(), ids=LOSSES)
-def test_covariance_is_that_of_many_draws(loss: leastsq.Loss) -> None:
+def test_covariance_is_that_of_many_draws(loss: Loss) -> None:
     errors, claimed = [], []
     for seed in range(400):
         design, wanted = line(60, seed)
@@ -115,7 +117,7 @@ def test_tukey_is_deaf_to_gross_readings() -> None:
     wanted[::10] += 50.0
     start = clean * UNITS * 1.01
     found = leastsq.solve(
-        in_pieces(design, wanted, []), start, scale=0.1, loss=leastsq.tukey(), tolerance=1e-6
+        in_pieces(design, wanted, []), start, scale=0.1, loss=tukey(), tolerance=1e-6
     )
     assert found.params / UNITS == pytest.approx(clean, abs=0.01)
 
@@ -148,9 +150,7 @@ def test_what_the_readings_do_not_tell_stays_put_with_a_huge_variance() -> None:
 
 def test_no_reading_within_reach_of_the_loss_is_no_crash() -> None:
     design, wanted = line(50, 5)
-    found = leastsq.solve(
-        in_pieces(design, wanted + 1e3, []), np.zeros(3), scale=0.1, loss=leastsq.tukey()
-    )
+    found = leastsq.solve(in_pieces(design, wanted + 1e3, []), np.zeros(3), scale=0.1, loss=tukey())
     assert np.isfinite(found.covariance).all()
     assert (np.diag(found.covariance) > 1e6).all()
     assert found.condition > 1e12
@@ -181,17 +181,17 @@ def test_inverse_and_condition_do_not_depend_on_units() -> None:
 
 
 @pytest.mark.parametrize("loss", LOSSES.values(), ids=LOSSES)
-def test_scales_are_the_standard_deviation_of_gaussian_noise(loss: leastsq.Loss) -> None:
+def test_scales_are_the_standard_deviation_of_gaussian_noise(loss: Loss) -> None:
     noise = 3.0 * np.random.default_rng(8).normal(size=200_000)
-    assert leastsq.robust_scale(noise) == pytest.approx(3.0, rel=0.01)
-    assert leastsq.noise_scale(noise, loss, 3.3, 0) == pytest.approx(3.0, rel=0.01)
+    assert robust_scale(noise) == pytest.approx(3.0, rel=0.01)
+    assert noise_scale(noise, loss, 3.3, 0) == pytest.approx(3.0, rel=0.01)
 
 
 def test_scales_make_up_for_the_freedom_that_the_fit_took() -> None:
     residuals = np.random.default_rng(8).normal(size=100)
     for scale in (
-        leastsq.robust_scale,
-        lambda r, m: leastsq.noise_scale(r, LOSSES["squares"], 1.0, m),
+        robust_scale,
+        lambda r, m: noise_scale(r, LOSSES["squares"], 1.0, m),
     ):
         assert scale(residuals, 50) == pytest.approx(np.sqrt(2) * scale(residuals, 0))
 
@@ -199,7 +199,7 @@ def test_scales_make_up_for_the_freedom_that_the_fit_took() -> None:
 def test_tukeys_scale_is_deaf_to_gross_readings() -> None:
     noise = np.random.default_rng(9).normal(size=10_000)
     noise[:500] += 100.0
-    assert leastsq.noise_scale(noise, leastsq.tukey(), 1.0, 0) == pytest.approx(1.0, rel=0.03)
+    assert noise_scale(noise, tukey(), 1.0, 0) == pytest.approx(1.0, rel=0.03)
 
 
 @pytest.mark.parametrize("rho", [0.3, 0.8, 0.95])
@@ -207,20 +207,20 @@ def test_correlation_length_of_a_markov_series(rho: float) -> None:
     white = np.random.default_rng(10).normal(size=200_000)
     series = lfilter([1.0], [1.0, -rho], white)
     expected = (1 + rho) / (1 - rho)
-    found = leastsq.correlation_length(series, np.ones(len(series)))
+    found = correlation_length(series, np.ones(len(series)))
     assert found == pytest.approx(expected, rel=0.06)
 
 
 def test_white_residuals_count_one_each() -> None:
     draws = np.random.default_rng(11).normal(size=(200, 1000))
-    lengths = np.array([leastsq.correlation_length(z, np.ones(1000)) for z in draws])
+    lengths = np.array([correlation_length(z, np.ones(1000)) for z in draws])
     assert (lengths == 1.0).mean() > 0.95
     assert lengths.max() < 1.3
 
 
 def test_correlation_is_not_told_from_few_readings() -> None:
-    assert leastsq.correlation_length(np.ones(19), np.ones(19)) == 1.0
-    assert leastsq.correlation_length(np.zeros(100), np.ones(100)) == 1.0
+    assert correlation_length(np.ones(19), np.ones(19)) == 1.0
+    assert correlation_length(np.zeros(100), np.ones(100)) == 1.0
 
 
 def test_channels_weigh_by_their_own_noise_and_correlation() -> None:
@@ -233,8 +233,8 @@ def test_channels_weigh_by_their_own_noise_and_correlation() -> None:
 
     found = leastsq.solve_together(
         [
-            leastsq.Channel(of(sharp), 0.1, leastsq.squares(), 4.0),
-            leastsq.Channel(of(blunt), 1.0, leastsq.squares()),
+            leastsq.Channel(of(sharp), 0.1, squares(), 4.0),
+            leastsq.Channel(of(blunt), 1.0, squares()),
         ],
         np.zeros(1),
     )
@@ -256,8 +256,8 @@ def test_the_noise_of_one_channel_is_not_taken_for_that_of_another() -> None:
 
     found = leastsq.solve_together(
         [
-            leastsq.Channel(of(values[0], 0), 1.0, leastsq.squares()),
-            leastsq.Channel(of(values[1], 1), 0.1, leastsq.squares()),
+            leastsq.Channel(of(values[0], 0), 1.0, squares()),
+            leastsq.Channel(of(values[1], 1), 0.1, squares()),
         ],
         np.zeros(2),
     )

@@ -19,7 +19,7 @@ from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import correlation_length
 
 
 class Stretch(NamedTuple):
@@ -110,7 +110,7 @@ def estimate(seen: Stretch, drift: int, *, even: bool) -> CoilEstimate:
     unit = seen.current / scale
     found = evaluate(seen, np.stack([unit, unit**2] if even else [unit], axis=1), drift)
     correlation = np.array(
-        [leastsq.correlation_length(left, np.ones(len(left))) for left in found.residuals.T]
+        [correlation_length(left, np.ones(len(left))) for left in found.residuals.T]
     )
     covariance = np.zeros((3, 2, 2))
     c = 1 + int(even)

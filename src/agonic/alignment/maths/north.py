@@ -17,6 +17,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import correlation_length
 from agonic.maths.estimation.student import compute_widening
 
 _SCHULER = np.array([0.25, 0.5, 0.25])
@@ -165,7 +166,7 @@ def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None
     first = leastsq.solve(lambda p: [pieces(p)], start, scale=scale, tolerance=1e-6)
     freedom = max(len(since) - len(start), 1)
     noise = reading_sd or max(float(np.sqrt((first.residuals**2).sum() / freedom)), 1e-12)
-    correlation = leastsq.correlation_length(first.residuals, np.ones(len(since)))
+    correlation = correlation_length(first.residuals, np.ones(len(since)))
     _, jacobian = pieces(first.params)
     covariance = noise**2 * correlation * leastsq.inverse(jacobian.T @ jacobian)
     drift, drift_sd = _drift(since, first.residuals, jacobian)
@@ -193,7 +194,7 @@ def _drift(since: Array, residuals: Array, jacobian: Array) -> tuple[float, floa
     found = inverse @ ((design / size).T @ -residuals)
     left = residuals + design / size @ found
     freedom = max(len(left) - len(found), 1)
-    correlation = leastsq.correlation_length(left, np.ones(len(left)))
+    correlation = correlation_length(left, np.ones(len(left)))
     sd = np.sqrt(float(left @ left) / freedom * correlation * inverse[-1, -1])
     return float(found[-1] / size[-1]), float(sd / size[-1])
 

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import Loss, squares, tukey
 
 Columns = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
 Kernel = Callable[..., None]
 
 TUKEY = 6.0
-"""The reach of `leastsq.tukey`, in standard deviations."""
+"""The reach of `tukey`, in standard deviations."""
 
 _ROWS = 4096
 _TILE = 256  # rows whose ten columns stay in the nearest cache
@@ -46,9 +47,9 @@ class Assumed(NamedTuple):
     robust: bool
 
     @property
-    def loss(self) -> leastsq.Loss:
+    def loss(self) -> Loss:
         """The loss."""
-        return leastsq.tukey(TUKEY) if self.robust else leastsq.squares()
+        return tukey(TUKEY) if self.robust else squares()
 
 
 class Sums(NamedTuple):
@@ -135,7 +136,7 @@ def _by_blocks(
     score: Array,
 ) -> None:
     bias, matrix = split(_BASIS @ params)
-    loss = leastsq.tukey(reach) if reach else leastsq.squares()
+    loss = tukey(reach) if reach else squares()
 
     def pieces(_: Array) -> object:
         for start in range(0, len(x), _ROWS):

@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.batch_means import compute_scatter
+from agonic.maths.estimation.loss import tukey
+from agonic.maths.estimation.noise import MAD_TO_SD
 from agonic.maths.rotations.track import Sums, Track, sum_rows
 
 STEEPEST = 0.25
@@ -51,8 +52,8 @@ def sum_headings(
     off = np.arctan2(ahead[:, 1], ahead[:, 0]) - headings.angle[rows] - offset
     residuals = np.angle(np.exp(1j * off)) / sd
     usual = float(np.median(np.abs(residuals))) if len(rows) else 0.0
-    scale = max(1.0, leastsq.MAD_TO_SD * usual)
-    weights = leastsq.tukey().weight((residuals / scale) ** 2)
+    scale = max(1.0, MAD_TO_SD * usual)
+    weights = tukey().weight((residuals / scale) ** 2)
     n = len(rows)
     by_state, by_params = np.zeros((n, 3, 3)), np.zeros((n, 3, len(params)))
     by_state[:, 0, :2] = -ahead[:, 2:] * ahead[:, :2] / level[rows, None]

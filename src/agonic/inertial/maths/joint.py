@@ -20,6 +20,7 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.batch_means import compute_scatter
 from agonic.maths.estimation.block_tridiagonal import Tridiagonal, invert, solve
+from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.rotations.track import Sums, Track, find_attitudes
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -67,7 +68,7 @@ def estimate_jointly(
     start: Array,
     usable: Array,
     noise_sd: float,
-    loss: leastsq.Loss,
+    loss: Loss,
 ) -> Joint:
     """The estimate from near parameters and attitudes.
 
@@ -90,7 +91,7 @@ def estimate_jointly(
     for turn in range(_ROUNDS):
         felt = take_out(log, params)
         attitudes = find_attitudes(felt.track, states)
-        readings, squares = sum_readings(problem, felt, attitudes, params, weights)
+        readings, distances = sum_readings(problem, felt, attitudes, params, weights)
         force = sum_force(log, felt, attitudes)
         groups = (readings, force, sum_rate(log, felt, states, attitudes))
         if log.headings is not None:
@@ -100,7 +101,7 @@ def estimate_jointly(
         params = params + step.params
         states = Rotation.from_rotvec(step.states).as_matrix() @ states
         if turn:
-            expected = 1.0 if loss is leastsq.squares() else _TUKEY
+            expected = 1.0 if loss is squares() else _TUKEY
             updated = _update(groups, variances[:3], least, step.spread) / [expected, 1.0, 1.0]
             updated[1] = _measure_force(force, least[1])
             updated[0] = max(updated[0], least[0])
@@ -108,7 +109,7 @@ def estimate_jointly(
                 updated = np.append(updated, scatter)
             change = np.abs(np.log(updated / variances)).max()
             variances = updated
-            weights = usable * loss.weight(squares / (3 * variances[0]))
+            weights = usable * loss.weight(distances / (3 * variances[0]))
             sd = np.sqrt(np.diag(step.covariance))
             if max(change, np.abs(step.params / sd).max()) < _SETTLED:
                 break

@@ -40,6 +40,7 @@ from agonic.inflight.fit.torquers import (
 )
 from agonic.inflight.maths.residuals import Rows, residual_pieces
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import squares, tukey
 from agonic.samples import Samples
 
 
@@ -168,7 +169,7 @@ def _solve_whole(
 ) -> tuple[Estimate, int]:
     """The estimate from all readings, noise and terms as the rows in memory had them; and how many
     readings they are."""
-    loss = leastsq.tukey() if problem.settings.robust else leastsq.squares()
+    loss = tukey() if problem.settings.robust else squares()
     noise = estimate.noise["magnitude"]._replace(loss=loss)
     torquers = problem.torquers
     off = torquers.unmodelled if torquers.on else ()

@@ -17,7 +17,7 @@ from agonic.inflight.fit.pointing import find_eclipse
 from agonic.inflight.report.ground import Numbers, compare_fit, compare_tracker
 from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.maths.estimation.correlated_errors import STRETCHES, Sums, find_correlated_errors
-from agonic.maths.estimation.leastsq import correlation_length
+from agonic.maths.estimation.noise import correlation_length
 from agonic.samples import Samples
 
 CURVE = 600

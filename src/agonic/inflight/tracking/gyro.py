@@ -22,7 +22,7 @@ from agonic.calibration.tracking import (
     TrackerState,
 )
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
-from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import robust_scale
 from agonic.maths.estimation.turning import filter as turning
 
 OPENING = 128
@@ -264,7 +264,7 @@ def _measure_noise(rows: Array, state: TrackerState, apart: int) -> float:
     by_all = np.concatenate([np.eye(3) - turns, by_matrix], axis=2).reshape(-1, 9)
     size = np.maximum(np.sqrt((by_all**2).sum(axis=0)), 1e-300)
     found = np.linalg.lstsq(by_all / size, change, rcond=1e-3)[0]
-    return float(leastsq.robust_scale(change - by_all @ (found / size)) / np.sqrt(2.0))
+    return float(robust_scale(change - by_all @ (found / size)) / np.sqrt(2.0))
 
 
 def _find_least(state: TrackerState) -> float:

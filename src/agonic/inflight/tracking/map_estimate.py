@@ -11,6 +11,8 @@ from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis, split
 from agonic.maths.estimation import kalman, leastsq
 from agonic.maths.estimation.least_median import fit_least_median_sphere
+from agonic.maths.estimation.loss import cauchy, tukey
+from agonic.maths.estimation.noise import robust_scale
 
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 
@@ -25,10 +27,8 @@ def find_most_probable(
     gaussian = GaussianPrior(prior)
     found = []
     for first in _starts(state, prior, rows):
-        scale = max(
-            _scale(state, params, rows, first, m), leastsq.robust_scale(residuals_at(rows, first))
-        )
-        for loss in (leastsq.cauchy(), leastsq.cauchy(), leastsq.tukey()):
+        scale = max(_scale(state, params, rows, first, m), robust_scale(residuals_at(rows, first)))
+        for loss in (cauchy(), cauchy(), tukey()):
             solution = leastsq.solve(
                 _pieces(rows, first, m, state.noise),
                 first[1 : m + 1],
@@ -63,14 +63,14 @@ def _cost(rows: Array, about: Array, prior: GaussianPrior, scale: float) -> floa
     """How improbable a state is: a robust sum over the rows, and the prior."""
     away, _ = prior(about[1 : 1 + len(prior.centre)])
     q = (residuals_at(rows, about) / scale) ** 2
-    return float(leastsq.cauchy().value(q).sum() + away @ away / 2)
+    return float(cauchy().value(q).sum() + away @ away / 2)
 
 
 def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array, m: int) -> float:
     """The standard deviation to judge residuals by: as stated, or as they are."""
     if state.noise_known:
         return compute_total_sd(params, state.noise, about)
-    return max(leastsq.robust_scale(residuals_at(rows, about), min(m, len(rows) - 1)), 1e-9)
+    return max(robust_scale(residuals_at(rows, about), min(m, len(rows) - 1)), 1e-9)
 
 
 def _starts(state: TrackerState, prior: kalman.FilterState, rows: Array) -> Iterator[Array]:

@@ -23,6 +23,8 @@ from agonic.inflight.tracking.map_estimate import (
 )
 from agonic.inflight.tracking.memory import MEMORY_FROM, find_memory, widen_external
 from agonic.maths.estimation import kalman, leastsq
+from agonic.maths.estimation.loss import cauchy
+from agonic.maths.estimation.noise import robust_scale
 
 MOMENTS = tuple(sorted({n << k for n in (2, 3) for k in range(3, 12)} | {8192}))
 """Numbers of readings at which an opening is solved: 16, 24, 32, 48 … 8192; at the last it is
@@ -61,11 +63,11 @@ def count_since_jump(
     last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
     if last < _PATIENT:
         return 0
-    then = leastsq.robust_scale(residuals_at(opening.rows[:last], before.estimate.state))
+    then = robust_scale(residuals_at(opening.rows[:last], before.estimate.state))
     then = max(then, compute_total_sd(params, now.noise, now.estimate.state))
     new = residuals_at(opening.rows[last:], now.estimate.state)
     far = 4 * np.count_nonzero(np.abs(new) > params.gate * then) > len(new)
-    return len(new) if far or leastsq.robust_scale(new) > 2 * then else 0
+    return len(new) if far or robust_scale(new) > 2 * then else 0
 
 
 def compute_nonlinearity(estimate: kalman.FilterState, magnitude: float) -> float:
@@ -134,7 +136,7 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     about, noise, apart = find_most_probable(state, prior, rows, params)
     total = compute_total_sd(params, noise, about) if state.noise_known else noise
     residuals, _ = linearise(rows, about)
-    fits = np.abs(residuals) <= params.gate * max(total, leastsq.robust_scale(residuals))
+    fits = np.abs(residuals) <= params.gate * max(total, robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], fits])
     model = _find_model(state, given, noise, total, marked, about)
     if model.external_sd:
@@ -211,7 +213,7 @@ def date_jump(
     assert opening is not None, "a jump has opened the state"
     about, noise, _ = find_most_probable(state, opening.prior, opening.rows, params)
     total = compute_total_sd(params, noise, about)
-    rho = leastsq.cauchy().value
+    rho = cauchy().value
     old, new = rho((seen.residual / seen.sd) ** 2), rho((residuals_at(rows, about) / total) ** 2)
     away, _ = GaussianPrior(opening.prior)(about[1 : len(opening.prior.diagonal)])
     cost = np.concatenate([[0.0], np.cumsum(old - new)])[:-1]

@@ -17,7 +17,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation.coverage import find_spread_rows
 from agonic.maths.estimation.hidden_states import find_path
 from agonic.maths.estimation.least_median import fit_least_median_sphere
-from agonic.maths.estimation.leastsq import MAD_TO_SD, correlation_length
+from agonic.maths.estimation.noise import MAD_TO_SD, correlation_length
 
 NEITHER = 2
 _PRICE = 15.0  # of a switch, in log-likelihood: by chance one in e¹⁵ rows

@@ -24,7 +24,8 @@ from agonic.maths.equation.affine import (
     correct,
     dip_residual,
 )
-from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import tukey
+from agonic.maths.estimation.noise import MAD_TO_SD
 
 _ROUNDS = 4  # of reweighting a stretch's azimuth
 _LEAST = 1e-6  # weight, so that a stretch of outliers has an azimuth too
@@ -136,7 +137,7 @@ def relative_azimuth_residual(
 
 def _agree(azimuth: Array, square: Array, stretch: Index) -> tuple[Array, Array]:
     """The azimuth of each stretch, a robust mean direction, and how much each row moves it."""
-    count, loss = int(stretch.max()) + 1, leastsq.tukey()
+    count, loss = int(stretch.max()) + 1, tukey()
     turned = np.exp(1j * azimuth)
     q = np.zeros(len(azimuth))
     for _ in range(_ROUNDS):
@@ -146,7 +147,7 @@ def _agree(azimuth: Array, square: Array, stretch: Index) -> tuple[Array, Array]
         )
         found = np.arctan2(imaginary, real)
         off = 2 * np.sqrt(square) * np.abs(np.sin((azimuth - found[stretch]) / 2))
-        scale = max(leastsq.MAD_TO_SD * float(np.median(off)), 1e-12)
+        scale = max(MAD_TO_SD * float(np.median(off)), 1e-12)
         q = (off / scale) ** 2
     return found, square * np.maximum(loss.curvature(q), _LEAST)
 

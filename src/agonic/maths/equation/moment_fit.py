@@ -20,6 +20,7 @@ from agonic.maths.equation.priors import make_prior
 from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import robust_scale
 
 PLENTY = 25.0
 """Readings after which a box weighs no more: they were not made independently."""
@@ -154,7 +155,7 @@ def _compute_residuals(sums: Array, weights: Array, params: Array) -> tuple[Arra
 
 def _find_inliers(residuals: Array, sd: float) -> Array:
     """1 for boxes that fit, 0 for those far out: metal came near while they were filled."""
-    usual = max(leastsq.robust_scale(residuals), sd / 2)
+    usual = max(robust_scale(residuals), sd / 2)
     return np.asarray((np.abs(residuals) < OUTLIER * usual).astype(np.float64))
 
 

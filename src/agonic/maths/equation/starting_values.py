@@ -12,6 +12,8 @@ from agonic.maths.equation.affine import join
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.least_median import fit_least_median_sphere
+from agonic.maths.estimation.loss import cauchy, squares
+from agonic.maths.estimation.noise import robust_scale
 
 _STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
 _STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)
@@ -72,14 +74,14 @@ def _middle(few: Problem) -> Array:
 
 def _relax(few: Problem, params: Array, steps: tuple[float, ...], robust: bool) -> Array:
     """From a start to the minimum with the prior on soft iron loosened step by step."""
-    loss = leastsq.cauchy() if robust else leastsq.squares()
+    loss = cauchy() if robust else squares()
     final = few.soft_iron_sd or np.inf
     tighter = [sd for sd in steps if sd < final]
     for sd in (*tighter, few.soft_iron_sd, few.soft_iron_sd):
         channels = []
         for channel in few.channels:
             residuals = compute_residuals(few, channel, params)
-            scale = max(leastsq.robust_scale(residuals, len(params)), 1e-9)
+            scale = max(robust_scale(residuals, len(params)), 1e-9)
             channels.append(leastsq.Channel(pieces(few, channel), scale, loss))
         params = leastsq.solve_together(
             channels, params, prior=few.prior(sd), tolerance=0.1, max_iterations=25, move=few.move

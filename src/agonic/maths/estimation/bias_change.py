@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.estimation.leastsq import MAD_TO_SD, correlation_length
+from agonic.maths.estimation.noise import MAD_TO_SD, correlation_length
 
 _BLOCKS = 64  # edges are sought on this grid
 _SHORTEST = 2  # blocks, of the stretch and of what is left

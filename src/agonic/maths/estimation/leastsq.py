@@ -7,60 +7,17 @@ data in memory, out of core and on several workers take the same code.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.maths.estimation.loss import Loss, squares
 
 Pieces = Callable[[Array], Iterable[tuple[Array, Array]]]
 Prior = Callable[[Array], tuple[Array, Array]]
 
 _LEAST_CUT = 0.1  # of the damping, after a step that brings what was foreseen
-
-MAD_TO_SD = 1.482602218505602  # 1/Φ⁻¹(3/4)
-
-
-class Loss(NamedTuple):
-    """A robust loss ρ(z): its value, weight ρ'(z)/z and curvature ρ''(z) as functions of z²."""
-
-    value: Callable[[Array], Array]
-    weight: Callable[[Array], Array]
-    curvature: Callable[[Array], Array]
-
-
-@lru_cache(maxsize=1)
-def squares() -> Loss:
-    """ρ = z²/2: least squares, every reading counts."""
-    return Loss(lambda q: q / 2, np.ones_like, np.ones_like)
-
-
-@lru_cache(maxsize=16)
-def cauchy(c: float = 2.385) -> Loss:
-    """ρ = c²/2 · ln(1 + z²/c²): far readings count little but always pull back; 95 % efficient."""
-    return Loss(
-        lambda q: c**2 / 2 * np.log1p(q / c**2),
-        lambda q: 1 / (1 + q / c**2),
-        lambda q: (1 - q / c**2) / (1 + q / c**2) ** 2,
-    )
-
-
-@lru_cache(maxsize=16)
-def tukey(c: float = 6.0) -> Loss:
-    """The biweight (Beaton & Tukey 1974): beyond c standard deviations nothing counts.
-
-    c = 6 keeps 98.1 % of the efficiency of least squares on clean readings.
-    """
-
-    def left(q: Array) -> Array:
-        return np.maximum(1 - q / c**2, 0)
-
-    return Loss(
-        lambda q: c**2 / 6 * (1 - left(q) ** 3),
-        lambda q: left(q) ** 2,
-        lambda q: left(q) * np.where(q < c**2, 1 - 5 * q / c**2, 0),
-    )
 
 
 class Normal(NamedTuple):
@@ -108,63 +65,6 @@ class Solution(NamedTuple):
     condition: float
     iterations: int
     converged: bool
-
-
-def robust_scale(residuals: Array, parameters: int = 0) -> float:
-    """Standard deviation from the median absolute residual, with the freedom of the fit taken off.
-
-    >>> float(round(robust_scale(np.array([-1.0, 1.0, -1.0, 1.0, 100.0])), 3))
-    1.483
-    """
-    n = len(residuals)
-    freedom = np.sqrt(n / (n - parameters)) if n > parameters else 1.0
-    return float(MAD_TO_SD * np.median(np.abs(residuals)) * freedom)
-
-
-def noise_scale(residuals: Array, loss: Loss, scale: float, parameters: int) -> float:
-    """The standard deviation that makes Σ w(z) z² what it would be for Gaussian noise.
-
-    Uses every reading that the loss lets through, so it is as sharp as the plain rms on clean
-    readings and deaf to gross ones.
-    """
-    expected = expected_square(loss)
-    freedom = len(residuals) / max(len(residuals) - parameters, 1)
-    for _ in range(20):
-        q = (residuals / scale) ** 2
-        w = loss.weight(q)
-        updated = scale * np.sqrt(float((w * q).sum() / w.sum()) / expected * freedom)
-        if abs(updated - scale) <= 1e-4 * scale or updated == 0.0:
-            return float(updated)
-        scale = updated
-    return float(scale)
-
-
-@lru_cache(maxsize=16)
-def expected_square(loss: Loss) -> float:
-    """Σ w(z) z² / Σ w(z) of Gaussian residuals over their standard deviation.
-
-    >>> round(expected_square(squares()), 6), round(expected_square(tukey()), 3)
-    (1.0, 0.892)
-    """
-    return _weighted_square(loss, 1.0)
-
-
-def elasticity(loss: Loss) -> float:
-    """By which power of their scale that grows where residuals grow: d ln E / d ln scale.
-
-    >>> round(elasticity(squares()), 6), round(elasticity(tukey()), 2)
-    (2.0, 1.77)
-    """
-    grown, shrunk = (_weighted_square(loss, 1.0 + small) for small in (1e-3, -1e-3))
-    return float(np.log(grown / shrunk) / np.log(1.001 / 0.999))
-
-
-def _weighted_square(loss: Loss, scale: float) -> float:
-    grid = np.linspace(-8, 8, 1601)
-    density = np.exp(-(grid**2) / 2)
-    q = (grid * scale) ** 2
-    w = loss.weight(q)
-    return float((density * w * q).sum() / (density * w).sum())
 
 
 def accumulate(
@@ -363,23 +263,3 @@ def condition(information: Array) -> Array:
     values = np.linalg.eigvalsh(information / (size[..., :, None] * size[..., None, :]))
     largest = np.maximum(values[..., -1], 1.0)
     return np.asarray(largest / np.maximum(values[..., 0], np.finfo(float).eps * largest))
-
-
-def correlation_length(residuals: Array, weights: Array) -> float:
-    """The correlation length 1 + 2 Σ ρ_k: so many successive residuals tell as much as one.
-
-    The sum of autocorrelations runs up to the first that does not stand out of the noise (two
-    standard errors), so white residuals give 1.
-    """
-    z = residuals * weights
-    n, power = len(z), float(z @ z)
-    if n < 20 or power == 0.0:
-        return 1.0
-    size = 1 << (2 * n - 1).bit_length()
-    first = float(z[1:] @ z[:-1]) / power
-    if first < 2 / np.sqrt(n):
-        return 1.0
-    spectrum = np.abs(np.fft.rfft(z, size)) ** 2
-    rho = np.fft.irfft(spectrum)[1 : n // 4] / power
-    quiet = np.flatnonzero(rho < 2 / np.sqrt(n))
-    return float(1 + 2 * rho[: quiet[0] if len(quiet) else len(rho)].sum())

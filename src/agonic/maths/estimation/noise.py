@@ -7,13 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import Loss, expected_square, squares, tukey
+
+MAD_TO_SD = 1.482602218505602  # 1/Φ⁻¹(3/4)
 
 
 class Noise(NamedTuple):
     """The loss that the residuals call for, their standard deviation, and correlation length."""
 
-    loss: leastsq.Loss
+    loss: Loss
     sd: float
     correlation: float
 
@@ -38,13 +40,13 @@ def estimate_noise(
     √(2 ln 2n) standard deviations; one beyond that brings in Tukey's loss.
     """
     some = residuals if typical is None else residuals[typical]
-    scale = max(leastsq.robust_scale(some, parameters), least)
+    scale = max(robust_scale(some, parameters), least)
     largest = float(np.abs(residuals).max())
     stands_out = largest > scale * (np.sqrt(2 * np.log(2 * len(residuals))) + 1)
-    loss = leastsq.tukey() if robust and stands_out else leastsq.squares()
-    sd = max(leastsq.noise_scale(some, loss, scale, parameters), least)
+    loss = tukey() if robust and stands_out else squares()
+    sd = max(noise_scale(some, loss, scale, parameters), least)
     weights = loss.weight((residuals / sd) ** 2)
-    return Noise(loss, sd, leastsq.correlation_length(residuals, weights))
+    return Noise(loss, sd, correlation_length(residuals, weights))
 
 
 def is_like_gaussian(residuals: Array, sd: float, parameters: int) -> bool:
@@ -56,7 +58,56 @@ def is_like_gaussian(residuals: Array, sd: float, parameters: int) -> bool:
     """
     n = len(residuals)
     z = residuals / sd
-    typical = leastsq.robust_scale(z, parameters) - 1
+    typical = robust_scale(z, parameters) - 1
     tails = float(np.mean(z**4)) - 3
     near = abs(typical) < min(2.5 / np.sqrt(n), 0.2) and -11 < tails * np.sqrt(n) < 20
     return bool(near and np.abs(z).max() < np.sqrt(2 * np.log(2 * n)) + 1)
+
+
+def robust_scale(residuals: Array, parameters: int = 0) -> float:
+    """Standard deviation from the median absolute residual, with the freedom of the fit taken off.
+
+    >>> float(round(robust_scale(np.array([-1.0, 1.0, -1.0, 1.0, 100.0])), 3))
+    1.483
+    """
+    n = len(residuals)
+    freedom = np.sqrt(n / (n - parameters)) if n > parameters else 1.0
+    return float(MAD_TO_SD * np.median(np.abs(residuals)) * freedom)
+
+
+def noise_scale(residuals: Array, loss: Loss, scale: float, parameters: int) -> float:
+    """The standard deviation that makes Σ w(z) z² what it would be for Gaussian noise.
+
+    Uses every reading that the loss lets through, so it is as sharp as the plain rms on clean
+    readings and deaf to gross ones.
+    """
+    expected = expected_square(loss)
+    freedom = len(residuals) / max(len(residuals) - parameters, 1)
+    for _ in range(20):
+        q = (residuals / scale) ** 2
+        w = loss.weight(q)
+        updated = scale * np.sqrt(float((w * q).sum() / w.sum()) / expected * freedom)
+        if abs(updated - scale) <= 1e-4 * scale or updated == 0.0:
+            return float(updated)
+        scale = updated
+    return float(scale)
+
+
+def correlation_length(residuals: Array, weights: Array) -> float:
+    """The correlation length 1 + 2 Σ ρ_k: so many successive residuals tell as much as one.
+
+    The sum of autocorrelations runs up to the first that does not stand out of the noise (two
+    standard errors), so white residuals give 1.
+    """
+    z = residuals * weights
+    n, power = len(z), float(z @ z)
+    if n < 20 or power == 0.0:
+        return 1.0
+    size = 1 << (2 * n - 1).bit_length()
+    first = float(z[1:] @ z[:-1]) / power
+    if first < 2 / np.sqrt(n):
+        return 1.0
+    spectrum = np.abs(np.fft.rfft(z, size)) ** 2
+    rho = np.fft.irfft(spectrum)[1 : n // 4] / power
+    quiet = np.flatnonzero(rho < 2 / np.sqrt(n))
+    return float(1 + 2 * rho[: quiet[0] if len(quiet) else len(rho)].sum())

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.leastsq import robust_scale, tukey
+from agonic.maths.estimation.loss import tukey
+from agonic.maths.estimation.noise import robust_scale
 
 _FAR = 3.0  # a slope of more than so many standard errors is one
 

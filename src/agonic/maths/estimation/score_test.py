@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.leastsq import correlation_length
+from agonic.maths.estimation.noise import correlation_length
 
 FEWEST_BATCHES, MOST_BATCHES = 24, 200
 SEEN = 4.0

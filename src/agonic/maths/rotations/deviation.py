@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise, estimate_noise
+from agonic.maths.estimation.loss import cauchy
+from agonic.maths.estimation.noise import Noise, estimate_noise, robust_scale
 from agonic.maths.rotations.angles import wrap_deg
 
 LEVEL = ("A", "B", "C", "D", "E")
@@ -166,10 +167,8 @@ def solve(
     params[0] = circular_mean_deg(difference_deg)
     if robust:
         for _ in range(5):  # towards where gross errors do not reach
-            scale = max(leastsq.robust_scale(pieces(params)[0][0], len(params)), 1e-6)
-            params = leastsq.solve(
-                pieces, params, scale=scale, loss=leastsq.cauchy(), prior=prior
-            ).params
+            scale = max(robust_scale(pieces(params)[0][0], len(params)), 1e-6)
+            params = leastsq.solve(pieces, params, scale=scale, loss=cauchy(), prior=prior).params
     else:
         params = leastsq.solve(pieces, params, scale=1.0, prior=prior, tolerance=1e-9).params
     noise = estimate_noise(pieces(params)[0][0], robust, len(params))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise import MAD_TO_SD
 
 UNSEEN = 4.382
 """sd of ⟨a⟩ over that of ⟨a − ⟨a⟩⟩ where a has an even spectrum, ⟨⟩ the low-pass: the root of
@@ -71,5 +71,5 @@ def measure_rate_variance(rate: Array) -> float:
     if len(rate) < 4:
         return LEAST_RATE_VARIANCE
     jerk = np.diff(rate, n=3, axis=0)
-    found = float(np.mean((leastsq.MAD_TO_SD * np.median(np.abs(jerk), axis=0)) ** 2) / 20)
+    found = float(np.mean((MAD_TO_SD * np.median(np.abs(jerk), axis=0)) ** 2) / 20)
     return max(found, LEAST_RATE_VARIANCE)

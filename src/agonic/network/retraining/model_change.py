@@ -30,7 +30,7 @@ from agonic.calibration.retraining import Running, Window
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise
+from agonic.maths.estimation.noise import Noise, robust_scale
 from agonic.network.maths.robust import solve_with_noise
 
 _CONSTANTS = [3, 7, 11]
@@ -115,7 +115,7 @@ def _solve(
         return params / sds, np.diag(1 / sds)
 
     first = np.concatenate([residual for residual, _ in pieces(zero)])
-    scale = max(leastsq.robust_scale(first), 1e-6)
+    scale = max(robust_scale(first), 1e-6)
     return solve_with_noise(pieces, zero, scale=scale, prior=prior)
 
 

@@ -13,7 +13,8 @@ from agonic.fit import ModelTest
 from agonic.health import Finding, figure
 from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.temperature_model import build_covariates
-from agonic.maths.estimation import leastsq, series
+from agonic.maths.estimation import series
+from agonic.maths.estimation.noise import noise_scale, robust_scale
 from agonic.maths.estimation.wald import wald
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -234,7 +235,7 @@ def _choose_model(
 def _measure_unseen(estimate: KnownFieldEstimate) -> float:
     """The standard deviation of what readings are off by where the fit has not seen them."""
     left = estimate.unseen.ravel()
-    return leastsq.noise_scale(left, estimate.noise.loss, leastsq.robust_scale(left), 0)
+    return noise_scale(left, estimate.noise.loss, robust_scale(left), 0)
 
 
 def _compare_to_seen(estimate: KnownFieldEstimate) -> float:

@@ -15,8 +15,9 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.estimation.model_averaging import average_over_term
-from agonic.maths.estimation.noise import estimate_noise
+from agonic.maths.estimation.noise import estimate_noise, robust_scale
 from agonic.thermal.maths import fixture, gaussian_process
 from agonic.thermal.maths.prior import estimate_width, make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (
@@ -113,7 +114,7 @@ def _iterate(
         gaussian_process.GaussianProcess(),
         none,
     )
-    loss, correlation, iterations, taken = leastsq.squares(), 1.0, 0, 0.0
+    loss, correlation, iterations, taken = squares(), 1.0, 0, 0.0
     for turn in range(_ROUNDS):
         solution = leastsq.solve(
             make_pieces(problem, state),
@@ -169,7 +170,7 @@ def _renew_slow_changes(
     covariance = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
     step = -covariance @ (z @ jacobian + expected @ by)
     least = z + jacobian @ step  # outliers stand out where the rest fits
-    limit = _OUTLIER * max(leastsq.robust_scale(least), 1.0)
+    limit = _OUTLIER * max(robust_scale(least), 1.0)
     kept, of = np.clip(least, -limit, limit), project_changes(problem, state)
     slow, axes = gaussian_process.estimate_process(
         of, kept, jacobian, (expected + by @ step, by), kinds
@@ -241,7 +242,7 @@ def _summarise(
     problem: StationProblem,
     state: State,
     solution: leastsq.Solution,
-    loss: leastsq.Loss,
+    loss: Loss,
     correlation: float,
     iterations: int,
 ) -> StationEstimate:

@@ -16,7 +16,8 @@ from agonic.arrays import Array
 from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise, estimate_noise
+from agonic.maths.estimation.loss import squares
+from agonic.maths.estimation.noise import Noise, estimate_noise, robust_scale
 
 BLOCKS = 10
 """Blocks of readings, in their order, each of which a fit is tried on that has not seen it."""
@@ -96,12 +97,10 @@ def estimate_known_field(
     only. `start` is where to begin, if something near is known.
     """
     params = find_start(problem) if start is None else start
-    first = leastsq.solve(
-        make_pieces(problem), params, scale=1.0, loss=leastsq.squares(), tolerance=1e-6
-    )
+    first = leastsq.solve(make_pieces(problem), params, scale=1.0, loss=squares(), tolerance=1e-6)
     plain = _summarise(problem, first, _estimate_noise(first.residuals, False, len(params)))
     noise = _estimate_noise(first.residuals, robust, len(params))
-    if noise.loss is leastsq.squares():
+    if noise.loss is squares():
         return plain
     weighted = _solve_robustly(problem, first, noise)
     needed = 1.0 - _CLEARLY * _measure_clustering(weighted.weights)
@@ -119,7 +118,7 @@ def _measure_clustering(weights: Array) -> float:
 def compare_unseen(one: KnownFieldEstimate, other: KnownFieldEstimate) -> float:
     """The rms of what an estimate leaves unseen; no reading counts for more than what is gross to
     the other."""
-    limit = _GROSS * leastsq.robust_scale(other.unseen.ravel())
+    limit = _GROSS * robust_scale(other.unseen.ravel())
     return float(np.sqrt(np.mean(np.minimum(np.abs(one.unseen), limit) ** 2)))
 
 
