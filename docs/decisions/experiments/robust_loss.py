@@ -10,7 +10,7 @@ at the truth, without prior, with the noise level known, so that nothing but the
 from __future__ import annotations
 
 import numpy as np
-from noise_correction import MAGNITUDE, NOISE, bound, truth
+from noise_correction import MAGNITUDE, NOISE, bounds, truth
 
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.estimation import leastsq
@@ -45,15 +45,15 @@ def main() -> None:
     print(f"{N} readings over the whole sphere, noise {NOISE:g} nT, {DRAWS} draws\n")
     print("| loss | " + " | ".join(f"{100 * share:g} % outliers" for share in SHARES) + " |")
     print("|---" * (1 + len(SHARES)) + "|")
-    squares = np.zeros((len(LOSSES), len(SHARES)))
+    errors = np.zeros((len(LOSSES), len(SHARES)))
     for seed in range(DRAWS):
-        limit = bound(simulate("sphere", n=N, noise=NOISE, seed=seed)) ** 2
+        limit = bounds(simulate("sphere", n=N, noise=NOISE, seed=seed))[0]
         for j, share in enumerate(SHARES):
             spoilt = [with_outliers(share, seed=seed)] if share else []
             made = simulate("sphere", n=N, noise=NOISE, seed=seed, defects=spoilt)
             for i, loss in enumerate(LOSSES.values()):
-                squares[i, j] += squared_error(made, loss) / limit / DRAWS
-    for name, row in zip(LOSSES, np.sqrt(squares), strict=True):
+                errors[i, j] += squared_error(made, loss) / limit / DRAWS
+    for name, row in zip(LOSSES, np.sqrt(errors), strict=True):
         print(f"| {name} | " + " | ".join(f"{value:.3f}" for value in row) + " |")
 
 
