@@ -84,6 +84,13 @@ def circles(n: int, rng: Rng) -> Rotation:
     return Rotation.concatenate(parts)
 
 
+def two_circles(n: int, rng: Rng) -> Rotation:
+    """Exact turns about two axes: level about the vertical, then about the wing."""
+    a = np.linspace(0, 6 * np.pi, n // 2)
+    zero = np.zeros_like(a)
+    return Rotation.concatenate([_euler(a, zero, zero), _euler(zero, a, zero)])
+
+
 def poses(count: int, hold: int) -> Callable[[int, Rng], Rotation]:
     """Held still in a few poses, as by hand on a table."""
 
@@ -825,5 +832,21 @@ def _of_the_attitude() -> list[Kind]:
     ]
 
 
-KINDS = [*_good(), *_of_the_sensor(), *_of_the_place(), *_of_the_log(), *_of_the_attitude()]
+def _later() -> list[Kind]:
+    """Kinds that came later: a kind's number seeds its draws."""
+    return [
+        Kind("exact circles about two axes", two_circles),
+        Kind("clean, 12 000 noisy rows, tilts of 30°", tilts(30), good=True, n=12_000, noise=400.0),
+        Kind("35 rows, noise AR 0.9", tumble, (coloured(0.9, 150.0),), n=35, noise=0.0),
+    ]
+
+
+KINDS = [
+    *_good(),
+    *_of_the_sensor(),
+    *_of_the_place(),
+    *_of_the_log(),
+    *_of_the_attitude(),
+    *_later(),
+]
 """Every kind of recording, the good ones first."""

@@ -7,6 +7,7 @@ from benchmarks.faults import (
     FIELD_N,
     MAGNITUDE,
     bursts,
+    circles,
     coloured,
     cubic,
     follows_pitch,
@@ -22,13 +23,16 @@ from benchmarks.faults import (
     switching,
     tilts,
     tumble,
+    two_circles,
     unequal_noise,
 )
 from benchmarks.torture import heading_error_deg
 
 import agonic as ag
 from agonic.health.adequacy.examine import CAUSES
+from agonic.health.adequacy.feet import find_feet
 from agonic.health.adequacy.rows import choose_rows
+from agonic.maths.equation.affine import magnitude_residual
 
 KNOWN = ag.Reference.constant(MAGNITUDE)
 
@@ -151,6 +155,36 @@ def test_a_long_rest_and_few_tilts_show_no_drift() -> None:
 def test_clean_readings_of_few_tilts_show_no_common_bend() -> None:
     clean = [fitted(seed, motion=tilts(30), n=300 + 90 * seed)[1] for seed in range(12)]
     assert not any(causes(fit) & {"non-linear", "compressed"} for fit in clean)
+
+
+def test_the_normal_at_the_foot_holds_no_noise_of_the_residual() -> None:
+    rng = np.random.default_rng(0)
+    matrix = np.array([[1.08, 0.05, 0.02], [0.05, 0.94, -0.03], [0.02, -0.03, 1.0]])
+    model = ag.Affine(bias=np.array([3.0, -2.0, 1.0]), matrix=matrix, magnitude=50.0)
+    direction = np.array([0.6, 0.48, 0.64])
+    readings = model.bias + np.linalg.solve(matrix, 50.0 * direction) + rng.normal(size=(40_000, 3))
+    residuals, jacobian = magnitude_residual(readings, model.bias, matrix, 50.0)
+    _, normals = find_feet(model, readings, residuals)
+    toward = (readings - model.bias) @ matrix.T @ matrix
+    there = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+    shared = [
+        np.linalg.norm(np.mean((n - n.mean(axis=0)) * residuals[:, None], axis=0))
+        for n in (normals, there)
+    ]
+    assert shared[0] < 0.15 * shared[1]
+    np.testing.assert_allclose(normals.mean(axis=0), -jacobian[:, :3].mean(axis=0), atol=2e-3)
+
+
+def test_two_exact_circles_do_not_determine_an_ellipsoid_and_three_do() -> None:
+    for seed in range(30, 36):
+        _, fit = fitted(seed, motion=two_circles)
+        assert fit.verdict != "good"
+        assert {"prior", "coverage", "plane"} & {finding.name for finding in fit.findings}
+    for seed in range(30, 33):
+        recording, fit = fitted(seed, motion=circles)
+        assert fit.verdict == "good"
+        error = heading_error_deg(fit.calibration, recording)
+        assert error < 3 * fit.coverage.heading_sd_deg < 0.3
 
 
 def test_non_linearity_that_matters_is_a_check() -> None:

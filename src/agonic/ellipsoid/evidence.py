@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from agonic.health import (
     inspect,
     verdict_of,
 )
+from agonic.health.adequacy import ModelError
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
@@ -173,14 +175,14 @@ def find_wrong_scale(affine: Affine) -> Finding | None:
     return check_scale(float(np.trace(affine.matrix) / 3), affine.unit_in)
 
 
-def name_uncertainty(fit: Fit, plain: Array | None) -> Fit:
+def name_uncertainty(fit: Fit, plain: Array | None, errors: Sequence[ModelError]) -> Fit:
     """The fit, with what makes the heading uncertain called by its name.
 
     Where the directions alone would leave it certain, by the covariance `plain` of noise without
-    memory, it is an error of the model, which a finding names, or noise with memory.
+    memory, it is one of the `errors` of the model, which a finding names, or noise with memory.
     """
     found = next((finding for finding in fit.findings if finding.name == "coverage"), None)
-    if plain is None or found is None or any(one.name == "prior" for one in fit.findings):
+    if plain is None or found is None or any(one.cause == "prior" for one in errors):
         return fit
     at = replace(fit.calibration, covariance=plain)
     heading = compute_coverage(at, fit.coverage.cells, fit.coverage.inclination_deg).heading_sd_deg

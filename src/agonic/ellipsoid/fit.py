@@ -117,7 +117,7 @@ def fit_ellipsoid(
     wider = widen(affine, errors, found.plain)
     fit = assess(found, wider, samples, reference, usable, tests, settings.inclination_deg)
     fit = fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
-    return name_uncertainty(fit, found.plain)
+    return name_uncertainty(fit, found.plain, errors)
 
 
 def _find_inclination_deg(given: float | None, reference: Reference | None) -> float:

@@ -65,7 +65,8 @@ CAUSES: dict[str, tuple[str, str]] = {
         "separate the sensors, or record the current beside the field",
     ),
     "prior": (
-        "the directions seen do not determine the heading; what is known of it is the prior's word",
+        "the directions seen (a cap, a plane or two) do not determine the heading; what is "
+        "known of it is the prior's word, or comes of noise",
         "turn the sensor about all three axes",
     ),
     "by direction": (

@@ -10,6 +10,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
+from agonic.health.adequacy.feet import find_feet
 from agonic.health.adequacy.rows import choose_rows
 from agonic.maths.equation.affine import magnitude_residual, model_basis
 from agonic.maths.equation.coverage import heading_sd_deg, level_directions
@@ -122,7 +123,8 @@ class Work(NamedTuple):
     `linear` is the fit by magnitude alone; `whole` that by all kinds of residuals, one kind after
     the other, `of` (N,) the row of each, and `even` that without regard to correlation, which an
     error of the model makes as well as noise; `seen` what they see, `again` with more noise
-    of the readings, and of the attitude.
+    of the readings, and of the attitude. `by_noise` is the information that a fit seems to have
+    because noise blurs its Jacobian.
     """
 
     fitted: Fitted
@@ -133,6 +135,7 @@ class Work(NamedTuple):
     scale: Array
     onto: Array
     linear: Linearised
+    by_noise: Array
     whole: Linearised
     even: Linearised
     seen: Seen
@@ -149,21 +152,19 @@ def prepare(fitted: Fitted) -> Work | None:
     rows = choose_rows(fitted.readings, radius)
     readings = fitted.readings[rows]
     wanted = fitted.wanted if len(fitted.wanted) == 1 else fitted.wanted[rows]
-    residuals, local = magnitude_residual(
-        readings, fitted.calibration.bias, fitted.calibration.matrix, wanted, fitted.noise
-    )
+    at = (fitted.calibration.bias, fitted.calibration.matrix, wanted)
+    residuals, _ = magnitude_residual(readings, *at, fitted.noise)
+    feet, normals = find_feet(fitted.calibration, readings, residuals)
     onto = model_basis("full", fitted.calibration.gauge)
     scale = np.r_[np.full(3, radius), np.full(onto.shape[1] - 3, gain)]
-    toward = (
-        (readings - fitted.calibration.bias)
-        @ fitted.calibration.matrix.T
-        @ fitted.calibration.matrix
-    )
-    normals = toward / np.linalg.norm(toward, axis=1, keepdims=True)
-    feet = readings - residuals[:, None] * normals
+
+    def jacobian_at(points: Array) -> Array:
+        _, local = magnitude_residual(points, *at)
+        return np.asarray((local @ onto) * (scale / fitted.noise))
+
     linear = Linearised(
         residuals / fitted.noise,
-        (local @ onto) * (scale / fitted.noise),
+        jacobian_at(feet),
         fitted.weights[rows],
         fitted.prior * np.outer(scale, scale),
         batches_of(len(rows), fitted.correlation),
@@ -174,7 +175,11 @@ def prepare(fitted: Fitted) -> Work | None:
     whole, seen = linear, Seen(feet / radius, normals / fitted.noise, linear.residuals, signals)
     if fitted.kinds:
         whole = _stack(fitted, rows, scale)
-        seen = _see(Again(fitted.readings, fitted.kinds, fitted.signals), rows, radius)
+        seen = _see(Again(fitted.readings, fitted.kinds, fitted.signals), rows, fitted)
+    again = tuple(_see(one, rows, fitted) for one in fitted.again) or (
+        _blur(fitted, seen, normals),
+    )
+    blurred = jacobian_at(again[0].feet * radius) - linear.jacobian
     return Work(
         fitted=fitted,
         rows=rows,
@@ -184,11 +189,11 @@ def prepare(fitted: Fitted) -> Work | None:
         scale=scale,
         onto=onto,
         linear=linear,
+        by_noise=(blurred.T * linear.weights) @ blurred,
         whole=whole,
         even=_even(fitted, whole),
         seen=seen,
-        again=tuple(_see(one, rows, radius) for one in fitted.again)
-        or (_blur(fitted, seen, normals),),
+        again=again,
         of=np.tile(np.arange(len(rows)), max(len(fitted.kinds), 1)),
     )
 
@@ -210,12 +215,16 @@ def _even(fitted: Fitted, whole: Linearised) -> Linearised:
     return replace(whole, weights=weights)
 
 
-def _see(all_rows: Again, rows: Index, radius: float) -> Seen:
+def _see(all_rows: Again, rows: Index, fitted: Fitted) -> Seen:
     """What all kinds see of some rows: feet on the ellipsoid, normals over the noise, residuals."""
     readings, kinds, signals = all_rows
-    by = kinds[0].by_reading[rows]
-    feet = readings[rows] - kinds[0].residuals[rows, None] * by / np.sum(by**2, axis=1)[:, None]
-    by_reading = np.vstack([kind.by_reading[rows] for kind in kinds])
+    by, radius = kinds[0].by_reading[rows], fitted.magnitude / fitted.gain
+    length = np.linalg.norm(by, axis=1)
+    distances = kinds[0].residuals[rows] / length
+    feet, normals = find_feet(fitted.calibration, readings[rows], distances)
+    by_reading = np.vstack(
+        [normals * length[:, None], *(kind.by_reading[rows] for kind in kinds[1:])]
+    )
     residuals = np.concatenate([kind.residuals[rows] for kind in kinds])
     return Seen(feet / radius, by_reading, residuals, _of_rows(signals, rows))
 

@@ -14,6 +14,8 @@ SIGNIFICANT = 1e-3 / 3
 PRIOR_SHARE = 0.5
 """Of what is known of the heading: more than this from the prior alone is no measurement."""
 
+BY_CHANCE = 4.0
+"""What n rows hold by noise scatters by 2/√n of it: two standard errors are no knowledge."""
 
 SMOOTHNESS = 2.0
 """Structure over direction is alike by 1/e at 60°."""
@@ -83,21 +85,24 @@ def _smooth_move(
 
 
 def find_prior(work: Work) -> list[ModelError]:
-    """What is known of the heading by the prior's word alone: its share, and the error without it.
+    """What is known of the heading by the prior's word or by noise: its share, and the error
+    without it.
 
     With information A = JᵀWJ + P and the heading's gradient v, the prior's share of what is known
-    is (A⁻¹v)ᵀP(A⁻¹v)/vᵀA⁻¹v, here over all headings together.
+    is (A⁻¹v)ᵀP(A⁻¹v)/vᵀA⁻¹v, here over all headings together. Noise blurs J, and A seems to hold
+    Σ w δJᵀδJ more than there is: of readings in two planes the product of their equations could be
+    added to any ellipsoid, and but for noise no row would tell.
     """
     fit = work.linear
     whole = np.linalg.inv(fit.information)
-    ours = (
-        work.fitted.heading_deg(whole @ fit.prior @ whole * np.outer(work.scale, work.scale)) ** 2
-    )
-    if ours < PRIOR_SHARE * work.fitted.heading_deg(whole * np.outer(work.scale, work.scale)) ** 2:
+    chance = BY_CHANCE / np.sqrt(np.count_nonzero(fit.weights) / max(work.fitted.correlation, 1.0))
+    by_others = fit.prior + work.by_noise * (1.0 + chance)
+    scales = np.outer(work.scale, work.scale)
+    ours = work.fitted.heading_deg(whole @ by_others @ whole * scales) ** 2
+    if ours < PRIOR_SHARE * work.fitted.heading_deg(whole * scales) ** 2:
         return []
-    seen = fit.information - fit.prior
-    values, vectors = np.linalg.eigh(seen)
+    values, vectors = np.linalg.eigh(fit.information - by_others)
     floor = np.maximum(values, 1e-12 * values[-1])
     alone = (vectors / floor) @ vectors.T * max(work.fitted.correlation, 1.0)
-    growth = alone * np.outer(work.scale, work.scale) - work.fitted.calibration.covariance
+    growth = alone * scales - work.fitted.calibration.covariance
     return [make_error(work, "prior", 0.0, 0.0, growth)]

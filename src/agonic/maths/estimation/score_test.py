@@ -149,12 +149,13 @@ def score_test(
     the residuals by noise that is in both: it is taken out of the score. `surely` leaves out
     what is hardly beyond the fit's unknowns, and of the size what does not stand out of chance.
     `likely` is the prior standard deviation of the size: what rows hardly tell from the unknowns
-    of the fit would otherwise be of any size.
+    of the fit would otherwise be of any size, and what they know less well than that is not tested.
     """
     taken = np.linalg.solve(fit.information, fit.weighted @ columns)
     projected = columns - fit.jacobian @ taken
     clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
-    seen = _seen(projected, columns, noise, fit.weights, clear, HELD if surely else 1e-9)
+    held = HELD if surely else 1e-9
+    seen = _seen(projected, columns, noise, fit.weights, clear, held, likely)
     if seen is None:
         return None
     projected = projected @ seen
@@ -198,14 +199,22 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
 
 
 def _seen(
-    projected: Array, columns: Array, noise: Array | None, weights: Array, clear: float, held: float
+    projected: Array,
+    columns: Array,
+    noise: Array | None,
+    weights: Array,
+    clear: float,
+    held: float,
+    likely: float,
 ) -> Array | None:
-    """Combinations (k, m) of columns that the fit does not hold already and the rows can show."""
+    """Combinations (k, m) of columns that the fit does not hold already and the rows can show at
+    the size that is likely."""
     size = np.sqrt(np.sum(columns**2 * weights[:, None], axis=0))
     scale = 1 / np.where(size > 0, size, 1.0)
     gram = (projected.T * weights) @ projected * np.outer(scale, scale)
     values, vectors = np.linalg.eigh(gram)
-    keep = values > held
+    length = np.linalg.norm(scale[:, None] * vectors, axis=0)
+    keep = (values > held) & (values * likely**2 > length**2)
     if noise is not None:
         own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
         keep &= values > clear**2 * own
