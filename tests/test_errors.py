@@ -38,7 +38,7 @@ def test_a_frame_error_names_both_ends() -> None:
 
 def test_a_coverage_error_says_which_turns_to_add() -> None:
     error = ag.CoverageError("z is open", undetermined="bias z", turns="tip the nose")
-    assert str(error) == "z is open. tip the nose"
+    assert str(error) == "z is open; tip the nose"
     assert (error.undetermined, error.turns) == ("bias z", "tip the nose")
     assert str(ag.CoverageError("z is open")) == "z is open"
 

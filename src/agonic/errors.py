@@ -41,7 +41,7 @@ class CoverageError(AgonicError):
     """The readings do not determine what was asked; `undetermined` and `turns` say what to add."""
 
     def __init__(self, message: str, *, undetermined: str = "", turns: str = ""):
-        super().__init__(". ".join(part for part in (message, turns) if part))
+        super().__init__("; ".join(part for part in (message, turns) if part))
         self.undetermined = undetermined
         self.turns = turns
 

@@ -111,11 +111,23 @@ class Fit(Estimated):
 
 
 def describe_accuracy(
-    bias_sd: float, unit: str, heading_sd_deg: float, inclination_deg: float
+    bias_sd: float,
+    unit: str,
+    heading_sd_deg: float,
+    inclination_deg: float,
+    vehicle_sd_deg: float | None = None,
 ) -> str:
-    """How well the result is known, in words."""
+    """How well the result is known, in words; `vehicle_sd_deg` where its heading is known less
+    well than that of the sensor's own axes.
+
+    >>> describe_accuracy(5.0, "nT", 0.4, 67.0, 0.7)
+    'standard error: bias 5 nT, heading 0.4° of the sensor, 0.7° of the vehicle (level, dip 67°)'
+    """
+    heading = f"{figure(heading_sd_deg)}°"
+    if vehicle_sd_deg is not None:
+        heading += f" of the sensor, {figure(vehicle_sd_deg)}° of the vehicle"
     return (
-        f"standard error: bias {figure(bias_sd)} {unit}, heading {figure(heading_sd_deg)}° (level, "
+        f"standard error: bias {figure(bias_sd)} {unit}, heading {heading} (level, "
         f"dip {inclination_deg:.0f}°)"
     )
 

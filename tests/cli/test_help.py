@@ -90,7 +90,7 @@ def test_help_fits_the_terminal_and_names_no_types(width: int, capsys, monkeypat
         ("calibrate", "Missing LOG; see agonic calibrate --help"),
         ("calibrate a b", "agonic fleet LOG... -o DIR; see agonic calibrate --help"),
         ("apply a b", "Missing --out; see agonic apply --help"),
-        ("calibrte x", "Did you mean 'calibrate', 'cite'; see agonic --help"),
+        ("calibrte x", "Did you mean 'calibrate', 'cite'? See agonic --help"),
         ("fit ellipsoid x --seed 3", "; see agonic fit ellipsoid --help"),
     ],
 )

@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import agonic as ag
+from agonic.health import figure
 from agonic.recording.document import describe_recording
 from agonic.report.digits import MINUS, THIN
+from agonic.report.tables import NOTHING
 
 
 @pytest.mark.parametrize("width", [40, 80, 120, 200])
@@ -52,3 +55,22 @@ def test_a_log_cannot_send_orders_to_the_terminal(good):
     text = describe_recording([named]).to_text()
     assert "\x1b" not in text
     assert "MAG?[2J??0" in text
+
+
+def test_the_heading_of_the_vehicle_is_stated_beside_that_of_the_sensor():
+    """What the JSON, the ladder and the figures of the page count with stands in the sentence."""
+    made = ag.simulate("circle", tilt_deg=8, n=800, noise=100.0, seed=2)
+    fit = ag.fit_levelled(made.samples, ag.Reference.vector(made.field_n, frame="n"))
+    assert f"{figure(fit.coverage.heading_sd_deg)}° of the vehicle" in fit.status
+
+
+def test_a_refused_sensor_shows_no_figures_in_the_summary(good, refused):
+    table = describe_recording([good, refused]).sections[0].blocks[0]
+    assert table.rows[0].count(NOTHING) == 0
+    assert table.rows[1].count(NOTHING) == 3
+
+
+def test_a_sensor_that_could_not_be_fitted_is_told_in_a_sentence(good):
+    why = str(ag.CoverageError("6 readings are too few", turns="record a few minutes"))
+    text = describe_recording([good], failures=[("spare", why)]).to_text()
+    assert "6 readings are too few; record a few minutes." in text

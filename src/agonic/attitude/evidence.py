@@ -50,6 +50,8 @@ LEAST_TILT_DEG = 10.0
 HALF_DEG = 150
 """Headings that leave such a gap show less than a circle's centre, if the vehicle stays level."""
 LEVEL_TILT_DEG = 20.0
+LOOSER = 1.2
+"""A vehicle's heading that is known so much less well than the sensor's is stated beside it."""
 
 
 def assess(
@@ -98,7 +100,8 @@ def assess(
     column = _check_heading(plain, cleaned, samples, problem, weights > 0)
     if column is not None:
         found = tuple(f for f in found if f.name != column.name)
-    fit = replace(fit, remarks=_remarks(fit, tilt_sd, mounted, problem.shared is not None))
+    felt, doubted = problem.shared is not None, told is not None and told.severity != "note"
+    fit = replace(fit, remarks=_remarks(fit, tilt_sd, mounted, felt=felt, doubted=doubted))
     return fit.with_findings(*found, told, column)
 
 
@@ -266,17 +269,19 @@ def _doubt_attitude(tilt_sd: float, felt: bool) -> Finding:
 
 
 def _remarks(
-    fit: Fit, tilt_sd: float | None, mounted: MountedHeading, felt: bool
+    fit: Fit, tilt_sd: float | None, mounted: MountedHeading, *, felt: bool, doubted: bool
 ) -> tuple[str, ...]:
-    """How good the result is, in words."""
+    """How good the result is, in words; of a mounting that is `doubted` a finding says it."""
+    looser = mounted.vehicle_sd_deg > LOOSER * mounted.own_sd_deg
     said = [
         describe_accuracy(
             float(fit.sd[:3].max()),
             fit.calibration.unit_in,
             mounted.own_sd_deg,
             fit.coverage.inclination_deg,
+            mounted.vehicle_sd_deg if looser and not doubted else None,
         ),
-        *(test.sentence for test in fit.tests),
+        *(test.sentence for test in fit.tests if not doubted),
     ]
     if tilt_sd:
         which = "the tilt that was felt is" if felt else "roll and pitch are"

@@ -166,4 +166,4 @@ def describe_usage_error(error: Any) -> str:
         said = f"Missing {_name_value(param) if is_argument else max(param.opts, key=len)}"
     if command == "agonic calibrate" and "unexpected extra argument" in said:
         said = "calibrate takes one LOG; for several there is: agonic fleet LOG... -o DIR"
-    return f"{said}; see {command} --help"
+    return f"{said}{'? See' if 'Did you mean' in said else '; see'} {command} --help"

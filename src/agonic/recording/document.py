@@ -116,24 +116,30 @@ def describe_recording(
 def _summarise(number: int, result: Calibrated) -> list[str]:
     """A sensor's row of the table at the head of a page with several."""
     unit = unit_label(result.fit.calibration.unit_in)
+    figures_of_fit = [
+        tables.spread(result.verification),
+        describe_heading(result)[0],
+        quantity(result.fit.noise, unit, 2),
+    ]
+    if result.verdict == "refused":  # good numbers of a fit not to be used would invite using it
+        figures_of_fit = [tables.NOTHING] * len(figures_of_fit)
     return [
         element("a", result.samples.name, href=f"#sensor-{number}"),
         tables.mark(result.verdict, MEANINGS[result.verdict][0]),
         group_digits(result.fit.n),
-        tables.spread(result.verification),
-        describe_heading(result)[0],
-        quantity(result.fit.noise, unit, 2),
+        *figures_of_fit,
     ]
 
 
 def _describe_failure(sensor: str, why: str) -> Document:
     """What is said of a sensor that could not be fitted at all: refused, every figure null."""
-    known = {"sensor": sensor, "verdict": "refused", "status": why}
+    said = sentence(why.rstrip("."))
+    known = {"sensor": sensor, "verdict": "refused", "status": said}
     lists = dict.fromkeys(("findings", "ladder", "disturbers", "checks", "files", "warnings"), ())
     return Document(
         name=sensor,
         verdict="refused",
-        status=why,
+        status=said,
         values=dict.fromkeys(FIELDS) | known | lists,
     )
 

@@ -80,7 +80,7 @@ class ThermalPlan:
     @property
     def turns(self) -> tuple[str, ...]:
         """What to do with the box before each station."""
-        first = f"set it down: {self.stations[0].pose}"
+        first = "set it down"
         pairs = pairwise(station.rot_nb for station in self.stations)
         return (first, *(_describe_turn(before, after) for before, after in pairs))
 
