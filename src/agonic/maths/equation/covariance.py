@@ -11,6 +11,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.estimation.few_rows import FEW, scatter_of_few
 from agonic.maths.estimation.leastsq import inverse
 from agonic.maths.estimation.noise_with_memory import STRETCHES, Stretches, find_memory
 from agonic.maths.estimation.student import compute_widening
@@ -55,9 +56,23 @@ def compute_covariance(problem: Problem, estimate: Estimate, sums: Scatters) -> 
     scatter = own + alike * (equal - own)
     memory = find_memory(sums.stretches, bread / length, GEOMETRIES)
     scatter = length * scatter if memory is None else memory.white * scatter + memory.scatter
+    if n <= FEW and memory is None:
+        scatter = max(scatter, _scatter_of_few(problem, estimate), key=lambda b: _size(bread, b))
     freedom = max(sums.rows / length - m, _LEAST_FREEDOM)
     scatter *= (compute_widening(freedom) / length) ** 2
     return np.asarray(bread @ (scatter + known) @ bread)
+
+
+def _scatter_of_few(problem: Problem, estimate: Estimate) -> Array:
+    """How the gradient scatters where rows are few, by all correlations that they leave likely."""
+    _, residuals, jacobian = next(_blocks(problem, estimate, len(problem.points)))
+    weights = np.sqrt(estimate.weights)
+    return scatter_of_few(residuals * weights, jacobian * weights[:, None])
+
+
+def _size(bread: Array, scatter: Array) -> float:
+    """How uncertain a scatter of the gradient leaves all parameters together."""
+    return float(np.trace(bread @ scatter))
 
 
 def predict_unseen(problem: Problem, estimate: Estimate, sums: Scatters) -> Array:
