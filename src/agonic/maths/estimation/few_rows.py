@@ -9,8 +9,8 @@ the fit scatters:
     Q = R⁻¹ − R⁻¹J (JᵀR⁻¹J)⁻¹ JᵀR⁻¹,
     p(ρ | z) ∝ |R|^(−1/2) |JᵀR⁻¹J|^(−1/2) (zᵀQz)^(−(n − m)/2).
 
-Source: restricted likelihood, H. D. Patterson, R. Thompson (1971), Biometrika 58, 545; averaged over
-ρ as in D. A. Harville (1974), Biometrika 61, 383.
+Source: restricted likelihood, H. D. Patterson, R. Thompson (1971), Biometrika 58, 545; averaged
+over ρ as in D. A. Harville (1974), Biometrika 61, 383.
 """
 
 from __future__ import annotations
