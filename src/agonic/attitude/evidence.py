@@ -149,7 +149,10 @@ def _coverage(
     if problem.dip is None:
         return compute_coverage(plain, count_visits(field), dip)
     down = problem.dip.down[used]
-    coverage = compute_coverage(plain, count_visits(field), dip, find_level_down(down))
+    # recorded roll and pitch know level; a felt one shows it only to a vehicle that turned
+    known = problem.shared is None or find_seen(field, down).gap_deg >= HALF_DEG
+    level = find_level_down(down, squarely=known)
+    coverage = compute_coverage(plain, count_visits(field), dip, level)
     return replace(coverage, turns=describe_turns(field, down))
 
 

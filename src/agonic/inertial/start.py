@@ -118,8 +118,7 @@ def choose_speed(samples: Samples, reference: Reference, settings: Settings) -> 
     near = still.found.solution.params.copy()
     near[len(near) - len(still.sds) + 9 :][:3] *= SLOW_M_S / settings.speed_sd_m_s
     moving = _solve_with(samples, reference, settings, settings.speed_sd_m_s, near)
-    gain = _describe_length(still) - _describe_length(moving)
-    return moving if gain > CLEARLY else still
+    return moving if _compare_lengths(moving, still) > CLEARLY else still
 
 
 def _leans(solved: Solved) -> bool:
@@ -129,13 +128,24 @@ def _leans(solved: Solved) -> bool:
     return bool(worse or np.abs(unknowns).max() > 2.0)
 
 
+def _compare_lengths(one: Solved, other: Solved) -> float:
+    """The logarithm of how much more probable one estimate makes the readings than another.
+
+    Both count as many independent rows, those of the longer correlation: rows that one takes to be
+    independent and the other not would outweigh everything else.
+    """
+    gain = _describe_length(other) - _describe_length(one)
+    for channel, noise in one.found.noise.items():
+        against = other.found.noise[channel]
+        n = len(one.found.residuals[channel]) / max(noise.correlation, against.correlation)
+        gain += n * float(np.log(against.sd / noise.sd))
+    return gain
+
+
 def _describe_length(solved: Solved) -> float:
-    """Minus the logarithm of the probability of the readings, by Laplace's approximation."""
+    """Minus the logarithm of what the priors make of an estimate, by Laplace's approximation."""
     found, problem = solved.found, solved.problem
     length = 0.0
-    for channel, noise in found.noise.items():
-        n = len(found.residuals[channel]) / noise.correlation
-        length += n * float(np.log(noise.sd))
     prior = problem.prior(problem.soft_iron_sd)
     if prior is not None:
         residuals = prior(found.solution.params)[0]

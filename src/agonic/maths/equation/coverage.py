@@ -107,18 +107,27 @@ def make_level_axes(down: Array) -> Array:
     return np.stack([nose, np.cross(down, nose), down]) + 0.0
 
 
-def find_level_down(down: Array) -> Array:
+def find_level_down(down: Array, *, squarely: bool = False) -> Array:
     """Where the sensor's axes have down when its vehicle is level, (3,), by all its downs (n, 3).
 
     It is z, unless the vehicle keeps near another attitude: then the sensor is mounted otherwise.
+    `squarely` where a lean in between is the vehicle's own: then it is the nearest axis.
 
     >>> find_level_down(np.array([[0.1, 0.0, -1.0], [-0.1, 0.0, -1.0]])).round(6).tolist()
     [0.0, 0.0, -1.0]
+    >>> leaning = np.tile([0.6, 0.0, 0.8], (2, 1))
+    >>> find_level_down(leaning).tolist(), find_level_down(leaning, squarely=True).tolist()
+    ([0.6, 0.0, 0.8], [0.0, 0.0, 1.0])
     """
     mean = np.asarray(down.mean(axis=0))
     size = float(np.linalg.norm(mean))
     near_z = mean[2] > _LEVEL_AXIS * size
-    return DOWN if near_z or size < _KEEPS_LEVEL else mean / size
+    if near_z or size < _KEEPS_LEVEL:
+        return DOWN
+    if squarely:
+        axis = int(np.argmax(np.abs(mean)))
+        return np.asarray(np.sign(mean[axis]) * np.eye(3)[axis]) + 0.0
+    return mean / size
 
 
 def heading_sd_deg(
