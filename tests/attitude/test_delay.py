@@ -116,7 +116,7 @@ def test_a_delay_that_a_fast_log_does_not_tell_is_named() -> None:
 
 
 def test_the_heading_of_each_row_counts_it() -> None:
-    """Delays that scatter as stated turn headings by as much as stated."""
+    """Delays that scatter as stated turn headings by no more than stated."""
     made = simulate("hand", n=1500, noise=0.0, seed=5)
     calibration = replace(made.truth, covariance=np.zeros((9, 9)), noise=0.0, latency_sd_s=0.01)
     setup = Setup(
@@ -125,12 +125,13 @@ def test_the_heading_of_each_row_counts_it() -> None:
     squares, stated = [], []
     for late_s in 0.01 * np.random.default_rng(0).standard_normal(12):
         samples = delayed(late_s)(made.samples)
-        found = ag.heading(samples, setup)
+        found = ag.heading(samples, setup, smooth=False)
         off = (found.true_deg - samples.heading_deg + 180.0) % 360.0 - 180.0
         level = np.abs(found.pitch_deg) < 45.0
         squares.append(np.mean(off[level] ** 2))
         stated.append(np.mean(found.sd_deg[level] ** 2))
-    assert np.sqrt(np.mean(squares) / np.mean(stated)) == pytest.approx(1.0, abs=0.35)
+    # late readings disturb magnitude and dip too, which counts beside the delay: stated is more
+    assert 0.5 < np.sqrt(np.mean(squares) / np.mean(stated)) < 1.35
 
 
 def test_the_fit_beside_accelerometer_and_gyro_finds_it_by_itself() -> None:

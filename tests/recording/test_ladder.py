@@ -45,7 +45,8 @@ def test_the_chosen_fit_errs_by_its_own_standard_error():
     chosen = result.ladder[-1]
     assert chosen.chosen
     assert chosen.name == "full"
-    assert chosen.heading_error_deg == pytest.approx(result.fit.coverage.heading_sd_deg)
+    stated = result.fit.coverage.heading_sd_deg  # with what the delay leaves, which no rung has
+    assert 0.9 * stated < chosen.heading_error_deg <= stated
     assert chosen.held_out_rms == result.verification.residual_rms
     assert [rung.name for rung in result.ladder[:-1]] == ["as recorded", "bias only", "diagonal"]
     assert [rung.parameters for rung in result.ladder] == [0, 4, 6, 9]

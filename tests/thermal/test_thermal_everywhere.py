@@ -153,7 +153,8 @@ def test_a_log_without_temperature_or_time_says_what_is_needed(words, log, capsy
 
 @pytest.mark.parametrize("setup", ["setup.toml", "mag.json", "chain.json"])
 def test_headings_come_near_the_truth_by_their_standard_error(setup, capsys) -> None:
-    status, said, _ = answer(capsys, "heading", setup, "warm.csv", "-o", "h.csv", *WHEN)
+    asked = ("heading", setup, "warm.csv", "-o", "h.csv", "--each-row", *WHEN)
+    status, said, _ = answer(capsys, *asked)
     assert status == 0
     assert said["trusted"] == said["n"] == len(SEEN)
     true = column("h.csv", "true_deg")[:, 0]
@@ -170,7 +171,9 @@ def test_the_standard_error_is_that_of_the_affine_which_it_is_at_a_temperature()
     level = 38.0
     samples = flown(truth, level, level)
     warm, held = (
-        heading(samples, Setup(compasses=(Compass(calibration=c),), declination_deg=2.7))
+        heading(
+            samples, Setup(compasses=(Compass(calibration=c),), declination_deg=2.7), smooth=False
+        )
         for c in (truth, truth.at(level))
     )
     assert warm.true_deg == pytest.approx(held.true_deg, abs=1e-9)
@@ -191,6 +194,7 @@ def test_the_rate_is_part_of_the_standard_error() -> None:
                 declination_deg=2.7,
                 tilt_sd_deg=0.0,
             ),
+            smooth=False,
         ).sd_deg
         for c in (np.asarray(truth.covariance), sure)
     ]

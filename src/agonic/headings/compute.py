@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Index, Mask
 from agonic.calibration.setup import Compass, Setup
-from agonic.errors import LogError
+from agonic.errors import AgonicWarning, LogError
 from agonic.headings.attitude import Attitude
 from agonic.headings.compass_heading import UNKNOWN_SD_DEG, Indication, interpolate_readings
 from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
@@ -84,7 +85,9 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     smoothed: SmoothedHeading | None = None
     why: tuple[str, ...] = ()
     if smooth:
-        looked, smoothed, why = smooth_rows(first, looked, look, setup, around)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AgonicWarning)  # the rows have said it by themselves
+            looked, smoothed, why = smooth_rows(first, looked, look, setup, around)
     found = _assembled(first, setup, looked, around, smoothed)
     return replace(found, notes=(*found.notes, *why))
 

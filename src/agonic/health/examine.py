@@ -29,6 +29,9 @@ from agonic.maths.equation.coverage import (
     measure_thickness,
 )
 
+EXPLAINS = 0.5
+"""Of what scatters about a fit: a change that leaves less is what makes the heading uncertain."""
+
 
 def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Finding, ...]:
     """The findings of a fit, the gravest first; one cause is not reported twice.
@@ -45,7 +48,7 @@ def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Findin
     if changed is not None and told is not None and told.severity == "refuse":
         # a change makes the heading uncertain as well, unless it would be without the change
         by_noise = min(changed.noise / max(evidence.noise, np.finfo(float).tiny), 1.0)
-        if evidence.coverage.heading_sd_deg * by_noise < HEADING_REFUSED_DEG:
+        if by_noise < EXPLAINS or evidence.coverage.heading_sd_deg * by_noise < HEADING_REFUSED_DEG:
             return (told,)
         return tuple(finding for finding in (coverage, told) if finding is not None)
     found = [coverage, told, few]

@@ -131,8 +131,9 @@ def _is_bag(head: bytes) -> bool:
 
 
 def _is_json(head: bytes) -> bool:
-    """Whether it begins like an object, or a list of objects or of lists."""
-    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*(\[\s*[-\d\"]|\{)|\{)", head) is not None
+    """Whether it begins like an object, or a list of objects or of lists; a calibration is none."""
+    begins = re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*(\[\s*[-\d\"]|\{)|\{)", head) is not None
+    return begins and re.search(rb"\"schema\":\s*\"agonic/", head) is None
 
 
 JSON = Format("JSON (.json, .jsonl)", "json_text", _is_json)

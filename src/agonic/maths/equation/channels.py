@@ -122,8 +122,12 @@ class Problem(NamedTuple):
         field = W (raw − b − K x) is linear in W, W b and W K: where W changes by δW, the steps of b
         and K are (W + δW)⁻¹ W times as long. Gain and bias vouch for each other along such a line
         where a vehicle hardly tilts; b + δb leaves it, and the way to the minimum is then a
-        hundred small steps (a retraction: Absil, Mahony & Sepulchre 2008, §4.1).
+        hundred small steps (a retraction: Absil, Mahony & Sepulchre 2008, §4.1). By the magnitude
+        alone two populations of readings lie best on an endless cylinder, to which such steps
+        would lead, so there they are the plain ones.
         """
+        if self.magnitude_only:
+            return params + step
         basis = self.basis
         m = basis.shape[1]
         _, matrix = split(basis @ params[:m])

@@ -29,6 +29,7 @@ _UNEQUAL = 0.1  # probability that axes are not equally noisy, before the readin
 _STEP = 1e-2  # of the field, over which second derivatives are taken
 _MOST = 20_000  # readings that tell them
 _FEWEST = 100  # readings whose squares tell the noise of three axes
+_NO_NOISE = 0.05  # of the field: more is misfit, of which its second derivatives tell nothing
 _APART = np.array([[1.0, 1.0, 0.0], [1.0, -0.5, 0.75**0.5], [1.0, -0.5, -(0.75**0.5)]])
 """Variances of the axes from their mean and two numbers that say how they differ."""
 
@@ -47,7 +48,7 @@ def correct_for_unequal_noise(problem: Problem, estimate: Estimate) -> Corrected
     """
     n, solution = len(problem.points), estimate.solution
     as_it_was = Corrected(estimate, np.zeros_like(solution.covariance))
-    if n < _FEWEST or not estimate.noise["magnitude"].sd > 0.0:
+    if n < _FEWEST or not 0.0 < estimate.noise["magnitude"].sd < _NO_NOISE:
         return as_it_was
     variances, uncertainty = find_axis_variances(problem, estimate)
     if not uncertainty.any():

@@ -17,8 +17,6 @@ from agonic.maths.estimation.loss import Loss, squares
 Pieces = Callable[[Array], Iterable[tuple[Array, Array]]]
 Prior = Callable[[Array], tuple[Array, Array]]
 
-_LEAST_CUT = 0.1  # of the damping, after a step that brings what was foreseen
-
 
 class Normal(NamedTuple):
     """What one pass over the pieces adds up, in units of the noise."""
@@ -137,11 +135,10 @@ def solve_together(
 
     The covariance is Huber's (1981) sandwich A⁻¹BA⁻¹; each channel gives A its curvature of the
     loss D = Σρ''/Σw · ΣwJᵀJ and B the scatter of its gradient, k D = Σρ'²/Σw · ΣwJᵀJ; the prior
-    joins both as one more observation. The damping follows how much of the foreseen gain a step
-    brings (Nielsen 1999). `move(params, step)` are the parameters a step away, where that is not
-    their sum.
+    joins both as one more observation. `move(params, step)` are the parameters a step away, where
+    that is not their sum.
     """
-    params, damping, growth = np.array(start, dtype=np.float64), 1e-6, 2.0
+    params, damping = np.array(start, dtype=np.float64), 1e-6
     sums = _sums(channels, params, prior)
     converged, iterations = False, 0
     while iterations < max_iterations and not converged:
@@ -153,13 +150,10 @@ def solve_together(
         there = move(params, step)
         trial = _sums(channels, there, prior)
         if np.isfinite(trial.cost) and trial.cost <= sums.cost:
-            gain = (sums.cost - trial.cost) / _foresee(sums, step, damping)
             params, sums = there, trial
-            damping = max(damping * max(_LEAST_CUT, 1 - (2 * gain - 1) ** 3), 1e-12)
-            growth = 2.0
+            damping = max(damping / 10, 1e-12)
         else:
-            damping = max(damping * growth, 1e-4)
-            growth *= 2.0
+            damping = max(damping * 10, 1e-4)
             converged = damping > 1e10
     covariance, data = _sandwich(channels, sums)
     return Solution(
@@ -199,12 +193,6 @@ def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> _S
         information += normal.information / of.correlation
         normals.append(normal)
     return _Sums(normals, cost, gradient, information, known)
-
-
-def _foresee(sums: _Sums, step: Array, damping: float) -> float:
-    """By how much the cost falls in a step where the model is linear: ½ δᵀ(λ D δ − g)."""
-    size = np.diag(sums.information)
-    return float(step @ (damping * size * step - sums.gradient)) / 2
 
 
 def _step(information: Array, gradient: Array, damping: float) -> Array:
