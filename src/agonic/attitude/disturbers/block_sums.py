@@ -27,13 +27,17 @@ _ROUNDS = 4
 
 
 class Log(NamedTuple):
-    """A recording, what is known of its field, and how it is fitted; the rows that are `usable`."""
+    """A recording, what is known of its field, and how it is fitted; the rows that are `usable`.
+
+    `estimates` keeps the fit with each set of sources, for many candidates are tried beside it.
+    """
 
     samples: Samples
     reference: Reference
     channels: tuple[str, ...]
     settings: Settings
     usable: Mask
+    estimates: dict[tuple[str, ...], Estimate]
 
 
 class BlockSums(NamedTuple):
@@ -67,18 +71,19 @@ def sum_blocks(
     log: Log, chosen: tuple[str, ...], candidates: Sequence[tuple[str, ...]]
 ) -> BlockSums:
     """The normal equations of a fit with the chosen sources, and of what candidates would add."""
-    samples, reference, channels, settings, usable = log
+    samples, reference, channels, settings, usable, estimates = log
     gauge: str = settings.gauge
     if gauge == "auto":
         gauge = SYMMETRIC if "dip" not in channels else FREE
     problem, _ = normalise(samples, reference, channels, gauge, replace(settings, sources=chosen))
-    found = estimate_usable(problem, usable, settings)
+    if chosen not in estimates:
+        estimates[chosen] = estimate_usable(problem, usable, settings)
     rows = np.flatnonzero(usable)
     rows = rows[:: -(-len(rows) // MOST_ROWS)]
     x = np.hstack([find_terms(samples, one)[rows] for one in candidates])
     terms = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300)
     of = tuple(one for one in candidates for _ in one)
-    return _add_up(problem.subset(rows), found, terms, of)
+    return _add_up(problem.subset(rows), estimates[chosen], terms, of)
 
 
 def _add_up(

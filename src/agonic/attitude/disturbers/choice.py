@@ -81,7 +81,7 @@ def choose_sources(
 
     Parameters as in `fit_channels`; candidates are the disturbers that the samples hold.
     """
-    log = Log(samples, reference, channels, settings, find_usable(samples))
+    log = Log(samples, reference, channels, settings, find_usable(samples), {})
     candidates = list_candidates(samples.select(log.usable))
     chosen: tuple[str, ...] = ()
     trials: list[Trial] = []

@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 from agonic.arrays import Array
 from agonic.attitude.disturbers.block_sums import BLOCKS, MOST_ROWS, Log, sum_blocks
 from agonic.attitude.disturbers.names import name_sources
-from agonic.attitude.fit import fit_channels
+from agonic.attitude.fit import fit_channels_alone
 from agonic.attitude.problem import find_terms
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import Source, list_columns, parse_source, spell_source
@@ -164,15 +164,14 @@ def _measure_move(
     )
     rows = np.flatnonzero(log.usable)
     rows = rows[:: -(-len(rows) // MOST_ROWS)]
-    fit = fit_channels(
+    found = fit_channels_alone(
         samples.select(rows),
         log.reference.select(rows),
         log.channels,
         replace(log.settings, sources=names),
-        "shape",
     )
-    assert isinstance(fit.calibration, Interference)
-    return _compare_slopes(fit.calibration, given.shape[1], there.shape[1])
+    assert isinstance(found, Interference)
+    return _compare_slopes(found, given.shape[1], there.shape[1])
 
 
 def _compare_slopes(found: Interference, first: int, count: int) -> tuple[float, float]:
