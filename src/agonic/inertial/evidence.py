@@ -57,11 +57,12 @@ def check_gyro(fit: Fit, solved: Solved) -> Finding | None:
 def check_gravity(
     fit: Fit, samples: Samples, given: Reference | None, settings: Settings
 ) -> Finding | None:
-    """The finding that the acceleration has the sign of gravity, where a refused fit shows it.
+    """The finding that the acceleration has the sign of gravity, where a bad fit shows it.
 
     Then the field seems to dip by as much towards the sky.
     """
-    if given is None or given.values.ndim == 1 or fit.verdict != "refused":
+    bad = fit.verdict == "refused" or any(one.name == "disturbed" for one in fit.findings)
+    if given is None or given.values.ndim == 1 or not bad:
         return None
     level, below = given.horizontal_and_vertical(len(samples)).mean(axis=0)
     magnitude = Reference.constant(float(np.hypot(level, below)))

@@ -24,6 +24,7 @@ _LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
 _MOST = 0.5  # of the readings: fewer than that are no measure of the others
+_NO_NOISE = 0.5  # of the field: what scatters by more is misfit, whose square corrects nothing
 _FEW = 0.05  # of the readings: so many may be wrong where there is no doubt about a minimum
 _ALONE = 0.5  # leverage by which a reading decides more than all others together
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
@@ -117,7 +118,8 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
-        sd, shares = noise["magnitude"].sd, find_attitude_shares(part, noise, params)
+        sd = min(noise["magnitude"].sd, _NO_NOISE)
+        shares = find_attitude_shares(part, noise, params)
         solution = leastsq.solve_together(
             [
                 leastsq.Channel(pieces(part, c, sd, shares[c]), of.sd, of.loss, of.correlation)
