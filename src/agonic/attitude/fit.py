@@ -71,8 +71,9 @@ def fit_channels_alone(
     problem, scale, usable = _pose(samples, reference, channels, settings)
     start = None if near is None else find_parameters(near, problem, scale)
     found = estimate_usable(problem, usable, settings, start)
-    found, _ = _state_errors(found, _select(problem, usable), scale)
-    return make_calibration(found, problem, scale, samples, settings, "part")
+    with _without_hold():
+        found, _ = _state_errors(found, _select(problem, usable), scale)
+        return make_calibration(found, problem, scale, samples, settings, "part")
 
 
 def _pose(
