@@ -37,7 +37,6 @@ from agonic.maths.equation.inertial import (
 from agonic.maths.equation.priors import make_prior
 from agonic.maths.estimation import leastsq
 
-_FAR = 1e6  # of readings and gains of about one: no sensor is there
 _ROWS = 4096  # a block whose temporaries stay in the cache
 
 
@@ -134,14 +133,14 @@ class Problem(NamedTuple):
         _, matrix = split(basis @ params[:m])
         bias, change = split(basis @ step[:m])
         moved, there = params + step, matrix + change
-        if not 1.0 / _FAR < np.abs(there).max() < _FAR:
-            return np.full(len(params), np.nan)  # no step: its cost is to be no number either
+        if not np.isfinite(there).all():
+            return moved  # no step: its cost is no number either
         further = np.linalg.pinv(there) @ matrix - np.eye(3)
         moved[:m] += basis[:3].T @ (further @ bias)
         if self.terms is not None:
             slopes = slice(m, m + 3 * self.terms.shape[1])
             moved[slopes] += (further @ step[slopes].reshape(3, -1)).ravel()
-        return moved if np.abs(moved).max() < _FAR else np.full(len(params), np.nan)
+        return moved
 
     def prior_information(self, params: Array) -> Array:
         """What the priors know of the parameters, at these."""

@@ -15,7 +15,6 @@ from agonic.fit import Fit
 from agonic.health import Finding
 from agonic.recording.choice.fits import (
     Choice,
-    confirm_by_gravity,
     fit_alone,
     fit_beside_attitude,
     fit_magnitude,
@@ -50,7 +49,7 @@ def choose(
         _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     )
     if method == "ellipsoid":
-        alone = confirm_by_gravity(fit_magnitude(samples, reference, reason, settings))
+        alone = fit_magnitude(samples, reference, reason, settings)
         if kind != "auto" or reference is None:
             return alone
         return join_disturbers(alone, samples, reference, reason, settings)
@@ -117,7 +116,7 @@ def _choose_surer(
     """The fit beside accelerometer and gyro, or that by the magnitude alone where it is as sure."""
     alone = aided = None
     try:
-        alone = confirm_by_gravity(fit_alone(samples, reference, settings))
+        alone = fit_alone(samples, reference, settings)
     except CoverageError as error:
         failed = error
     enough = "the magnitude alone tells the calibration as surely as with the attitude"
@@ -174,7 +173,7 @@ def _leave_attitude(
     if list_sources(aided.fit) or _own_heading_deg(aided.fit) < SURE_DEG:
         return aided
     try:
-        alone = confirm_by_gravity(fit_alone(samples, reference, settings))
+        alone = fit_alone(samples, reference, settings)
     except CoverageError:
         return aided
     surer = alone.fit.coverage.heading_sd_deg < SURER * _own_heading_deg(aided.fit)
@@ -204,7 +203,7 @@ def fall_back(
     if not causes or not causes <= NOT_OF_THE_MAGNETOMETER:
         return aided
     try:
-        alone = confirm_by_gravity(fit_alone(samples, reference, settings))
+        alone = fit_alone(samples, reference, settings)
     except CoverageError:
         return aided
     return aided if alone.fit.verdict == "refused" else _tell(alone, aided)

@@ -72,8 +72,9 @@ def describe_latency(latency: LatencyFit) -> str:
 def fit_magnitude(
     samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
-    """The fit to the magnitude; its latency matters to a heading, and is told with it."""
-    fit = fit_ellipsoid(samples, reference, **settings)
+    """The fit to the magnitude; its axes and its latency, which it does not see, matter to a heading
+    and are told with it."""
+    fit = check_by_gravity(fit_ellipsoid(samples, reference, **settings), samples, reference)
     same = {**settings, "model": fit.calibration.model}
     again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)
     return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
@@ -83,10 +84,6 @@ def fit_alone(samples: Samples, reference: Reference | None, settings: Mapping[s
     """The fit to the magnitude, by those settings of a fit beside the attitude that it has too."""
     own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
     return fit_magnitude(samples, reference, "", own)
-
-
-def confirm_by_gravity(alone: Choice) -> Choice:
-    return replace(alone, fit=check_by_gravity(alone.fit, alone.samples, alone.reference))
 
 
 def join_disturbers(
