@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import agonic as ag
-from agonic.samples import COLUMNS, VECTORS
+from agonic.samples import COLUMNS
+from agonic.usable_rows import VECTORS
 
 ROWS = np.arange(12.0).reshape(4, 3)
 

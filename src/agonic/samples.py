@@ -18,18 +18,12 @@ from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.earth.moments_of_time import count_seconds, has_moments
 from agonic.provenance import Input
 from agonic.readable import Readable
-from agonic.units import NANOTESLA_PER, RAW, find_unit, nanotesla_per
-
-LARGEST_FIELD = 1e15
-"""Readings (nT, or raw) beyond it are garbage; a million tesla, or 50 bits of raw counts."""
-
-EARTH_NT = (15_000.0, 95_000.0)
-"""What a sensor reads of the Earth's field at its surface, its own bias included, nT."""
+from agonic.units import RAW, find_unit, nanotesla_per
+from agonic.usable_rows import check_axes, check_column, find_usable, refuse_other_unit
 
 WORST_HEADING_DEG = 20.0
 """A heading that is known no better tells nothing of a calibration."""
 
-VECTORS = ("field", "acceleration", "rotation_rate", "second")
 COLUMNS = (
     "time",
     "field",
@@ -153,19 +147,20 @@ class Samples(Readable):
             seconds, epoch = count_seconds(self.time, self.epoch)
             self._put("time", seconds)
             self._put("epoch", epoch)
-        columns = {name: _column(name, getattr(self, name)) for name in COLUMNS}
-        named = {_disturber_name(name): _column(name, c) for name, c in self.disturbers.items()}
+        columns = {name: check_column(name, getattr(self, name)) for name in COLUMNS}
+        others = self.disturbers.items()
+        named = {_disturber_name(name): check_column(name, c) for name, c in others}
         columns |= named
         lengths = {name: len(c) for name, c in columns.items() if c is not None}
         if len(set(lengths.values())) > 1:
             raise LogError(f"columns differ in length: {lengths}; give one value a row in each")
         if self.axes != "xyz":
-            _check_axes(self.axes, columns["field"])
+            check_axes(self.axes, columns["field"])
         if not self.unit:
-            _refuse_other_unit(columns["field"])
+            refuse_other_unit(columns["field"])
             self._put("unit", "nT")
         factor = nanotesla_per(self.unit)
-        keep, rejected = _usable(columns, factor)
+        keep, rejected = find_usable(columns, factor)
         kept = {
             name: None if values is None else _frozen(values if keep.all() else values[keep])
             for name, values in columns.items()
@@ -330,29 +325,6 @@ class Samples(Readable):
         return replace(self, **changed)
 
 
-def _column(name: str, values: ArrayLike | None) -> Array | None:
-    """A column as float64 of the right shape, or a clear error."""
-    if values is None:
-        return None
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise LogError(f"{name} does not hold numbers ({error})") from None
-    wanted = "(n, 3)" if name in VECTORS else "(n,)"
-    fits = array.ndim == 2 and array.shape[1] == 3 if name in VECTORS else array.ndim == 1
-    if not fits:
-        raise LogError(f"{name} has shape {array.shape}; it needs {wanted}, a row a sample")
-    return array
-
-
-def _check_axes(axes: str, field: Array | None) -> None:
-    """Raise `LogError` for other axes than there can be, or readings along one that is not."""
-    if axes != "xy":
-        raise LogError(f'axes is {axes!r}; it is "xyz", or "xy" of a two-axis compass')
-    if field is not None and field[:, 2].any():
-        raise LogError("a two-axis compass reads nothing along z; write zeros there")
-
-
 def _disturber_name(name: str) -> str:
     """The name of a disturber's column, or a clear error where it cannot be one."""
     if not name.isidentifier() or name in {f.name for f in fields(Samples)}:
@@ -361,60 +333,6 @@ def _disturber_name(name: str) -> str:
             "own, with the unit at the end, as motor1_duty or heater_A"
         )
     return name
-
-
-def _refuse_other_unit(field: Array | None) -> None:
-    """Raise `UnitError` where readings without a unit have the Earth's size in another than nT."""
-    if field is None or not len(field):
-        return
-    with np.errstate(over="ignore", invalid="ignore"):
-        size = (
-            float(np.nanmedian(np.sqrt((field**2).sum(axis=1)))) if np.isfinite(field).any() else 0
-        )
-    low, high = EARTH_NT
-    for name in ("uT", "mG", "G", "T"):
-        if low <= size * NANOTESLA_PER[name] <= high:
-            raise UnitError(
-                f"no unit was given, and readings of about {size:.2g} look like {name}: give "
-                f"unit={name!r}, or 'nT' or 'raw' if they are that"
-            )
-
-
-def _usable(columns: Mapping[str, Array | None], factor: float) -> tuple[Mask, dict[str, int]]:
-    """The rows of usable numbers and with increasing time, and why the others are not.
-
-    `factor` makes nanotesla of the field.
-    """
-    present = {name: c for name, c in columns.items() if c is not None}
-    keep = np.ones(len(present["field"]), dtype=bool)
-    rejected: dict[str, int] = {}
-    for name, values in present.items():
-        if (
-            len(values)
-            and np.isfinite(extent := max(-values.min(), values.max()))
-            and (name not in ("field", "second") or extent <= LARGEST_FIELD / max(factor, 1.0))
-        ):
-            continue  # a NaN is the least and the greatest of its array
-        finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
-        if not finite.all():
-            rejected[f"NaN or infinite {name}"] = int((keep & ~finite).sum())
-            keep &= finite
-        if name in ("field", "second"):
-            most = LARGEST_FIELD / max(factor, 1.0)
-            sane = np.asarray((np.abs(values) <= most).all(axis=1)) | ~finite
-            if not sane[keep].all():
-                rejected[f"{name} beyond what any sensor gives"] = int((keep & ~sane).sum())
-                keep &= sane
-    time = present.get("time")
-    if time is not None and keep.any() and not (time[1:] > time[:-1]).all():
-        latest = np.maximum.accumulate(np.where(keep, time, -np.inf))
-        increasing = np.ones(len(time), dtype=bool)
-        increasing[1:] = time[1:] > latest[:-1]
-        late = keep & ~increasing
-        if late.any():
-            rejected["time does not increase"] = int(late.sum())
-            keep &= increasing
-    return keep, rejected
 
 
 def _added(left: Mapping[str, int], right: Mapping[str, int]) -> dict[str, int]:

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
 from agonic.logs.read import read
-from agonic.samples import COLUMNS, VECTORS, Samples
+from agonic.samples import COLUMNS, Samples
+from agonic.usable_rows import VECTORS
 
 
 def full(n=50, **changed):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from agonic.health import Finding, sentences
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section, Table
 from agonic.report.text import WIDTH
 
 DOUBT = Finding("linear", "check", "the constant depends on the current", "use lower currents")

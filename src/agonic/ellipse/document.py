@@ -10,8 +10,9 @@ import numpy as np
 from agonic.ellipse.figures import draw_circles, draw_residuals
 from agonic.ellipse.result import EllipseFit
 from agonic.report.digits import degrees, group_digits, percent, quantity, with_sd
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.labels import unit_label
+from agonic.report.section import Section, Table
 from agonic.report.verdict import WHEN_GOOD
 
 _NAMES = ("bias x", "bias y", "matrix xx", "matrix yy", "matrix xy")

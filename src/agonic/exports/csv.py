@@ -14,7 +14,8 @@ import numpy as np
 from agonic.atomic import write_atomically
 from agonic.errors import AgonicError
 from agonic.logs.quantities import canonical_header
-from agonic.samples import VECTORS, Samples
+from agonic.samples import Samples
+from agonic.usable_rows import VECTORS
 
 Table: TypeAlias = dict[str, list[float] | list[str]]
 

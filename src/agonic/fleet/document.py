@@ -16,8 +16,9 @@ from agonic.fleet.group_section import describe_group
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.peers import Peers, find_peers
 from agonic.report.digits import count, group_digits
-from agonic.report.document import Document, Section
+from agonic.report.document import Document
 from agonic.report.markup import Markup, element, markup
+from agonic.report.section import Section
 
 if TYPE_CHECKING:
     from agonic.fleet.result import FleetRun

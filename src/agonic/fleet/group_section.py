@@ -12,9 +12,9 @@ from agonic.fleet.relations import draw_relation, find_relation
 from agonic.population import Population
 from agonic.population.peers import Peers
 from agonic.report.digits import count
-from agonic.report.document import Section
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section
 
 _LEAST_RANGE_C = 3.0
 _LEAST_DAYS = 2.0

@@ -18,7 +18,8 @@ from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
-from agonic.samples import VECTORS, Samples
+from agonic.samples import Samples
+from agonic.usable_rows import VECTORS
 
 PIECE = 8192
 """Mask worked on together: their intermediate arrays stay in the cache."""

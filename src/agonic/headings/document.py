@@ -12,8 +12,9 @@ from agonic.headings.result import Heading
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.provenance import Input
 from agonic.report.digits import group_digits, write_minus
-from agonic.report.document import Block, Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.origin import list_inputs
+from agonic.report.section import Block, Section, Table
 from agonic.samples import Samples
 
 EQUATION = "magnetic = compass + deviation(compass); true = magnetic + declination"

@@ -15,9 +15,10 @@ from agonic.history.trend import Trend
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
 from agonic.report.digits import count, group_digits, quantity, round_to_sd, show_sign, with_sd
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section, Table
 from agonic.report.tables import NOTHING, mark
 
 LINES = 60

@@ -15,9 +15,9 @@ from agonic.calibration.interference import Interference
 from agonic.recording.calibrated import Calibrated
 from agonic.report import tables
 from agonic.report.digits import percent, quantity, with_sd
-from agonic.report.document import Section, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section, Table
 
 TITLE = "What disturbs"
 TRIED = ("Sources", "Signals", "Less left of unseen squares")

@@ -22,9 +22,10 @@ from agonic.recording.tables import describe_method, list_numbers
 from agonic.recording.values import FIELDS, list_values
 from agonic.report import blocks, tables
 from agonic.report.digits import count, group_digits, percent, quantity
-from agonic.report.document import Block, Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
+from agonic.report.section import Block, Section, Table
 from agonic.report.verdict import MEANINGS, WHEN_GOOD, moves, sentence
 
 SUMMARY = (

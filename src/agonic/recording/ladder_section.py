@@ -11,9 +11,9 @@ from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder import Rung
 from agonic.report import tables
 from agonic.report.digits import group_digits, percent, quantity, with_sd
-from agonic.report.document import Section, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section, Table
 
 TITLE = "Ladder of fits"
 HEAD = ("Fit", "Unknowns", "Spread", "Residual, unseen", "Heading error, predicted")

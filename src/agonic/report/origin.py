@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from agonic.citations import find_citation
 from agonic.provenance import Input, Provenance
 from agonic.report.digits import count
-from agonic.report.document import Section
+from agonic.report.section import Section
 
 
 def list_inputs(*inputs: Input | None, method: Sequence[str] = (), equation: str = "") -> Section:

@@ -9,9 +9,10 @@ import numpy as np
 
 from agonic.health import sort_findings
 from agonic.report.digits import count, quantity, significant, with_sd, write_minus
-from agonic.report.document import Block, Document, Section
+from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import element
+from agonic.report.section import Block, Section
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
 from agonic.thermal import curves, figures, tables, values
 from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures

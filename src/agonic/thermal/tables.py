@@ -11,9 +11,9 @@ from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.decomposition import expand_in_temperature
 from agonic.calibration.thermal import Thermal
 from agonic.report.digits import count, group_digits, quantity, show_sign, with_sd, write_minus
-from agonic.report.document import Block, Table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
+from agonic.report.section import Block, Table
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS
 from agonic.thermal import curves, figures

@@ -12,9 +12,10 @@ from agonic.alignment.coil.fit import METHOD
 from agonic.alignment.coil.result import CoilFit, Direction
 from agonic.alignment.figures import draw_series
 from agonic.report.digits import group_digits, quantity, significant, with_sd
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import Markup
 from agonic.report.origin import list_inputs
+from agonic.report.section import Section, Table
 
 FRAMES = {
     "m": "magnetometer",

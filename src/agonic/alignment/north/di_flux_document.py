@@ -11,8 +11,9 @@ from agonic.alignment.figures import draw_settings
 from agonic.alignment.north.di_flux_result import DiFluxFit
 from agonic.alignment.north.document import format_angle
 from agonic.report.digits import group_digits, significant, with_sd
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.origin import list_inputs
+from agonic.report.section import Section, Table
 
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
 

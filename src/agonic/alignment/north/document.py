@@ -12,7 +12,8 @@ from agonic.alignment.north.figures import draw_swing
 from agonic.alignment.north.platform import Aligned
 from agonic.alignment.north.result import NorthFit
 from agonic.report.digits import group_digits, quantity, significant, with_sd
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
+from agonic.report.section import Section, Table
 
 METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
 PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")

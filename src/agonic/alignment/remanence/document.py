@@ -10,9 +10,10 @@ from agonic.alignment.figures import draw_residuals
 from agonic.alignment.remanence.fit import METHOD, RemanenceFit
 from agonic.provenance import Input
 from agonic.report.digits import with_sd
-from agonic.report.document import Document, Section
+from agonic.report.document import Document
 from agonic.report.markup import Markup, element
 from agonic.report.origin import list_inputs
+from agonic.report.section import Section
 
 WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
 CAPTION = "What is read at each angle of the platform beside the mean"

@@ -15,8 +15,9 @@ from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.report.digits import MINUS, group_digits, quantity, significant, with_sd, write_minus
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import element
+from agonic.report.section import Section, Table
 from agonic.report.verdict import moves
 
 WHEN_ALIGNED = (

@@ -12,8 +12,8 @@ from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_dome, draw_sky
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.report.digits import group_digits, significant, write_minus
-from agonic.report.document import Section, Table
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section, Table
 from agonic.report.tables import NOTHING
 
 BUDGET_HEAD = ("Effect", "Size, ″", "Size, nT", "Done", "Remark")

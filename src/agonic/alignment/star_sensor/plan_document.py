@@ -9,8 +9,9 @@ from agonic.alignment.star_sensor.figures import draw_dome
 from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
 from agonic.report.digits import quantity, significant, write_minus
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section, Table
 
 HEAD = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
 ROLL = (

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from agonic.calibration.deviation import PARAMETERS, name_heading
 from agonic.headings.deviation.plan import SwingPlan
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
+from agonic.report.section import Section, Table
 
 
 def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:

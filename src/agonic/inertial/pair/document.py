@@ -12,7 +12,8 @@ from agonic.calibration.affine import Affine
 from agonic.inertial.pair.check import PairCheck
 from agonic.inertial.pair.result import PairFit
 from agonic.report.digits import group_digits, quantity, significant
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
+from agonic.report.section import Section, Table
 
 SHOT_HEAD = ("Shot", "Target", "Gravity", "Field", "Dip", "Slope", "Azimuth", "")
 CHANGE_HEAD = ("", "By", "Standard errors", "Headings, rms", "Chance")

@@ -17,9 +17,10 @@ from agonic.inflight.report.direction import describe_direction, describe_source
 from agonic.inflight.report.flight import Flight, flight_of_fit
 from agonic.report.decomposition import describe_decomposition
 from agonic.report.digits import count, group_digits, quantity, with_sd
-from agonic.report.document import Document, Section
+from agonic.report.document import Document
 from agonic.report.labels import per_label, unit_label
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section
 from agonic.report.strips import beyond_words, caption
 from agonic.samples import Samples
 

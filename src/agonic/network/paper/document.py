@@ -8,8 +8,9 @@ from agonic.network.paper.reproduce import Reproduction
 from agonic.network.report import figures, tables
 from agonic.network.report.regression import correlate_axes, draw_axes, evaluate_fit
 from agonic.report.digits import quantity
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import Markup
+from agonic.report.section import Section, Table
 from agonic.report.strips import caption
 
 PUBLISHED = {7: 0.9999, 6: 0.9999, 5: 0.9999, 4: 0.9999, 3: 0.9999, 2: 0.82121}

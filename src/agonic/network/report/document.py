@@ -16,8 +16,9 @@ from agonic.network.report import figures, tables
 from agonic.network.report.regression import correlate_axes, draw_axes, evaluate_fit
 from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity
-from agonic.report.document import Document, Section
+from agonic.report.document import Document
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section
 from agonic.report.strips import caption
 from agonic.report.verdict import sentence
 from agonic.samples import Samples

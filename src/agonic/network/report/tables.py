@@ -13,8 +13,8 @@ from agonic.calibration.network import Network
 from agonic.maths.equation.network import split
 from agonic.network.fit import Comparison, Method, NetworkChoice
 from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
-from agonic.report.document import Block, Table
 from agonic.report.markup import Markup, markup, table
+from agonic.report.section import Block, Table
 from agonic.report.tables import NOTHING
 
 MAGNITUDE_ONLY = (

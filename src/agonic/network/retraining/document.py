@@ -13,8 +13,9 @@ from agonic.network.report.document import caution
 from agonic.network.retraining.acceptance import describe_outcome
 from agonic.network.retraining.retrainer import Correction, Retrainer
 from agonic.report.digits import NO_BREAK, count, group_digits, quantity, write_minus
-from agonic.report.document import Block, Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import Markup, element
+from agonic.report.section import Block, Section, Table
 from agonic.report.strips import caption
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import sentence

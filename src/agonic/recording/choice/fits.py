@@ -72,8 +72,7 @@ def describe_latency(latency: LatencyFit) -> str:
 def fit_magnitude(
     samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
-    """The fit to the magnitude; its axes and its latency, which it does not see, matter to a heading
-    and are told with it."""
+    """The fit to the magnitude; axes and latency, which it does not see, are told with it."""
     fit = check_by_gravity(fit_ellipsoid(samples, reference, **settings), samples, reference)
     same = {**settings, "model": fit.calibration.model}
     again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)

@@ -36,7 +36,7 @@ def demo(
     from agonic.recording.files import write_folder
     from agonic.recording.mounting import calibrate
     from agonic.reference import Reference
-    from agonic.report.document import Section, Table
+    from agonic.report.section import Section, Table
 
     made = simulation.simulate(
         "hand", noise=200.0, seed=seed, defects=[simulation.with_outliers(0.02, seed=seed)]

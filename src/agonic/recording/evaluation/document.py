@@ -14,8 +14,9 @@ from agonic.recording.evaluation.cross_validation import Evaluation, Measure
 from agonic.recording.evaluation.errors import HEADING
 from agonic.recording.evaluation.figures import draw_errors
 from agonic.report.digits import count, group_digits, quantity
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import Markup
+from agonic.report.section import Section, Table
 from agonic.report.verdict import MEANINGS
 
 HEAD = ("Error, rms", "as recorded", "found", "stated")

@@ -7,7 +7,8 @@ from typing import Any
 
 from agonic.ellipsoid.plan import PlannedSets
 from agonic.report.digits import group_digits, significant
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
+from agonic.report.section import Section, Table
 
 _UNKNOWN = 1e5
 """nT, above any field of the Earth: nothing is known of such a bias."""

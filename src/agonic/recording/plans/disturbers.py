@@ -8,8 +8,9 @@ from dataclasses import asdict
 from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.disturbers.plan import JudgedDisturber
 from agonic.report.digits import quantity
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.labels import per_label
+from agonic.report.section import Section, Table
 
 STEP_S = 10
 """Seconds at each level: twice what leads and current sensors need to settle."""

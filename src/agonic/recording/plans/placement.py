@@ -7,7 +7,8 @@ from typing import Any
 
 from agonic.attitude.disturbers.placement import Mix
 from agonic.report.digits import quantity, significant
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
+from agonic.report.section import Section, Table
 
 ALIKE = 0.3
 """Share of a disturbance that is the same at both places from which a mix costs much noise."""

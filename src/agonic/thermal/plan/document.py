@@ -8,8 +8,9 @@ from typing import Any
 
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.report.digits import significant
-from agonic.report.document import Document, Section, Table
+from agonic.report.document import Document
 from agonic.report.markup import Markup, element
+from agonic.report.section import Section, Table
 from agonic.report.verdict import sentence
 from agonic.thermal.campaign.description import Station
 from agonic.thermal.campaign.profile import format_signed
