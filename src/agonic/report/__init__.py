@@ -35,9 +35,9 @@ The public `…_page` function of a wing is `describe_coil(fit, title=title).to_
 - `Document` puts together header, verdict with the next move, key figures, entries, sections,
   findings, notes, provenance, and the same in text: none of it is composed in a wing. In JSON
   verdict, status and findings are there already; `values` adds the rest, and overrides.
-- A `Section` has blocks: prose (`str`), entries (`dict`), a `Table`, or what draws a figure: a
-  function without arguments, called only for a page. `printed=True` puts its prose, entries and
-  tables in the text too.
+- A `Section` (in `section`, as is `Table`) has blocks: prose (`str`), entries (`dict`), a `Table`,
+  or what draws a figure: a function without arguments, called only for a page. `printed=True` puts
+  its prose, entries and tables in the text too.
 - Several sensors in one result: a document for each in `sensors`. A plan or another thing without
   a verdict leaves `verdict` out; its `status` is the summary that comes first.
 - A refused result shows no entries and no key figures; which sections and values it has, the wing
