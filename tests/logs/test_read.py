@@ -50,7 +50,7 @@ def test_the_source_is_the_file_by_name_and_hash(two):
 
 
 def test_what_is_no_file(tmp_path):
-    with pytest.raises(LogError, match="this is a folder"):
+    with pytest.raises(LogError, match="there are no files in it"):
         open_log(tmp_path)
     with pytest.raises(LogError, match="no such file"):
         open_log(tmp_path / "missing.csv")
@@ -78,7 +78,7 @@ def test_well_known_files_are_named(tmp_path):
     assert len(open_log(path).sensors[0]) == len(TWO.splitlines()) - 1
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("[Content_Types].xml", "<Types/>")
-    with pytest.raises(LogError, match="save the sheet as CSV"):
+    with pytest.raises(LogError, match="no workbook; save the table as CSV"):
         open_log(path)
     path.write_text('{"mag": 1}')
     with pytest.raises(LogError, match="no magnetometer columns"):

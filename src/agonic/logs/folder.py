@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,20 +19,17 @@ from numpy.typing import NDArray
 from agonic.errors import LogError
 from agonic.logs.columns import FALLBACK, identify_column, identify_columns
 from agonic.logs.conventions import find_named_quantity
-from agonic.logs.formats import HEAD_BYTES, JSON, TEXT, Format, format_of
+from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, TEXT, Format, format_of
 from agonic.logs.groups import build_groups_log
 from agonic.logs.limits import check_declared
 from agonic.logs.log import Log
+from agonic.logs.own_documents import FOLDERS
 from agonic.provenance import Input
 
 _MOST_FILES = 64
 _MOST_FIELDS = 4
 _MATLAB = "matlab"
 _OFFICE = "[Content_Types].xml"
-_NO_RECORDING = (
-    "this is a folder; name a file in it, or give it to agonic fleet where each file is a "
-    "recording of its own"
-)
 _BESIDE = ("acceleration", "rotation_rate")
 
 Table = dict[str, NDArray[Any]]
@@ -43,16 +41,35 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     Raises `LogError` where its files are not the sensors of one recording.
     """
     if path.is_dir():
+        for name, what in FOLDERS.items():
+            if (path / name).is_file():
+                raise LogError(f"this is the folder of {what}")
         return _read_folder(path, path, source, unit)
     with TemporaryDirectory(prefix=".agonic-") as made:
         _unpack(path, Path(made))
+        files = list(Path(made).iterdir())
+        if len(files) == 1:
+            return _read_alone(files[0], path, source, unit)
         return _read_folder(Path(made), path, source, unit)
+
+
+def _read_alone(file: Path, path: Path, source: Input, unit: str | None) -> Log:
+    """The log of the one file that an archive holds, of any kind but another archive."""
+    with file.open("rb") as stream:
+        kind = format_of(stream.read(HEAD_BYTES))
+    if kind == FOLDER:
+        raise LogError(f"an archive within an archive ({file.name}); unpack it")
+    given = () if kind.unit_fixed else (unit,)
+    log: Log = kind.reader.read(file, source, *given)
+    return replace(log, path=path, notes=(f"from {file.name} in the archive", *log.notes))
 
 
 def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> Log:
     files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
-    if not files or len(files) > _MOST_FILES:
-        raise LogError(_NO_RECORDING)
+    if not files:
+        raise LogError("there are no files in it; name a log")
+    if len(files) > _MOST_FILES:
+        raise LogError(_say_several(files, path))
     tables: dict[str, Table] = {}
     notes: list[str] = []
     for file in files:
@@ -64,7 +81,7 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     if not fields:
         raise LogError(f"no file in it holds a magnetometer ({_list_files(files)})")
     if len(files) > 1 and not _is_one_recording(tables, fields):
-        raise LogError(_NO_RECORDING)
+        raise LogError(_say_several(files, path))
     return build_groups_log(
         tables,
         path=path,
@@ -83,6 +100,15 @@ def _is_one_recording(tables: dict[str, Table], fields: list[str]) -> bool:
     return apart and not whole and len(fields) <= _MOST_FIELDS
 
 
+def _say_several(files: list[Path], path: Path) -> str:
+    """What a folder or an archive of recordings is, and what to do with it."""
+    what, do = ("a folder", "") if path.is_dir() else ("an archive", "unpack it, then ")
+    return (
+        f"this is {what} of {len(files)} files ({_list_files(files)}) that are not one recording; "
+        f"{do}name one of them, or give the folder to agonic fleet where each is one of its own"
+    )
+
+
 def _list_files(files: Iterable[Path]) -> str:
     names = [file.name for file in files]
     return ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
@@ -92,16 +118,28 @@ def _read_tables(file: Path, *, alone: bool) -> dict[str, Table]:
     """The tables in a file by its name; bare axes of another sensor get the name of that."""
     with file.open("rb") as stream:
         kind = format_of(stream.read(HEAD_BYTES))
-    quantity = find_named_quantity(file.stem)
     found = {}
     for number, table in enumerate(_read_kind(file, kind)):
         name = file.stem if not number else f"{file.stem} {number + 1}"
-        named = {_name_axis(header, quantity): values for header, values in table.items()}
-        if not alone and quantity != "field":  # x, y and z of something else
-            named = {h: values for h, values in named.items() if not _is_bare(h)}
+        named = name_axes(table, file.stem, alone=alone)
         if identify_columns(named):
             found[name] = named
     return found
+
+
+def name_axes(table: Table, name: str, *, alone: bool) -> Table:
+    """The columns of a file, a sheet or a table: bare axes under the sensor that it is named for.
+
+    Where it is not `alone` and named for no magnetometer, bare axes are of something else.
+
+    >>> list(name_axes({"t": None, "x": None}, "Gyroscope", alone=False))
+    ['t', 'gyro x']
+    """
+    quantity = find_named_quantity(name)
+    named = {_name_axis(header, quantity): values for header, values in table.items()}
+    if alone or quantity == "field":
+        return named
+    return {header: values for header, values in named.items() if not _is_bare(header)}
 
 
 def _read_kind(file: Path, kind: Format) -> list[Table]:

@@ -27,6 +27,8 @@ FMT_TEXT = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w+, ?\w+, ?\w+", re.MULTILINE)
 """A message of type FMT of a dataflash log: type, length, name, letters and columns."""
 
 
+_OPENING = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*[{<]|^\[", re.MULTILINE)
+
 PACKED = {
     b"\x1f\x8b\x08": "gzip",
     b"BZh": "bz2",
@@ -130,6 +132,15 @@ def _is_bag(head: bytes) -> bool:
     return database or head.startswith((b"#ROSBAG V2", b"\x89MCAP0\r\n"))
 
 
+def _is_workbook(head: bytes) -> bool:
+    """Whether the first member of a ZIP archive is one of a document of an office."""
+    length = int.from_bytes(head[26:28], "little")
+    first, content = head[30 : 30 + length], head[30 + length : 130 + length]
+    begins = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/")
+    opendocument = first == b"mimetype" and b"opendocument" in content
+    return head.startswith(b"PK\x03\x04") and (first.startswith(begins) or opendocument)
+
+
 def _is_json(head: bytes) -> bool:
     """Whether it begins like an object, or a list of objects or of lists; a calibration is none."""
     begins = re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*(\[\s*[-\d\"]|\{)|\{)", head) is not None
@@ -137,6 +148,9 @@ def _is_json(head: bytes) -> bool:
 
 
 JSON = Format("JSON (.json, .jsonl)", "json_text", _is_json)
+WORKBOOK = Format("workbooks (.xlsx, .ods)", "office.workbook", _is_workbook)
+ARROW = Format("Arrow and Feather", "arrow", _starts(b"ARROW1\0\0", b"\xff\xff\xff\xff"))
+DATABASE = Format("SQLite", "database", _starts(b"SQLite format 3\0"))
 FOLDER = Format("ZIP archives and folders of tables", "folder", _starts(b"PK\x03\x04"))
 ROS = Format("ROS bags (.bag, .db3, .mcap, a folder of ROS 2)", "ros.bag", _is_bag)
 PARQUET = Format("Parquet", "parquet", _starts(b"PAR1"))
@@ -146,10 +160,13 @@ FORMATS = (
     Format("PX4 ULog (.ulg)", "px4.ulog", _starts(b"ULog\x01\x12\x35"), unit_fixed=True),
     PARQUET,
     ROS,
+    DATABASE,
     Format("MATLAB (.mat)", "matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")),
     Format("NumPy (.npz, .npy)", "numpy_archive", _is_numpy),
+    WORKBOOK,
     FOLDER,
     JSON,
+    ARROW,
     Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
     Format("netCDF", "space.netcdf", _starts(b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02")),
     Format("IAGA-2002", "space.iaga2002", _starts(b" Format                 IAGA-2002")),
@@ -161,7 +178,10 @@ FORMATS = (
 )
 """Files that begin with a mark, in the order in which they are tried; all others are `TEXT`."""
 
-READ = ", ".join(kind.name for kind in (*FORMATS, TEXT))
+READ = (
+    "agonic reads tables (text, Excel, JSON, Parquet, Arrow, SQLite, MATLAB, NumPy), logs of "
+    "ArduPilot, PX4 and MAVLink, ROS bags, CDF, netCDF and IAGA-2002"
+)
 
 SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"PK", "a ZIP archive (unpack it first)"),
@@ -171,13 +191,16 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"\xff\xd8\xff", "a JPEG picture"),
     (0, b"%PDF", "a PDF document"),
     (0, b"\x7fELF", "a program"),
-    (0, b"SQLite format 3", "an SQLite database (write its table of readings as CSV)"),
-    (0, b"ARROW1", "an Arrow or Feather file (write it as Parquet)"),
+    (0, b"FEA1", "an old Feather file, version 1 (write it anew)"),
     (8, b".FIT", "a Garmin FIT file (turn it into CSV with the FIT SDK's FitCSVTool)"),
     (0, b"\xb5\x62", "a u-blox UBX stream, whose receivers have no magnetometer"),
     (0, b"\xd0\xcf\x11\xe0", "an old workbook of Excel (save the sheet as CSV)"),
     (0, b"Rar!", "a RAR archive (unpack it first)"),
     (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
+    (0, b"GIF8", "a GIF picture"),
+    (8, b"WEBP", "a WebP picture"),
+    (4, b"ftyp", "a video or a picture of a phone"),
+    (0, b"{\\rtf", "a document of a word processor (save the table as CSV)"),
     (0, b"<", "a web page or XML"),
 )
 """Where the mark of a kind of file that is not read stands, the mark, and what such a file is."""
@@ -189,12 +212,17 @@ def format_of(head: bytes) -> Format:
     >>> format_of(b"PAR1 and more").name, format_of(b"time_s,mag_x_nT\\n").module
     ('Parquet', 'csv_text')
     """
+    if _OPENING.search(head):  # nothing of agonic's own is without
+        from agonic.logs.own_documents import name_own
+
+        if own := name_own(head):
+            raise LogError(f"this is {own}")
     for kind in FORMATS:
         if kind.accepts(head):
             return kind
     for offset, mark, what in SIGNATURES:
         if head[offset:].startswith(mark):
-            raise LogError(f"this is {what}; agonic reads {READ}")
+            raise LogError(f"this is {what}, no log; {READ}")
     if not TEXT.accepts(head):
-        raise LogError(f"binary data that agonic does not know; it reads {READ}")
+        raise LogError(f"this is binary data of a kind that is not known; {READ}")
     return TEXT

@@ -23,7 +23,7 @@ from agonic.logs.log import Log
 from agonic.logs.long_table import build_tables_log
 from agonic.provenance import Input
 
-_TEXTUAL = ("time", "date", "sensor", "frame")
+TEXTUAL = ("time", "date", "sensor", "frame")
 _DEEPEST = 6
 _NO_NUMBER = re.compile(rb"(?<=[\[:,\s])[-+]?(?:NaN|nan|Infinity|inf)(?=\s*[,\]}])")
 """What Python's own writer puts for numbers that are none."""
@@ -46,7 +46,7 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     wanted = find_columns(rename_headers(names))
     quantities = find_quantities(wanted.values())
     table = {
-        name: _values(columns[names[i]], textual=quantities[name] in _TEXTUAL)
+        name: to_column(columns[names[i]], textual=quantities[name] in TEXTUAL)
         for i, name in wanted.items()
     }
     others = [name for i, name in enumerate(names) if i not in wanted]
@@ -169,7 +169,7 @@ def _flatten(record: Mapping[str, Any], before: str = "", depth: int = 0) -> dic
     return flat
 
 
-def _values(column: list[Any], *, textual: bool) -> NDArray[Any]:
+def to_column(column: list[Any], *, textual: bool) -> NDArray[Any]:
     """A column as numbers; as texts where it may hold such and does."""
     numbers = np.array([_number(value) for value in column], dtype=np.float64)
     known = sum(value is not None for value in column)

@@ -180,7 +180,12 @@ def _name(label: str, number: str) -> str:
 
 def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoReturn:
     """Raise `LogError` that says what there is instead of a magnetometer, and what is needed."""
-    known, every = list(headers), [*headers, *others]
+    from agonic.logs.own_documents import name_own_table
+
+    known = list(headers)
+    every = [*known, *others]
+    if own := name_own_table(every):
+        raise LogError(f"this is {own}")
     found = identify_columns(known)
     parts = [c.header for axes in found.get("field", {}).values() for c in axes.values()]
     have = ", ".join(repr(h[:30]) for h in every[:10]) + (", …" if len(every) > 10 else "")

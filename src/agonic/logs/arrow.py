@@ -1,0 +1,80 @@
+"""Arrow and Feather files and streams, with pyarrow; columns are named as those of a table are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from agonic.errors import LogError, MissingExtraError
+from agonic.logs.column_names import rename_headers
+from agonic.logs.columns import find_columns
+from agonic.logs.limits import check_declared
+from agonic.logs.log import Log
+from agonic.logs.long_table import build_tables_log
+from agonic.provenance import Input
+
+FILE, STREAM = b"ARROW1\0\0", b"\xff\xff\xff\xff"
+
+
+def accepts(head: bytes) -> bool:
+    """Whether a file begins like an Arrow file, or like a stream: its first message is a schema.
+
+    >>> accepts(b"ARROW1\\0\\0" + bytes(8)), accepts(b"\\xff" * 8)
+    (True, False)
+    """
+    size = int.from_bytes(head[4:8], "little")
+    return head.startswith(FILE) or (head.startswith(STREAM) and 0 < size < 1 << 24)
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that an Arrow table is; `unit` is that of the field where no column names one."""
+    columns = _read_columns(path)
+    names = list(columns)
+    wanted = find_columns(rename_headers(names))
+    table = {name: columns[names[i]].to_numpy() for i, name in wanted.items()}
+    return build_tables_log(
+        table,
+        path=path,
+        source=source,
+        format="Arrow table",
+        unit=unit,
+        others=[name for i, name in enumerate(names) if i not in wanted],
+    )
+
+
+def _read_columns(path: Path) -> dict[str, Any]:
+    """The columns by name, those of structures by dotted names, vectors by [0], [1], [2]."""
+    try:
+        import pyarrow as pa
+    except ImportError:
+        raise MissingExtraError("reading an Arrow file", "tables") from None
+    stored = path.stat().st_size
+    batches, size = [], 0
+    with pa.OSFile(str(path)) as file:
+        with path.open("rb") as stream:
+            whole = stream.read(len(FILE)) == FILE
+        reader = pa.ipc.open_file(file) if whole else pa.ipc.open_stream(file)
+        for number in range(reader.num_record_batches) if whole else iter(int, 1):
+            try:
+                batch = reader.get_batch(number) if whole else reader.read_next_batch()
+            except StopIteration:
+                break
+            batch.validate(full=True)  # offsets in it may lead anywhere
+            size += batch.nbytes
+            check_declared(size, stored)
+            batches.append(batch)
+    if not batches:
+        raise LogError("it holds no rows")
+    table = pa.Table.from_batches(batches).flatten().flatten()
+    return {name: part for at, field in enumerate(table.schema)
+            for name, part in _take_apart(pa, field, table.column(at)).items()}  # fmt: skip
+
+
+def _take_apart(pa: Any, field: Any, column: Any) -> dict[str, Any]:
+    """A column by its name; one of lists of three as its components."""
+    if pa.types.is_fixed_size_list(field.type) and field.type.list_size == 3:
+        flat = pa.chunked_array([chunk.flatten() for chunk in column.chunks], field.type.value_type)
+        if len(flat) == 3 * len(column):
+            values = flat.to_numpy()
+            return {f"{field.name}[{k}]": pa.chunked_array([values[k::3]]) for k in range(3)}
+    return {field.name: column}

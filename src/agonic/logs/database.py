@@ -1,0 +1,118 @@
+"""SQLite databases, as apps and loggers write them: each table is read as a text table is.
+
+Only tables that lie in the file itself are read, never views or virtual ones, which can run code
+and read other files. What bare x, y and z are is told by the name of their table.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.logs.column_names import rename_headers
+from agonic.logs.columns import find_columns, find_quantities, identify_columns, refuse_many
+from agonic.logs.folder import name_axes
+from agonic.logs.groups import build_groups_log
+from agonic.logs.json_text import TEXTUAL, to_column
+from agonic.logs.limits import MOST_BYTES
+from agonic.logs.log import Log
+from agonic.logs.long_table import build_tables_log
+from agonic.provenance import Input
+
+_MOST_TABLES = 256
+_BLOCK = 20_000
+_LONGEST_S = 60.0
+
+Table = dict[str, NDArray[Any]]
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a database is; `unit` is that of the field where no column names one.
+
+    Raises `LogError` where no table holds a magnetometer.
+    """
+    try:
+        with _open(path) as database:
+            tables, others = _read_tables(database)
+    except sqlite3.Error as error:
+        raise LogError(f"the database cannot be read ({error}); copy it with its journal") from None
+    facts: dict[str, Any] = {"path": path, "source": source, "format": "SQLite database"}
+    waiting = Path(f"{path}-wal")
+    late = (f"rows that lie in {waiting.name} alone were not read",) * waiting.is_file()
+    known = {name: table for name, table in tables.items() if identify_columns(table)}
+    if len(known) == 1:
+        ((name, table),) = known.items()
+        notes = (f"from its table {name!r}", *late)
+        return build_tables_log(table, unit=unit, others=others, notes=notes, **facts)
+    named = {name: name_axes(table, name, alone=False) for name, table in known.items()}
+    paths = {name: Path(name) for name in named}
+    return build_groups_log(named, unit=unit, others=others, paths=paths, notes=late, **facts)
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[sqlite3.Connection]:
+    """The database, read only, for a limited time."""
+    address = f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1"
+    with closing(sqlite3.connect(address, uri=True)) as database:
+        end = time.monotonic() + _LONGEST_S
+        database.set_progress_handler(lambda: time.monotonic() > end, 100_000)
+        database.execute("PRAGMA trusted_schema = OFF")
+        database.text_factory = lambda data: data.decode("utf-8", "replace")
+        yield database
+
+
+def _read_tables(database: sqlite3.Connection) -> tuple[dict[str, Table], list[str]]:
+    """The columns of each table that are understood, and the headers of the others."""
+    listed = database.execute(
+        "SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0 "
+        "AND name NOT LIKE 'sqlite!_%' ESCAPE '!'"
+    )
+    tables: dict[str, Table] = {}
+    others: list[str] = []
+    room = MOST_BYTES // 8
+    for name in [str(row[0]) for row in listed.fetchmany(_MOST_TABLES)]:
+        headers = [str(row[1]) for row in database.execute(f"PRAGMA table_info({_quote(name)})")]
+        refuse_many(len(headers))
+        wanted = find_columns(rename_headers(headers))
+        others += [f"{name}.{header}" for i, header in enumerate(headers) if i not in wanted]
+        if not wanted:
+            continue
+        chosen = ", ".join(_quote(headers[i]) for i in wanted)
+        rows = database.execute(f"SELECT {chosen} FROM {_quote(name)}")
+        table = _read_rows(rows, list(wanted.values()), room // len(wanted))
+        if table:
+            tables[name] = table
+            room -= sum(len(column) for column in table.values())
+    return tables, others
+
+
+def _quote(name: str) -> str:
+    """A name as SQL has it."""
+    doubled = name.replace('"', '""')
+    return f'"{doubled}"'
+
+
+def _read_rows(rows: sqlite3.Cursor, names: list[str], most: int) -> Table:
+    """The columns of a table; nothing where it has no rows."""
+    quantities = find_quantities(names)
+    textual = {name: quantities[name] in TEXTUAL for name in names}
+    blocks: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+    count = 0
+    while block := rows.fetchmany(_BLOCK):
+        count += len(block)
+        if count > most:
+            raise LogError("a table is too long for memory (500 MB); write it as Parquet")
+        for name, values in zip(names, zip(*block, strict=True), strict=True):
+            column = to_column(list(values), textual=textual[name])
+            textual[name] = column.dtype.kind == "O"
+            blocks[name].append(column)
+    return {name: np.concatenate(parts) for name, parts in blocks.items() if parts}

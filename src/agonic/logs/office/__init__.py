@@ -1,0 +1,1 @@
+"""Workbooks of spreadsheets: Excel and OpenDocument; `workbook` is the reader."""
