@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import agonic as ag
 from agonic.thermal.fit.fit import fit_thermal
@@ -118,3 +119,24 @@ def test_a_coil_with_a_noisy_thermometer() -> None:
         found = fit_thermal(noisy, made.reference, degree=2).calibration
         z.append((found.bias_at(at) - made.truth.bias_at(at)) / found.sd_at(at)[:, :3])
     assert 0.6 < rms(z) < 1.4
+
+
+@pytest.mark.parametrize(("curve", "memory", "degree"), [(0.01, 0.0, "auto"), (0.01, 0.97, 3)])
+def test_a_coil_states_what_an_order_left_out_and_slow_noise_do(curve, memory, degree) -> None:
+    """2.1 by the order that residuals ask for, 1.5 by one correlation length."""
+    z = []
+    at = np.linspace(24.0, 66.0, 7)
+    for seed in range(6):
+        made = simulate_thermal_coil(2000, seed=seed, curve=curve)
+        white = np.random.default_rng(seed).standard_normal((3000, 3))
+        slow = 100.0 * lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=0)[1000:]
+        samples = made.samples.with_columns(field=made.samples.field + slow * (memory > 0))
+        found = fit_thermal(samples, made.reference, degree=degree, rate=False).calibration
+        z.append((found.bias_at(at) - made.truth.bias_at(at)) / found.sd_at(at)[:, :3])
+    assert 0.5 < rms(z) < 1.3
+
+
+def test_a_straight_course_keeps_its_order() -> None:
+    made = [simulate_thermal_coil(1000, seed=seed, curve=0.0) for seed in range(4)]
+    found = [fit_thermal(one.samples, one.reference, degree="auto").calibration for one in made]
+    assert [one.degree for one in found].count(1) >= 3

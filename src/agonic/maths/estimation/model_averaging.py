@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.maths.estimation.leastsq import inverse
 
 
@@ -22,7 +22,9 @@ class ModelAverage(NamedTuple):
     probability: float
 
 
-def average_over_term(params: Array, covariance: Array, term: slice, prior: float) -> ModelAverage:
+def average_over_term(
+    params: Array, covariance: Array, term: slice | Index, prior: float
+) -> ModelAverage:
     """Parameters (p,) averaged over models with the term and without (Hoeting et al. 1999).
 
     With k numbers d in the term, their covariance V and q = dᵀV⁻¹d, a term of a size about which
@@ -37,7 +39,7 @@ def average_over_term(params: Array, covariance: Array, term: slice, prior: floa
     >>> found.params.tolist(), found.covariance.tolist()  # half a standard error is nothing
     ([0.5, 0.0], [[1.0, 0.0], [0.0, 0.0]])
     """
-    d, spread = params[term], covariance[term, term]
+    d, spread = params[term], covariance[:, term][term]
     k = len(d)
     q = float(d @ inverse(spread) @ d)
     odds = prior / (1 - prior)

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, CoverageError
-from agonic.fit import ModelTest
 from agonic.health import Finding, figure
 from agonic.maths.equation.affine import FREE
-from agonic.maths.equation.temperature_model import build_covariates
 from agonic.maths.estimation import series
-from agonic.maths.estimation.noise import noise_scale, robust_scale
-from agonic.maths.estimation.wald import wald
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -25,6 +19,7 @@ from agonic.thermal.fit.alternatives import (
     list_unseen,
 )
 from agonic.thermal.fit.calibration import make_calibration
+from agonic.thermal.fit.known_field_model import KnownFieldReadings, choose_model, normalise
 from agonic.thermal.fit.readings import (
     collect_facts,
     convert_to_celsius,
@@ -32,21 +27,18 @@ from agonic.thermal.fit.readings import (
     require_temperature,
 )
 from agonic.thermal.fit.result import ThermalFit
-from agonic.thermal.fit.scale import NO_LAG, Scale, find_narrow_range, require_range
-from agonic.thermal.fit.settings import LARGEST_AUTO, Settings
+from agonic.thermal.fit.scale import find_narrow_range, require_range
+from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths.alternatives import compare_alternatives
 from agonic.thermal.maths.known_field import (
     BLOCKS,
     KnownFieldEstimate,
     KnownFieldProblem,
-    estimate_known_field,
 )
 from agonic.thermal.maths.thermometer import calm_thermometer
 
 FEWEST = 24
 _FLAT = 0.05  # of the field: components that vary by less leave gains open
-_SIGNIFICANT = 1e-4
-_MARKED = 0.01  # of the residual variance: what a further order must take off
 
 
 def fit_known_field(samples: Samples, reference: Reference, settings: Settings) -> ThermalFit:
@@ -59,9 +51,9 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     if samples.time is not None:
         calmed = calm_thermometer(level, samples.time)
         noisy, level = judge_thermometer([(level, calmed)]), calmed.temperature
-    readings = _normalise(samples, field, level, settings)
+    readings = normalise(samples, field, level, settings)
     scale = readings.scale
-    problem, estimate, tests, curve = _choose_model(readings, settings, samples.unit)
+    problem, estimate, tests, curve = choose_model(readings, settings, samples.unit)
     calibration = _restore(estimate, problem, readings, samples, reference, settings)
     outlier = estimate.weights == 0
     found = [*findings, *noisy, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
@@ -107,7 +99,7 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
 def _restore(
     estimate: KnownFieldEstimate,
     problem: KnownFieldProblem,
-    readings: _Normalised,
+    readings: KnownFieldReadings,
     samples: Samples,
     reference: Reference,
     settings: Settings,
@@ -165,92 +157,11 @@ def _find_field(samples: Samples, reference: Reference) -> Array:
     return field
 
 
-class _Normalised(NamedTuple):
-    """Points and fields (n, 3) of size one, temperatures as −1…1, and how fast they change."""
-
-    points: Array
-    fields: Array
-    x: Array
-    lag: Array | None
-    scale: Scale
-    magnitude: float
-
-    def estimate(
-        self, degree: int, robust: bool, rate: bool = False, start: Array | None = None
-    ) -> _Estimated:
-        """The problem of an order, with the term in dT/dt or without, and its estimate."""
-        phi = build_covariates(self.x, 0.0, degree, self.lag if rate else None)
-        problem = KnownFieldProblem(self.points, self.fields, phi, degree, rate)
-        return problem, estimate_known_field(problem, robust=robust, start=start)
-
-
-_Estimated = tuple[KnownFieldProblem, KnownFieldEstimate]
-
-
-def _normalise(samples: Samples, field: Array, level: Array, settings: Settings) -> _Normalised:
-    centre = samples.field.mean(axis=0)
-    size = float(np.sqrt(np.mean(np.sum((samples.field - centre) ** 2, axis=1))))
-    if not size > 0:
-        raise CoverageError("the readings never change: the sensor is stuck")
-    magnitude = float(np.sqrt(np.mean(np.sum(field**2, axis=1))))
-    lag, pace = None, 1.0
-    if settings.rate is not False and samples.time is not None:
-        rate = series.compute_rates(samples.time, level)
-        pace = float(np.sqrt(np.mean(rate**2))) or 1.0
-        lag = rate / pace if np.any(rate) else None
-    scale = Scale(centre, size, float(level.min()), float(level.max()), pace, magnitude)
-    points = (samples.field - centre) / size
-    return _Normalised(points, field / magnitude, scale.x(level), lag, scale, magnitude)
-
-
-def _choose_model(
-    readings: _Normalised, settings: Settings, unit: str
-) -> tuple[KnownFieldProblem, KnownFieldEstimate, tuple[ModelTest, ...], Array | None]:
-    """The estimate of the order that was asked for or is needed, with the rate where it shows, and
-    the variance of the residuals by order where it was looked for."""
-    degree, robust = settings.degree, settings.robust
-    curve: Array | None = None
-    if degree == "auto":
-        estimates = (readings.estimate(order, robust)[1] for order in range(LARGEST_AUTO + 1))
-        curve = np.array([_measure_unseen(estimate) ** 2 for estimate in estimates])
-        degree = _choose_degree(curve)
-    plain = readings.estimate(degree, robust)
-    if readings.lag is None:
-        return *plain, (), curve
-    start = np.concatenate([plain[1].solution.params, np.zeros(3)])
-    lagging = readings.estimate(degree, robust, rate=True, start=start)
-    solution, noise = lagging[1].solution, lagging[1].noise
-    term = solution.params[-3:]
-    independent = len(readings.points) / noise.correlation
-    statistic, p_value = wald(term, solution.covariance[-3:, -3:], independent)
-    better = _measure_unseen(lagging[1]) < _measure_unseen(plain[1])
-    there = settings.rate is True or (p_value < _SIGNIFICANT and better)
-    words = readings.scale.describe_lag(term, unit) if there else NO_LAG
-    test = ModelTest(
-        smaller="temperature", larger="rate", statistic=statistic, p_value=p_value, sentence=words
-    )
-    return *(lagging if there else plain), (test,), curve
-
-
-def _measure_unseen(estimate: KnownFieldEstimate) -> float:
-    """The standard deviation of what readings are off by where the fit has not seen them."""
-    left = estimate.unseen.ravel()
-    return noise_scale(left, estimate.noise.loss, robust_scale(left), 0)
-
-
 def _compare_to_seen(estimate: KnownFieldEstimate) -> float:
     """By how much residuals are larger where the fit has not seen the readings."""
     kept = estimate.weights > 0
     seen = float(np.mean(estimate.residuals[kept] ** 2))
     return float(np.sqrt(np.mean(estimate.unseen[kept] ** 2) / max(seen, 1e-300)))
-
-
-def _choose_degree(variances: Array) -> int:
-    """The smallest order after which the variance of unseen readings stops falling markedly."""
-    for order in range(LARGEST_AUTO):
-        if (variances[order + 1 :] > (1 - _MARKED) * variances[order]).all():
-            return order
-    return LARGEST_AUTO
 
 
 def _compute_rms(

@@ -18,6 +18,7 @@ from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import squares
 from agonic.maths.estimation.noise import Noise, estimate_noise, robust_scale
+from agonic.maths.estimation.noise_with_memory import STRETCHES, Stretches, find_memory
 
 BLOCKS = 10
 """Blocks of readings, in their order, each of which a fit is tried on that has not seen it."""
@@ -155,6 +156,7 @@ def _summarise(
         correlation=noise.correlation,
         tolerance=1e-2,
     )
+    solution = _allow_for_memory(problem, solution, noise.sd, weights.ravel())
     return KnownFieldEstimate(
         solution,
         noise,
@@ -162,6 +164,37 @@ def _summarise(
         weights.min(axis=1),
         _predict_unseen(problem, solution.params, weights),
     )
+
+
+def _allow_for_memory(
+    problem: KnownFieldProblem, solution: leastsq.Solution, sd: float, weights: Array
+) -> leastsq.Solution:
+    """The solution with the covariance that noise with memory gives it, where residuals show some.
+
+    One correlation length is that of all coefficients; but those of a temperature that changes
+    slowly feel slow errors, and those of a field that switches do not.
+    """
+    each, done, parts = -(-len(problem.points) // STRETCHES), 0, []
+    information = np.zeros_like(solution.covariance)
+    rows = max(_ROWS // each, 1) * each
+    for start in range(0, len(problem.points), rows):
+        block = problem.select(slice(start, start + rows))
+        r, jacobian = (
+            np.concatenate(part) / sd
+            for part in zip(*make_pieces(block)(solution.params), strict=True)
+        )
+        own = weights[done : done + len(r)]
+        done += len(r)
+        information += (jacobian.T * own) @ jacobian
+        axes = np.tile(np.eye(3), (len(r) // 3, 1))
+        parts.append(Stretches.of(r, jacobian, own, axes, 3 * each))
+    response = leastsq.inverse(information)
+    stretches = Stretches(*(np.concatenate(of) for of in zip(*parts, strict=True)))
+    memory = find_memory(stretches, response, (slice(0, 3),))
+    if memory is None:
+        return solution
+    scatter = memory.white * information + memory.scatter
+    return solution._replace(covariance=response @ scatter @ response)
 
 
 def _predict_unseen(problem: KnownFieldProblem, params: Array, weights: Array) -> Array:
