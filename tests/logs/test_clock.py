@@ -94,8 +94,11 @@ def test_repeated_rows_and_single_ties_are_left_alone():
 
 
 def test_letters_of_a_zone_cost_no_time():
-    texts = np.array([f"2026-03-01 12:00:0{k}.5 CET" for k in range(5)], dtype=object)
-    time, epoch, notes = read_clock(texts, None)
-    np.testing.assert_allclose(time, np.arange(5) + 0.5)
-    assert epoch == datetime(2026, 3, 1, 12, tzinfo=UTC)
-    assert notes == ("times name the zone CET, which is not read: taken as UTC",)
+    """CET is one zone; CST is that of America and that of China."""
+    said = "times name the zone CST, which stands for several: taken as UTC"
+    for zone, hour, told in (("CET", 11, ()), ("(EST)", 17, ()), ("CST", 12, (said,))):
+        texts = np.array([f"2026-03-01 12:00:0{k}.5 {zone}" for k in range(5)], dtype=object)
+        time, epoch, notes = read_clock(texts, None)
+        np.testing.assert_allclose(time, np.arange(5) + 0.5)
+        assert epoch == datetime(2026, 3, 1, hour, tzinfo=UTC)
+        assert notes == told

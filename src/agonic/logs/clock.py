@@ -20,10 +20,16 @@ UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 _UNIX_SECONDS = (1e9, 4.1e9)
 """2001 to 2099: a clock that reads this many seconds counts from 1970, not from power-on."""
 _LONGEST_STEP_S = 1000.0
+_ZONES_H = {
+    "EST": -5, "EDT": -4, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7, "WET": 0, "WEST": 1,
+    "CET": 1, "CEST": 2, "EET": 2, "EEST": 3, "MSK": 3, "JST": 9, "AEST": 10, "AEDT": 11,
+}  # fmt: skip
+"""Hours ahead of UTC. CST, IST and BST stand for several zones."""
 _ZONE = re.compile(r"\s+\(?([A-Z]{3,5})\)?$")
 _DAY_S = 86400.0
 _HOUR_S = 3600.0
 _NONE_READ = "times left out: none could be read"
+NO_ZONE = "times name no zone: taken as UTC"
 TIMES_OF_DAY = "times of day"
 """How the note on a clock without a date begins."""
 _TIED_SHARE = 0.01
@@ -44,7 +50,7 @@ def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
     if unit_s is None:
         return _without_unit(numbers)
     seconds = numbers / (1 / unit_s)  # 70 000 µs / 1e6 is 0.07 s; times 1e-6 is not
-    return _since_first_second(seconds, ()) if _is_unix(seconds) else (seconds, None, ())
+    return since_first_second(seconds, ()) if _is_unix(seconds) else (seconds, None, ())
 
 
 def _without_unit(numbers: Array) -> Clock:
@@ -52,12 +58,12 @@ def _without_unit(numbers: Array) -> Clock:
     for name, per_second in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
         if _is_unix(numbers / per_second):
             note = f"times have no unit; by their size they are Unix times in {name}"
-            return _since_first_second(numbers / per_second, (note,))
+            return since_first_second(numbers / per_second, (note,))
     from agonic.logs.numbered_dates import read_digits_s
 
     if (digits := read_digits_s(numbers)) is not None:
         seconds, dated, note = digits
-        return _since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
+        return since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
     steps = np.diff(numbers[np.isfinite(numbers)])
     if len(steps) and np.median(steps) > 1 and (steps == np.round(steps)).all():
         note = (
@@ -77,7 +83,7 @@ def _is_unix(seconds: Array) -> bool:
     return bool(low < np.median(finite) < high and step <= _LONGEST_STEP_S)
 
 
-def _since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
+def since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
     """Unix seconds as seconds since the whole second in which they start."""
     finite = unix[np.isfinite(unix)]
     if not len(finite):
@@ -112,7 +118,10 @@ def _of_texts(texts: list[str]) -> Clock:
     zone = _ZONE.search(texts[0].strip("\"' ")) if texts and not known else None
     if zone is not None:  # letters that stand for several zones: CST, IST
         time, start, notes = _of_texts([_ZONE.sub("", text.strip("\"' ")) for text in texts])
-        said = f"times name the zone {zone[1]}, which is not read: taken as UTC"
+        ahead = _ZONES_H.get(zone[1])
+        if start is not None and ahead is not None:
+            return time, start - timedelta(hours=ahead), ()
+        said = f"times name the zone {zone[1]}, which stands for several: taken as UTC"
         return time, start, notes if start is None else (said,)
     if not known:
         example = next((text for text in texts if text.strip()), "")
@@ -125,7 +134,7 @@ def _of_texts(texts: list[str]) -> Clock:
     )
     if first.year > 1:
         named = any(map(_names_zone, texts[:9]))
-        return seconds, epoch, () if named else ("times name no zone: taken as UTC",)
+        return seconds, epoch, () if named else (NO_ZONE,)
     finite = np.isfinite(seconds)
     seconds[finite] = np.unwrap(seconds[finite], period=_DAY_S)
     return seconds, None, (AMBIGUOUS if slashes else f"{TIMES_OF_DAY} without a date",)

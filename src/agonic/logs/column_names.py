@@ -30,7 +30,25 @@ _BESIDE = ".toml"
 _AXES = "xyz"
 _UNIT_BEHIND = re.compile(r"[,;(\[{]\s*([^,;(\[{}\])]+)[)\]}]?\s*$")
 _FIELD_BEHIND = re.compile(r"_(nT|uT|[µμ]T|mT|mG|Gauss|gauss)$")
-_CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
+_LIKE_A_CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
+
+_MOMENT = {
+    "year": "year years yyyy yr jahr",
+    "month": "month months mon mo monat",
+    "day_of_month": "day days dd dom dayofmonth tag",
+    "day_of_year": "doy dayofyear yday jday",
+    "hour": "hour hours hr hrs hh h stunde",
+    "minute": "minute minutes mins min mn",
+    "second_of_minute": "second seconds secs sec ss s",
+    "millisecond": "millisecond milliseconds millis msec ms",
+}
+_DATE, _TIME_OF_DAY = tuple(_MOMENT)[:4], tuple(_MOMENT)[4:]
+_PART_OF = {word: part for part, words in _MOMENT.items() for word in words.split()}
+_AFTER = {"year": "month", "hour": "minute"}
+"""What mm or m stands for, by the part before it."""
+_IDLE = re.compile(r"(?i)utc|gmt|time|date|[\W\d_]+")
+_STRENGTH = re.compile(r"[hH][_ ]?([xyzXYZ])(?=$|\s*[(\[])")
+"""The field as its strength, H, which alone is taken for no more than a letter: Hz."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,7 +209,42 @@ def _read_beside(path: Path) -> ColumnNames | None:
 def rename_headers(headers: Sequence[str]) -> list[str]:
     """The headers as the names in force say; as they are without any."""
     names = _in_force.get()
-    return list(headers) if names is None else names.rename(headers)
+    return _name_strength(_name_parts(headers if names is None else names.rename(headers)))
+
+
+def _name_parts(headers: Sequence[str]) -> list[str]:
+    """The headers, those of the parts of a moment with canonical names.
+
+    `h`, `mm` and `Sec` mean that beside each other only.
+
+    >>> _name_parts(["YYYY", "MM", "DD", "hh", "mm", "ss", "Bx"])[3:]
+    ['hour', 'minute', 'second_of_minute', 'Bx']
+    >>> _name_parts(["s", "mx", "min", "day"])
+    ['s', 'mx', 'min', 'day']
+    """
+    found: list[str] = []
+    for header in headers:
+        word = _IDLE.sub("", header).lower() if len(header) < 24 else ""
+        part = _PART_OF.get(word, "")
+        if word in ("mm", "m"):
+            part = _AFTER.get(next((one for one in reversed(found) if one), ""), "")
+        found.append("" if part in found else part)
+    timed = {"hour", "minute"} <= {*found}
+    dated = "year" in found and ({"month", "day_of_month"} <= {*found} or "day_of_year" in found)
+    wanted = {*(_DATE if dated else ()), *(_TIME_OF_DAY if timed else ())}
+    return [part if part in wanted else h for h, part in zip(headers, found, strict=True)]
+
+
+def _name_strength(headers: Sequence[str]) -> list[str]:
+    """The headers, with `hx, hy, hz` as the field where all three are there and no other field is.
+
+    >>> _name_strength(["t", "HX(uT)", "HY(uT)", "HZ(uT)"]), _name_strength(["Hz"])
+    (['t', 'magX(uT)', 'magY(uT)', 'magZ(uT)'], ['Hz'])
+    """
+    axes = [match[1].lower() for h in headers if (match := _STRENGTH.match(h))]
+    if sorted(axes) != [*_AXES] or any(_quantity(header) == "field" for header in headers):
+        return list(headers)
+    return [_STRENGTH.sub(r"mag\1", header) for header in headers]
 
 
 def number_columns(width: int) -> list[str] | None:
@@ -207,7 +260,7 @@ def suggest_names(headers: Iterable[str]) -> str:
     """
     known = list(headers)
     free = [header for header in known if identify_column(header) is None]
-    time = next((h for h in known if _quantity(h) == "time" or _CLOCK.search(h)), None)
+    time = next((h for h in known if _quantity(h) == "time" or _LIKE_A_CLOCK.search(h)), None)
     free = sorted((h for h in free if _may_be_field(h)), key=lambda h: h[:1].lower() not in "mbh")
     x, y, z = next(filter(None, (_find_triple(h, free) for h in free)), ("…",) * 3)
     parts = [f"time={time}"] * (time is not None) + [f"x={x}", f"y={y}", f"z={z}"]

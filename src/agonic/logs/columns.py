@@ -12,8 +12,9 @@ word there says that the column is no reading (`bias`, `std`, `expected`).
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from agonic.errors import LogError
 from agonic.logs.header import (
@@ -107,14 +108,55 @@ def identify_columns(headers: Iterable[str]) -> Identified:
             twin = axes.setdefault(column.axis, column)
             if {twin.header, column.header} == _SAME_CLOCK:
                 continue
-            if twin is not column and not _add_fraction(axes, twin, column):
-                raise LogError(
-                    f"{twin.header!r} and {column.header!r} could both be the "
-                    f"{' '.join(filter(None, (column.quantity.name, sensor, column.axis)))} "
-                    "column; rename or remove one of them, or say which with --columns"
-                )
+            if twin is column or _add_fraction(axes, twin, column):
+                continue
+            if (preferred := _prefer(twin, column)) is not None:
+                axes[column.axis] = preferred
+                continue
+            raise LogError(
+                f"{twin.header!r} and {column.header!r} could both be the "
+                f"{' '.join(filter(None, (column.quantity.name, sensor, column.axis)))} "
+                "column; rename or remove one of them, or say which with --columns"
+            )
         found.setdefault(name, {})[sensor] = axes
     return found
+
+
+_RAW = re.compile(r"(?<![a-z])raw(?![a-z])|raw(?=[A-Z])|Raw(?![a-z])")
+_CHANGED = re.compile(
+    r"(?i)(?<![a-z])(un)?(cal|calib|calibrated|comp|compensated|corr|corrected|filt|filtered|raw|"
+    r"smooth|lpf)(?![a-z])|(?<=[a-z])(Raw|Cal|Corr|Comp|Filt)(?![a-z])|^raw(?=[A-Z])"
+)
+"""Words by which two columns of one field differ."""
+
+
+def _prefer(one: Column, other: Column) -> Column | None:
+    """Of two columns that could be the same, the raw one of a field, of others the one not raw."""
+    raw = [_RAW.search(column.header) is not None for column in (one, other)]
+    if raw[0] == raw[1] or one.unit != other.unit:
+        return None
+    return (
+        (one if raw[0] else other) if one.quantity.column == "field" else (other if raw[0] else one)
+    )
+
+
+def find_rivals(headers: Iterable[str], axes: Mapping[str, Column]) -> list[str]:
+    """The columns x, y, z of the same field that were not taken: calibrated beside raw.
+
+    >>> headers = [f"mag_{a}_{what}" for what in ("raw", "cal") for a in "xyz"]
+    >>> find_rivals(headers, identify_columns(headers)["field"][""])
+    ['mag_x_cal', 'mag_y_cal', 'mag_z_cal']
+    """
+    taken = {column.header for column in axes.values()}
+    rivals: dict[str, str] = {}
+    for header in headers:
+        plain = _CHANGED.sub("", header)
+        column = None if header in taken or plain == header else identify_column(plain)
+        column = identify_column(header) if column is None and header not in taken else column
+        alike = column is not None and column.quantity.column == "field"
+        if column is not None and alike and column.sensor == axes["x"].sensor:
+            rivals.setdefault(column.axis, header)
+    return [rivals[axis] for axis in "xyz"] if len(rivals) == 3 else []
 
 
 _SAME_CLOCK = {"timestamp", "TimeUS"}

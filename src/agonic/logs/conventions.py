@@ -129,6 +129,13 @@ CONVENTIONS = (
     ),
     Convention(
         name="Sensor Logger",
+        marks=(r"^seconds_elapsed$", r"^magnetometer(uncalibrated)?_[xyz]$"),
+        units={"field": "uT", "rotation_rate": "rads"},
+        only=r"^(magnetometer|gyroscope)(uncalibrated)?_[xyz]$",
+        source="tszheichoi/awesome-sensor-logger: units of the sensors",
+    ),
+    Convention(
+        name="Sensor Logger",
         marks=(r"^seconds_elapsed$", r"(?i:\bgyro\w*) [xyz]$"),
         units={"rotation_rate": "rads"},
         source="tszheichoi/awesome-sensor-logger: units of the sensors",

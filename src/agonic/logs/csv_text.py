@@ -40,7 +40,7 @@ from agonic.provenance import Input
 
 _HEAD = 100_000
 _MOMENT = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
-_LABELS = ("date", "sensor", "frame")
+_LABELS = ("date", "sensor", "frame", "unit")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
 _ABSOLUTES = "# MagPy Absolutes"
 _MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
@@ -154,6 +154,14 @@ def _read_lines(
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
         return _read_motioncal(data[:]), {"format": "MotionCal text", "notes": ()}
+    if "---" in head:
+        from agonic.logs.text.echo import is_echo, read_echo
+
+        if is_echo([line for line in head[:SAMPLE] if line.strip()]):
+            from agonic.logs.json_text import make_table
+
+            table, others = make_table(list(read_echo(data[:].decode().split("\n"))))
+            return table, {"format": "messages of ROS as text", "others": others, "notes": ()}
     if any(_MAY_LABEL.search(row) for row in rows):
         from agonic.logs.text.labels import is_labelled, read_labelled
 

@@ -19,7 +19,7 @@ _CLOCK = re.compile(
 _YEAR_FIRST = re.compile(r"(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})")
 _NAMED = re.compile(r"(?P<day>\d{1,2})[- .]+(?P<month>[a-z]{3})[a-z]*[- .,]+(?P<year>\d{4})", re.I)
 _DOTS = re.compile(r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})")
-_SLASHES = re.compile(r"(?P<first>\d{1,2})[-/](?P<other>\d{1,2})[-/](?P<year>\d{4})")
+_SLASHES = re.compile(r"(?P<first>\d{1,2})[-/](?P<other>\d{1,2})[-/](?P<year>\d{4}|\d\d(?!\d))")
 _DATE = re.compile(r"(?P<date>[^:]*?)[T ,_]*(?P<clock>\d{1,2}:\d\d.*)", re.IGNORECASE)
 _DURATION = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(s|secs?|seconds?|ms|min)", re.IGNORECASE)
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d[.,]\d+)")
@@ -38,7 +38,7 @@ def find_order(texts: Iterable[str]) -> str | None:
     """
     for text in texts:
         if match := _SLASHES.match(text.strip()):
-            if int(match["first"]) > 12:
+            if int(match["first"]) > 12 and len(match["year"]) == 4:  # 22/01/13 may begin with 2022
                 return DAY_FIRST
             if int(match["other"]) > 12:
                 return MONTH_FIRST
@@ -98,7 +98,8 @@ def _write_date(text: str, order: str | None) -> str | None:
         month, day = (other, first) if order == DAY_FIRST else (first, other)
     else:
         return None
-    return f"{match['year']}-{int(month):02}-{int(day):02}"
+    year = match["year"] if len(match["year"]) == 4 else f"20{match['year']}"
+    return f"{year}-{int(month):02}-{int(day):02}"
 
 
 def read_duration_s(text: str) -> float | None:

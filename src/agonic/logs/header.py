@@ -19,7 +19,7 @@ from agonic.logs.quantities import (
     Quantity,
     canonical_header,
 )
-from agonic.logs.words import spell_out
+from agonic.logs.words import ZONE, spell_out
 from agonic.units import find_unit
 
 PREFERRED, CANONICAL, ALIAS, FALLBACK = range(4)
@@ -71,7 +71,7 @@ _WITHIN = "vector|raw|adc|smooth|uncal|uncomp|buffer|data|values|readings"
 _PATTERN = re.compile(
     rf"(?:imu(?P<imu>\d+)|{_BEFORE})*?"
     rf"(?P<before>[xyz])?(?P<name>{_NAME})(?:{_WITHIN})*(?P<number>\d*)(?P<axis>[xyz])?(?:axis)?"
-    rf"(?P<after>\d*)(?:in(?!t[xyz]?$))?(?P<unit>{_either(_UNITS)})?(?P<last>[xyz])?",
+    rf"(?P<after>\d*)(?:uncal|uncomp)?(?:in(?!t[xyz]?$))?(?P<unit>{_either(_UNITS)})?(?P<last>[xyz])?",
     re.IGNORECASE,
 )
 _SCALAR_PART = re.compile(
@@ -91,6 +91,10 @@ _SCALED = re.compile(
 )
 """A factor before a unit, 0.1uT: the numbers are in no unit that is known."""
 _BRACKET = re.compile(r"(?P<name>[^(\[{]*[^\s(\[{])\s*[(\[{](?P<unit>[^)\]}]*)[)\]}]\s*")
+_LAST_BRACKET = re.compile(
+    r"(?P<name>.*[)\]}].*[^\s(\[{])\s*[(\[{](?P<unit>[^()\[\]{}]{2,})[)\]}]\s*"
+)
+"""A unit behind a name that has brackets of its own: IMU_ATTI(0):magX[a/d]."""
 _COMMA = re.compile(r"(?P<name>[^,;]*\w)\s*[,;]\s*(?P<unit>[^,;]+)")
 _OVER = re.compile(r"(?P<name>.*\w)\s+/\s+(?P<unit>\S+)\s*")
 _INDEX = re.compile(r"(?<!q)(?<!quat)\[([012])\]|(?<!q)(?<!quat)\.0([012])\s*$", re.IGNORECASE)
@@ -142,10 +146,16 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
         column = identify_column(header[: scaled.start()].rstrip("_ ([{"), sensors)
         known = column is not None and column.quantity.column == "field" and column.unit is None
         return replace(column, header=header) if column is not None and known else None
-    text = _UNCORRECTED.sub(r"un\1", spell_out(_SHIMMER.sub(r"\1\2", header.strip())))
+    plain = ZONE.sub("", header.strip()) or header
+    text = _UNCORRECTED.sub(r"un\1", spell_out(_SHIMMER.sub(r"\1\2", plain)))
     text = _INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)
     text = _ORDERED.sub(lambda index: f"_{index[1][int(index[2])]}", text)
-    split = _BRACKET.fullmatch(text) or _COMMA.fullmatch(text) or _OVER.fullmatch(text)
+    split = (
+        _BRACKET.fullmatch(text)
+        or _LAST_BRACKET.fullmatch(text)
+        or _COMMA.fullmatch(text)
+        or _OVER.fullmatch(text)
+    )
     name, unit = (split["name"], _squash(split["unit"])) if split else (text, "")
     if unit and not unit.isascii():
         return None
@@ -311,7 +321,7 @@ def _name_sensor(words: Sequence[str], quantity: Quantity) -> str | None:
 
 def _belongs(own: Quantity, quantity: Quantity) -> bool:
     """Whether a column named for one quantity may tell another of the magnetometer: mag1_temp."""
-    return own.column == "field" and (quantity.column in ("time", "temperature"))
+    return own.column == "field" and quantity.column in ("time", "temperature", "unit")
 
 
 def _is_field_unit(column: Column, rest: str, bracket: str) -> bool:

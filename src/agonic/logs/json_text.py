@@ -23,7 +23,7 @@ from agonic.logs.log import Log
 from agonic.logs.long_table import build_tables_log
 from agonic.provenance import Input
 
-TEXTUAL = ("time", "date", "sensor", "frame")
+TEXTUAL = ("time", "date", "sensor", "frame", "unit")
 _DEEPEST = 6
 _NO_NUMBER = re.compile(rb"(?<=[\[:,\s])[-+]?(?:NaN|nan|Infinity|inf)(?=\s*[,\]}])")
 """What Python's own writer puts for numbers that are none."""
@@ -41,6 +41,13 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     if path.stat().st_size > _LARGEST:
         raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
     records, broken = _load(path.read_bytes())
+    table, others = make_table(records)
+    notes = (f"{broken} lines are no JSON and were left out",) * (broken > 0)
+    return table, {"format": "JSON", "others": others, "notes": notes}
+
+
+def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """The columns of objects that are understood, by name, and the names of the others."""
     columns = _make_columns(records)
     names = list(columns)
     wanted = find_columns(rename_headers(names))
@@ -49,9 +56,7 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         name: to_column(columns[names[i]], textual=quantities[name] in TEXTUAL)
         for i, name in wanted.items()
     }
-    others = [name for i, name in enumerate(names) if i not in wanted]
-    notes = (f"{broken} lines are no JSON and were left out",) * (broken > 0)
-    return table, {"format": "JSON", "others": others, "notes": notes}
+    return table, [name for i, name in enumerate(names) if i not in wanted]
 
 
 def _load(data: bytes) -> tuple[list[dict[str, Any]], int]:
@@ -78,7 +83,32 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
             broken += 1
     if broken > len(records):
         raise LogError("damaged JSON, or none: most of its lines are no objects; fetch it again")
-    return records, broken
+    return _spread(records), broken
+
+
+def _spread(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The objects in a list that each object holds, as phones send them; else the objects.
+
+    >>> _spread([{"device": 7, "payload": [{"name": "mag", "time": 1, "values": {"x": 2}}]}])
+    [{'device': 7, 'sensor': 'mag', 'time': 1, 'x': 2}]
+    """
+    first = records[0] if records else {}
+    name = next((n for n, v in first.items() if isinstance(v, list) and v and _are_objects(v)), "")
+    if not name:
+        return records
+    spread = []
+    for record in records:
+        inner = record.get(name)
+        beside = {n: v for n, v in record.items() if not isinstance(v, list | dict)}
+        for one in inner if isinstance(inner, list) and _are_objects(inner) else ():
+            values = one.get("values")
+            named = {"sensor" if n == "name" else n: v for n, v in one.items() if n != "values"}
+            spread.append(beside | (named | values if isinstance(values, dict) else one))
+    return spread
+
+
+def _are_objects(values: list[Any]) -> bool:
+    return all(isinstance(value, dict) for value in values)
 
 
 def _load_line(line: bytes) -> Any:

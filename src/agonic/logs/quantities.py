@@ -103,11 +103,19 @@ QUANTITIES: tuple[Quantity, ...] = (
         aliases="t ts timestamp timestamps datetime utc utctime timeutc unixtime timeunix unix "
         "tunix timeboot timesinceboot timesincestart systemtime localtime timestartup "
         "sampletimefine loggingtime stamp",
-        weak="elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime "
+        weak="chiptime elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime "
         "elapsedrealtime timestampsample epoch offsettime clockoffsettime",
         preferred="headerstamp epoc timestampunix",
     ),
     Quantity(column="date", name="date", aliases="day utcdate"),
+    Quantity(column="year", name="year"),
+    Quantity(column="month", name="month"),
+    Quantity(column="day_of_month", name="day_of_month"),
+    Quantity(column="day_of_year", name="day_of_year"),
+    Quantity(column="hour", name="hour"),
+    Quantity(column="minute", name="minute"),
+    Quantity(column="second_of_minute", name="second_of_minute", aliases="second"),
+    Quantity(column="millisecond", name="millisecond"),
     Quantity(column="epoch", name="epoch_unix", unit="s", units={"s": (1, 0)}),
     Quantity(
         column="gps_week", name="gps_week",
@@ -195,6 +203,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         weak="device deviceid devicename deviceaddress macaddress",  # where it is more than one
     ),
     Quantity(column="frame", name="frame"),
+    Quantity(column="unit", name="unit", aliases="units fieldunit fieldunits magunit magunits"),
 )
 # fmt: on
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,19 +14,29 @@ from agonic.arrays import Index
 from agonic.errors import LogError, TwoAxisError
 from agonic.logs.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.column_names import suggest_names
-from agonic.logs.columns import FALLBACK, Identified, identify_column, identify_columns
+from agonic.logs.columns import (
+    FALLBACK,
+    Identified,
+    find_rivals,
+    identify_column,
+    identify_columns,
+)
 from agonic.logs.conventions import CORRECTED, apply_conventions, find_correction
 from agonic.logs.log import Log, Stream
 from agonic.logs.resample import compute_rate_Hz
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
-from agonic.logs.rows.units import find_field_unit
+from agonic.logs.rows.units import find_field_unit, state_unit
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 _MOST_SENSORS = 64
 _INERTIAL = {"acceleration": "an accelerometer", "rotation_rate": "a gyroscope"}
+_MAGNITUDE = re.compile(
+    r"(?:mag(?:\d|_?field)?|tmi|tmf|total_?field|b_?total|scalar_?\w*)[\s_]*[(\[]?(?:nt)?[)\]]?",
+    re.IGNORECASE,
+)
 TWO_AXES = "a two-axis compass, x and y alone, is calibrated with agonic calibrate"
 
 
@@ -58,6 +69,7 @@ def build_log(
         fields = [n for n, axes in found.get("field", {}).items() if two and set(axes) == set("xy")]
     if not fields:
         refuse_no_magnetometer(table, others)
+    found = state_unit(found, table)
     found, documented = apply_conventions(found, [*table, *others], path.stem)
     found = set_angle_unit(found, table)
     whole = Part(
@@ -67,7 +79,12 @@ def build_log(
         clocks=find_clocks(table, found, fields),
         unit=unit,
         source=source,
-        remarks=(*remarks, *documented, *find_correction([*table, *others])),
+        remarks=(
+            *remarks,
+            *documented,
+            *find_correction([*table, *others]),
+            *_tell_rivals(found, [*table, *others], fields),
+        ),
     )
     sensors, failures = _read_sensors(whole, fields)
     return Log(
@@ -78,6 +95,18 @@ def build_log(
         streams=_list_streams(table, found, others, sensors[0]),
         notes=(*notes, *failures),
     )
+
+
+def _tell_rivals(found: Identified, headers: list[str], fields: list[str]) -> tuple[str, ...]:
+    """What was taken where a table holds a field twice, and how to take the other."""
+    notes = []
+    for number in fields:
+        axes = found["field"][number]
+        if rivals := find_rivals(headers, axes):
+            taken = ", ".join(axes[axis].header for axis in "xyz" if axis in axes)
+            given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
+            notes.append(f"{taken} are taken; the table holds the field again: --columns {given}")
+    return tuple(notes)
 
 
 def _read_sensors(whole: Part, fields: list[str]) -> tuple[tuple[Samples, ...], list[str]]:
@@ -196,6 +225,12 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
         raise LogError(
             "no columns of numbers found in it (arrays of structures are not read); save time and "
             "field as variables of their own"
+        )
+    alone = next((h for h in every if not parts and _MAGNITUDE.fullmatch(h.strip())), None)
+    if alone is not None:
+        raise LogError(
+            f"no magnetometer columns found among {have}: {alone!r} is a magnitude alone, as a "
+            "scalar magnetometer reads it; x, y and z are needed"
         )
     said = f"{part} found among {have}{beside if other and not parts else ''}; say which they are: "
     said += suggest_names(every)

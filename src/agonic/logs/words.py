@@ -9,7 +9,9 @@ from __future__ import annotations
 import re
 import unicodedata
 
-_SIGNS = str.maketrans({"μ": "u", "µ": "u", "°": "deg", "º": "deg", "%": "percent", "℃": "degC"})
+_SIGNS = str.maketrans(
+    {"μ": "u", "µ": "u", "°": "deg", "º": "deg", "%": "percent", "ʯ": "u", "℃": "degC"}
+)
 
 _UNITS = {
     "нтл": "nT", "мктл": "uT", "мтл": "mT", "тл": "T", "гс": "G", "мгс": "mG", "гаусс": "G",
@@ -61,6 +63,8 @@ _PAIRS = {
     ("vitesse", "angulaire"), ("velocidad", "angular"),
 }  # fmt: skip
 _PAIR = re.compile("|".join(rf"\b{a}\.?\s+{b}\b" for a, b in sorted(_PAIRS)), re.IGNORECASE)
+ZONE = re.compile(r"[\s,;_(\[]*(?:UTC|GMT)\s*([+-])(\d{1,2})(?::?(\d\d))?[\s)\]]*$")
+"""How the header of a time names its zone: `Date Time, GMT+03:00`."""
 _WORD = re.compile(r"[^\W\d_]+")
 _LOOK_ALIKE = dict(zip("АВЕКМНОРСТУХавекмнорстух", "ABEKMHOPCTYXabekmhopctyx", strict=True))
 """Cyrillic letters that a keyboard puts where Latin ones are meant: Вх, °С."""

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index
 from agonic.logs.auxiliary import Table, find_finite_rows, to_numbers
-from agonic.logs.clock import TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
+from agonic.logs.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
 from agonic.logs.columns import FRACTION, Column, Identified
 from agonic.logs.resample import find_misplaced
+from agonic.logs.words import ZONE
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
@@ -71,8 +72,30 @@ def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) ->
         return date_by_gps(_find_clock(table, rest, group), table, found)
     date, start = (pick(found.get(name, {}), "").get("") for name in ("date", "epoch"))
     time = group.get("")
+    if time is None and date is None and "hour" in found:
+        from agonic.logs.rows.calendar import read_parts
+
+        return read_parts(table, found)
     if time is None:
         return read_clock(table[date.header], None) if date else (None, None, ())
+    clock = _read_column(table, found, group, date, start)
+    zone = ZONE.search(time.header)
+    if zone is None or clock[1] is None or NO_ZONE not in clock[2]:
+        return clock
+    from agonic.logs.rows.calendar import read_zone
+
+    return clock[0], clock[1] - read_zone(zone), ()
+
+
+def _read_column(
+    table: Table,
+    found: Identified,
+    group: Mapping[str, Column],
+    date: Column | None,
+    start: Column | None,
+) -> Clock:
+    """The clock in a time column, with the date or the epoch beside it."""
+    time = group[""]
     values = table[time.header]
     factor = time.quantity.units[time.unit][0] if time.unit else None
     if FRACTION in group:
@@ -83,9 +106,13 @@ def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) ->
         if len(known):
             epoch = UNIX + timedelta(seconds=float(known[0]))
             return to_numbers(values) * (factor or 1.0), epoch, ()
-    if date is not None and values.dtype.kind in "OUS":
-        texts = zip(table[date.header], values, strict=True)
-        values = np.array([f"{day} {clock}" for day, clock in texts])
+    days = table[date.header] if date is not None else None
+    if days is None and "year" in found:
+        from agonic.logs.rows.calendar import write_days
+
+        days = write_days(table, found)
+    if days is not None and values.dtype.kind in "OUS":
+        values = np.array([f"{day} {clock}" for day, clock in zip(days, values, strict=True)])
     clock = read_clock(values, factor)
     if date is not None and any(note.startswith(TIMES_OF_DAY) for note in clock[2]):
         clock = _date_clock(clock, table[date.header])

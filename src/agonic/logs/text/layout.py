@@ -32,6 +32,8 @@ _NUMBERS = re.compile(
     r"[-+]?[\d.,]+(?:e[-+]?\d+)?(?:\s+[-+]?[\d.,]+(?:e[-+]?\d+)?)+", re.IGNORECASE
 )
 """Several numbers in a cell: what stands between the cells is blanks."""
+_MOMENT = ((1900, 2100), (1, 13), (1, 32), (0, 25), (0, 60), (0, 61))
+"""What a year, a month, a day, an hour, a minute and a second can be."""
 _BRACKETS = str.maketrans("", "", "()[]{}")
 _SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
 
@@ -99,7 +101,7 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
         start = sample[at] + 1
     else:
         header = _header_in_comment(
-            lines[:start], [lines[i] for i in sample[:at]], separator, width
+            lines[:start], [lines[i] for i in sample[:at]], separator, width, first
         )
     return Layout(
         separator=separator, header=header, start=start, width=width, comma=comma,
@@ -124,7 +126,11 @@ def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:
 
 
 def _header_in_comment(
-    before: Sequence[str], skipped: Sequence[str], separator: str | None, width: int
+    before: Sequence[str],
+    skipped: Sequence[str],
+    separator: str | None,
+    width: int,
+    first: Sequence[str],
 ) -> list[str]:
     """The header in the last comment before the rows; x, y, z where there is none.
 
@@ -150,13 +156,18 @@ def _header_in_comment(
             f"{width} columns and no header; name them in a first line such as "
             "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z), or say "
             "by their numbers which are which, as in --columns "
-            f"{_example_of(width)} --unit uT"
+            f"{_example_of(width, first)} --unit uT"
         )
     return list("xyz")
 
 
-def _example_of(width: int) -> str:
-    """What to write of a table of so many columns."""
+def _example_of(width: int, first: Sequence[str]) -> str:
+    """What to write of a table of so many columns, and with such a first row."""
+    parts = [to_number(cell) for cell in first[:6]]
+    if width > 8 and all(
+        low <= part < end for part, (low, end) in zip(parts, _MOMENT, strict=True)
+    ):
+        return "year=1,month=2,day=3,hour=4,minute=5,second=6,x=7,y=8,z=9"
     if width == 4:
         return "time=1,x=2,y=3,z=4"
     if width == 9:
