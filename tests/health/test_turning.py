@@ -39,3 +39,17 @@ def test_calibrate_goes_back_to_the_magnitude_and_says_why() -> None:
     assert result.verdict == "check"
     assert "of the opposite sign" in result.status
     assert heading_error_deg(result.fit.calibration, made, 10.0) < 2.0
+
+
+def test_a_gyro_in_another_unit_tells_no_delay() -> None:
+    """Beside a gyro named in radians a second that is in degrees, a delay of a second fits best."""
+    _, logged, _ = drive("hand", n=2000)
+    wrong = logged.with_columns(rotation_rate=np.degrees(logged.rotation_rate))
+    result = ag.calibrate(wrong)
+    assert result.verdict == "check"
+    assert "in degrees a second; it was left out" in result.status
+    assert result.calibration.latency_s == 0.0
+    sd = ag.calibrate(logged.with_columns(rotation_rate=None)).fit.coverage.heading_sd_deg
+    assert result.fit.coverage.heading_sd_deg == pytest.approx(sd)
+    with pytest.raises(ag.AgonicError, match="in degrees a second"):
+        ag.fit_latency(wrong)

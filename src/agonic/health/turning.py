@@ -7,6 +7,8 @@ so every renaming T and unit s is tried, the bias b free in each.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from agonic.arrays import Array
@@ -52,6 +54,25 @@ def check_turning(samples: Samples) -> Finding | None:
         + " and ".join(looks),
         "name units and axes of gyro and magnetometer alike, and look which of the two is wrong",
     )
+
+
+def leave_out_wrong_gyro(samples: Samples) -> tuple[Samples, Finding | None]:
+    """The samples without a gyro that turns otherwise than the magnetometer, and the finding.
+
+    A fit that needs no gyro goes on without it; a delay beside it would be any.
+
+    >>> turning = np.radians(np.linspace(0, 360, 100))
+    >>> field = np.stack([np.cos(turning), -np.sin(turning), np.ones(100)], axis=1)
+    >>> rate_deg_s = [[0, 0, 3.6]] * 100
+    >>> s = Samples(time=np.linspace(0, 100, 100), field=field, rotation_rate=rate_deg_s)
+    >>> leave_out_wrong_gyro(s)[0].rotation_rate is None
+    True
+    """
+    found = check_turning(samples)
+    if found is None:
+        return samples, None
+    told = replace(found, severity="check", what=f"{found.what}; it was left out")
+    return samples.with_columns(rotation_rate=None), told
 
 
 def explains_change(samples: Samples) -> bool:

@@ -217,10 +217,12 @@ def _causes(choice: Choice) -> set[str]:
 def _tell(choice: Choice, refused: Choice) -> Choice:
     """A choice with what refused the fit before it: the log's attitude has to be looked at.
 
-    Where the choice says which axes are named wrongly, a mounting by right angles is not told too.
+    What the choice says itself is not told again, nor, where it names axes, a mounting by right
+    angles.
     """
     grave = [finding for finding in refused.fit.findings if finding.severity == "refuse"]
-    said = {"mounting"} if any(one.name == "axes" for one in choice.fit.findings) else set()
+    said = {finding.name for finding in choice.fit.findings}
+    said |= {"mounting"} if "axes" in said else set()
     told = [replace(one, severity="check") for one in grave if one.name not in said]
     carried = [one for one in refused.fit.findings if one.name == "heading" and one not in grave]
     why = f"a {refused.method} fit was refused ({grave[0].what})"

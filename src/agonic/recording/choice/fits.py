@@ -26,6 +26,7 @@ from agonic.calibration.base import Calibration
 from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.fit import Fit
 from agonic.fresh import find_fresh
+from agonic.health.turning import leave_out_wrong_gyro
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
 from agonic.recording.choice.sources import add_choice, fit_with_sources, keep_common, list_sources
@@ -72,8 +73,11 @@ def describe_latency(latency: LatencyFit) -> str:
 def fit_magnitude(
     samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
-    """The fit to the magnitude; axes and latency, which it does not see, are told with it."""
+    """The fit to the magnitude, and what it does not see but matters to a heading: its axes, its
+    latency, a gyro that turns otherwise."""
+    samples, wrong = leave_out_wrong_gyro(samples)
     fit = check_by_gravity(fit_ellipsoid(samples, reference, **settings), samples, reference)
+    fit = fit.with_findings(wrong)
     same = {**settings, "model": fit.calibration.model}
     again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)
     return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
@@ -121,6 +125,9 @@ def fit_beside_attitude(
         known = np.flatnonzero(samples.heading_known)
         samples = samples.select(known)
         reference = None if reference is None else reference.select(known)
+    wrong = None
+    if method != "inertial":  # which needs the gyro, and refuses a wrong one
+        samples, wrong = leave_out_wrong_gyro(samples)
     samples, reference, latency = find_and_undo(samples, reference)
     if method in BESIDE_EACH_ROW:
         own = np.flatnonzero(find_fresh(samples.field))
@@ -147,4 +154,6 @@ def fit_beside_attitude(
         settings=Settings(**same),
         near=fit.calibration,
     )
-    return Choice(samples, reference, fit, method, reason, again, latency, tried)
+    return Choice(
+        samples, reference, fit.with_findings(wrong), method, reason, again, latency, tried
+    )
