@@ -12,6 +12,9 @@ from agonic.calibration.affine import Affine
 from agonic.maths.equation import coverage as kernel
 from agonic.readable import Readable
 
+OPEN_DEG = 90.0
+"""Beyond a quarter of the circle the standard error of a heading says nothing."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage(Readable):
@@ -32,6 +35,11 @@ class Coverage(Readable):
     inclination_deg: float
     turns: str = ""
     down: Array = field(default_factory=kernel.DOWN.copy)
+
+    @property
+    def heading_known(self) -> bool:
+        """Whether the standard error of the heading is one: beyond `OPEN_DEG` it says nothing."""
+        return self.heading_sd_deg < OPEN_DEG
 
 
 def compute_coverage(

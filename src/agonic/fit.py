@@ -64,19 +64,65 @@ class Estimated(Judged):
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """How well a result is known: the largest standard error of the bias, in `unit`, and those of a
+    level heading, degrees, at the dip `inclination_deg`.
+
+    `vehicle_deg` is given where the heading of the vehicle is known less well than that of the
+    sensor's own axes; `delay_deg` is the share of the delay, while turning as in the log.
+
+    >>> known = {"bias_sd": 5.0, "unit": "nT", "own_deg": 0.4, "inclination_deg": 67.0}
+    >>> Accuracy(**known).sentence
+    'standard error: bias 5 nT, heading 0.4° (level, dip 67°)'
+    >>> Accuracy(**known, vehicle_deg=0.7, delay_deg=0.3).sentence
+    'standard error: bias 5 nT, heading 0.5° of the sensor, 0.76° of the vehicle (level, dip 67°)'
+    """
+
+    bias_sd: float
+    unit: str
+    own_deg: float
+    inclination_deg: float
+    vehicle_deg: float | None = None
+    delay_deg: float = 0.0
+
+    @property
+    def heading_deg(self) -> float:
+        """The standard error of the heading of the sensor's own axes, the delay's share in it."""
+        return float(np.hypot(self.own_deg, self.delay_deg))
+
+    @property
+    def sentence(self) -> str:
+        """The same in words; at rest as well where most of the heading's error is the delay's."""
+        heading = self._say(self.delay_deg)
+        if self.delay_deg > self.own_deg:
+            heading += f" while turning as in this log, {self._say(0.0)} at rest"
+        return (
+            f"standard error: bias {figure(self.bias_sd)} {self.unit}, heading {heading} (level, "
+            f"dip {self.inclination_deg:.0f}°)"
+        )
+
+    def _say(self, delay_deg: float) -> str:
+        own = f"{figure(float(np.hypot(self.own_deg, delay_deg)))}°"
+        if self.vehicle_deg is None:
+            return own
+        vehicle = figure(float(np.hypot(self.vehicle_deg, delay_deg)))
+        return f"{own} of the sensor, {vehicle}° of the vehicle"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit(Estimated):
     """A calibration and what it rests on.
 
     `residuals` (n,) are distances from the model in the unit of the readings, a row a sample, and
     `weights` (n,) what the robust loss left of each reading, 0…1 (both `None` after a fit from
-    moments, which keeps no readings); `noise` is the standard
-    deviation of one reading on one axis; `correlation` is the correlation length,
-    in readings (1 for white noise), already inside `covariance`; `condition` is that of the scaled
-    information matrix; `channels` are the residuals by kind ("magnitude", "dip", "azimuth") where
-    the attitude aided the fit; `findings` are all observations, by name; `tests` the choice of
-    model. `covariance` (9, 9) is that of bias x y z, then matrix xx yy zz xy xz yz; (12, 12) where
-    the matrix is free, with yx zx zy, and further with the coefficients of sources on board.
+    moments, which keeps no readings); `noise` is the standard deviation of one reading on one axis;
+    `correlation` is the correlation length, in readings (1 for white noise), already inside
+    `covariance`; `condition` is that of the scaled information matrix; `channels` are the residuals
+    by kind ("magnitude", "dip", "azimuth") where the attitude aided the fit; `findings` are all
+    observations, by name; `tests` the choice of model; `accuracy` how well it is known, unless it
+    is refused. `covariance` (9, 9) is that of bias x y z, then matrix xx yy zz xy xz yz; (12, 12)
+    where the matrix is free, with yx zx zy, and further with the coefficients of sources on board.
     """
 
     calibration: Affine
@@ -92,7 +138,11 @@ class Fit(Estimated):
     channels: Mapping[str, Channel] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
+    accuracy: Accuracy | None = None
     remarks: tuple[str, ...] = ()
+
+    def _say_how_good(self) -> tuple[str, ...]:
+        return (self.accuracy.sentence, *self.remarks) if self.accuracy else self.remarks
 
     @property
     def bias(self) -> Array:
@@ -107,29 +157,7 @@ class Fit(Estimated):
     def with_findings(self, *more: Finding | None) -> Self:
         """The fit with further findings, refusals first; a refused fit boasts of no accuracy."""
         fit = replace(self, findings=sort_findings((*self.findings, *more)))
-        return replace(fit, remarks=()) if fit.verdict == "refused" else fit
-
-
-def describe_accuracy(
-    bias_sd: float,
-    unit: str,
-    heading_sd_deg: float,
-    inclination_deg: float,
-    vehicle_sd_deg: float | None = None,
-) -> str:
-    """How well the result is known, in words; `vehicle_sd_deg` where its heading is known less
-    well than that of the sensor's own axes.
-
-    >>> describe_accuracy(5.0, "nT", 0.4, 67.0, 0.7)
-    'standard error: bias 5 nT, heading 0.4° of the sensor, 0.7° of the vehicle (level, dip 67°)'
-    """
-    heading = f"{figure(heading_sd_deg)}°"
-    if vehicle_sd_deg is not None:
-        heading += f" of the sensor, {figure(vehicle_sd_deg)}° of the vehicle"
-    return (
-        f"standard error: bias {figure(bias_sd)} {unit}, heading {heading} (level, "
-        f"dip {inclination_deg:.0f}°)"
-    )
+        return replace(fit, accuracy=None, remarks=()) if fit.verdict == "refused" else fit
 
 
 def gather_evidence(

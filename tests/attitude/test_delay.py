@@ -9,6 +9,7 @@ import agonic as ag
 from agonic.attitude.delay import advance, keep_latency, measure_rate
 from agonic.attitude.latency import LATENCY_SD_S, fit_latency
 from agonic.calibration.setup import Compass, Setup
+from agonic.health import figure
 from agonic.simulation import (
     delayed,
     duplicated,
@@ -94,7 +95,9 @@ def test_a_calibration_carries_it_with_its_error() -> None:
     assert made.calibration.latency_s == fit.latency_s
     assert made.calibration.latency_sd_s == fit.sd_s
     turned = np.degrees(measure_rate(late) * fit.sd_s)
-    assert made.fit.coverage.heading_sd_deg > turned
+    sd = made.fit.coverage.heading_sd_deg
+    assert sd > turned
+    assert f"heading {figure(sd)}°" in made.status, "words and numbers state the same"
     assert Compass(calibration=made.calibration).latency_sd_s == fit.sd_s
     assert Compass(calibration=made.calibration, latency_s=0.0).latency_sd_s is None
 
@@ -111,6 +114,8 @@ def test_a_delay_that_a_fast_log_does_not_tell_is_named() -> None:
     turned = np.degrees(measure_rate(samples) * LATENCY_SD_S)
     assert kept.coverage.heading_sd_deg == pytest.approx(turned, rel=0.01)
     assert kept.calibration.latency_sd_s == LATENCY_SD_S
+    own = figure(fit.coverage.heading_sd_deg)
+    assert f"{figure(turned)}° while turning as in this log, {own}° at rest" in kept.status
     assert keep_latency(fit, samples, told).verdict == "good"
     assert keep_latency(fit, samples, None) is fit
 

@@ -8,6 +8,7 @@ import pytest
 import agonic as ag
 from agonic.health import figure
 from agonic.recording.document import describe_recording
+from agonic.recording.values import list_values
 from agonic.report.digits import MINUS, THIN
 from agonic.report.tables import NOTHING
 
@@ -74,3 +75,11 @@ def test_a_sensor_that_could_not_be_fitted_is_told_in_a_sentence(good):
     why = str(ag.CoverageError("6 readings are too few", turns="record a few minutes"))
     text = describe_recording([good], failures=[("spare", why)]).to_text()
     assert "6 readings are too few; record a few minutes." in text
+
+
+def test_a_heading_that_is_open_has_no_number(good):
+    """Of a sensor that hardly turned, thousands of degrees were stated."""
+    coverage = replace(good.fit.coverage, heading_sd_deg=27_000.0)
+    result = replace(good, fit=replace(good.fit, coverage=coverage), verdict="refused")
+    assert list_values(result)["heading_sd_deg"] is None
+    assert "000°" not in describe_recording([result]).to_html()

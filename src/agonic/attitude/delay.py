@@ -130,14 +130,8 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
     turned = float(np.degrees(measure_rate(samples) * sd))
     coverage, own = fit.coverage, fit.coverage.heading_sd_deg
     coverage = replace(coverage, heading_sd_deg=float(np.hypot(own, turned)))
-    remarks = fit.remarks
-    if turned > own and remarks:
-        remarks = (
-            *remarks,
-            f"while turning as in this log {figure(coverage.heading_sd_deg)}°, for the delay of "
-            f"the readings is known to {figure(1e3 * sd)} ms",
-        )
-    kept = replace(fit, calibration=calibration, coverage=coverage, remarks=remarks)
+    accuracy = fit.accuracy and replace(fit.accuracy, delay_deg=turned)
+    kept = replace(fit, calibration=calibration, coverage=coverage, accuracy=accuracy)
     if turned < HEADING_DOUBTFUL_DEG:
         return kept
     rate = figure(float(np.degrees(measure_rate(samples))))

@@ -21,7 +21,7 @@ from agonic.attitude.problem import Scale
 from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage, compute_coverage
-from agonic.fit import Channel, Fit, ModelTest, describe_accuracy, gather_evidence
+from agonic.fit import Accuracy, Channel, Fit, ModelTest, gather_evidence
 from agonic.health import (
     Evidence,
     Finding,
@@ -101,7 +101,11 @@ def assess(
     if column is not None:
         found = tuple(f for f in found if f.name != column.name)
     felt, doubted = problem.shared is not None, told is not None and told.severity != "note"
-    fit = replace(fit, remarks=_remarks(fit, tilt_sd, mounted, felt=felt, doubted=doubted))
+    fit = replace(
+        fit,
+        accuracy=_state_accuracy(fit, mounted, doubted=doubted),
+        remarks=_remarks(fit, tilt_sd, felt=felt, doubted=doubted),
+    )
     return fit.with_findings(*found, told, column)
 
 
@@ -271,21 +275,21 @@ def _doubt_attitude(tilt_sd: float, felt: bool) -> Finding:
     )
 
 
-def _remarks(
-    fit: Fit, tilt_sd: float | None, mounted: MountedHeading, *, felt: bool, doubted: bool
-) -> tuple[str, ...]:
-    """How good the result is, in words; of a mounting that is `doubted` a finding says it."""
+def _state_accuracy(fit: Fit, mounted: MountedHeading, *, doubted: bool) -> Accuracy:
+    """How well the result is known; of a mounting that is `doubted` a finding says it."""
     looser = mounted.vehicle_sd_deg > LOOSER * mounted.own_sd_deg
-    said = [
-        describe_accuracy(
-            float(fit.sd[:3].max()),
-            fit.calibration.unit_in,
-            mounted.own_sd_deg,
-            fit.coverage.inclination_deg,
-            mounted.vehicle_sd_deg if looser and not doubted else None,
-        ),
-        *(test.sentence for test in fit.tests if not doubted),
-    ]
+    return Accuracy(
+        bias_sd=float(fit.sd[:3].max()),
+        unit=fit.calibration.unit_in,
+        own_deg=mounted.own_sd_deg,
+        inclination_deg=fit.coverage.inclination_deg,
+        vehicle_deg=mounted.vehicle_sd_deg if looser and not doubted else None,
+    )
+
+
+def _remarks(fit: Fit, tilt_sd: float | None, *, felt: bool, doubted: bool) -> tuple[str, ...]:
+    """What else there is to say of the result, in words."""
+    said = [test.sentence for test in fit.tests if not doubted]
     if tilt_sd:
         which = "the tilt that was felt is" if felt else "roll and pitch are"
         said.append(f"{which} good to {figure(tilt_sd)}° by the field's dip")

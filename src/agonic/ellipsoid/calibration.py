@@ -6,7 +6,7 @@ from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.ellipsoid.settings import Gauge
 from agonic.ellipsoid.solve import Found
-from agonic.fit import ModelTest, describe_accuracy
+from agonic.fit import Accuracy, ModelTest
 from agonic.health import figure
 from agonic.maths.equation import gauge as gauges
 
@@ -31,21 +31,25 @@ def make_calibration(found: Found, scale: Scale, unit: str, gauge: Gauge) -> Aff
     )
 
 
-def describe_result(
-    affine: Affine, coverage: Coverage, tests: tuple[ModelTest, ...], reference_known: bool
-) -> tuple[str, ...]:
-    """How good the result is, in words."""
+def state_accuracy(affine: Affine, coverage: Coverage) -> Accuracy:
+    """How well the result is known."""
     assert affine.sd is not None
+    return Accuracy(
+        bias_sd=float(affine.sd[:3].max()),
+        unit=affine.unit_in,
+        own_deg=coverage.heading_sd_deg,
+        inclination_deg=coverage.inclination_deg,
+    )
+
+
+def describe_result(
+    affine: Affine, tests: tuple[ModelTest, ...], reference_known: bool
+) -> tuple[str, ...]:
+    """What else there is to say of the result."""
     assert affine.magnitude is not None
-    unit = affine.unit_in
-    said = [
-        describe_accuracy(
-            float(affine.sd[:3].max()), unit, coverage.heading_sd_deg, coverage.inclination_deg
-        ),
-        *(test.sentence for test in tests[:1]),
-    ]
+    said = [test.sentence for test in tests[:1]]
     if not reference_known:
-        said.append(describe_missing_scale(affine.magnitude, unit))
+        said.append(describe_missing_scale(affine.magnitude, affine.unit_in))
     return tuple(said)
 
 

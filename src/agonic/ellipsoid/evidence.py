@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.coverage import compute_coverage
-from agonic.ellipsoid.calibration import describe_result
+from agonic.ellipsoid.calibration import describe_result, state_accuracy
 from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest, gather_evidence
@@ -152,9 +152,8 @@ def assess(
         coverage=coverage,
         tests=tests,
         findings=inspect(samples),
-        remarks=describe_result(
-            affine, coverage, tests, reference is not None or _states_reference(affine)
-        ),
+        accuracy=state_accuracy(affine, coverage),
+        remarks=describe_result(affine, tests, reference is not None or _states_reference(affine)),
     )
     if fit.verdict == "refused":
         return fit.with_findings()

@@ -9,7 +9,12 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.coverage import compute_coverage
-from agonic.ellipsoid.calibration import Scale, describe_result, make_calibration
+from agonic.ellipsoid.calibration import (
+    Scale,
+    describe_result,
+    make_calibration,
+    state_accuracy,
+)
 from agonic.ellipsoid.evidence import find_wrong_scale
 from agonic.ellipsoid.settings import CITATIONS, Gauge, Model, describe_reference
 from agonic.ellipsoid.solve import choose_model, solve_algebraic
@@ -81,7 +86,8 @@ def fit_moments(
         converged=True,
         coverage=coverage,
         tests=tests,
-        remarks=describe_result(affine, coverage, tests, reference is not None),
+        accuracy=state_accuracy(affine, coverage),
+        remarks=describe_result(affine, tests, reference is not None),
     )
     return fit.with_findings(find_wrong_scale(affine), check_coverage(coverage))
 

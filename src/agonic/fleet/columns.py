@@ -12,7 +12,7 @@ from agonic.coverage import Coverage
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.ellipsoid.many_sensors import Fits
 from agonic.ellipsoid.solve import SIGNIFICANT, describe_test
-from agonic.fit import describe_accuracy
+from agonic.fit import Accuracy
 from agonic.health import Finding, check_coverage, check_scale, verdict_of
 from agonic.health.finding import sentences
 from agonic.health.readings import check_rejected
@@ -119,9 +119,12 @@ def _describe(
         return sentences(*grave, *notes)
     variance = max(fits.covariance[k, i, i] for i in range(3))
     said = [
-        describe_accuracy(
-            float(variance) ** 0.5, unit, float(fits.heading_sd_deg[k]), inclination_deg
-        )
+        Accuracy(
+            bias_sd=float(variance) ** 0.5,
+            unit=unit,
+            own_deg=float(fits.heading_sd_deg[k]),
+            inclination_deg=inclination_deg,
+        ).sentence
     ]
     p, upright = fits.p_values[k].tolist()
     if p == p:

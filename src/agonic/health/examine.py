@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.coverage import Coverage
+from agonic.coverage import OPEN_DEG, Coverage
 from agonic.health.changes import find_change
 from agonic.health.evidence import (
     HALF_CIRCLE_DEG,
@@ -155,7 +155,7 @@ def check_coverage(c: Coverage) -> Finding | None:
 
 def _describe_doubt(sd_deg: float) -> str:
     """How uncertain a heading is; beyond a quarter of the circle a number says nothing."""
-    return f"uncertain by {figure(sd_deg)}°" if sd_deg < 90.0 else "entirely open"
+    return f"uncertain by {figure(sd_deg)}°" if sd_deg < OPEN_DEG else "entirely open"
 
 
 def _noisy(e: Evidence) -> Finding | None:

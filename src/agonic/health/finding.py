@@ -97,6 +97,10 @@ class Judged(Readable):
         calibration = getattr(self, "calibration", None)
         return [*said, *calibration._say()] if isinstance(calibration, Readable) else said
 
+    def _say_how_good(self) -> tuple[str, ...]:
+        """What is said of a result that is not refused, between what is wrong and notes."""
+        return self.remarks
+
     @property
     def verdict(self) -> Verdict:
         """`good`, `check` or `refused`."""
@@ -116,7 +120,7 @@ class Judged(Readable):
         before, after = (*unread, *grave), (finding for finding in notes if finding not in unread)
         return sentences(
             *(finding.sentence for finding in before),
-            *self.remarks,
+            *self._say_how_good(),
             *(finding.sentence for finding in after),
         )
 

@@ -20,7 +20,15 @@ from agonic.recording.quantities import (
     mixes_sensors,
 )
 from agonic.report import tables
-from agonic.report.digits import NO_BREAK, degrees, group_digits, quantity, with_sd, write_minus
+from agonic.report.digits import (
+    NO_BREAK,
+    UNDETERMINED,
+    degrees,
+    group_digits,
+    quantity,
+    with_sd,
+    write_minus,
+)
 from agonic.report.labels import TIMING, unit_label
 
 SHORT = {"Scale factor": "Scale", "Non-orthogonality": "Angles", "Turn about": "Turn"}
@@ -35,8 +43,8 @@ def describe_heading(result: Calibrated) -> tuple[str, str]:
     """The standard error of a heading, and where it holds."""
     coverage = result.fit.coverage
     place = f"dip {group_digits(coverage.inclination_deg)}°"
-    known = coverage.heading_sd_deg < 180.0
-    return degrees(coverage.heading_sd_deg) if known else "undetermined", place
+    known = coverage.heading_known
+    return degrees(coverage.heading_sd_deg) if known else UNDETERMINED, place
 
 
 def describe_origin(results: Sequence[Calibrated]) -> str:

@@ -14,6 +14,7 @@ from agonic.recording.quantities import (
     mixes_sensors,
 )
 from agonic.report.digits import (
+    UNDETERMINED,
     degrees,
     group_digits,
     quantity,
@@ -52,7 +53,7 @@ def _list_quality(result: Calibrated) -> list[tuple[str, str]]:
     )
     return [
         ("Noise of one reading on one axis", quantity(fit.noise, into)),
-        (heading, degrees(coverage.heading_sd_deg)),
+        (heading, degrees(coverage.heading_sd_deg) if coverage.heading_known else UNDETERMINED),
         ("Field standard error, worst direction", quantity(coverage.field_sd_max, out)),
         ("Residual of held-out readings, rms", quantity(result.verification.residual_rms, out)),
     ]

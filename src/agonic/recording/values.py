@@ -55,7 +55,12 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "residual_rms_nT": lambda result: (
         result.verification.residual_rms if result.fit.calibration.unit_out == "nT" else None
     ),
-    "heading_sd_deg": lambda result: result.fit.coverage.heading_sd_deg,
+    "heading_sd_deg": lambda result: (
+        result.fit.coverage.heading_sd_deg if result.fit.coverage.heading_known else None
+    ),
+    "own_heading_sd_deg": lambda result: (
+        result.fit.accuracy.heading_deg if result.fit.accuracy else None
+    ),
     "inclination_deg": lambda result: result.fit.coverage.inclination_deg,
     "coverage": lambda result: result.fit.coverage.filled,
     "findings": lambda result: [asdict(finding) for finding in result.fit.findings],
@@ -73,6 +78,8 @@ the attitude did not tell it. `ellipsoid` is that of the raw readings: a "sphere
 "tilted", with half axes, their directions, and how far they lie off x, y and z.
 `coefficients` (3, k) are what a unit of each signal of the `sources`
 adds to the readings; null without any. `latency_s` is null where none was found.
+`heading_sd_deg` is the vehicle's, null where the heading is open; `own_heading_sd_deg` that of the
+sensor's own axes, which the status states too, null where the fit was refused.
 `disturbers` holds each `Trial` of a set of sources, in order; empty where nothing was tried.
 `ladder` holds each `Rung`, from the simplest to the chosen fit; empty where a fit was refused.
 """
