@@ -132,7 +132,7 @@ def live(tmp_path):
         stopped(process)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def three_sensors(tmp_path_factory):
     """The address of a page with three simulated sensors, for tests that only look at it."""
     folder = tmp_path_factory.mktemp("three")
