@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import gc
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -15,6 +16,14 @@ Derivative = Callable[..., np.ndarray]
 # The same examples every time, and none failed for the machine being busy.
 settings.register_profile("steady", derandomize=True, deadline=None)
 settings.load_profile("steady")
+
+gc.disable()  # collecting tests makes much that lasts and no garbage: a third of its time
+
+
+def pytest_collection_finish() -> None:
+    """What was made until now lasts to the end: do not look through it again and again."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
