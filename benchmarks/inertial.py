@@ -10,9 +10,12 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.maths.rotations import tilt as kernel
+from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.simulation import simulate, with_inertial_unit
 from agonic.simulation.draws import random_calibration
 from agonic.simulation.sensor import Simulated
+from agonic.units import STANDARD_GRAVITY_M_S2
 from benchmarks import inertial_published, inertial_recordings, shots, tables
 from benchmarks.inertial_rivals import Found, by_kalman, by_scipy, by_vqf
 
@@ -23,8 +26,9 @@ NOISE_NT = 200.0
 INTRODUCTION = """Two minutes at 25 Hz, 200 nT of noise, dip 65°, noise densities 0.02 m/s²/√Hz and
 8.7e-4 rad/s/√Hz; {draws} draws, in which soft iron, the turn between the sensors, the gyro's bias
 and scale scatter as the priors of the fit say. rms error of headings at all azimuths and tilts up
-to that of the row, degrees: in the sensor's own axes, or in those of the unit but for one constant
-angle, whichever is less. How many were not refused; error of the bias over its standard error, rms.
+to that of the row, degrees: in the sensor's own axes and the true level, or as it is used, by the
+tilt that the accelerometer reads and but for one constant angle, whichever is less. How many were
+not refused; error of the bias over its standard error, rms.
 The rivals: the magnitude alone by agonic and by SciPy, the levelled fit with the tilt of VQF, and
 an error-state Kalman filter that starts where agonic's magnitude fit ends."""
 
@@ -38,9 +42,9 @@ class Tried(NamedTuple):
     z: np.ndarray | None
 
 
-def heading_errors_deg(bias, matrix, made: Simulated, tilt_deg: float, turn) -> np.ndarray:
+def heading_errors_deg(bias, matrix, made: Simulated, tilt_deg: float, unit) -> np.ndarray:
     """rms over headings and tilts up to `tilt_deg`: in the sensor's own axes, whatever its turn;
-    and in those of the unit, which it is turned into (3, 3), about the mean."""
+    and as it is used, by the tilt that the accelerometer of the `unit` reads, about the mean."""
     rng = np.random.default_rng(5)
     heading = np.repeat(np.arange(0.0, 360.0, 10.0), 10)
     side, tilt = rng.uniform(0, 1, (2, len(heading))) * [[2 * np.pi], [np.radians(tilt_deg)]]
@@ -48,12 +52,19 @@ def heading_errors_deg(bias, matrix, made: Simulated, tilt_deg: float, turn) -> 
     turned = Rotation.from_euler("z", heading[:, None], degrees=True) * Rotation.from_rotvec(lean)
     truth = made.truth
     raw = turned.apply(made.field_n, inverse=True) @ np.linalg.inv(truth.matrix).T + truth.bias
-    found = []
-    for own in (polar(matrix)[1], turn.T @ matrix):
-        north, east, _ = turned.apply((raw - bias) @ own.T).T
-        off = np.degrees(np.arctan2(east, north))
-        found.append(np.sqrt(np.mean((off - off.mean() * len(found)) ** 2)))
-    return np.array(found)
+    north, east, _ = turned.apply((raw - bias) @ polar(matrix)[1].T).T
+    own = np.degrees(np.arctan2(east, north))
+    still = turned.apply([0.0, 0.0, -STANDARD_GRAVITY_M_S2], inverse=True)
+    columns = {"acceleration": still, "rotation_rate": np.zeros_like(still)}
+    read = with_inertial_unit(**unit, accelerometer_noise=0.0)(
+        ag.Samples(field=raw, time=np.arange(len(raw), dtype=float), **columns)
+    )
+    down = kernel.down_from_force(read.acceleration)
+    compass = heading_by_vectors_deg((raw - bias) @ matrix.T, down)
+    nose = turned.apply(Rotation.from_rotvec(unit["turn"], degrees=True).as_matrix()[0])
+    off = np.radians(compass) - np.arctan2(nose[:, 1], nose[:, 0])
+    used = np.degrees(np.angle(np.exp(1j * off) / np.exp(1j * off).mean()))
+    return np.sqrt([np.mean(own**2), np.mean(used**2)])
 
 
 def try_all(kind: str, tilt: float, bias: float, seed: int, **settings) -> list[Tried]:
@@ -64,11 +75,10 @@ def try_all(kind: str, tilt: float, bias: float, seed: int, **settings) -> list[
         kind, seed=seed, inclination_deg=65.0, noise=NOISE_NT, calibration=drawn, **settings
     )
     turn_deg = 2.0 * rng.standard_normal(3)
-    logged = with_inertial_unit(
-        accelerometer_bias=bias, gyro_bias_deg_s=1.0, gyro_scale=0.02, turn=turn_deg, seed=seed
-    )(made.samples)
+    unit = {"accelerometer_bias": bias, "gyro_bias_deg_s": 1.0, "gyro_scale": 0.02}
+    unit |= {"turn": turn_deg, "seed": seed}
+    logged = with_inertial_unit(**unit)(made.samples)
     place = ag.Reference.vector(made.field_n, frame="n")
-    turn = Rotation.from_rotvec(np.radians(turn_deg)).as_matrix()
     size = float(np.linalg.norm(made.field_n))
     alone = ag.fit_ellipsoid(logged, ag.Reference.constant(size))
     fits = (
@@ -78,15 +88,15 @@ def try_all(kind: str, tilt: float, bias: float, seed: int, **settings) -> list[
         by_kalman(logged, made.field_n, alone, NOISE_NT),
         ag.fit_inertial(logged, place),
     )
-    return [_judge(fit, made, tilt, turn) for fit in fits]
+    return [_judge(fit, made, tilt, unit) for fit in fits]
 
 
-def _judge(fit: ag.Fit | Found, made: Simulated, tilt: float, turn: np.ndarray) -> Tried:
+def _judge(fit: ag.Fit | Found, made: Simulated, tilt: float, unit: dict) -> Tried:
     """What a fit is worth against the truth."""
     found, kept = (fit, True) if isinstance(fit, Found) else (fit.calibration, not refused(fit))
     sd = None if fit.sd is None else fit.sd[:3]
     return Tried(
-        heading_errors_deg(found.bias, found.matrix, made, tilt, turn),
+        heading_errors_deg(found.bias, found.matrix, made, tilt, unit),
         kept,
         None if sd is None else (found.bias - made.truth.bias) / sd,
     )

@@ -5,6 +5,7 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.maths.rotations.tilt import down_from_force, heading_by_vectors_deg
 from agonic.simulation import simulate, with_inertial_unit
 from agonic.simulation.sensor import Simulated
 
@@ -31,3 +32,23 @@ def heading_error_deg(calibration, made: Simulated, tilt_deg: float) -> float:
     own = polar(calibration.matrix)[1]
     north, east, _ = rot_nb.apply((raw - calibration.bias) @ own.T).T
     return float(np.sqrt(np.mean(np.degrees(np.arctan2(east, north)) ** 2)))
+
+
+def used_error_deg(calibration, made: Simulated, tilt_deg: float, **unit) -> float:
+    """rms error, about its mean, of headings by the tilt that the accelerometer of a unit reads."""
+    rng = np.random.default_rng(5)
+    heading = np.repeat(np.arange(0.0, 360.0, 10.0), 10)
+    lean = np.zeros((len(heading), 3))
+    lean[:, :2] = np.radians(tilt_deg) * rng.uniform(-0.7, 0.7, (len(heading), 2))
+    rot_nb = Rotation.from_euler("z", heading[:, None], degrees=True) * Rotation.from_rotvec(lean)
+    truth = made.truth
+    raw = rot_nb.apply(made.field_n, inverse=True) @ np.linalg.inv(truth.matrix).T + truth.bias
+    force = rot_nb.apply([0.0, 0.0, -9.80665], inverse=True)
+    time = np.arange(len(raw), dtype=float)
+    still = ag.Samples(time=time, field=raw, acceleration=force, rotation_rate=0 * force)
+    read = with_inertial_unit(**unit, accelerometer_noise=0.0)(still).acceleration
+    compass = heading_by_vectors_deg(calibration.correct(raw), down_from_force(read))
+    nose = rot_nb.apply([1.0, 0.0, 0.0])
+    off = np.radians(compass) - np.arctan2(nose[:, 1], nose[:, 0])
+    turned = np.exp(1j * off)
+    return float(np.degrees(np.sqrt(np.mean(np.angle(turned / turned.mean()) ** 2))))

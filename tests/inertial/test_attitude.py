@@ -13,11 +13,12 @@ RATE = np.radians(0.5) * np.array([1.0, -1.0, 0.7])
 SCALE = 0.01 * np.array([1.0, -0.6, 0.8])
 SPEED = np.array([0.5, -0.2, 0.1])
 ERRORS = {
-    "none": np.zeros(12),
-    "accelerometer": np.concatenate([BIAS, np.zeros(9)]),
-    "gyro bias": np.concatenate([np.zeros(3), RATE, np.zeros(6)]),
-    "gyro scale": np.concatenate([np.zeros(6), SCALE, np.zeros(3)]),
-    "speed": np.concatenate([np.zeros(9), SPEED]),
+    "none": np.zeros(13),
+    "accelerometer": np.concatenate([BIAS, np.zeros(10)]),
+    "gyro bias": np.concatenate([np.zeros(3), RATE, np.zeros(7)]),
+    "gyro scale": np.concatenate([np.zeros(6), SCALE, np.zeros(4)]),
+    "speed": np.concatenate([np.zeros(9), SPEED, [0.0]]),
+    "delay": np.append(np.zeros(12), 0.05),
 }
 
 
@@ -32,20 +33,26 @@ def test_errors_act_as_foretold(error: str, tilt_deg: float) -> None:
     true, given = made.samples, ERRORS[error]
     rate = true.rotation_rate
     logged = true.with_columns(
-        acceleration=true.acceleration + given[:3] + np.cross(rate, given[9:]),
+        acceleration=true.acceleration + given[:3] + np.cross(rate, given[9:12]),
         rotation_rate=rate * (1 + given[6:9]) + given[3:6],
     )
     felt = feel_attitude(logged)
-    down = down_b(true.roll_deg, true.pitch_deg)
+    down, field = down_b(true.roll_deg, true.pitch_deg), made.field_b
+    down, field = (_record_late(v, true.time, given[12]) for v in (down, field))
     wrong = felt.down - down
     left = wrong - felt.down_by @ given
     inner = slice(200, -200)  # the low-pass has only half of its data at the ends
     assert rms_deg(left[inner]) < max(0.06 * rms_deg(wrong[inner]), 0.01)
-    level = made.field_b - down * (made.field_b * down).sum(axis=1, keepdims=True)
+    level = field - down * (field * down).sum(axis=1, keepdims=True)
     aside = np.cross(felt.down, felt.ahead)
     azimuth = np.unwrap(np.arctan2((level * aside).sum(axis=1), (level * felt.ahead).sum(axis=1)))
-    drift = azimuth - felt.azimuth_by @ given
+    drift = (azimuth - felt.azimuth_by @ given)[10:]  # a delayed row before them has no moment
     assert np.degrees(np.ptp(drift)) < max(0.05 * np.degrees(np.ptp(azimuth)), 0.2)
+
+
+def _record_late(vectors: np.ndarray, time: np.ndarray, delay_s: float) -> np.ndarray:
+    """What stands in the rows of vectors (n, 3) that are recorded a delay after their moment."""
+    return np.stack([np.interp(time - delay_s, time, axis) for axis in vectors.T], axis=1)
 
 
 def test_pauses_begin_anew_and_rows_between_them_are_left_out() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 import agonic as ag
 from agonic.attitude.mounted_heading import compute_mounted_heading
-from tests.inertial.drives import drive, heading_error_deg
+from tests.inertial.drives import drive, heading_error_deg, used_error_deg
 
 
 def rms(values) -> float:
@@ -69,7 +69,7 @@ def test_an_accelerometer_alone_is_enough() -> None:
     assert set(fit.channels) == {"magnitude", "dip"}
     assert fit.gyro_bias is None
     own = compute_mounted_heading(fit.calibration, fit.coverage).own_sd_deg
-    assert heading_error_deg(fit.calibration, made, 8.0) < 3 * own < 3.0
+    assert used_error_deg(fit.calibration, made, 8.0) < 3 * own < 3.0
 
 
 def test_calibrate_takes_it_where_it_is_surer() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.maths.rotations.tilt import down_from_force, heading_by_vectors_deg
 from agonic.simulation import with_inertial_unit
 
 RATE_HZ = 10.0
@@ -55,11 +56,16 @@ def get_motion(samples):
     return np.column_stack([samples.acceleration, samples.rotation_rate])
 
 
-def heading_error_deg(calibration):
-    """rms error of a level heading but for one constant angle, and with it."""
-    heading = np.radians(np.arange(0.0, 360.0, 10.0))
-    level = FIELD_N[0] * np.stack([np.cos(heading), -np.sin(heading)], axis=1)
-    field = np.column_stack([level, np.full_like(heading, FIELD_N[2])])
+def heading_error_deg(calibration, seed=0):
+    """rms error of a level heading but for one constant angle, and with it, by the tilt that the
+    accelerometer of a drive reads then, bias and all."""
+    heading = np.arange(0.0, 360.0, 10.0)
+    rot_nb = Rotation.from_euler("z", heading[:, None], degrees=True)
+    field = rot_nb.apply(FIELD_N, inverse=True)
+    force = np.tile([0.0, 0.0, -9.80665], (len(heading), 1))
+    still = ag.Samples(time=heading, field=field, acceleration=force, rotation_rate=0 * force)
+    read = with_inertial_unit(accelerometer_noise=0.0, seed=seed)(still).acceleration
     found = calibration.correct(field @ np.linalg.inv(MATRIX).T + BIAS)
-    error = np.angle(np.exp(1j * (np.arctan2(-found[:, 1], found[:, 0]) - heading)))
+    off = heading_by_vectors_deg(found, down_from_force(read)) - heading
+    error = np.angle(np.exp(1j * np.radians(off)))
     return np.degrees([error.std(), np.sqrt(np.mean(error**2))])

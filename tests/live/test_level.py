@@ -51,20 +51,20 @@ def test_readings_without_an_acceleration_leave_no_way():
 @pytest.fixture(scope="module")
 def rovers():
     """Rovers that drove circles, then stood on a ramp: the live fit, and what it was told."""
-    made = [drive(LEVEL, *RAMP, seed=seed) for seed in range(3)]
+    made = [drive(LEVEL, *RAMP, seed=seed) for seed in range(6)]
     return [(streamed(samples, target_deg=0.3), samples) for samples in made]
 
 
 def test_a_rover_on_a_ramp_ends_well_and_its_error_is_what_is_stated(rovers):
     ratios = []
-    for live, _ in rovers:
+    for seed, (live, _) in enumerate(rovers):
         assert live.guidance.done, live.guidance.findings
         assert live.aided.method == "inertial"
         stated = [live.coverage.heading_sd_deg, live.aided.vehicle_sd_deg]
-        ratios.append(heading_error_deg(live.calibration) / stated)
+        ratios.append(heading_error_deg(live.calibration, seed) / stated)
         assert np.abs((live.calibration.bias - BIAS) / live.calibration.sd[:3]).max() < 4
     rms = np.sqrt(np.mean(np.square(ratios), axis=0))
-    assert ((rms > 0.3) & (rms < 1.6)).all()
+    assert ((rms > 0.5) & (rms < 1.5)).all()
 
 
 def test_it_accepts_what_calibrate_gives_for_the_same_rows(rovers):

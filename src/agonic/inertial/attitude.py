@@ -10,7 +10,7 @@ gyro's errors. With errors δf and δω of the readings, φ = ∫ R δω dt:
 
 So every error that all rows share has a known effect on each, to first order, and the fit of the
 field finds its size. A steady speed v of the vehicle, in body axes, counts as one: in turns it is
-felt as δf = ω × v.
+felt as δf = ω × v. So does a delay τ of the field's readings: they are of attitudes ω τ ago.
 """
 
 from __future__ import annotations
@@ -38,15 +38,18 @@ GAP_S = 0.3
 """After a longer pause in the log, of more than five rows, the attitude starts anew."""
 SHORTEST = 30
 """Rows without which a part between two pauses is left out."""
+UNKNOWNS = 13
+"""Errors that all rows share beside a gyro: of acceleration, rate, its scale, a speed, a delay."""
 
 
 class Inertial(NamedTuple):
     """The attitude that an inertial unit feels, heading left out, in the axes of the readings.
 
-    `down` (n, 3), NaN where there is none, and `down_by` (n, 3, q) what unit errors add to it: of
-    the accelerometer's bias (3, m/s²), and with a gyro of its bias (3, rad/s) and scale (3). Then
-    `ahead` (n, 3) is a level direction of steady heading, `part` (n,) numbers the parts in which it
-    is steady, and `azimuth_by` (n, q) is what the errors add to the azimuth of the field.
+    `down` (n, 3), NaN where there is none, and `down_by` (n, 3, q) what errors add to it: of the
+    accelerometer's bias (3, m/s²), and with a gyro of its bias (3, rad/s), its scale (3), a speed
+    (3, m/s), and a delay of the field's readings (s). Then `ahead` (n, 3) is a level direction of
+    steady heading, `part` (n,) numbers the parts in which it is steady, and `azimuth_by` (n, q) is
+    what the errors add to the azimuth of the field.
     `force_sd`, m/s², and `rate_sd`, rad/s, are the noise of a row that goes through the low-pass
     and the integral: of the accelerometer with all that shakes it, and of the gyro.
     """
@@ -96,10 +99,10 @@ def feel_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
         return Inertial(down, across / STANDARD_GRAVITY_M_S2, part)
     felt = Inertial(
         down=np.full((n, 3), np.nan),
-        down_by=np.zeros((n, 3, 12)),
+        down_by=np.zeros((n, 3, UNKNOWNS)),
         part=np.zeros(n, dtype=np.intp),
         ahead=np.zeros((n, 3)),
-        azimuth_by=np.zeros((n, 12)),
+        azimuth_by=np.zeros((n, UNKNOWNS)),
     )
     variances = [(0.0, 0.0, 0)]
     for number, rows in enumerate(find_parts(time)):
@@ -126,7 +129,7 @@ def _feel_part(
 
     Returns the variances of `force_sd` and `rate_sd`.
     """
-    rate_variance = measure_rate_variance(rate)
+    rate_variance, rotation = measure_rate_variance(rate), rate
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step)) + 1)
     force, rate = _interpolate(even, time, force), _interpolate(even, time, rate)
@@ -158,7 +161,9 @@ def _feel_part(
     assert felt.ahead is not None
     assert felt.azimuth_by is not None
     felt.down[rows] = down
-    felt.down_by[rows] = -_interpolate(time, even, moved.reshape(-1, 36)).reshape(-1, 3, 12)
+    felt.down_by[rows, :, :12] = -_interpolate(time, even, moved.reshape(-1, 36)).reshape(-1, 3, 12)
+    felt.down_by[rows, :, 12] = np.cross(down, rotation)
+    felt.azimuth_by[rows, 12] = (down * rotation).sum(axis=1)
     felt.ahead[rows] = ahead / np.sqrt((ahead**2).sum(axis=1, keepdims=True))
     felt.azimuth_by[rows, 3:9] = _interpolate(time, even, azimuth)
     return force_variance, rate_variance

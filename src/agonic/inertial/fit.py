@@ -165,7 +165,6 @@ def fit_part(whole: InertialFit, samples: Samples, reference: Reference) -> Affi
         found = solve_beside(
             whole.samples,
             whole.reference,
-            whole.felt,
             whole.inertial_errors,
             whole.settings,
             among,

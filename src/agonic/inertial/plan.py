@@ -20,6 +20,8 @@ from agonic.units import STANDARD_GRAVITY_M_S2
 PAUSE_S = 10.0
 """Between the readings so far and the drive."""
 RATE_HZ = 6.0
+TILTS_S = 3.0
+"""In which a vehicle comes from one slope to another."""
 
 
 class Drive(NamedTuple):
@@ -72,7 +74,7 @@ def _simulate(
     """The readings along a drive, in time after those of the past."""
     assert past.time is not None
     rng = np.random.default_rng(0)
-    angles = np.stack([drive.heading_deg, drive.pitch_deg, drive.roll_deg], axis=1)
+    angles = _smooth(np.stack([drive.heading_deg, drive.pitch_deg, drive.roll_deg], axis=1))
     turned = Rotation.from_euler("ZYX", angles, degrees=True)
     to_sensor = make_level_axes(down)  # v @ it, of rows v in axes forward, right, down
     horizontal, vertical = reference.horizontal_and_vertical(1)[0]
@@ -84,7 +86,10 @@ def _simulate(
     rate = None
     if fit.gyro_bias is not None and past.rotation_rate is not None:
         steps = (turned[:-1].inv() * turned[1:]).as_rotvec() * RATE_HZ
-        rate = np.concatenate([steps, steps[-1:]]) @ to_sensor
+        rate = (
+            np.pad(steps, ((1, 0), (0, 0)), "edge") + np.pad(steps, ((0, 1), (0, 0)), "edge")
+        ) / 2
+        rate = rate @ to_sensor
         force = force + np.cross(rate, fit.inertial_errors[9:12])  # a speed kept in turns
         rate = rate * (1.0 + fit.inertial_errors[6:9]) + fit.gyro_bias + fit.felt.rate_sd * noise[2]
     return Samples(
@@ -95,6 +100,13 @@ def _simulate(
         unit=past.unit,
         name=past.name,
     )
+
+
+def _smooth(angles: Array) -> Array:
+    """Angles (m, 3) of a vehicle that takes `TILTS_S` to change its slope."""
+    half = round(TILTS_S * RATE_HZ / 2)
+    sums = np.cumsum(np.pad(angles, ((half + 1, half), (0, 0)), "edge"), axis=0)
+    return np.asarray(sums[2 * half + 1 :] - sums[: len(angles)]) / (2 * half + 1)
 
 
 def _join(past: Samples, drive: Samples) -> Samples:

@@ -6,7 +6,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.attitude.problem import Scale, normalise
-from agonic.inertial.attitude import Inertial, find_parts
+from agonic.inertial.attitude import UNKNOWNS, Inertial, find_parts
 from agonic.inertial.maths.factors import GRAVITY_SD, Log
 from agonic.inertial.maths.headings import Headings
 from agonic.inertial.settings import Settings
@@ -59,17 +59,27 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
         dip_by[-1] = sds[-1]
         down_by = np.pad(down_by, ((0, 0), (0, 0), (0, 1)))
         azimuth_by = np.pad(azimuth_by, ((0, 0), (0, 1)))
-    return Shared(down_by, azimuth_by, dip_by, taken_out)
+    return Shared(down_by, azimuth_by, dip_by, _without_delay(taken_out))
+
+
+def _without_delay(taken_out: Array) -> Array:
+    """What is taken out of acceleration and rates: a delay is of the readings, and stays."""
+    kept = taken_out.copy()
+    kept[UNKNOWNS - 1 : UNKNOWNS] = 0.0
+    return kept
 
 
 def standard_deviations(felt: Inertial, settings: Settings) -> Array:
-    """Of the priors of the errors: of the accelerometer, of the gyro, and of the speed; and of the
-    dip, rad, where it is not known exactly."""
-    sds = [settings.accelerometer_sd_m_s2]
+    """Of the priors of the errors: of the accelerometer, of the gyro, of the speed and of the
+    delay; and of the dip, rad, where it is not known exactly."""
+    sds, alone = [settings.accelerometer_sd_m_s2], []
     if felt.azimuth_by is not None:
         bias = float(np.radians(settings.gyro_bias_sd_deg_s))
         sds += [bias, settings.gyro_scale_sd, settings.speed_sd_m_s]
-    return np.append(np.repeat(sds, 3), [settings.inclination_sd] * (settings.inclination_sd > 0))
+        alone = [settings.delay_sd_s]
+    if settings.inclination_sd:
+        alone += [settings.inclination_sd]
+    return np.append(np.repeat(sds, 3), alone)
 
 
 def without_errors(samples: Samples, errors: Array) -> Samples:

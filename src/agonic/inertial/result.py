@@ -20,9 +20,12 @@ class InertialFit(Fit):
     """A calibration beside accelerometer and gyro, and what was found of these.
 
     `samples` are those that were fitted, with roll and pitch as they were felt, and `reference`
-    theirs; `felt` is that attitude, with the errors found taken out. `inertial_errors` (q,) and
-    their `inertial_sd`: the accelerometer's bias, m/s², and with a gyro its bias, rad/s, its scale,
-    and the speed, m/s, that the vehicle keeps in turns. `accelerometer_gain` (3, 3) is what it
+    theirs; `felt` is that attitude, with the errors found taken out, but level as the accelerometer
+    reads it where the vehicle stays near level: so calibration and tilt go together afterwards.
+    `inertial_errors` (q,) and their `inertial_sd`: the accelerometer's bias, m/s², and with a gyro
+    its bias, rad/s, its scale, the speed, m/s, that the vehicle keeps in turns, and how late, s,
+    the readings are beyond what was undone; where the dip is an unknown it is the last, rad.
+    `accelerometer_gain` (3, 3) is what it
     reads over what it feels, where there is a gyro. `headings` are those that joined, and
     `heading_source` what told them.
     """
@@ -45,7 +48,7 @@ class InertialFit(Fit):
     @property
     def gyro_bias(self) -> Array | None:
         """What the gyro reads too much, (3,) rad/s; `None` without one."""
-        return self.inertial_errors[3:6] if len(self.inertial_errors) > 3 else None
+        return None if self.felt.ahead is None else self.inertial_errors[3:6]
 
     @property
     def source(self) -> str:

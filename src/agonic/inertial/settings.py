@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agonic.attitude.settings import Settings as AttitudeSettings
+from agonic.calibration.setup import LATENCY_SD_S
 from agonic.errors import AgonicError
 
 _POSITIVE = (
@@ -34,6 +35,7 @@ class Settings(AttitudeSettings):
     heading_offset_sd_deg: float = 1.0
     accelerometer_scale_sd: float | None = None
     inclination_sd: float = 0.0
+    delay_sd_s: float = LATENCY_SD_S
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,7 +8,9 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.attitude.fit import estimate_usable
-from agonic.inertial.attitude import Inertial, feel_attitude
+from agonic.calibration.setup import LATENCY_SD_S
+from agonic.inertial.attitude import feel_attitude
+from agonic.inertial.level import keep_level
 from agonic.inertial.maths.headings import Headings
 from agonic.inertial.maths.joint import Joint, estimate_jointly
 from agonic.inertial.problem import make_log, orient, standard_deviations, without_errors
@@ -33,8 +35,12 @@ def solve(samples: Samples, reference: Reference | None, settings: Settings) -> 
     """The estimate: first beside the attitude that is felt, then with the attitude free.
 
     Without horizontal and vertical intensity these are found first; an error of a known dip, of the
-    reference's standard deviation, is one unknown of all rows.
+    reference's standard deviation, is one unknown of all rows. What is left of a delay is another:
+    a log may read its sensors anywhere between two of its rows.
     """
+    if samples.time is not None and len(samples) > 1:
+        interval = float(np.median(np.diff(samples.time)))
+        settings = replace(settings, delay_sd_s=float(np.hypot(LATENCY_SD_S, interval / 12**0.5)))
     if reference is None or reference.values.ndim == 1:
         settings = replace(settings, inclination_sd=INCLINATION_SD)
         reference = find_field(samples, reference, settings)
@@ -42,7 +48,7 @@ def solve(samples: Samples, reference: Reference | None, settings: Settings) -> 
         size = float(reference.magnitudes(len(samples)).mean())
         settings = replace(settings, inclination_sd=reference.sd / size)
     solved = choose_speed(samples, reference, settings)
-    return _free_attitude(solved) if solved.felt.ahead is not None else solved
+    return _free_attitude(solved) if solved.felt.ahead is not None else keep_level(solved)
 
 
 def join_headings(solved: Solved, headings: Headings) -> Solved:
@@ -53,16 +59,16 @@ def join_headings(solved: Solved, headings: Headings) -> Solved:
 def solve_beside(
     samples: Samples,
     reference: Reference,
-    felt: Inertial,
     errors: Array,
     settings: Settings,
     among: Mask,
     headings: Headings | None = None,
 ) -> Solved:
-    """The same from some of the readings (n,), where the attitude is felt already.
+    """The same from some of the readings (n,), where the errors (q,) of the unit are found already.
 
-    Parameters: `errors` (q,) of the unit, as they were taken out; headings of all rows.
+    Parameters: headings of all rows.
     """
+    felt = feel_attitude(without_errors(samples, errors))
     sds = standard_deviations(felt, settings)
     posed = pose_felt(samples, reference, felt, settings, errors / sds)
     tilted, usable, problem, scale = posed
@@ -71,7 +77,7 @@ def solve_beside(
     found = estimate_usable(problem, some, settings)
     solved = Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
     solved = solved._replace(headings=headings)
-    return _free_attitude(solved) if felt.ahead is not None else solved
+    return _free_attitude(solved) if felt.ahead is not None else keep_level(solved)
 
 
 def _free_attitude(solved: Solved) -> Solved:
@@ -101,7 +107,7 @@ def _free_attitude(solved: Solved) -> Solved:
     posed = pose_felt(samples, reference, again, solved.settings, taken_out)
     tilted, _, problem, scale = posed
     solution = found.solution._replace(params=joint.params[:p], covariance=joint.covariance[:p, :p])
-    return solved._replace(
+    solved = solved._replace(
         found=_compare(found._replace(solution=solution), problem, solved.usable, joint),
         problem=problem,
         scale=scale,
@@ -111,6 +117,7 @@ def _free_attitude(solved: Solved) -> Solved:
         gain=joint.gain,
         walk_deg=float(np.degrees(joint.sds[2] * np.sqrt(np.median(np.diff(samples.time))))),
     )
+    return keep_level(solved)
 
 
 def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> Estimate:

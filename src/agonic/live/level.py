@@ -27,6 +27,8 @@ SMOOTH_S = 2.0
 """Over which the acceleration is averaged to tell down."""
 TURN_DEG_S = 20.0
 STAND_S = 6.0
+COMES_DEG = 90.0
+"""By which a vehicle turns on its way to a ramp."""
 SLOPES_DEG = (5.0, 10.0, 20.0)
 WORTH = 0.95
 """Of the heading's standard error: what lowers it by less is not worth the way."""
@@ -183,10 +185,13 @@ def _list_others(level: Level) -> Iterator[Step]:
     pitch, roll = slope * np.cos(along), slope * np.sin(along)
     say = f"turn a full circle on ground that slopes by {slope:.0f}°"
     yield Step(say, Drive(heading, pitch, roll), 2 * np.pi + 2, everywhere, slope)
-    up = np.repeat([slope, 0.0], round(STAND_S * RATE_HZ))
+    way = level.heading_deg + _ramp(COMES_DEG) - COMES_DEG  # the gyro sees it turn, then lean
+    stand = np.ones(round(STAND_S * RATE_HZ))
+    heading = np.concatenate([way, level.heading_deg * stand, level.heading_deg * stand])
+    pitch = np.concatenate([0.0 * way, slope * stand, 0.0 * stand])
+    roll = np.concatenate([0.0 * way, 0.0 * stand, slope * stand])
     say = f"drive onto a ramp of {slope:.0f}°: nose up, then left side up"
-    still = np.full_like(up, level.heading_deg)
-    yield Step(say, Drive(still, up, slope - up), 4.0, everywhere, slope)
+    yield Step(say, Drive(heading, pitch, roll), 4.0, everywhere, slope)
 
 
 def _ramp(span_deg: float) -> Array:

@@ -3,7 +3,7 @@
 In level axes whose x points to magnetic north the field is B = F (cos I, 0, sin I) and the force at
 rest −g ẑ, always. With the attitude R of the sensor in them, and an error δ of it, R → exp(δ) R:
 
-    reading   raw − bias − W⁻¹ Rᵀ B                                in the sensor's axes
+    reading   raw − bias − W⁻¹ exp(ω τ) Rᵀ B, τ late               in the sensor's axes
     force     ⟨R (force − b_a − ω × v + (1 + S) g Rᵀ ẑ)⟩            in the level axes
     rate      Log(R₂ (R₁ D)ᵀ), D what ω turns between two states    in the level axes
     heading   atan2(R₂₁, R₁₁) − heading − offset                     where one is known (`headings`)
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index
 from agonic.inertial.maths.headings import Headings
@@ -44,10 +45,10 @@ class Log(NamedTuple):
 
     Times (n,), force and rate (n, 3), the rows of its parts without a pause, the standard
     deviations of a row's noise; `sds` (q,) of the shared errors, first those of the unit: bias of
-    the accelerometer, bias and scale of the gyro, speed, three each. `gains` (g, 3, 3): what one
-    standard deviation of each gain of the accelerometer adds to S. `settling_s`: time constant of
-    ⟨⟩, for a vehicle that nods in a gust does not change its course at once. `headings`: those that
-    do not come from the magnetometer, where there are any.
+    the accelerometer, bias and scale of the gyro, speed, three each, and the delay of a reading.
+    `gains` (g, 3, 3): what one standard deviation of each gain of the accelerometer adds to S.
+    `settling_s`: time constant of ⟨⟩, for a vehicle that nods in a gust does not change its course
+    at once. `headings`: those that do not come from the magnetometer, where there are any.
     """
 
     time: Array
@@ -68,13 +69,16 @@ class Log(NamedTuple):
 
 
 class Felt(NamedTuple):
-    """Force without the bias found, rate without its errors, the track of the gyro, the speed and
-    the gains found, and where the parameters of the unit and of the gains start among all p."""
+    """Force without the bias found, rate without its errors, the track of the gyro, the speed, the
+    delay and the gains found, and where the parameters of the unit and of the gains start among all
+    p; `delay_sd` is the unit of the delay's."""
 
     force: Array
     rate: Array
     track: Track
     speed: Array
+    delay: float
+    delay_sd: float
     gains: Array
     unit: int
     gain: int
@@ -90,7 +94,8 @@ def take_out(log: Log, params: Array) -> Felt:
     track = lay_track(log.time, rate, log.parts)
     force = log.force - errors[:3]
     gains = params[gain : gain + len(log.gains)]
-    return Felt(force, rate, track, errors[9:12], gains, unit, gain, len(params))
+    delay, delay_sd = float(errors[12]), float(log.sds[12])
+    return Felt(force, rate, track, errors[9:12], delay, delay_sd, gains, unit, gain, len(params))
 
 
 def sum_readings(
@@ -100,7 +105,7 @@ def sum_readings(
     squares = np.empty(len(attitudes))
 
     def add(rows: slice, track: Track) -> Sums:
-        sides = _compare(problem.subset(rows), attitudes[rows], params, felt)
+        sides = _compare(problem.subset(rows), attitudes[rows], felt.rate[rows], params, felt)
         squares[rows] = (sides[0] ** 2).sum(axis=1)
         return sum_rows(track, *sides, weights[rows])
 
@@ -108,9 +113,9 @@ def sum_readings(
 
 
 def _compare(
-    problem: Problem, attitudes: Array, params: Array, felt: Felt
+    problem: Problem, attitudes: Array, rate: Array, params: Array, felt: Felt
 ) -> tuple[Array, Array, Array]:
-    """Readings against the field: residuals, by state, and by parameters."""
+    """Readings against the field a delay ago: residuals, by state, and by parameters."""
     assert problem.dip is not None
     basis, n = problem.basis, len(attitudes)
     m = basis.shape[1]
@@ -120,7 +125,8 @@ def _compare(
     level = problem.dip.horizontal * np.cos(turn) - problem.dip.vertical * np.sin(turn)
     below = problem.dip.vertical * np.cos(turn) + problem.dip.horizontal * np.sin(turn)
     field = np.stack(np.broadcast_arrays(level, 0.0 * level, below, np.zeros(n))[:3], axis=-1)
-    back = inverse @ np.swapaxes(attitudes, 1, 2)
+    ago = Rotation.from_rotvec(felt.delay * rate).as_matrix() @ np.swapaxes(attitudes, 1, 2)
+    back = inverse @ ago
     wanted = np.einsum("nij,nj->ni", back, field)
     residuals = problem.points - field_of_terms(problem, params[: felt.gain]) - bias - wanted
     local = np.zeros((n, 3, 12))
@@ -128,6 +134,8 @@ def _compare(
     local[:, :, 3:] = (inverse[None, :, :, None] * wanted[:, None, None, :]).reshape(n, 3, 9)
     by_params = np.zeros((n, 3, felt.total))
     by_params[:, :, :m] = local @ basis
+    later = np.cross(rate, np.einsum("nij,nj->ni", ago, field)) @ inverse.T
+    by_params[:, :, felt.unit + 12] = -felt.delay_sd * later
     if problem.terms is not None:
         k = problem.terms.shape[1]
         each = -np.eye(3)[None, :, :, None] * problem.terms[:, None, None, :]
