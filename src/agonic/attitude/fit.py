@@ -45,14 +45,16 @@ def fit_channels(
     channels: tuple[str, ...],
     settings: Settings,
     name: str,
+    found: Estimate | None = None,
 ) -> Fit:
     """The fit of a calibration to the channels that are known; `name` is for the record.
 
     Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
     of the fit, under a prior. A known heading determines it; the magnitude alone never shows it.
+    An estimate by the same samples and settings that was `found` before is not sought again.
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
-    found = estimate_usable(problem, usable, settings)
+    found = estimate_usable(problem, usable, settings) if found is None else found
     with _without_hold():
         return make_fit(found, problem, scale, samples, usable, settings, name)
 

@@ -30,6 +30,7 @@ from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import list_disturbers
 from agonic.calibration.sources import list_columns
 from agonic.health import FEWEST, Finding
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -75,13 +76,19 @@ class SourceChoice(NamedTuple):
 
 
 def choose_sources(
-    samples: Samples, reference: Reference, channels: tuple[str, ...], settings: Settings
+    samples: Samples,
+    reference: Reference,
+    channels: tuple[str, ...],
+    settings: Settings,
+    estimates: dict[tuple[str, ...], Estimate] | None = None,
 ) -> SourceChoice:
     """The sources that lower what is left on unseen blocks of time, and all that was tried.
 
-    Parameters as in `fit_channels`; candidates are the disturbers that the samples hold.
+    Parameters as in `fit_channels`; candidates are the disturbers that the samples hold, and
+    `estimates` takes the estimate with each set of sources that was a fit on the way.
     """
-    log = Log(samples, reference, channels, settings, find_usable(samples), {})
+    kept = {} if estimates is None else estimates
+    log = Log(samples, reference, channels, settings, find_usable(samples), kept)
     candidates = list_candidates(samples.select(log.usable))
     chosen: tuple[str, ...] = ()
     trials: list[Trial] = []

@@ -6,6 +6,7 @@ by what its own residuals say. Start, relax, refine: `starting_values`, then `es
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -71,7 +72,9 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
     tried: list[Estimate] = []
     for chosen in (rows, _draw(n, seed)):
         few = problem if len(chosen) == n else problem.subset(chosen)
-        found = _search(few, robust, seed)
+        found = _search(few, robust, seed, tried)
+        if found is None:
+            break
         agreed = _agrees(few, found)
         again = few is not problem or (problem.magnitude_only and not agreed)
         tried.append(refine(problem, found.solution.params, robust) if again else found)
@@ -87,19 +90,31 @@ def _draw(n: int, seed: int) -> Index:
     return np.sort(np.random.default_rng(seed).choice(n, _ENOUGH, replace=False))
 
 
-def _search(few: Problem, robust: bool, seed: int) -> Estimate:
-    """The best minimum from several starts, or the first that all readings agree with."""
+def _search(few: Problem, robust: bool, seed: int, known: Sequence[Estimate]) -> Estimate | None:
+    """The best minimum from several starts, or the first that all readings agree with.
+
+    Nothing where all starts lead to minima that are known.
+    """
     algebraic = fit_algebraic(few)
-    tried = []
+    tried: list[Estimate] = []
     if algebraic is not None:
         found = refine(few, algebraic, robust)
         if _agrees(few, found):
             return found
     for start in find_starts(few, algebraic, robust, seed):
+        if any(_leads_to(start, one) for one in (*known, *tried)):
+            continue
         tried.append(refine(few, start, robust))
         if _agrees(few, tried[-1]):
             break
-    return min(tried, key=lambda found: _compute_surprise(few, found))
+    return min(tried, key=lambda found: _compute_surprise(few, found)) if tried else None
+
+
+def _leads_to(start: Array, found: Estimate) -> bool:
+    """Whether a start is so near to a minimum, all in all within a standard error, that it leads
+    there."""
+    apart = start - found.solution.params
+    return bool(apart @ leastsq.inverse(found.solution.covariance) @ apart < 1.0)
 
 
 def refine(problem: Problem, params: Array, robust: bool) -> Estimate:

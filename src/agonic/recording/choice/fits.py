@@ -133,14 +133,14 @@ def fit_beside_attitude(
         own = np.flatnonzero(find_fresh(samples.field))
         samples = samples.select(own)
         reference = None if reference is None else reference.select(own)
-    fit, tried = None, None
-    if "sources" not in settings:
+    tried = None
+    if "sources" in settings:
+        fit = run(samples, reference, **settings)
+    else:
         assert reference is not None
         fit, tried = fit_with_sources(run, samples, reference, method, settings)
-        if fit is not None:
+        if list_sources(fit):
             reason += f", and {describe_sources(list_sources(fit))} the readings"
-    if fit is None:
-        fit = run(samples, reference, **settings)
     if isinstance(fit, InertialFit):
         if fit.heading_source is not None:
             reason += f", and {fit.heading_source} the heading beside the gyro"

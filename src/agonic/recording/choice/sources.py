@@ -11,10 +11,12 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.attitude.disturbers.choice import SourceChoice, choose_sources, describe_gain
 from agonic.attitude.disturbers.shape import find_timing_sd
+from agonic.attitude.fit import CHANNELS, fit_channels
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
 from agonic.calibration.interference import Interference
 from agonic.fit import Fit
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -30,23 +32,33 @@ def fit_with_sources(
     reference: Reference,
     method: str,
     settings: Mapping[str, Any],
-) -> tuple[Fit | None, SourceChoice | None]:
-    """The fit with what disturbs on board, where anything recorded does; and what was compared.
+) -> tuple[Fit, SourceChoice]:
+    """The fit, with what disturbs on board where anything recorded does; and what was compared.
 
     What is better on unseen parts of the log is taken, or a current that moves the readings.
     """
     channels = ("magnitude", "dip", "azimuth")[: {"vector": 3, "levelled": 2}.get(method, 1)]
-    found = choose_sources(samples, reference, channels, keep_common(settings))
+    common, estimates = keep_common(settings), dict[tuple[str, ...], Estimate]()
+    found = choose_sources(samples, reference, channels, common, estimates)
+
+    def fit_with(*sources: str) -> Fit:
+        if CHANNELS.get(method) != channels:
+            return run(samples, reference, **settings, **({"sources": sources} if sources else {}))
+        own = Settings(**settings, sources=sources)
+        alike = own == replace(common, sources=sources, inclination_deg=own.inclination_deg)
+        known = estimates.get(sources) if alike else None
+        return fit_channels(samples, reference, channels, own, method, known)
+
     if found.sources:
-        fit = run(samples, reference, **settings, sources=found.sources)
+        fit = fit_with(*found.sources)
         if _measure_sources(fit, samples) > MATTERS:
             return add_choice(fit, found), found
-    if not _varies(samples.current_A):
-        return None, found
-    fit = run(samples, reference, **settings, sources=("current_A",))
-    surely = _test_sources(fit) < SIGNIFICANT
-    matters = surely and _measure_sources(fit, samples) > MATTERS
-    return fit if matters else None, found
+    if _varies(samples.current_A):
+        fit = fit_with("current_A")
+        surely = _test_sources(fit) < SIGNIFICANT
+        if surely and _measure_sources(fit, samples) > MATTERS:
+            return fit, found
+    return fit_with(), found
 
 
 def add_choice(fit: Fit, found: SourceChoice) -> Fit:
