@@ -24,6 +24,8 @@ follows, and it does not matter either."""
 NEARER, FOLLOWS_DEG = 0.5, 12.0
 """A heading follows what it scatters about by less than half as much as about the other, and by no
 more than a filter does; one in other units or axes follows neither."""
+ENOUGH = 10_000
+"""Rows, evenly spaced, that tell the calibrated field well enough to compare a heading with."""
 STRETCH_S, LEAST_ROWS = 20.0, 10
 CONTRADICTS = 5.0
 """Standard deviations by which the gyro must disagree within a stretch."""
@@ -78,8 +80,9 @@ def _find_followed(
     rows = samples.heading_known
     if calibration is None:
         try:
-            channels, plain = CHANNELS["levelled"], Settings()
-            calibration = fit_channels_alone(samples, reference, channels, plain)
+            some = np.arange(0, len(samples), -(-len(samples) // ENOUGH))
+            few, known = samples.select(some), reference.select(some)
+            calibration = fit_channels_alone(few, known, CHANNELS["levelled"], Settings())
         except AgonicError:
             return None
     tilt = kernel.tilt_from_angles(samples.roll_deg[rows], samples.pitch_deg[rows])

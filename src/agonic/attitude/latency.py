@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal, cast, get_args
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -37,6 +38,7 @@ _PIECE = 500  # rows, in which a motion shows
 _SIGNIFICANT = 3.0  # standard errors
 _CLOSE_S = LATENCY_SD_S / 2  # a standard error above it needs as many times more of them
 _ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
+_FOUND: WeakKeyDictionary[Samples, LatencyFit | None] = WeakKeyDictionary()
 _BESIDE = {"attitude": "the recorded attitude", "tilt": "roll and pitch", "gyro": "the gyro"}
 
 
@@ -182,13 +184,17 @@ def find_telling(samples: Samples) -> Samples:
 def find_latency(samples: Samples) -> LatencyFit | None:
     """The delay of the readings, or `None` where nothing in the log could tell it.
 
+    Several fits to one log ask for it: as long as the samples live it is found once.
+
     >>> find_latency(Samples(field=np.eye(3))) is None
     True
     """
-    try:
-        return fit_latency(samples)
-    except AgonicError:
-        return None
+    if samples not in _FOUND:
+        try:
+            _FOUND[samples] = fit_latency(samples)
+        except AgonicError:
+            _FOUND[samples] = None
+    return _FOUND[samples]
 
 
 def _estimate(

@@ -282,7 +282,7 @@ def expand_covariates(jacobian: Array, covariates: Array) -> Array:
     parameter_j(i) = Σ_k φ_k(i) c_jk, so ∂r_i/∂c_jk = ∂r_i/∂parameter_j · φ_k(i).
     jacobian (n, m), covariates (n, k) → (n, m·k), coefficient k fastest.
     """
-    return np.asarray((jacobian[:, :, None] * covariates[:, None, :]).reshape(len(jacobian), -1))
+    return (jacobian.T[:, None] * covariates.T).reshape(-1, len(jacobian)).T
 
 
 def correction_jacobian(raw: Array, bias: Array, matrix: Array) -> Array:

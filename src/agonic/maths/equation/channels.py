@@ -187,15 +187,14 @@ def pieces(
             part = problem if n <= rows else problem.subset(slice(start, start + rows))
             raw = part.points - field_of_terms(part, params)
             r, jacobian = _residual(part, channel, raw, bias, matrix, unknowns, (noise_sd, share))
-            reduced = jacobian[:, :12] @ basis
+            reduced = [basis.T @ jacobian.T[:12]]  # a row a parameter: what follows is faster so
             if part.terms is not None:
-                by_terms = expand_covariates(jacobian[:, :3], part.terms)
-                reduced = np.concatenate([reduced, by_terms], axis=1)
+                reduced.append(expand_covariates(jacobian[:, :3], part.terms).T)
             if len(unknowns):
-                by_shared = np.zeros((len(r), len(unknowns)))
-                by_shared[:, : jacobian.shape[1] - 12] = jacobian[:, 12:]
-                reduced = np.concatenate([reduced, by_shared], axis=1)
-            yield r, reduced
+                by_shared = np.zeros((len(unknowns), len(r)))
+                by_shared[: jacobian.shape[1] - 12] = jacobian.T[12:]
+                reduced.append(by_shared)
+            yield r, (reduced[0] if len(reduced) == 1 else np.concatenate(reduced)).T
 
     return blocks
 

@@ -76,9 +76,9 @@ def accumulate(
         z = residuals / scale
         q = z * z
         w = loss.weight(q)
-        weighted = jacobian * w[:, None]
-        gradient += z @ weighted
-        information += weighted.T @ jacobian
+        weighted = jacobian.T * w
+        gradient += weighted @ z
+        information += weighted @ jacobian
         cost += float(loss.value(q).sum())
         weight += float(w.sum())
         curvature += float(loss.curvature(q).sum())

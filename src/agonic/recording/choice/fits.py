@@ -43,6 +43,9 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 BESIDE_EACH_ROW = ("levelled", "vector")
 """Fits that compare a reading with the attitude of its row: one that is only held is late there."""
 
+ENOUGH = 10_000
+"""Rows that a fit to a part of a log is made to."""
+
 
 @dataclass(frozen=True, eq=False)
 class Choice:
@@ -79,7 +82,7 @@ def fit_magnitude(
     fit = check_by_gravity(fit_ellipsoid(samples, reference, **settings), samples, reference)
     fit = fit.with_findings(wrong)
     same = {**settings, "model": fit.calibration.model}
-    again = partial(fit_ellipsoid_alone, **same, near=fit.calibration)
+    again = partial(fit_some, partial(fit_ellipsoid_alone, **same, near=fit.calibration))
     return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
 
 
@@ -148,12 +151,23 @@ def fit_beside_attitude(
         return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
     assert reference is not None  # any other fit has asked for it
     same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}
-    again = partial(
+    again: Callable[..., Calibration] = partial(
         fit_channels_alone,
         channels=CHANNELS.get(method) or find_channels(samples, reference),
         settings=Settings(**same),
         near=fit.calibration,
     )
+    if not list_sources(fit):  # what follows a source slowly has to be seen row by row
+        again = partial(fit_some, again)
     return Choice(
         samples, reference, fit.with_findings(wrong), method, reason, again, latency, tried
     )
+
+
+def fit_some(
+    again: Callable[..., Calibration], samples: Samples, reference: Reference | None
+) -> Calibration:
+    """A calibration of evenly spaced rows, of no more than suffice to judge rows it has not seen:
+    its own error is then far below their noise."""
+    rows = np.arange(0, len(samples), max(-(-len(samples) // ENOUGH), 1))
+    return again(samples.select(rows), None if reference is None else reference.select(rows))
