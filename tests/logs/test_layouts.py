@@ -75,6 +75,26 @@ def test_clocks(tmp_path, name):
     check(read(write(tmp_path, f"{header},{MAG}", *columns, FIELD)), epoch=epoch)
 
 
+def test_ticks_that_a_header_does_not_make_seconds(tmp_path):
+    """A factor before the unit: no clock rather than a wrong one; ticks of DOT are not of MT."""
+    ticks = np.round(TIME * 100)[:, None]
+    samples = read(write(tmp_path, f"Time (x10 ms),{MAG}", ticks / 1, FIELD))
+    assert samples.time is None
+    assert "the unit in 'Time (x10 ms)' is not known" in " ".join(samples.notes)
+    header = "PacketCounter,SampleTimeFine,Mag_X,Mag_Y,Mag_Z"
+    check(read(write(tmp_path, header, ticks, ticks * 1e4, FIELD)), scale=1, epoch=None)
+    check(read(write(tmp_path, header, ticks, ticks * 1e2, FIELD)), scale=1, epoch=None)
+    samples = read(write(tmp_path, f"index,{MAG}", ticks, FIELD))
+    assert "no column is known for a time (index): --columns time=… names it" in samples.notes
+
+
+def test_days_of_astronomers(tmp_path):
+    days = [f"{61163.34387731481 + t / 86400:.11f}" for t in TIME]
+    samples = read(write(tmp_path, f"MJD,{MAG}", days, FIELD))
+    np.testing.assert_allclose(samples.time - samples.time[0], TIME, atol=1e-3)
+    assert samples.epoch.isoformat() == "2026-05-03T08:15:11+00:00"
+
+
 def test_dates_of_two_digits_that_may_begin_with_the_year_are_left_out(tmp_path):
     times = [f"13/05/03 08:15:{s}" for s in SECONDS]
     samples = read(write(tmp_path, f"time,{MAG}", times, FIELD))

@@ -12,7 +12,12 @@ from agonic.arrays import Array
 _DAY_S = 86400.0
 _MINUTE, _HOUR = 100.0, 10_000.0
 _FEWEST = 3
-_DAYS_OF_1970 = {"Excel": (25569.0, (36526.0, 49674.0)), "MATLAB": (719529.0, (730486.0, 743634.0))}
+_DAYS_OF_1970 = {
+    "Excel": (25569.0, (36526.0, 49674.0)),
+    "MATLAB": (719529.0, (730486.0, 743634.0)),
+    "Modified Julian Dates": (40587.0, (51544.0, 64693.0)),
+    "Julian Dates": (2440587.5, (2451544.5, 2464693.5)),
+}
 """Day 1970-01-01 as these count days, and their days from 2000 to 2035."""
 _LONGEST_STEP_DAYS = 1e-3
 _CALENDAR = ((1.0, 2e13), (1e3, 2e16))
@@ -45,7 +50,8 @@ def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
         within = first < finite.min() and finite.max() < last
         if within and 0.0 < np.median(np.abs(np.diff(finite))) < _LONGEST_STEP_DAYS:
             unix = np.round((numbers - zero) * _DAY_S, 4)
-            return unix, True, f"times are days as {program} counts them"
+            counted = "count" if program.endswith("s") else "counts"
+            return unix, True, f"times are days as {program} {counted} them"
     if finite.max() < 24 * _HOUR and _are_times_of_day(numbers, leaps=True):
         day_s = _of_day_s(numbers)
         known = np.isfinite(day_s)

@@ -102,7 +102,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         column="time", name="time", unit="s", units=TIMES,
         aliases="t ts timestamp timestamps datetime utc utctime timeutc unixtime timeunix unix "
         "tunix timeboot timesinceboot timesincestart systemtime localtime timestartup "
-        "sampletimefine loggingtime stamp",
+        "sampletimefine loggingtime stamp hhmmss hhmmssms mjd jd juliandate modifiedjuliandate",
         weak="chiptime elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime "
         "elapsedrealtime timestampsample epoch offsettime clockoffsettime",
         preferred="headerstamp epoc timestampunix",

@@ -32,6 +32,7 @@ from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 _MOST_SENSORS = 64
+_CLOCKS = frozenset(("time", "date", "hour", "gps_tow"))
 _INERTIAL = {"acceleration": "an accelerometer", "rotation_rate": "a gyroscope"}
 _MAGNITUDE = re.compile(
     r"(?:mag(?:\d|_?field)?|tmi|tmf|total_?field|b_?total|scalar_?\w*)[\s_]*[(\[]?(?:nt)?[)\]]?",
@@ -84,6 +85,7 @@ def build_log(
             *documented,
             *find_correction([*table, *others]),
             *_tell_rivals(found, [*table, *others], fields),
+            *_tell_no_clock(found, others),
         ),
     )
     sensors, failures = _read_sensors(whole, fields)
@@ -107,6 +109,14 @@ def _tell_rivals(found: Identified, headers: list[str], fields: list[str]) -> tu
             given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
             notes.append(f"{taken} are taken; the table holds the field again: --columns {given}")
     return tuple(notes)
+
+
+def _tell_no_clock(found: Identified, others: Iterable[str]) -> tuple[str, ...]:
+    """What could be the clock of a table that has none that is known."""
+    free = [header for header in others if header.strip()]
+    if _CLOCKS.intersection(found) or not free:
+        return ()
+    return (f"no column is known for a time ({', '.join(free[:5])}): --columns time=… names it",)
 
 
 def _read_sensors(whole: Part, fields: list[str]) -> tuple[tuple[Samples, ...], list[str]]:

@@ -23,12 +23,12 @@ _UNITS = {
     "弧度": "rad", "度": "deg", "摄氏度": "degC",
 }  # fmt: skip
 _NAMES = {
-    "time": "время time-stamp zeit zeitstempel temps tiempo tempo 时间 時間 时间戳",
+    "time": "время time-stamp zeit zeitstempel temps tiempo tempo tijd czas zaman 时间 時間 时间戳",
     "date": "дата datum fecha 日期",
     "temperature": "температура темп temperatur température temperatura 温度",
     "magnetometer": "магнитометр магн маг magnétomètre magnetómetro 磁力计 磁力計 磁强计 磁感应计",
     "magneticfield": "магнполе магнитноеполе полемагнитное feld магнитнаяиндукция magnetfeld "
-    "champmagnétique "
+    "champmagnétique magnetischveld polemagnetyczne manyetikalan "
     "campomagnético campomagnetico 磁场 磁場 地磁 地磁場 磁感应强度",
     "accelerometer": "акселерометр beschleunigungssensor accéléromètre acelerómetro 加速度计",
     "acceleration": "ускорение beschleunigung accélération aceleración 加速度",
@@ -60,6 +60,7 @@ _IDEOGRAM = re.compile("|".join(sorted(_IDEOGRAMS, key=len, reverse=True)))
 _PAIRS = {
     ("магн", "поле"), ("магнитное", "поле"), ("магнитная", "индукция"), ("угловая", "скорость"),
     ("champ", "magnétique"), ("campo", "magnético"), ("campo", "magnetico"),
+    ("magnetisch", "veld"), ("pole", "magnetyczne"), ("manyetik", "alan"),
     ("vitesse", "angulaire"), ("velocidad", "angular"),
 }  # fmt: skip
 _PAIR = re.compile("|".join(rf"\b{a}\.?\s+{b}\b" for a, b in sorted(_PAIRS)), re.IGNORECASE)

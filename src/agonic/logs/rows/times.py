@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Any
@@ -18,6 +19,10 @@ from agonic.logs.words import ZONE
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
+_TICKS, _SLOWEST_TICKS = "1e-4s", 10_000.0
+"""The unit of SampleTimeFine of Xsens MT, which sends once a second at least; DOT counts 1 µs."""
+_SCALED = re.compile(r"[(\[{]\s*[x×*/]?\s*\d[\d.eE+-]*\s*[x×*/]?\s*[nuµμm]?s(?:ec)?\s*[)\]}]\s*$")
+"""A factor before a unit of time: [10us], (x0.1 s)."""
 _YEAR_9999 = 2.5e11  # Unix seconds; the last year that Python's dates have
 
 Groups = Mapping[str, Mapping[str, Column]]
@@ -98,6 +103,12 @@ def _read_column(
     time = group[""]
     values = table[time.header]
     factor = time.quantity.units[time.unit][0] if time.unit else None
+    if time.unit is None and values.dtype.kind in "fiu" and _SCALED.search(time.header):
+        why = f"times left out: the unit in {time.header!r} is not known; write seconds as time_s"
+        return None, None, (why,)
+    if time.unit == _TICKS and (step := _find_step(values)) > _SLOWEST_TICKS:
+        said = f"{time.header} steps by {step:g}: microseconds, as Xsens DOT counts"
+        return *read_clock(values, 1e-6)[:2], (said,)
     if FRACTION in group:
         return _join_clock(to_numbers(values), to_numbers(table[group[FRACTION].header]))
     if start is not None and values.dtype.kind in "fiu":
@@ -119,6 +130,13 @@ def _read_column(
     if not time.documented:
         return clock
     return *clock[:2], (*clock[2], f"times in units of {factor:g} s, as {time.documented} says")
+
+
+def _find_step(values: NDArray[Any]) -> float:
+    """The median step of a clock; 0 where there is none."""
+    numbers = to_numbers(values)
+    steps = np.diff(numbers[np.isfinite(numbers)])
+    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def _date_clock(clock: Clock, dates: NDArray[Any]) -> Clock:
