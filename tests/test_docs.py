@@ -1,4 +1,4 @@
-"""The documentation is complete, its code runs, and it builds without warnings or network."""
+"""The documentation is complete, and its code runs."""
 
 import ast
 import doctest
@@ -6,7 +6,6 @@ import inspect
 import re
 import runpy
 import shutil
-import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -18,7 +17,6 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.citations import CITATIONS
 from agonic.cli import COMMANDS
 from agonic.health.adequacy.examine import CAUSES
 from agonic.samples import Logged
@@ -51,20 +49,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fit = ag.fit_ellipsoid(other.samples, ag.Reference.constant(50_000))
     ag.save(fit.calibration, folder / "mag.json")
     return folder
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The pages as Sphinx builds them, warnings being errors."""
-    folder = tmp_path_factory.mktemp("site")
-    options = ("-W", "--keep-going", "-q", "-b", "html", "-d", folder / "doctrees")
-    built = subprocess.run(
-        [sys.executable, "-m", "sphinx", *options, DOCS, folder / "html"],
-        capture_output=True,
-        text=True,
-    )
-    assert built.returncode == 0, built.stderr
-    return folder / "html"
 
 
 def test_every_public_name_is_on_the_page_of_names() -> None:
@@ -304,19 +288,3 @@ def test_every_formula_of_the_api_is_markup_that_closes(monkeypatch: pytest.Monk
 def test_every_job_has_commands_or_code_that_runs(page: Path) -> None:
     """What stands in `{terminal}` is run from an empty folder when the pages are built."""
     assert "```{terminal}" in text_of(page) or FENCE.search(text_of(page))
-
-
-def test_pages_hold_what_is_generated(site: Path) -> None:
-    commands = (site / "commands.html").read_text(encoding="utf-8")
-    assert all(f"Usage: agonic {command}" in commands for command in COMMANDS)
-    assert "Usage: agonic fit ellipsoid" in commands
-    columns = (site / "jobs" / "read-a-log.html").read_text(encoding="utf-8")
-    assert all(name in columns for name in ("mag_x_nT", "acc_z_m_s2", "magneticfluxdensity"))
-    bibliography = (site / "bibliography.html").read_text(encoding="utf-8")
-    assert all(key in bibliography for key in CITATIONS)
-
-
-def test_pages_fetch_nothing(site: Path) -> None:
-    fetched = re.compile(r"<(?:script|link|img|iframe)[^>]*?(?:src|href)=\"(?:https?:)?//[^\"]+")
-    for page in site.rglob("*.html"):
-        assert not fetched.findall(page.read_text(encoding="utf-8")), page.name

@@ -11,6 +11,7 @@ import base64
 import json
 from collections.abc import Iterator
 from contextlib import chdir, redirect_stdout
+from functools import cache
 from io import BytesIO, StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,8 +34,13 @@ class Shown(NamedTuple):
     value: Any = None
 
 
-def run_notebook(path: Path) -> Iterator[Shown]:
-    """The cells of a notebook, run one after the other in an empty folder."""
+@cache
+def run_notebook(path: Path) -> tuple[Shown, ...]:
+    """The cells of a notebook, run one after the other in an empty folder; once in a process."""
+    return tuple(_run_cells(path))
+
+
+def _run_cells(path: Path) -> Iterator[Shown]:
     matplotlib.use("Agg")
     names: dict[str, Any] = {"__name__": "__main__"}
     with TemporaryDirectory() as folder, chdir(folder):
