@@ -8,6 +8,7 @@ from agonic.inertial.settings import Settings
 from agonic.inertial.start import SLOW_M_S, choose_speed
 from agonic.simulation import simulate
 from tests.inertial.drives import drive, used_error_deg
+from tests.live import rover
 
 
 def test_headings_are_right_by_the_tilt_of_the_same_accelerometer() -> None:
@@ -41,3 +42,15 @@ def test_a_short_log_that_leans_states_the_heading_of_a_level_vehicle() -> None:
     assert leaning.roll_deg is not None
     assert leaning.roll_deg.mean() > 32.0
     np.testing.assert_array_equal(fit.coverage.down, [0.0, 0.0, 1.0])
+
+
+def test_a_speed_that_looks_like_a_lean_is_doubted_until_the_vehicle_stops() -> None:
+    once, stop = rover.turn(0, 720), rover.stand(0, seconds=10)
+    for legs, verdict in (((once,), "check"), ((once, stop, rover.turn(0, -360), stop), "good")):
+        made = rover.drive(*legs)
+        felt = made.acceleration + np.cross(made.rotation_rate, [1.0, 0.0, 0.0])
+        fit = ag.fit_inertial(made.with_columns(acceleration=felt), rover.PLACE)
+        named = [finding.name for finding in fit.findings]
+        assert (fit.verdict, "turned at one rate" in named) == (verdict, verdict == "check")
+    assert rover.heading_error_deg(fit.calibration)[0] < 0.3
+    np.testing.assert_allclose(fit.inertial_errors[9:11], [1.0, 0.0], atol=0.1)

@@ -10,12 +10,17 @@ from agonic.attitude.azimuth import check_azimuth
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
+from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.inertial.settings import INCLINATION_SD, Settings
-from agonic.inertial.start import Solved, find_field
+from agonic.inertial.start import SLOW_M_S, Solved, find_field
+from agonic.maths.rotations.vectors import skew
 from agonic.reference import Reference
 from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 INCLINATION_DOUBTFUL_DEG = 3.0
+WALKING_M_S = 1.0
+"""A speed that nobody would call standing."""
 WALKS_DEG = 0.5
 """°/√s: no gyro is as noisy; one with a clock off by 0.3 s, or with other axes, seems so."""
 OPPOSITE_DEG = 15.0
@@ -36,6 +41,32 @@ def check_inclination(solved: Solved) -> Finding | None:
         f"the dip of the field is not known and the log tells it to {figure(sd)}° only: headings "
         "hold where the vehicle is as level as it was",
         "give the place (--at LAT,LON), or tilt the vehicle by 5° and more while it turns",
+    )
+
+
+def check_speed(fit: Fit, solved: Solved) -> Finding | None:
+    """The finding that a speed kept in turns would look like a lean.
+
+    Of a speed v the estimate misses C v, C being what the log leaves of the prior's variance, and
+    that leans level by ω × C v/g, at the mean rate ω.
+    """
+    rate = solved.samples.rotation_rate
+    if rate is None or solved.felt.ahead is None or solved.sds[9] > SLOW_M_S:
+        return None
+    first = len(solved.found.solution.params) - len(solved.sds) + 9
+    missed = solved.found.solution.covariance[first : first + 3, first : first + 3]
+    steady = rate[solved.usable].mean(axis=0) - solved.errors[3:6]
+    lean = skew(steady) @ missed / STANDARD_GRAVITY_M_S2
+    steep = abs(np.tan(np.radians(fit.coverage.inclination_deg)))
+    off = float(np.degrees(steep * WALKING_M_S * np.linalg.norm(lean, 2)))
+    if off < HEADING_DOUBTFUL_DEG:
+        return None
+    return Finding(
+        "turned at one rate",
+        "check",
+        "it turned at one rate only, so a speed that it keeps in its turns looks like a lean: at "
+        f"{figure(WALKING_M_S)} m/s headings would be off by up to {figure(off)}°",
+        "stop for ten seconds between the turns, and turn both ways, fast and slowly",
     )
 
 

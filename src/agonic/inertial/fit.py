@@ -15,7 +15,13 @@ from agonic.calibration.affine import Affine
 from agonic.fit import Fit
 from agonic.fresh import without_held
 from agonic.health.turning import check_turning
-from agonic.inertial.evidence import check_gravity, check_gyro, check_inclination, without_scale
+from agonic.inertial.evidence import (
+    check_gravity,
+    check_gyro,
+    check_inclination,
+    check_speed,
+    without_scale,
+)
 from agonic.inertial.headings import find_headings, name_heading, without_heading
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
@@ -129,7 +135,7 @@ def fit_inertial(
     )
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
     told = (check_gyro(fit, solved), check_turning(samples), check_inclination(solved), doubt)
-    fit = fit.with_findings(*told)
+    fit = fit.with_findings(*told, check_speed(fit, solved))
     fit = fit.with_findings(check_gravity(fit, samples, reference, settings))
     if reference is None:
         fit = without_scale(fit, samples.unit)
