@@ -41,6 +41,12 @@ def late(samples: ag.Samples, rng: np.random.Generator) -> ag.Samples:
     return samples.with_columns(current_A=before)
 
 
+def noisy(samples: ag.Samples, rng: np.random.Generator) -> ag.Samples:
+    """An ammeter whose noise is 0.3 of the current's changes: slopes were off by 3.2 σ."""
+    current = samples.current_A
+    return samples.with_columns(current_A=current + 0.3 * current.std() * rng.normal(size=2000))
+
+
 def tilted(samples: ag.Samples, rng: np.random.Generator) -> ag.Samples:
     roll, pitch = _with_memory(0.99, (len(samples), 2), rng).T
     return samples.with_columns(
@@ -48,7 +54,7 @@ def tilted(samples: ag.Samples, rng: np.random.Generator) -> ag.Samples:
     )
 
 
-@pytest.mark.parametrize("fault", [lasting, unequal, coarse, late, tilted])
+@pytest.mark.parametrize("fault", [lasting, unequal, coarse, late, noisy, tilted])
 def test_bias_and_slopes_are_covered(fault: Fault) -> None:
     bias, slopes = [], []
     for seed in range(8):
@@ -68,3 +74,20 @@ def test_bias_and_slopes_are_covered(fault: Fault) -> None:
     for z in (bias, slopes):
         assert 0.4 < np.sqrt(np.mean(np.square(z))) < 1.4
         assert np.abs(z).max() < 4.0
+
+
+def test_a_current_that_changes_as_quickly_as_noise_keeps_its_slope() -> None:
+    z = []
+    for seed in range(6):
+        made = simulate("flight", n=2000, rate_Hz=25.0, noise=50.0, stray_nT_A=STRAY, seed=seed)
+        slope = np.linalg.solve(made.truth.matrix, STRAY)
+        quick = np.random.default_rng(seed).normal(size=2000)
+        samples = made.samples.with_columns(
+            field=made.samples.field + np.outer(quick, slope),
+            current_A=made.samples.current_A + quick,
+            heading_deg=None,
+        )
+        fit = ag.fit_interference(samples, REFERENCE)
+        sd = np.sqrt(np.diag(fit.covariance))[-3:]
+        z.append((fit.calibration.coefficients[:, 0] - slope) / sd)
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.4

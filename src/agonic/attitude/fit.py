@@ -26,6 +26,7 @@ from agonic.health.adequacy import ModelError
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
+from agonic.maths.equation.noisy_terms import calm_terms
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.equation.row_scatter import compute_row_covariance
 from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
@@ -74,7 +75,7 @@ def fit_channels_alone(
     start = None if near is None else find_parameters(near, problem, scale)
     found = estimate_usable(problem, usable, settings, start)
     with _without_hold():
-        found, _ = _state_errors(found, _select(problem, usable), scale)
+        found, _, _ = _state_errors(found, _select(problem, usable), scale, settings)
         return make_calibration(found, problem, scale, samples, settings, "part")
 
 
@@ -120,16 +121,15 @@ def estimate_usable(
 ) -> Estimate:
     """The estimate from the usable rows of a problem of all rows; from `start` first, if given."""
     part = _select(problem, usable)
-    robust = settings.robust and len(part.points) >= 2 * FEWEST
     with _without_hold():
-        return estimate(part, robust=robust, seed=settings.seed, start=start)
+        return estimate(part, robust=_is_robust(part, settings), seed=settings.seed, start=start)
 
 
 def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:
     """The same from near parameters, and nowhere else."""
     part = _select(problem, usable)
     with _without_hold():
-        return refine(part, params, settings.robust and len(part.points) >= 2 * FEWEST)
+        return refine(part, params, _is_robust(part, settings))
 
 
 @contextmanager
@@ -159,7 +159,7 @@ def make_fit(
     tests: tuple[ModelTest, ...] = ()
     if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
-    found, turn = _state_errors(found, part, scale)
+    found, part, turn = _state_errors(found, part, scale, settings)
     errors: tuple[ModelError, ...] = ()
     if settings.model == "full":
         plain = make_mean_calibration(found, problem, scale, samples)
@@ -175,15 +175,26 @@ def _select(problem: Problem, usable: Mask) -> Problem:
     return problem if usable.all() else problem.subset(np.flatnonzero(usable))
 
 
-def _state_errors(found: Estimate, part: Problem, scale: Scale) -> tuple[Estimate, Array | None]:
-    """The estimate with the covariance that rows and shared errors give it; what a turn moves."""
+def _state_errors(
+    found: Estimate, part: Problem, scale: Scale, settings: Settings
+) -> tuple[Estimate, Problem, Array | None]:
+    """The estimate with the covariance that rows and shared errors give it, the problem with terms
+    less their noise, and what a turn moves."""
     turn = None
     if part.shared is None:  # beside an inertial unit batches have told it
-        found, growth = correct_for_unequal_noise(part, found)
-        covariance = compute_row_covariance(part, found) + growth
+        growth = np.zeros_like(found.solution.covariance)
+        if "second" not in settings.sources:  # a mix of sensors is to weigh the noise of both
+            part, found, growth = calm_terms(part, found, _is_robust(part, settings))
+        found, by_axes = correct_for_unequal_noise(part, found)
+        covariance = compute_row_covariance(part, found) + growth + by_axes
         found = found._replace(solution=found.solution._replace(covariance=covariance))
         turn = find_turn_move(found, part)
-    return add_shared_errors(found, part, scale, turn), turn
+    return add_shared_errors(found, part, scale, turn), part, turn
+
+
+def _is_robust(part: Problem, settings: Settings) -> bool:
+    """Whether outliers are down-weighted, which few rows do not allow."""
+    return settings.robust and len(part.points) >= 2 * FEWEST
 
 
 def _left_out(samples: Samples, usable: Mask) -> str:

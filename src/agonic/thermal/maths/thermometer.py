@@ -11,11 +11,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solveh_banded
-from scipy.optimize import minimize_scalar
 
 from agonic.arrays import Array
 from agonic.maths.equation import polynomial
+from agonic.maths.estimation.whittaker import FEWEST, smooth
 
 _ROUNDED = 0.25
 """Share of the error that is left which all stations have in common: what smoothing makes of the
@@ -24,10 +23,7 @@ _CORNER_C = 2.0
 CALM_C = 0.03
 """Noise of a thermometer that is left as it is."""
 _MAD_TO_SD = 1.482602218505602
-_FEWEST = 16
 _GAP = 20.0  # usual steps
-_LARGEST = 25.0  # natural logarithm of the stiffness
-_GRID = np.pi * (np.arange(2048) + 0.5) / 2048
 
 
 class Calmed(NamedTuple):
@@ -53,11 +49,8 @@ def measure_noise(temperature: Array) -> float:
 def calm_thermometer(temperature: Array, time: Array | None = None) -> Calmed:
     """Temperatures with the noise of the thermometer taken off, where it has more than `CALM_C`.
 
-    Whittaker's smoother, minimising Σ (z − t)² + s Σ (second differences of z)² between gaps of
-    the clock, with the stiffness s of the least generalised cross-validation: as smooth as the
-    readings allow, corners of the programme included.
-
-    Source: Eilers 2003; Craven & Wahba 1979.
+    Whittaker's smoother between gaps of the clock: as smooth as the readings allow, corners of the
+    programme included.
 
     >>> true = np.interp(np.arange(900.0), [0.0, 600.0, 900.0], [50.0, -10.0, -10.0])
     >>> noisy = true + 0.5 * np.random.default_rng(0).normal(size=900)
@@ -70,13 +63,12 @@ def calm_thermometer(temperature: Array, time: Array | None = None) -> Calmed:
         return Calmed(temperature, noise, noise)
     calmed, variance = temperature.copy(), 0.0
     for start, stop in pairwise(_find_edges(temperature, time)):
-        if stop - start < _FEWEST:
+        if stop - start < FEWEST:
             variance += (stop - start) * noise**2
             continue
         part = temperature[start:stop]
-        stiffness = _find_stiffness(part)
-        calmed[start:stop] = _smooth(part, stiffness)
-        variance += (stop - start) * noise**2 * _share_of_freedom(stiffness)
+        calmed[start:stop], freedom = smooth(part)
+        variance += (stop - start) * noise**2 * freedom
     return Calmed(calmed, noise, float(np.sqrt(variance / len(temperature))))
 
 
@@ -104,33 +96,3 @@ def _find_edges(temperature: Array, time: Array | None) -> list[int]:
     steps = np.diff(time)
     breaks = np.flatnonzero(steps > _GAP * np.median(steps)) + 1
     return [0, *breaks.tolist(), len(temperature)]
-
-
-def _smooth(values: Array, stiffness: float) -> Array:
-    """Solve (1 + s DᵀD) z = y, D the second differences."""
-    n = len(values)
-    bands = np.zeros((3, n))
-    bands[0, 2:] = stiffness
-    bands[1, 1:] = -4 * stiffness
-    bands[1, [1, -1]] = -2 * stiffness
-    bands[2] = 1 + 6 * stiffness
-    bands[2, [0, -1]] = 1 + stiffness
-    bands[2, [1, -2]] = 1 + 5 * stiffness
-    return np.asarray(solveh_banded(bands, values, overwrite_ab=True, check_finite=False))
-
-
-def _share_of_freedom(stiffness: float) -> float:
-    """The trace of the smoother over the number of readings, for many of them."""
-    return float(np.mean(1 / (1 + stiffness * (2 - 2 * np.cos(_GRID)) ** 2)))
-
-
-def _find_stiffness(values: Array) -> float:
-    """The stiffness of the least generalised cross-validation."""
-
-    def cost(log: float) -> float:
-        stiffness = float(np.exp(log))
-        left = values - _smooth(values, stiffness)
-        return float(np.mean(left**2)) / (1 - _share_of_freedom(stiffness)) ** 2
-
-    found = minimize_scalar(cost, bounds=(0.0, _LARGEST), method="bounded", options={"xatol": 0.3})
-    return float(np.exp(found.x))
