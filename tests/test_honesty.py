@@ -136,7 +136,7 @@ def test_correlated_noise_is_counted_once() -> None:
     from agonic.simulation import with_correlated_noise
 
     z = []
-    for seed in range(40):
+    for seed in range(20):
         made = simulate(
             "tumble",
             n=4000,

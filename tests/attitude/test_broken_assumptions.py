@@ -101,17 +101,16 @@ def test_errors_of_the_attitude_that_last(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", FITS)
-@pytest.mark.parametrize(("still", "n"), [(0.9, 3000), (0.97, 8000)])
-def test_a_sensor_that_lay_still_for_most_of_the_log(kind: str, still: float, n: int) -> None:
-    """Errors of the attitude stand in residuals and Jacobian alike: error/σ was 3.5 and 12."""
-    draws = draw(kind, motion=still_then(still, tilts(30)), k=6, n=n)
+def test_a_sensor_that_lay_still_for_most_of_the_log(kind: str) -> None:
+    """Errors of the attitude stand in residuals and Jacobian alike: error/σ was 12."""
+    draws = draw(kind, motion=still_then(0.97, tilts(30)), k=6, n=8000)
     assert np.sqrt(np.mean(draws.bias**2)) < 1.4
     assert draws.own.max() < 3.0
     assert draws.verdicts.count("good") >= 5
 
 
 @pytest.mark.parametrize("kind", FITS)
-@pytest.mark.parametrize("n", [50, 100, 200])
+@pytest.mark.parametrize("n", [50, 200])
 def test_short_logs_with_outliers(kind: str, n: int) -> None:
     """What is no reading by its magnitude has a dip by chance, which pulled: 1.5 to 3.4."""
     for faults in ((), (outliers(0.05, 20_000.0),)) if n > 50 else ((),):

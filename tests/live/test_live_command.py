@@ -133,8 +133,9 @@ def test_an_hour_of_turning_takes_no_more_memory_than_a_part_of_it(tmp_path):
         rows = slice(6000 * (k % 10), 6000 * (k % 10 + 1))
         watched.take(Chunk("mag", 60.0 * k + np.arange(6000) / 100, made.field[rows], "nT"))
         watched.digest()
-        watched.status()
-        held.append(tracemalloc.get_traced_memory()[0])
+        if k % 3 == 2:
+            watched.status()
+            held.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
     assert watched.live.n == 360_000
-    assert held[-1] - held[19] < 0.5e6  # bytes, over the last forty minutes
+    assert held[-1] - held[6] < 0.5e6  # bytes, over the last forty minutes
