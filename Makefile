@@ -18,7 +18,7 @@ demo: $(VENV)/.core  ## set up and run the main job on a simulated log
 	$(BIN)/agonic demo -o demo
 
 test: $(VENV)/.dev  ## set up and run every test
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.dev  ## lint, types, layers, formatting
 	$(BIN)/ruff check .

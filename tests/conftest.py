@@ -20,6 +20,11 @@ settings.load_profile("steady")
 gc.disable()  # collecting tests makes much that lasts and no garbage: a third of its time
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The one long file first and the doctests last, so that all workers end together."""
+    items.sort(key=lambda item: item.path.name != "test_site.py")
+
+
 def pytest_collection_finish() -> None:
     """What was made until now lasts to the end: do not look through it again and again."""
     gc.freeze()
