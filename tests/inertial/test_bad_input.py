@@ -6,6 +6,7 @@ import pytest
 import agonic as ag
 from agonic.recording.choice.choose import choose
 from tests.inertial.drives import drive, heading_error_deg
+from tests.live import rover
 
 
 def hold(values, rows):
@@ -44,6 +45,15 @@ def test_clocks_that_differ_never_make_a_wrong_fit_good() -> None:
         fit = ag.fit_inertial(logged, place)
         assert heading_error_deg(fit.calibration, made, 10.0) < worst
         assert fit.verdict == ("good" if late_s < 0.5 else "check")
+
+
+def test_a_gyro_that_clips_in_every_turn_of_a_rover_is_named() -> None:
+    ramp = (rover.stand(0, pitch=5.0), rover.stand(0, roll=-5.0))
+    driven = rover.drive(rover.turn(0, 720), rover.stand(0, seconds=10), *ramp)
+    clipped = driven.with_columns(rotation_rate=clip(driven.rotation_rate, 0.4))
+    result = ag.calibrate(clipped, rover.PLACE)
+    assert result.verdict == "refused"
+    assert "it clips" in result.fit.status
 
 
 def test_acceleration_of_the_opposite_sign_is_named() -> None:

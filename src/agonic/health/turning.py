@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health import Finding
+from agonic.health import Finding, figure
 from agonic.maths.rotations.low_pass import low_pass
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.vectors import skew
@@ -22,6 +22,8 @@ FAR_BETTER = 0.25
 """Of the square that is left: another naming of axes or unit is believed where it leaves less."""
 EXPLAINED = 0.5
 """Of the square of the change: what a right naming leaves at most."""
+PINNED = 0.02
+"""Of the rows at the largest rate: fewer are chance."""
 FEWEST = 50
 """Readings that can show a turn."""
 _SMOOTHED_S = 0.3
@@ -54,6 +56,37 @@ def check_turning(samples: Samples) -> Finding | None:
         + " and ".join(looks),
         "name units and axes of gyro and magnetometer alike, and look which of the two is wrong",
     )
+
+
+def check_clipping(samples: Samples) -> Finding | None:
+    """The finding that the gyro reads one largest rate again and again: it turned faster.
+
+    Not where readings repeat anyway, as those of a coarse gyro do.
+
+    >>> time = np.arange(200) / 10
+    >>> rate = np.clip(np.stack([0.0 * time, 0.0 * time, 2.0 * np.sin(time)], axis=1), -1.0, 1.0)
+    >>> clipped = Samples(time=time, field=np.ones((200, 3)), rotation_rate=rate)
+    >>> check_clipping(clipped).what
+    'the gyro never reads more than 57°/s about z, and just that in 66 % of the rows: it clips'
+    """
+    rate = samples.rotation_rate
+    if rate is None or len(rate) < FEWEST:
+        return None
+    for name, axis in zip("xyz", np.abs(rate).T, strict=True):
+        most, pinned = float(axis.max()), axis == axis.max()
+        free = axis[~pinned]
+        share = float(pinned.mean())
+        if share < PINNED or len(free) < FEWEST or (np.diff(free) == 0).mean() > PINNED:
+            continue
+        top = figure(float(np.degrees(most)))
+        return Finding(
+            "inertial unit",
+            "check",
+            f"the gyro never reads more than {top}°/s about {name}, and just that in "
+            f"{100 * share:.0f} % of the rows: it clips",
+            "set a wider range of the gyro, or turn more slowly",
+        )
+    return None
 
 
 def leave_out_wrong_gyro(samples: Samples) -> tuple[Samples, Finding | None]:

@@ -14,7 +14,7 @@ from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.fit import Fit
 from agonic.fresh import without_held
-from agonic.health.turning import check_turning
+from agonic.health.turning import check_clipping, check_turning
 from agonic.inertial.evidence import (
     check_gravity,
     check_gyro,
@@ -135,7 +135,7 @@ def fit_inertial(
     )
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
     told = (check_gyro(fit, solved), check_turning(samples), check_inclination(solved), doubt)
-    fit = fit.with_findings(*told, check_speed(fit, solved))
+    fit = fit.with_findings(*told, check_speed(fit, solved), check_clipping(samples))
     fit = fit.with_findings(check_gravity(fit, samples, reference, settings))
     if reference is None:
         fit = without_scale(fit, samples.unit)

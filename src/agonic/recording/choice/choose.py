@@ -196,7 +196,8 @@ def fall_back(
 
     Where anything else refuses a fit, one that knows less would be refused too, or should be.
     """
-    if "heading" in _causes(aided) and _causes(aided) <= NOT_OF_THE_MAGNETOMETER:
+    recorded = samples.roll_deg is not None and samples.pitch_deg is not None
+    if recorded and "heading" in _causes(aided) and _causes(aided) <= NOT_OF_THE_MAGNETOMETER:
         levelled = fit_beside_attitude(samples, reference, "levelled", "", settings)
         aided = _tell(levelled, aided)
     causes = _causes(aided)
