@@ -146,6 +146,18 @@ def test_broad_loses_no_reading(recordings):
         assert samples.heading_deg is not None
 
 
+def test_an_array_of_structures_is_a_table_of_rows(tmp_path):
+    """One reading each: `log(k).mag`; texts in it, and gaps, do no harm."""
+    field = np.random.default_rng(2).normal(0, 30, (20, 3))
+    rows = np.zeros((1, 20), dtype=[("t_s", "O"), ("mag_uT", "O"), ("note", "O")])
+    for k in range(20):
+        rows[0, k] = (k * 0.1, field[k] if k != 7 else [], "x")
+    savemat(tmp_path / "log.mat", {"log": rows})
+    samples = read(tmp_path / "log.mat")
+    np.testing.assert_allclose(samples.field, np.delete(field, 7, axis=0) * 1e3)
+    np.testing.assert_allclose(samples.time, np.delete(np.arange(20) * 0.1, 7))
+
+
 def test_structures_with_clocks_and_lengths_of_their_own(tmp_path):
     """Two magnetometers and an accelerometer, each at its own rate, in structures."""
     t1, t2, ta = np.arange(20) / 10, np.arange(50) / 25, np.arange(200) / 100

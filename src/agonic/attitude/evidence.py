@@ -247,7 +247,9 @@ def _findings(
     half = _half_seen(evidence, problem, cleaned)
     examined = examine(evidence, attitude_aided=True)
     coarse = check_resolution(samples.field, evidence.radius, samples.unit)
-    found = [*seen, *filter(None, (check_scale(gain, samples.unit), coarse, half))]
+    known = evidence.known_radius
+    size = float(np.median(np.linalg.norm(samples.field, axis=1))) / known if known else None
+    found = [*seen, *filter(None, (check_scale(gain, samples.unit, size), coarse, half))]
     found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
         found.append(_doubt_attitude(tilt_sd, felt=problem.shared is not None))

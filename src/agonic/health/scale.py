@@ -10,14 +10,28 @@ MAGNITUDES_NT = (1_000.0, 200_000.0)
 """Far outside what the Earth's field, or a coil that makes one like it, ever is."""
 
 
-def check_scale(gain: float, unit: str) -> Finding | None:
+def check_scale(gain: float, unit: str, size: float | None = None) -> Finding | None:
     """A gain far from one where both sides are in nT: a wrong unit or a wrong reference.
+
+    `size` is that of the readings as they are, over that of the field: where it is near one, unit
+    and reference are right, and it is the fit that stretches what hardly changes.
 
     >>> check_scale(100.0, "nT").what
     'readings had to be multiplied by 100 to reach the stated field'
+    >>> check_scale(54.0, "nT", size=1.6).what
+    'the fit multiplies readings by 54 that have the size of the stated field as they are'
     """
     if unit != "nT" or GAIN[0] < gain < GAIN[1]:
         return None
+    if size is not None and GAIN[0] < size < GAIN[1]:
+        return Finding(
+            "scale",
+            "check",
+            f"the fit multiplies readings by {figure(gain)} that have the size of the stated field "
+            "as they are",
+            "they do not follow the attitude, or the sensor was hardly turned: check roll, pitch "
+            "and heading, and turn it through all headings",
+        )
     return Finding(
         "scale",
         "check",

@@ -20,6 +20,7 @@ from agonic.logs.limits import MOST_BYTES
 
 _HEADER_BYTES = 128
 _DEEPEST = 4
+_MOST_IN_A_ROW = 4  # a quaternion
 _MATRIX, _COMPRESSED = 14, 15
 _STORED = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
@@ -143,8 +144,9 @@ def _cell(parts: list[Part], order: str, depth: int) -> list[Any] | None:
 def _structure(
     parts: list[Part], shape: tuple[int, ...], order: str, depth: int
 ) -> dict[str, Any] | None:
-    """The fields of a structure; `None` for an array of structures, and where it is too deep."""
-    if len(parts) < 2 or depth >= _DEEPEST or int(np.prod(shape, dtype=object)) != 1:
+    """The fields of a structure, or of an array of structures a row each; `None` if too deep."""
+    count = int(np.prod(shape, dtype=object))
+    if len(parts) < 2 or depth >= _DEEPEST or count < 1:
         return None
     length = int(_numbers(parts[0], order)[:1].sum())
     texts = bytes(parts[1][1])
@@ -153,11 +155,26 @@ def _structure(
     names = [texts[k : k + length].split(b"\0")[0] for k in range(0, len(texts), length)]
     refuse_many(len(names), "fields")
     found: dict[str, Any] = {}
-    for name, (kind, content) in zip(names, parts[2:], strict=False):
-        value = _matrix(content, order, depth + 1)[1] if kind == _MATRIX else None
+    for at, name in enumerate(names):
+        values = [
+            _matrix(content, order, depth + 1)[1] if kind == _MATRIX else None
+            for kind, content in parts[2 + at :: len(names)][:count]
+        ]
+        value = values[0] if count == 1 and values else _stack(values, count)
         if value is not None:
             found[name.decode("latin-1")] = value
     return found
+
+
+def _stack(values: list[Any], count: int) -> NDArray[Any] | None:
+    """What a field holds in the elements of an array, a row each; a gap is NaN."""
+    arrays = [None if v is None else np.atleast_1d(v) for v in values]
+    sizes = {a.size for a in arrays if a is not None and a.dtype.kind in "fiub" and a.size}
+    if len(arrays) != count or len(sizes) != 1 or (size := sizes.pop()) > _MOST_IN_A_ROW:
+        return None
+    gap = np.full(size, np.nan)
+    rows = [gap if a is None or a.size != size else a.reshape(-1) for a in arrays]
+    return np.squeeze(np.array(rows, dtype=np.float64))
 
 
 def _numbers(part: Part | None, order: str) -> NDArray[Any]:

@@ -233,8 +233,8 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     beside = f" (of {other} only; if the magnetometer is in a file beside it, name the folder)"
     if not every:
         raise LogError(
-            "no columns of numbers found in it (arrays of structures are not read); save time and "
-            "field as variables of their own"
+            "no columns of numbers found in it (tables and timetables of MATLAB are objects, which "
+            "are not read): write it with writetable or writetimetable"
         )
     alone = next((h for h in every if not parts and _MAGNITUDE.fullmatch(h.strip())), None)
     if alone is not None:
