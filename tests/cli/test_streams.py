@@ -42,21 +42,22 @@ def test_a_dash_with_nothing_piped_in_is_told(monkeypatch, capsys) -> None:
     assert "nothing is" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-def test_a_terminal_without_unicode_gets_ascii(encoding: str) -> None:
+@pytest.mark.parametrize(
+    ("encoding", "more"), [("ascii", "--verbose"), ("cp1252", "--verbose"), ("ascii", "--json")]
+)
+def test_a_terminal_without_unicode_gets_ascii(encoding: str, more: str) -> None:
     source = str(Path(ag.__file__).parents[1])
     environment = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONPATH": source}
-    command = [sys.executable, "-m", "agonic", "calibrate", "log.csv"]
-    for more in (["--verbose"], ["--json"]):
-        done = subprocess.run([*command, *more], capture_output=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        text = done.stdout.decode(encoding)
-        if more == ["--json"]:
-            assert json.loads(text)["sensors"][0]["verdict"] == "good"
-        else:
-            assert text.startswith("+ mag: good")
-            assert "?" not in text
-            assert "\\u" not in text
+    command = [sys.executable, "-m", "agonic", "calibrate", "log.csv", more]
+    done = subprocess.run(command, capture_output=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    text = done.stdout.decode(encoding)
+    if more == "--json":
+        assert json.loads(text)["sensors"][0]["verdict"] == "good"
+    else:
+        assert text.startswith("+ mag: good")
+        assert "?" not in text
+        assert "\\u" not in text
 
 
 def test_ctrl_c_says_what_was_kept(monkeypatch, capsys) -> None:

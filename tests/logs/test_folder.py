@@ -76,7 +76,10 @@ def test_the_file_of_another_sensor_alone_is_no_magnetometer(phone, name) -> Non
 def test_an_archive_that_declares_too_much_is_refused(tmp_path) -> None:
     path = tmp_path / "bomb.zip"
     with ZipFile(path, "w", compression=8) as archive:
-        archive.writestr("Magnetometer.csv", b"0," * 300_000_000)
+        archive.writestr("Magnetometer.csv", b"0," * 300_000)
+    declared, said = bytearray(path.read_bytes()), (600_000).to_bytes(4, "little")
+    assert declared.count(said) == 2  # beside the file and in the directory at the end
+    path.write_bytes(declared.replace(said, (600_000_000).to_bytes(4, "little")))
     with pytest.raises(ag.LogError, match="declares"):
         ag.read(path)
 
