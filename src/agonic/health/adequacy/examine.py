@@ -114,13 +114,16 @@ def describe_model_errors(
 ) -> tuple[Finding, ...]:
     """A finding for each cause, none where another finding already names it.
 
-    A check where it matters beside what was stated without it, else a note.
+    A check where it matters beside what was stated without it, else a note; nothing of what only
+    may be there.
     """
     if any(finding.severity == "refuse" for finding in others):
         return ()
     told = any(finding.name in ("field changed", "two sensors mixed") for finding in others)
     return tuple(
-        _finding(error, unit) for error in errors if not (told and error.cause in _MOVING_CAUSES)
+        _finding(error, unit)
+        for error in errors
+        if error.probability == 1.0 and not (told and error.cause in _MOVING_CAUSES)
     )
 
 

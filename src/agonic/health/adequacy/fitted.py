@@ -96,7 +96,8 @@ class ModelError:
     """Something that the model does not have and the residuals show.
 
     `size` rms in the readings, `heading_deg` what it leaves open of a level heading
-    beside `stated_deg` without it, `growth` (p, p) what the covariance has to grow by.
+    beside `stated_deg` without it, `growth` (p, p) what the covariance has to grow by. Where its
+    `probability` is below one, residuals do not show it for sure, and heading and growth are means.
     """
 
     cause: str
@@ -105,6 +106,16 @@ class ModelError:
     heading_deg: float
     stated_deg: float
     growth: Array
+    probability: float = 1.0
+
+    def weigh(self, probability: float) -> ModelError:
+        """The same error where it is there with this probability only."""
+        return replace(
+            self,
+            heading_deg=self.heading_deg * probability**0.5,
+            growth=self.growth * probability,
+            probability=probability,
+        )
 
 
 class Seen(NamedTuple):

@@ -1,4 +1,4 @@
-"""A bias that comes and goes along one direction, and two populations of readings."""
+"""A bias that comes and goes along one direction or with the attitude, and two populations."""
 
 from __future__ import annotations
 
@@ -35,13 +35,55 @@ def find_moving_bias(work: Work) -> list[ModelError]:
     first = np.flatnonzero(close & (fit.weights[1:] > 0) & (fit.weights[:-1] > 0))
     pairs = (normals[first], normals[first + 1], fit.residuals[first] * fit.residuals[first + 1])
     found = _anisotropy(*pairs, work.fitted.correlation)
-    spread = None if found is None else _along(found.traceless)
-    if found is None or spread is None:
+    along = None if found is None else _along(found.traceless)
+    one_sided = _find_one_sided(*pairs, work.fitted.correlation)
+    if found is not None and along is not None:
+        cause, p_value, spread = "comes and goes", found.p_value, along
+    elif one_sided is not None:
+        cause, p_value, spread = "by direction", one_sided.p_value, np.zeros((3, 3))
+    else:
         return _find_populations(work)
+    if one_sided is not None:
+        spread = spread + one_sided.variance * np.eye(3)
     size = float(np.sqrt(np.trace(spread))) * work.fitted.noise
     growth = np.zeros((len(work.scale), len(work.scale)))
     growth[:3, :3] = (1.0 + MEAN) * spread * work.fitted.noise**2
-    return [make_error(work, "comes and goes", found.p_value, size, growth)]
+    return [make_error(work, cause, p_value, size, growth)]
+
+
+class _OneSided(NamedTuple):
+    """Residuals that last and are larger in some directions than in the opposite ones: their
+    variance over all."""
+
+    p_value: float
+    variance: float
+
+
+def _find_one_sided(a: Array, b: Array, product: Array, correlation: float) -> _OneSided | None:
+    """Whether products of residuals differ between opposite directions.
+
+    A bias that moves, by whatever cause and along whatever axis, makes n_iᵀ M n_j, the same in
+    opposite directions; so does noise of the sensor. A field that is not the same in all attitudes
+    (steel below, where the sensor comes near it nose down) does not. What of it depends on the
+    direction alone a bias takes up, so that residuals show it by how they scatter, or not at all.
+    """
+    windows = _count_windows(product, correlation)
+    if windows < FEWEST_WINDOWS:
+        return None
+    isotropic, columns = _separate_directions(a, b)
+    beside = np.column_stack([isotropic, columns])
+    p_value = _compare(beside, a + b, product, windows)
+    if p_value > SIGNIFICANT:
+        return None
+    variance = float(np.mean(product)) / max(float(np.mean(isotropic)), 0.1)
+    return _OneSided(p_value, variance) if variance > LEAST_VARIANCE else None
+
+
+def _count_windows(product: Array, correlation: float) -> int:
+    """Windows a correlation length long; none of few products."""
+    if len(product) < FEWEST_ROWS:
+        return 0
+    return min(int(len(product) / max(correlation, 1.0)), MOST_WINDOWS)
 
 
 class _Anisotropy(NamedTuple):
@@ -53,9 +95,22 @@ class _Anisotropy(NamedTuple):
 
 def _anisotropy(a: Array, b: Array, product: Array, correlation: float) -> _Anisotropy | None:
     """The covariance of a bias that varies by direction, from products of residuals."""
-    windows = min(int(len(product) / max(correlation, 1.0)), MOST_WINDOWS)
-    if len(product) < FEWEST_ROWS or windows < FEWEST_WINDOWS:
+    windows = _count_windows(product, correlation)
+    if windows < FEWEST_WINDOWS:
         return None
+    isotropic, columns = _separate_directions(a, b)
+    p_value = _compare(isotropic[:, None], columns, product, windows)
+    if p_value > SIGNIFICANT:
+        return None
+    gains = isotropic @ columns / (isotropic @ isotropic)
+    beside = columns - isotropic[:, None] * gains
+    xx, yy, xy, xz, yz = np.linalg.lstsq(beside, product, rcond=None)[0]
+    traceless = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, 0.0]])
+    return _Anisotropy(p_value, traceless)
+
+
+def _separate_directions(a: Array, b: Array) -> tuple[Array, Array]:
+    """What a bias of equal size along all axes makes of products (n,), and of unequal (n, 5)."""
     isotropic = np.sum(a * b, axis=1)
     columns = np.stack(
         [
@@ -64,14 +119,7 @@ def _anisotropy(a: Array, b: Array, product: Array, correlation: float) -> _Anis
         ],
         axis=1,
     )
-    p_value = _compare(isotropic, columns, product, windows)
-    if p_value > SIGNIFICANT:
-        return None
-    gains = isotropic @ columns / (isotropic @ isotropic)
-    beside = columns - isotropic[:, None] * gains
-    xx, yy, xy, xz, yz = np.linalg.lstsq(beside, product, rcond=None)[0]
-    traceless = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, 0.0]])
-    return _Anisotropy(p_value, traceless)
+    return isotropic, columns
 
 
 def _along(traceless: Array) -> Array | None:
@@ -84,8 +132,8 @@ def _along(traceless: Array) -> Array | None:
     return np.asarray((vectors * along) @ vectors.T)
 
 
-def _compare(isotropic: Array, columns: Array, product: Array, windows: int) -> float:
-    """The p-value that products (n,) go by `columns` (n, 5) no more than by chance.
+def _compare(beside: Array, columns: Array, product: Array, windows: int) -> float:
+    """The p-value that products (n,) go by `columns` (n, k), beside others, no more than by chance.
 
     Means over windows of a correlation length are independent, and scatter alike whatever the
     direction where nothing but noise is in them: an F-test. The score's own scatter, which asks
@@ -95,7 +143,7 @@ def _compare(isotropic: Array, columns: Array, product: Array, windows: int) -> 
     from scipy.special import fdtrc  # here, so that what only reads a log loads no SciPy
 
     window = np.arange(len(product)) * windows // len(product)
-    all_sums = sums_by(window, np.column_stack([isotropic, columns, product]), windows)
+    all_sums = sums_by(window, np.column_stack([beside, columns, product]), windows)
     means = all_sums / np.bincount(window)[:, None]
     design, seen = means[:, :-1], means[:, -1]
     middle = np.median(seen)
@@ -103,7 +151,7 @@ def _compare(isotropic: Array, columns: Array, product: Array, windows: int) -> 
     seen = np.clip(seen, middle - reach, middle + reach)
     alone, whole = (
         float(np.sum((seen - part @ np.linalg.lstsq(part, seen, rcond=None)[0]) ** 2))
-        for part in (design[:, :1], design)
+        for part in (design[:, : beside.shape[1]], design)
     )
     k, left = columns.shape[1], windows - design.shape[1]
     return float(fdtrc(k, left, (alone - whole) / k / max(whole / left, 1e-300)))

@@ -52,7 +52,8 @@ def find_structure(work: Work, found: list[ModelError]) -> list[ModelError]:
     if p_value > SIGNIFICANT:
         return []
     variance = max(between - within, 0.0) / float(total[often].mean())
-    explained = sum((error.size / fitted.noise) ** 2 for error in found) / 3
+    sizes = [error.size / fitted.noise for error in found if error.probability == 1.0]
+    explained = sum(size**2 for size in sizes) / 3
     if variance < 2 * explained:
         return []
     weighted = fit.jacobian[kept] * fit.weights[kept, None]

@@ -32,6 +32,12 @@ SIGNIFICANT = 1e-3
 
 MOST_CAUSES = 3
 
+POSSIBLE = 1e-2
+"""What is not significant but rarer than this by chance may be there all the same."""
+
+PROBABLE = 0.1
+"""The odds that a sensor bends by enough to be seen, before its readings are."""
+
 LIKELY = 0.2
 """Of the field: a sensor bends by less at the size of the field, and what goes with bank or pitch
 is less for a vehicle turned by a right angle."""
@@ -65,7 +71,8 @@ class _Cause(NamedTuple):
 
 
 def find_terms(work: Work) -> list[ModelError]:
-    """Causes with terms, chosen one by one by how much they explain, each beside those before."""
+    """Causes with terms, chosen one by one by how much they explain, each beside those before; and
+    bends that are not significant, by how probable they are."""
     causes, found = list(list_causes(work)), list[ModelError]()
     fits = [work.whole, work.even, work.linear]
     fits = [fit for k, fit in enumerate(fits) if not any(fit is other for other in fits[:k])]
@@ -78,13 +85,34 @@ def find_terms(work: Work) -> list[ModelError]:
             if s and s.p_value < SIGNIFICANT / (1 if c.alone else family)
         ]
         if not telling:
-            break
+            first = scores[:: len(fits)]
+            return [*found, *(error for s, c, _ in first for error in _find_possible(work, s, c))]
         score, cause, _ = max(telling, key=lambda found: found[0].gain / found[2])
         move = fits[0].find_move(cause.columns @ score.size)
         found.append(_model_error(work, cause, score.p_value, score.size, move))
         fits = [_beside(fit, cause) for fit in fits]
         causes = [other for other in causes if other.name != cause.name]
     return found
+
+
+def _find_possible(work: Work, score: Score | None, cause: _Cause) -> Iterator[ModelError]:
+    """A bend that is not significant and may be there all the same, by how probable it is.
+
+    Of any size about which nothing is known but its score q = γᵀV⁻¹γ of k terms it is, against
+    none, as likely as B = (q/k)^(−k/2) exp((q − k)/2) where q > k. Its size is then γ (1 − k/q), of
+    covariance V (1 − k/q), and its square γγᵀ (1 − k/q) along γ (see `average_over_term`).
+    """
+    from scipy.special import chdtri  # here, so that what only reads a log loads no SciPy
+
+    if score is None or cause.level is None or score.p_value > POSSIBLE:
+        return
+    k = cause.columns.shape[1]
+    q = float(chdtri(k, max(score.p_value, SIGNIFICANT / 100)))
+    if q > k:
+        odds = PROBABLE * float(np.exp((q - k - k * np.log(q / k)) / 2))
+        move = work.whole.find_move(cause.columns @ score.size)
+        error = _model_error(work, cause, score.p_value, score.size, move)
+        yield error.weigh(odds / (1 + odds) * (1 - k / q))
 
 
 def _test(fit: Linearised, cause: _Cause) -> Score | None:
