@@ -237,6 +237,26 @@ def clipped(at: float) -> Fault:
     return _non_linear(lambda x: np.clip(x, -at, at))
 
 
+def ripple(size: float, period: float) -> Fault:
+    """An error that comes again along the readings of each axis."""
+    return _non_linear(lambda x: x + size * np.sin(2 * np.pi * x / period))
+
+
+def stuck_bit(step: float, bit: int) -> Fault:
+    """One bit of the converter is always zero."""
+    return _non_linear(lambda x: (np.round(x / step).astype(int) & ~(1 << bit)) * step)
+
+
+def missing_codes(step: float, period: int, missing: int) -> Fault:
+    """Of every so many codes of the converter some never come."""
+
+    def law(x: Array) -> Array:
+        codes = np.round(x / step)
+        return np.asarray(step * (codes + np.maximum(missing - codes % period, 0)))
+
+    return _non_linear(law)
+
+
 def hysteresis(share: float) -> Fault:
     """Lags behind by a share of the field, by an old field that fades."""
 
@@ -419,6 +439,33 @@ def follows_attitude(size: float) -> Fault:
         down = d.rot_nm.inv().apply([0.0, 0.0, 1.0])
         way = d.rng.normal(size=3)
         d.raw = d.raw + (down[:, 1:2] ** 2) * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def carried(gradient: float, arm: float = 0.5) -> Fault:
+    """The sensor goes around on an arm (m) as the vehicle turns, in a field that differs by so many
+    nT a metre."""
+
+    def fault(d: Draft) -> None:
+        place = arm * d.rot_nm.apply([1.0, 0.0, 0.0])
+        by_place = d.rng.normal(size=(3, 3))
+        by_place += by_place.T
+        by_place -= np.eye(3) * np.trace(by_place) / 3
+        change_n = place @ (1.5 * gradient * by_place / np.linalg.norm(by_place)).T
+        d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
+
+    return fault
+
+
+def follows_turns(size: float) -> Fault:
+    """A current that goes with how fast the vehicle turns, by so much for the rates' scatter."""
+
+    def fault(d: Draft) -> None:
+        steps = (d.rot_nm[:-1].inv() * d.rot_nm[1:]).as_rotvec()
+        rate = np.r_[0.0, np.linalg.norm(steps, axis=1)]
+        way = d.rng.normal(size=3)
+        d.raw = d.raw + (rate / rate.std())[:, None] * size * way / np.linalg.norm(way)
 
     return fault
 
@@ -838,6 +885,26 @@ def _later() -> list[Kind]:
         Kind("exact circles about two axes", two_circles),
         Kind("clean, 12 000 noisy rows, tilts of 30°", tilts(30), good=True, n=12_000, noise=400.0),
         Kind("35 rows, noise AR 0.9", tumble, (coloured(0.9, 150.0),), n=35, noise=0.0),
+        *(
+            Kind(f"{name}, {motions}", motion, faults)
+            for motions, motion, aided in (
+                ("tumbled", tumble, ()),
+                ("tilts of 45°", tilts(45), ()),
+                ("levelled, tilts of 45°", tilts(45), (with_attitude(),)),
+            )
+            for name, faults in (
+                ("ripple of 0.3 µT every 10 µT", (ripple(300.0, 10_000.0), *aided)),
+                ("a bit of 1.6 µT is stuck", (stuck_bit(100.0, 4), *aided)),
+                ("a quarter of the codes is missing", (missing_codes(100.0, 64, 16), *aided)),
+                ("0.5 µT that follow the turns", (follows_turns(500.0), *aided)),
+                ("carried about at 2 µT a metre", (carried(2000.0), *aided)),
+                ("carried about at 6 µT a metre", (carried(6000.0), *aided)),
+                (
+                    "saturation across axes at 300 µT and 1.5 µT that follow the bank",
+                    (saturation_across(300_000.0), follows_attitude(1500.0), *aided),
+                ),
+            )
+        ),
     ]
 
 

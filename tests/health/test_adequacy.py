@@ -7,10 +7,12 @@ from benchmarks.faults import (
     FIELD_N,
     MAGNITUDE,
     bursts,
+    carried,
     circles,
     coloured,
     cubic,
     follows_pitch,
+    follows_turns,
     mixed_sensors,
     outliers,
     record,
@@ -19,7 +21,9 @@ from benchmarks.faults import (
     slow_step,
     soft_saturation,
     steady_drift,
+    steel_below,
     still_then,
+    stuck_bit,
     switching,
     tilts,
     tumble,
@@ -66,8 +70,19 @@ def test_noise_of_any_kind_is_no_fault_of_the_model(faults) -> None:
         (second_sensor(3000.0, 3), "two populations"),
         (switching(2500.0), "comes and goes"),
         (slow_step(0.01), "bias drift"),
+        (stuck_bit(100.0, 4), "non-linear"),
+        (follows_turns(500.0), "follows turns"),
     ],
-    ids=["saturation", "cubic", "every other row", "every third row", "current", "slow step"],
+    ids=[
+        "saturation",
+        "cubic",
+        "every other row",
+        "every third row",
+        "current",
+        "slow step",
+        "stuck bit",
+        "turns",
+    ],
 )
 def test_a_broken_model_is_named_and_the_stated_error_covers_the_true_one(fault, cause) -> None:
     over = []
@@ -119,6 +134,28 @@ def test_some_dozens_of_changes_are_enough_to_tell_a_moving_bias(fault, cause) -
     assert seen >= 5
     assert max(over) < 4.0
     assert 0.2 < np.median(over) < 2.0
+
+
+@pytest.mark.parametrize("fault", [steel_below(3000.0), carried(4000.0)], ids=["steel", "carried"])
+def test_a_field_that_differs_by_attitude_is_seen_by_what_lasts_on_one_side_or_about_an_axis(
+    fault,
+) -> None:
+    over, seen = [], []
+    for seed in range(6):
+        recording, fit = fitted(seed, fault)
+        over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
+        seen.append(bool(causes(fit) & {"by direction", "comes and goes", "two populations"}))
+    assert all(seen)
+    assert max(over) < 3.0
+    assert np.median(over) > 0.2
+
+
+def test_a_bend_that_chance_would_rarely_show_is_in_the_stated_error() -> None:
+    recording = record(24_004, tumble, (saturation_across(200_000.0),))
+    fit = ag.fit_ellipsoid(recording.samples, KNOWN)
+    assert "compressed" not in causes(fit)
+    error = heading_error_deg(fit.calibration, recording)
+    assert 0.2 < error / fit.coverage.heading_sd_deg < 3.0
 
 
 def test_noise_of_all_directions_is_no_moving_bias() -> None:

@@ -60,6 +60,10 @@ CAUSES: dict[str, tuple[str, str]] = {
         "a disturbance goes with the pitch of the vehicle (a current, something that swings)",
         "fasten what swings, record the currents beside the field, and calibrate with them",
     ),
+    "follows turns": (
+        "a disturbance goes with how fast the vehicle turns (the current of motors that turn it)",
+        "record the currents beside the field and calibrate with them, or turn it by hand",
+    ),
     "two populations": (
         "readings are of two calibrations, mixed: two sensors, or a current that switches",
         "separate the sensors, or record the current beside the field",

@@ -93,11 +93,11 @@ class Fitted:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelError:
-    """Something that the model does not have and the residuals show.
+    """Something that the model does not have and the residuals show: `size` rms in the readings.
 
-    `size` rms in the readings, `heading_deg` what it leaves open of a level heading
-    beside `stated_deg` without it, `growth` (p, p) what the covariance has to grow by. Where its
-    `probability` is below one, residuals do not show it for sure, and heading and growth are means.
+    `heading_deg` is what it leaves open of a level heading beside `stated_deg` without it, `growth`
+    (p, p) what the covariance has to grow by. Where its `probability` is below one, residuals do
+    not show it for sure, and heading and growth are means.
     """
 
     cause: str
@@ -110,12 +110,8 @@ class ModelError:
 
     def weigh(self, probability: float) -> ModelError:
         """The same error where it is there with this probability only."""
-        return replace(
-            self,
-            heading_deg=self.heading_deg * probability**0.5,
-            growth=self.growth * probability,
-            probability=probability,
-        )
+        heading, growth = self.heading_deg * probability**0.5, self.growth * probability
+        return replace(self, heading_deg=heading, growth=growth, probability=probability)
 
 
 class Seen(NamedTuple):

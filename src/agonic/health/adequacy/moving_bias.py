@@ -35,20 +35,20 @@ def find_moving_bias(work: Work) -> list[ModelError]:
     first = np.flatnonzero(close & (fit.weights[1:] > 0) & (fit.weights[:-1] > 0))
     pairs = (normals[first], normals[first + 1], fit.residuals[first] * fit.residuals[first + 1])
     found = _anisotropy(*pairs, work.fitted.correlation)
-    along = None if found is None else _along(found.traceless)
     one_sided = _find_one_sided(*pairs, work.fitted.correlation)
-    if found is not None and along is not None:
-        cause, p_value, spread = "comes and goes", found.p_value, along
-    elif one_sided is not None:
-        cause, p_value, spread = "by direction", one_sided.p_value, np.zeros((3, 3))
-    else:
-        return _find_populations(work)
+    along, spread = (False, np.zeros((3, 3))) if found is None else _find_spread(found.traceless)
+    if one_sided is None and not along:
+        mixed = _find_populations(work)
+        if mixed or found is None or float(np.mean(pairs[-1])) < LEAST_VARIANCE:
+            return mixed
+    p_values = [one.p_value for one in (found, one_sided) if one is not None]
     if one_sided is not None:
         spread = spread + one_sided.variance * np.eye(3)
     size = float(np.sqrt(np.trace(spread))) * work.fitted.noise
     growth = np.zeros((len(work.scale), len(work.scale)))
     growth[:3, :3] = (1.0 + MEAN) * spread * work.fitted.noise**2
-    return [make_error(work, cause, p_value, size, growth)]
+    cause = "comes and goes" if along else "by direction"
+    return [make_error(work, cause, min(p_values), size, growth)]
 
 
 class _OneSided(NamedTuple):
@@ -122,14 +122,17 @@ def _separate_directions(a: Array, b: Array) -> tuple[Array, Array]:
     return isotropic, columns
 
 
-def _along(traceless: Array) -> Array | None:
-    """The covariance (3, 3) along a direction, beyond what all share; None where it is rather
-    flat: noise that differs by axis."""
+def _find_spread(traceless: Array) -> tuple[bool, Array]:
+    """Whether a bias varies along a direction, else across one, and its covariance (3, 3) beyond
+    what the others share.
+
+    Across: what goes with the attitude about an axis of the sensor, as where it is carried about in
+    a field that differs by place, shows everywhere but along that axis.
+    """
     values, vectors = np.linalg.eigh(traceless)
-    along = np.maximum(values - values[1], 0.0)
-    if along[2] < values[1] - values[0]:
-        return None
-    return np.asarray((vectors * along) @ vectors.T)
+    along = bool(values[2] - values[1] >= values[1] - values[0])
+    beyond = np.maximum(values - values[1 if along else 0], 0.0)
+    return along, np.asarray((vectors * beyond) @ vectors.T)
 
 
 def _compare(beside: Array, columns: Array, product: Array, windows: int) -> float:

@@ -17,6 +17,7 @@ from agonic.health.adequacy.fitted import (
     make_error,
     moved_field,
 )
+from agonic.health.adequacy.ripples import find_ripples
 from agonic.maths.equation import unmodelled
 from agonic.maths.equation.coverage import level_directions
 from agonic.maths.estimation.score_test import (
@@ -31,6 +32,9 @@ SIGNIFICANT = 1e-3
 """Of a family of tests together (Bonferroni): clean logs alarm more rarely than this."""
 
 MOST_CAUSES = 3
+
+LASTING = ("bias drift", "gain drift", "follows turns")
+"""Causes whose errors last: they make residuals go together."""
 
 POSSIBLE = 1e-2
 """What is not significant but rarer than this by chance may be there all the same."""
@@ -49,7 +53,7 @@ class _Cause(NamedTuple):
 
     `at_rest` is false for an error that only a turning sensor has, `alone` true for a test with a
     level of its own, beside the family of all others; `likely` how large its terms are at most,
-    about, as a share of the field.
+    about, as a share of the field; `trials` among how many of its kind it was picked.
     """
 
     name: str
@@ -61,6 +65,7 @@ class _Cause(NamedTuple):
     at_rest: bool
     alone: bool
     likely: float
+    trials: int
 
     def seen_by(self, fit: Linearised) -> tuple[Array, Array | None, Array | None]:
         """Columns, their noise and what they share, of a fit to all kinds or the magnitude alone,
@@ -87,12 +92,17 @@ def find_terms(work: Work) -> list[ModelError]:
         if not telling:
             first = scores[:: len(fits)]
             return [*found, *(error for s, c, _ in first for error in _find_possible(work, s, c))]
-        score, cause, _ = max(telling, key=lambda found: found[0].gain / found[2])
+        score, cause, _ = max(telling, key=lambda found: _rank(*found))
         move = fits[0].find_move(cause.columns @ score.size)
         found.append(_model_error(work, cause, score.p_value, score.size, move))
         fits = [_beside(fit, cause) for fit in fits]
         causes = [other for other in causes if other.name != cause.name]
     return found
+
+
+def _rank(score: Score, cause: _Cause, square: float) -> float:
+    """The share of the squares that a cause explains beyond what so many terms do (AIC)."""
+    return float((score.gain - 2 * cause.columns.shape[1]) / square)
 
 
 def _find_possible(work: Work, score: Score | None, cause: _Cause) -> Iterator[ModelError]:
@@ -104,6 +114,8 @@ def _find_possible(work: Work, score: Score | None, cause: _Cause) -> Iterator[M
     """
     from scipy.special import chdtri  # here, so that what only reads a log loads no SciPy
 
+    if work.fitted.kinds:  # directions show a bend
+        return
     if score is None or cause.level is None or score.p_value > POSSIBLE:
         return
     k = cause.columns.shape[1]
@@ -116,12 +128,13 @@ def _find_possible(work: Work, score: Score | None, cause: _Cause) -> Iterator[M
 
 
 def _test(fit: Linearised, cause: _Cause) -> Score | None:
-    """The score test. A drift of the magnitude is not to hide as noise with a long memory; errors
-    of the attitude may last as long as the log."""
+    """The score test. What lasts is not to hide as noise with a long memory; errors of the attitude
+    may last as long as the log."""
     columns, noise, shared = cause.seen_by(fit)
-    drifts = cause.name.endswith("drift") and fit.shared is None
-    own = with_batches_beside(fit, columns) if drifts else fit
-    return score_test(own, columns, noise, shared, surely=noise is None, likely=cause.likely)
+    lasts = cause.name in LASTING and fit.shared is None
+    own = with_batches_beside(fit, columns) if lasts else fit
+    score = score_test(own, columns, noise, shared, surely=noise is None, likely=cause.likely)
+    return score and score._replace(p_value=min(score.p_value * cause.trials, 1.0))
 
 
 def _beside(fit: Linearised, cause: _Cause) -> Linearised:
@@ -141,8 +154,27 @@ def list_causes(work: Work) -> Iterator[_Cause]:
         yield _cause(
             work, "non-linear", unmodelled.common_bend, static=True, alone=True, likely=LIKELY
         )
+        yield _cause(work, "non-linear", unmodelled.cross_talk, static=True, likely=LIKELY)
     yield _cause(
         work, "compressed", unmodelled.compression, static=True, alone=by_magnitude, likely=LIKELY
+    )
+    ripples = find_ripples(work)
+    if ripples is not None:
+        yield _cause(
+            work,
+            "non-linear",
+            lambda x: unmodelled.ripples(x, ripples.frequencies),
+            static=True,
+            moved=False,
+            likely=LIKELY,
+            trials=ripples.trials,
+        )
+    yield _cause(
+        work,
+        "follows turns",
+        lambda x: unmodelled.turning(x - centre, apart),
+        at_rest=False,
+        likely=LIKELY,
     )
     yield _cause(work, "late", lambda x: unmodelled.lag(x, apart), at_rest=False)
     yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
@@ -164,6 +196,7 @@ def _cause(
     at_rest: bool = True,
     alone: bool = False,
     likely: float = np.inf,
+    trials: int = 1,
 ) -> _Cause:
     """A cause from its terms at the feet, or a bias that goes with the signals of that name.
 
@@ -193,9 +226,8 @@ def _cause(
     def level(size: Array) -> Array:
         return np.asarray(errors_at(level_readings(work) / work.radius, {}) @ size) * work.radius
 
-    return _Cause(
-        name, columns, noise, shared, error, level if static else None, at_rest, alone, likely
-    )
+    at = level if static else None
+    return _Cause(name, columns, noise, shared, error, at, at_rest, alone, likely, trials)
 
 
 def _model_error(work: Work, cause: _Cause, p_value: float, size: Array, move: Array) -> ModelError:

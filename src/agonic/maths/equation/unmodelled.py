@@ -18,6 +18,7 @@ Terms = Callable[[Array], Array]
 """Readings over the radius, (n, 3), to E (n, 3, k)."""
 
 MEMORY_ROWS = 50
+TURN_ROWS = 1, 5
 
 
 def non_linearity(x: Array) -> Array:
@@ -33,6 +34,37 @@ def common_bend(x: Array) -> Array:
 def compression(x: Array) -> Array:
     """The whole vector shrinks with its length: x|x|²."""
     return np.asarray((x * np.sum(x**2, axis=1, keepdims=True))[:, :, None])
+
+
+def cross_talk(x: Array) -> Array:
+    """Each axis holds something of the products of all axes, x_j x_k: 18 unknowns."""
+    products = np.stack([x[:, j] * x[:, k] for j in range(3) for k in range(j, 3)], axis=1)
+    return proportional(products)
+
+
+def ripples(x: Array, frequencies: Array) -> Array:
+    """The error of each axis is a wave along its readings, of these frequencies (3,) per radius."""
+    phase = 2 * np.pi * frequencies * x
+    return np.concatenate([_by_axis(np.cos(phase)), _by_axis(np.sin(phase))], axis=2)
+
+
+def turning(x: Array, apart: Mask) -> Array:
+    """A bias that goes with how fast the field (n, 3) turns in the sensor, over one row and over
+    several, by its rms.
+
+    `apart` as for `lag`.
+    """
+    return proportional(np.stack([_find_rate(x, apart, rows) for rows in TURN_ROWS], axis=1))
+
+
+def _find_rate(x: Array, apart: Mask, rows: int) -> Array:
+    """How far directions move from so many rows before to as many after, over the rms."""
+    ahead = x / np.linalg.norm(x, axis=1, keepdims=True)
+    rate = np.zeros(len(x))
+    rate[rows:-rows] = np.linalg.norm(ahead[2 * rows :] - ahead[: -2 * rows], axis=1)
+    broken = np.convolve(apart, np.ones(2 * rows + 1), "same") > 0
+    rate[broken] = rate[~broken].mean() if not broken.all() else 0.0
+    return np.asarray(rate / max(float(np.sqrt(np.mean(rate**2))), 1e-12))
 
 
 def lag(x: Array, apart: Mask) -> Array:
