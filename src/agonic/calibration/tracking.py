@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,7 +107,7 @@ class TrackerState:
         """The settings with what was found of errors with memory, where it was not given."""
         if params.external_sd is not None or not self.external_sd:
             return params
-        return replace(params, external_sd=self.external_sd, external_time_s=self.external_time_s)
+        return _with_external(params, self.external_sd, self.external_time_s)
 
     @property
     def time(self) -> float:
@@ -241,3 +242,9 @@ class TrackerState:
             unit_out=now.unit_out,
             provenance=now.provenance,
         )
+
+
+@lru_cache(maxsize=16)
+def _with_external(params: TrackerParams, sd: float, time_s: float) -> TrackerParams:
+    """The settings with errors with memory: made once, not with every reading."""
+    return replace(params, external_sd=sd, external_time_s=time_s)

@@ -77,7 +77,6 @@ def calibrate(
     autopilot the log came from. Exit status 1 where a sensor was refused or a check failed. A
     Parquet table of more than five million rows is read piece by piece.
     """
-    from agonic.cli.keep import keep_results
     from agonic.console.finish import finish
     from agonic.console.typed_options import list_typed_options
     from agonic.ellipse.command import calibrate_two_axes
@@ -129,6 +128,8 @@ def calibrate(
         results, folder, title=recording.source.name, stack=recording.stack, failures=failures
     )
     if store is not None:
+        from agonic.cli.keep import keep_results  # here, so that only a history loads a fleet
+
         place = (unit, at, date, field)
         keep_results(store, results, recording, place, method, between, name)
     document = describe_recording(results, written=written, failures=failures)
