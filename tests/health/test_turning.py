@@ -43,7 +43,7 @@ def test_calibrate_goes_back_to_the_magnitude_and_says_why() -> None:
 
 def test_a_gyro_in_another_unit_tells_no_delay() -> None:
     """Beside a gyro named in radians a second that is in degrees, a delay of a second fits best."""
-    _, logged, _ = drive("hand", n=2000)
+    made, logged, _ = drive("hand", n=2000)
     wrong = logged.with_columns(rotation_rate=np.degrees(logged.rotation_rate))
     result = ag.calibrate(wrong)
     assert result.verdict == "check"
@@ -51,5 +51,7 @@ def test_a_gyro_in_another_unit_tells_no_delay() -> None:
     assert result.calibration.latency_s == 0.0
     sd = ag.calibrate(logged.with_columns(rotation_rate=None)).fit.coverage.heading_sd_deg
     assert result.fit.coverage.heading_sd_deg == pytest.approx(sd)
+    beside = ag.calibrate(wrong, ag.Reference.vector(made.field_n, frame="n"))
+    assert [one.name for one in beside.fit.findings if one.severity != "note"] == ["inertial unit"]
     with pytest.raises(ag.AgonicError, match="in degrees a second"):
         ag.fit_latency(wrong)
