@@ -65,6 +65,10 @@ def test_a_database_without_readings_or_with_damage_is_one_line(database, tmp_pa
     for _ in range(80):
         path.write_bytes(damaged(data, rng).tobytes())
         assert_read_or_refused(path)
+    path.write_bytes(
+        data.tobytes().replace(b"TABLE accelerometer (id", b'TABLE accelerometer ("\n')
+    )
+    assert_read_or_refused(path)  # SQLite's own words have lines
     with sqlite3.connect(path := tmp_path / "other") as made:
         made.execute("CREATE TABLE people (name, age)")
     made.close()

@@ -44,7 +44,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         with _open(path) as database:
             tables, others = _read_tables(database)
     except sqlite3.Error as error:
-        raise LogError(f"the database cannot be read ({error}); copy it with its journal") from None
+        why = " ".join(str(error).split())[:160]
+        raise LogError(f"the database cannot be read ({why}); copy it with its journal") from None
     facts: dict[str, Any] = {"path": path, "source": source, "format": "SQLite database"}
     waiting = Path(f"{path}-wal")
     late = (f"rows that lie in {waiting.name} alone were not read",) * waiting.is_file()
