@@ -119,6 +119,12 @@ def test_short_logs_with_outliers(kind: str, n: int) -> None:
         assert draws.own.max() < 3.0
 
 
+def test_few_rows_state_what_noise_with_memory_may_do() -> None:
+    """1.5 by what 35 residuals show of their memory."""
+    draws = draw("vector", coloured(0.9, 200.0), k=30, n=35)
+    assert 0.6 < np.sqrt(np.mean(draws.bias**2)) < 1.35
+
+
 @pytest.mark.parametrize("kind", FITS)
 def test_noise_of_the_sensor_that_lasts(kind: str) -> None:
     draws = draw(kind, coloured(0.99, 200.0), k=16, n=3000)

@@ -28,6 +28,7 @@ from agonic.arrays import Array
 from agonic.maths.equation.affine import correct, split
 from agonic.maths.equation.channels import Problem, field_of_terms, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate, find_attitude_shares
+from agonic.maths.estimation.few_rows import FEW, scatter_of_few
 from agonic.maths.estimation.leastsq import inverse
 from agonic.maths.estimation.noise_with_memory import STRETCHES, Stretches, find_memory
 from agonic.maths.estimation.student import compute_widening
@@ -54,10 +55,21 @@ def compute_row_covariance(problem: Problem, estimate: Estimate) -> Array:
     lengths = np.array([of.correlation for of in noise.values()])
     each = -(-n // STRETCHES)
     sums = _Sums(m, lengths, _share_memory(estimate), each)
+    few = np.zeros_like(root)
     for block in _blocks(problem, estimate, root, each * max(_BLOCK // each, 1)):
         sums.add(*block)
-    known, scatter = by @ root, sums.scatter()
+        if n <= FEW:  # one block, too short to show memory
+            few = _scatter_of_few(lengths, *block[:3])
+    known, scatter = by @ root, max(sums.scatter(), few, key=lambda found: float(np.trace(found)))
     return np.asarray(root @ (scatter + known.T @ known) @ root.T)
+
+
+def _scatter_of_few(lengths: Array, residuals: Array, weights: Array, jacobians: Array) -> Array:
+    """How the gradient scatters where rows are few, by all correlations that they leave likely."""
+    roots = np.sqrt(weights)
+    counted = jacobians * (roots / lengths[:, None])[..., None]
+    each = zip(residuals * roots, counted, strict=True)
+    return np.asarray(np.sum([scatter_of_few(*channel) for channel in each], axis=0))
 
 
 class _Sums:
