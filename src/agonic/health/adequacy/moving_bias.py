@@ -37,9 +37,10 @@ def find_moving_bias(work: Work) -> list[ModelError]:
     found = _anisotropy(*pairs, work.fitted.correlation)
     one_sided = _find_one_sided(*pairs, work.fitted.correlation)
     along, spread = (False, np.zeros((3, 3))) if found is None else _find_spread(found.traceless)
+    mixed: list[ModelError] = []
     if one_sided is None and not along:
         mixed = _find_populations(work)
-        if mixed or found is None or float(np.mean(pairs[-1])) < LEAST_VARIANCE:
+        if found is None or float(np.mean(pairs[-1])) < LEAST_VARIANCE:
             return mixed
     p_values = [one.p_value for one in (found, one_sided) if one is not None]
     if one_sided is not None:
@@ -48,7 +49,7 @@ def find_moving_bias(work: Work) -> list[ModelError]:
     growth = np.zeros((len(work.scale), len(work.scale)))
     growth[:3, :3] = (1.0 + MEAN) * spread * work.fitted.noise**2
     cause = "comes and goes" if along else "by direction"
-    return [make_error(work, cause, min(p_values), size, growth)]
+    return [*mixed, make_error(work, cause, min(p_values), size, growth)]
 
 
 class _OneSided(NamedTuple):
