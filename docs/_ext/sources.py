@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from agonic.citations import CITATIONS
-from agonic.logs.quantities import QUANTITIES, Quantity, canonical_header
+from agonic.logs.headers.quantities import QUANTITIES, Quantity, canonical_header
 from agonic.units import NANOTESLA_PER, RAW
 
 

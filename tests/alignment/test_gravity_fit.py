@@ -10,7 +10,7 @@ from agonic.alignment.simulation.gravity import simulate_gravity
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import apply
 from agonic.errors import LogError
-from agonic.maths.estimation.rest import find_rest
+from agonic.maths.estimation.changes.rest import find_rest
 
 
 def turn_between(a, b):

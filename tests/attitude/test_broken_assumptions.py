@@ -30,7 +30,7 @@ from agonic.health.adequacy import examine
 from agonic.health.adequacy.examine import CAUSES
 from agonic.health.adequacy.fitted import Work
 from agonic.health.adequacy.terms import list_causes
-from agonic.maths.estimation.score_test import score_test
+from agonic.maths.estimation.inference.score_test import score_test
 
 PLACE = ag.Reference.vector(FIELD_N, frame="n")
 FITS = {"levelled": ag.fit_levelled, "vector": ag.fit_vector}

@@ -21,8 +21,9 @@ from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.equation.priors import make_prior
 from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.symmetric import pack_symmetric
-from agonic.maths.estimation import batch_means, leastsq
+from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import squares, tukey
+from agonic.maths.estimation.noise import batch_means
 
 F = 50_000.0
 REFERENCE = ag.Reference.constant(F)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.inertial import solve
 from agonic.inertial.maths.factors import sum_force, sum_rate, sum_readings, take_out
-from agonic.maths.estimation import block_tridiagonal
+from agonic.maths.estimation.filters import block_tridiagonal
 from agonic.maths.rotations.track import find_attitudes
 from tests.inertial.drives import drive
 

@@ -8,9 +8,9 @@ import pytest
 
 from agonic.errors import LogError, UnitError
 from agonic.files.names import file_stem
-from agonic.logs import csv_text
 from agonic.logs.formats import READ
 from agonic.logs.read import open_log, read, sensors
+from agonic.logs.text import csv_text
 
 TWO = "time_s,mag1_x_nT,mag1_y_nT,mag1_z_nT,mag2_x_nT,mag2_y_nT,mag2_z_nT\n0,1,2,3,4,5,6\n"
 

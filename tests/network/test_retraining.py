@@ -7,7 +7,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.retraining import RetrainerParams, Window
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
-from agonic.maths.estimation import cusum
+from agonic.maths.estimation.changes import cusum
 from agonic.network.fit import fit_network
 from agonic.network.retraining.acceptance import (
     Unseen,

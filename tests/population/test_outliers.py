@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.false_discovery import find_discoveries
-from agonic.maths.estimation.robust_line import fit_robust_line
-from agonic.maths.estimation.robust_spread import estimate_robust_spread
-from agonic.maths.estimation.tails import fit_tail
+from agonic.maths.estimation.inference.false_discovery import find_discoveries
+from agonic.maths.estimation.robust.robust_line import fit_robust_line
+from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
+from agonic.maths.estimation.robust.tails import fit_tail
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.axis_swaps import list_swaps, swap_axes
 from agonic.population.peers import find_peers

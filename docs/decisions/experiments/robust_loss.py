@@ -4,7 +4,7 @@
 
 Prints the rms error of the bias over the Cramér–Rao bound of the clean readings. Every fit starts
 at the truth, without prior, with the noise level known, so that nothing but the loss differs.
-"when one stands out" is the rule of `maths.estimation.noise.estimate_noise`.
+"when one stands out" is the rule of `maths.estimation.noise.residuals.estimate_noise`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from noise_correction import MAGNITUDE, NOISE, bounds, truth
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import Loss, cauchy, squares, tukey
-from agonic.maths.estimation.noise import estimate_noise
+from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.simulation import Simulated, simulate, with_outliers
 
 N, DRAWS, SHARES = 1_000, 300, (0.0, 0.001, 0.05)

@@ -30,7 +30,7 @@ from agonic.maths.equation.noisy_terms import calm_terms
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.equation.row_scatter import compute_row_covariance
 from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
-from agonic.maths.estimation.wald import wald
+from agonic.maths.estimation.inference.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 

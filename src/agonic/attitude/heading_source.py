@@ -12,7 +12,7 @@ from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
-from agonic.maths.estimation.noise import MAD_TO_SD
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.reference import Reference

@@ -13,7 +13,7 @@ from agonic.arrays import Array
 from agonic.calibration.base import read_only
 from agonic.calibration.value import Valued
 from agonic.errors import AgonicError
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.provenance import Provenance

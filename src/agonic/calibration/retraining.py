@@ -17,7 +17,7 @@ from agonic.calibration.network import Along, Network, require_nodes
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.equation.network import Nodes
-from agonic.maths.estimation import cusum
+from agonic.maths.estimation.changes import cusum
 
 Running = Affine | Thermal | Network
 Why = Literal["period", "change", "settling"]
@@ -44,8 +44,8 @@ class RetrainerParams:
     bias_sd, matrix_sd : how far the base may move from one training to the next: the field that a
         bias adds, and an entry of the matrix, as shares of the field.
     shift_sd : the smallest change of the mean of the residual that counts as a change, in its
-        standard deviations. alarm : how much of it has to add up (see `maths.estimation.cusum`);
-        0: never.
+        standard deviations. alarm : how much of it has to add up (see
+        `maths.estimation.changes.cusum`); 0: never.
     fewest : readings after a change before it is learned.
     misfit : a residual so many times what it was is that of a changed sensor, and a candidate whose
         unseen error is so many times that is rejected.

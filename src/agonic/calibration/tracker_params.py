@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from agonic.errors import AgonicError, check_choice
-from agonic.maths.estimation.kalman import STATES, Model
+from agonic.maths.estimation.filters.kalman import STATES, Model
 from agonic.maths.estimation.turning.filter import TurnModel
 
 Solve = Literal["bias", "gains", "full"]

@@ -16,7 +16,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracker_params import TrackerParams as TrackerParams
 from agonic.maths.equation import gauge
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.estimation.kalman import FilterState
+from agonic.maths.estimation.filters.kalman import FilterState
 from agonic.maths.estimation.turning.filter import TurnState
 from agonic.maths.rotations.polar import RotationPart
 from agonic.provenance import Provenance

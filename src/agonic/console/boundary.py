@@ -60,7 +60,7 @@ def _make_columns() -> Any:
     """The option, as Typer makes it of a command that has nothing else."""
     import typer
 
-    from agonic.logs.column_names import give_names
+    from agonic.logs.headers.column_names import give_names
 
     help = "What the columns are, where headers do not say: time=t,x=mx,y=my,z=mz."
     columns = typer.Option(

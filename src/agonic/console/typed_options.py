@@ -15,7 +15,7 @@ NOT_OF_THE_RESULT = ("--json", "--open", "--verbose", "--force", "--store", "--a
 
 def list_typed_options(context: typer.Context) -> dict[str, str]:
     """The options that were typed for a command with their values, "" for a flag."""
-    from agonic.logs.column_names import write_given_names
+    from agonic.logs.headers.column_names import write_given_names
 
     typed = {}
     for param in context.command.params:

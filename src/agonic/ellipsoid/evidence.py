@@ -29,7 +29,7 @@ from agonic.health.adequacy import ModelError
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
-from agonic.maths.estimation.noise import estimate_noise
+from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import LogError
 from agonic.health.readings import find_clipped_rows, find_stuck_rows
-from agonic.maths.estimation.batch_means import SHORTEST, STRETCHES
+from agonic.maths.estimation.noise.batch_means import SHORTEST, STRETCHES
 from agonic.moments import Moments
 from agonic.provenance import Input
 from agonic.samples import COLUMNS, Samples

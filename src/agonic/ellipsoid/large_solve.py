@@ -17,8 +17,9 @@ from agonic.maths.equation import gauge
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.priors import make_prior
-from agonic.maths.estimation import batch_means, leastsq
+from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import elasticity, expected_square
+from agonic.maths.estimation.noise import batch_means
 
 MOST_PASSES = 12
 NEAR = 0.3
@@ -139,7 +140,7 @@ def _prior_terms(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Arr
 
 
 def _estimate_noise(sums: Sums, assumed: Assumed, robust: bool, parameters: int) -> Assumed:
-    """The noise of all readings, by those that the loss lets through (`maths.estimation.noise`)."""
+    """The noise of all readings, by those that the loss lets through (`noise.residuals`)."""
     _, weight, _, _, power, total, _, largest = sums.facts.tolist()
     stands_out = largest > np.sqrt(2 * np.log(2 * total)) + 1
     if robust and stands_out and not assumed.robust:

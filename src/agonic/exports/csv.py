@@ -13,7 +13,7 @@ import numpy as np
 
 from agonic.atomic import write_atomically
 from agonic.errors import AgonicError
-from agonic.logs.quantities import canonical_header
+from agonic.logs.headers.quantities import canonical_header
 from agonic.samples import Samples
 from agonic.usable_rows import VECTORS
 

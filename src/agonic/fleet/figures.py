@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.estimation.robust_line import Line
+from agonic.maths.estimation.robust.robust_line import Line
 from agonic.population.peers import Peers
 from agonic.report.digits import count, quantity
 from agonic.report.markup import Markup, element, markup

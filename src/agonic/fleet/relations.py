@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.fleet.figures import draw_scatter, make_axis
-from agonic.maths.estimation.robust_line import Line, fit_robust_line
+from agonic.maths.estimation.robust.robust_line import Line, fit_robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES

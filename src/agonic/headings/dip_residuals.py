@@ -25,7 +25,7 @@ from agonic.headings.compass_heading import Readings
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import apply_steps, list_steps, propagate
 from agonic.health.finding import figure
-from agonic.maths.estimation.noise import MAD_TO_SD, correlation_length
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
 from agonic.maths.rotations import tilt as kernel
 from agonic.units import RAW
 

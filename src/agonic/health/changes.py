@@ -21,12 +21,12 @@ from agonic.health.moments import describe_moments
 from agonic.health.outliers import find_stretches
 from agonic.maths.equation.bias_states import find_bias_states
 from agonic.maths.equation.coverage import find_spread_rows
-from agonic.maths.estimation.bias_change import (
+from agonic.maths.estimation.changes.bias_change import (
     find_bias_change,
     find_seen_shift,
     refit_residuals,
 )
-from agonic.maths.estimation.least_median import Pair, fit_two_spheres
+from agonic.maths.estimation.robust.least_median import Pair, fit_two_spheres
 
 SIGNIFICANT = 30.0
 """Fall of χ² by a bias of its own, sought over all stretches, that chance does not reach."""

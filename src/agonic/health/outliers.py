@@ -8,7 +8,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.health.evidence import OUTLIERS_DOUBTFUL, Evidence
 from agonic.health.finding import Finding, figure
 from agonic.health.moments import describe_stretches
-from agonic.maths.estimation.hidden_states import find_path
+from agonic.maths.estimation.changes.hidden_states import find_path
 
 STRETCH_S = 1.0
 STRETCH_SHARE = 0.01

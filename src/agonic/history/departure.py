@@ -12,9 +12,9 @@ from agonic.health import Finding
 from agonic.health.finding import figure
 from agonic.history.fit import Drift
 from agonic.history.parameters import NAMES, extract_parameters
-from agonic.maths.estimation.false_discovery import find_discoveries
-from agonic.maths.estimation.robust_spread import estimate_robust_spread
-from agonic.maths.estimation.tails import Tail, fit_tail
+from agonic.maths.estimation.inference.false_discovery import find_discoveries
+from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
+from agonic.maths.estimation.robust.tails import Tail, fit_tail
 from agonic.population import Population, find_outliers
 from agonic.population.outlier import choose_rate
 from agonic.population.store import History

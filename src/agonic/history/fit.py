@@ -13,13 +13,13 @@ from agonic.health import Finding
 from agonic.health.finding import Judged, figure
 from agonic.history.parameters import NAMES, Parameters, extract_parameters, find_comparable
 from agonic.history.trend import Trend, make_series, make_trend
-from agonic.maths.estimation.change_points import (
+from agonic.maths.estimation.changes.change_points import (
     ChangePoint,
     estimate_size,
     find_change_points,
     join_design,
 )
-from agonic.maths.estimation.drift_model import Series, compute_posterior
+from agonic.maths.estimation.noise.drift_model import Series, compute_posterior
 from agonic.population import Population
 from agonic.population.store_schema import UNDATED
 

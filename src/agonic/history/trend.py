@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.change_points import ChangePoint
-from agonic.maths.estimation.drift_model import Posterior, Series, mix_normals, predict
+from agonic.maths.estimation.changes.change_points import ChangePoint
+from agonic.maths.estimation.noise.drift_model import Posterior, Series, mix_normals, predict
 
 YEAR_S = 365.25 * 86_400.0
 

@@ -26,7 +26,7 @@ from agonic.inertial.start import (
 from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.loss import squares
-from agonic.maths.estimation.noise import estimate_noise
+from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.reference import Reference
 from agonic.samples import Samples
 

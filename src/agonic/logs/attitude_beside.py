@@ -10,13 +10,13 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.auxiliary import set_angle_unit
-from agonic.logs.columns import identify_columns
-from agonic.logs.csv_text import read_table
+from agonic.logs.headers.columns import identify_columns
 from agonic.logs.read import open_log
-from agonic.logs.resample import resample
+from agonic.logs.rows.auxiliary import set_angle_unit
 from agonic.logs.rows.beside import Part, read_columns
+from agonic.logs.rows.resample import resample
 from agonic.logs.rows.times import find_clocks
+from agonic.logs.text.csv_text import read_table
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 

@@ -17,10 +17,10 @@ from zipfile import BadZipFile, ZipFile
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.columns import FALLBACK, identify_column, identify_columns
-from agonic.logs.conventions import find_named_quantity
-from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, TEXT, Format, format_of
+from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, Format, format_of
 from agonic.logs.groups import build_groups_log
+from agonic.logs.headers.columns import FALLBACK, identify_column, identify_columns
+from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.limits import check_declared
 from agonic.logs.log import Log
 from agonic.logs.own_documents import FOLDERS
@@ -28,7 +28,6 @@ from agonic.provenance import Input
 
 _MOST_FILES = 64
 _MOST_FIELDS = 4
-_MATLAB = "matlab"
 _OFFICE = "[Content_Types].xml"
 _BESIDE = ("acceleration", "rotation_rate")
 
@@ -145,15 +144,15 @@ def name_axes(table: Table, name: str, *, alone: bool) -> Table:
 def _read_kind(file: Path, kind: Format) -> list[Table]:
     """The columns that are understood in a file, a table for each clock."""
     if kind == TEXT:
-        from agonic.logs.csv_text import read_table
+        from agonic.logs.text.csv_text import read_table
 
         return [read_table(file)[0]]
     if kind == JSON:
-        from agonic.logs.json_text import read_table as read_json
+        from agonic.logs.text.json_text import read_table as read_json
 
         return [read_json(file)[0]]
-    if kind.module == _MATLAB:
-        from agonic.logs.matlab import read_tables
+    if kind == MATLAB:
+        from agonic.logs.arrays.matlab import read_tables
 
         return read_tables(file)
     raise LogError(f"{kind.name} are recordings of their own")

@@ -147,22 +147,25 @@ def _is_json(head: bytes) -> bool:
     return begins and re.search(rb"\"schema\":\s*\"agonic/", head) is None
 
 
-JSON = Format("JSON (.json, .jsonl)", "json_text", _is_json)
+JSON = Format("JSON (.json, .jsonl)", "text.json_text", _is_json)
 WORKBOOK = Format("workbooks (.xlsx, .ods)", "office.workbook", _is_workbook)
 ARROW = Format("Arrow and Feather", "arrow", _starts(b"ARROW1\0\0", b"\xff\xff\xff\xff"))
 DATABASE = Format("SQLite", "database", _starts(b"SQLite format 3\0"))
 FOLDER = Format("ZIP archives and folders of tables", "folder", _starts(b"PK\x03\x04"))
 ROS = Format("ROS bags (.bag, .db3, .mcap, a folder of ROS 2)", "ros.bag", _is_bag)
 PARQUET = Format("Parquet", "parquet", _starts(b"PAR1"))
-TEXT = Format("text tables (.csv, .tsv, .txt)", "csv_text", _is_text)
+MATLAB = Format(
+    "MATLAB (.mat)", "arrays.matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
+)
+TEXT = Format("text tables (.csv, .tsv, .txt)", "text.csv_text", _is_text)
 
 FORMATS = (
     Format("PX4 ULog (.ulg)", "px4.ulog", _starts(b"ULog\x01\x12\x35"), unit_fixed=True),
     PARQUET,
     ROS,
     DATABASE,
-    Format("MATLAB (.mat)", "matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")),
-    Format("NumPy (.npz, .npy)", "numpy_archive", _is_numpy),
+    MATLAB,
+    Format("NumPy (.npz, .npy)", "arrays.numpy_archive", _is_numpy),
     WORKBOOK,
     FOLDER,
     JSON,
@@ -210,7 +213,7 @@ def format_of(head: bytes) -> Format:
     """The kind of a file that starts with these bytes, or a `LogError` that says what it is.
 
     >>> format_of(b"PAR1 and more").name, format_of(b"time_s,mag_x_nT\\n").module
-    ('Parquet', 'csv_text')
+    ('Parquet', 'text.csv_text')
     """
     if _OPENING.search(head):  # nothing of agonic's own is without
         from agonic.logs.own_documents import name_own

@@ -17,13 +17,13 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.auxiliary import PERIODS_DEG, Table, find_reach, set_angle_unit
-from agonic.logs.columns import identify_columns
-from agonic.logs.conventions import apply_conventions
+from agonic.logs.headers.columns import identify_columns
+from agonic.logs.headers.conventions import apply_conventions
+from agonic.logs.headers.quantities import BY_COLUMN
 from agonic.logs.log import Log, Stream
-from agonic.logs.quantities import BY_COLUMN
-from agonic.logs.resample import compute_rate_Hz, resample
+from agonic.logs.rows.auxiliary import PERIODS_DEG, Table, find_reach, set_angle_unit
 from agonic.logs.rows.beside import AUXILIARY, Part, read_columns, read_disturbers
+from agonic.logs.rows.resample import compute_rate_Hz, resample
 from agonic.logs.rows.times import find_clocks, find_time
 from agonic.logs.table import build_log, refuse_no_magnetometer
 from agonic.provenance import Input

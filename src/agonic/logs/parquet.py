@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.column_names import rename_headers
-from agonic.logs.columns import find_columns, identify_column
+from agonic.logs.headers.column_names import rename_headers
+from agonic.logs.headers.columns import find_columns, identify_column
 from agonic.logs.log import Log
-from agonic.logs.long_table import build_tables_log
 from agonic.logs.remote import Remote
+from agonic.logs.text.long_table import build_tables_log
 from agonic.provenance import Input
 
 _INDEX = "__index_level_0__"

@@ -12,8 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
-from agonic.logs.column_names import names_for
 from agonic.logs.formats import FOLDER, HEAD_BYTES, ROS, Format, find_packing, format_of
+from agonic.logs.headers.column_names import names_for
 from agonic.logs.log import Log
 from agonic.logs.remote import Remote, fetch, locate
 from agonic.provenance import Input, hash_file

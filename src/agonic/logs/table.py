@@ -12,19 +12,19 @@ import numpy as np
 
 from agonic.arrays import Index
 from agonic.errors import LogError, TwoAxisError
-from agonic.logs.auxiliary import Table, find_finite_rows, set_angle_unit
-from agonic.logs.column_names import suggest_names
-from agonic.logs.columns import (
+from agonic.logs.headers.column_names import suggest_names
+from agonic.logs.headers.columns import (
     FALLBACK,
     Identified,
     find_rivals,
     identify_column,
     identify_columns,
 )
-from agonic.logs.conventions import CORRECTED, apply_conventions, find_correction
+from agonic.logs.headers.conventions import CORRECTED, apply_conventions, find_correction
 from agonic.logs.log import Log, Stream
-from agonic.logs.resample import compute_rate_Hz
+from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
+from agonic.logs.rows.resample import compute_rate_Hz
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
 from agonic.logs.rows.units import find_field_unit, state_unit
 from agonic.provenance import Input
@@ -64,7 +64,7 @@ def build_log(
     found = identify_columns(table)
     fields = [n for n, axes in found.get("field", {}).items() if len(axes) == 3]
     if not fields:
-        from agonic.logs.two_axes import are_two_axes_allowed
+        from agonic.logs.rows.two_axes import are_two_axes_allowed
 
         two = are_two_axes_allowed()
         fields = [n for n, axes in found.get("field", {}).items() if two and set(axes) == set("xy")]

@@ -11,7 +11,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError, check_choice
-from agonic.maths.estimation.autoregression import autoregress
+from agonic.maths.estimation.noise.autoregression import autoregress
 from agonic.readable import Readable
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.maths.estimation.robust_spread import estimate_robust_spread
+from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
 from agonic.population.population import Population
 from agonic.units import RAW
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError
-from agonic.maths.estimation.autoregression import autoregress
+from agonic.maths.estimation.noise.autoregression import autoregress
 from agonic.samples import Samples
 from agonic.simulation.draws import draw_directions
 

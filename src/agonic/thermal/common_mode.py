@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.common_mode import estimate_common_mode
+from agonic.maths.estimation.noise.common_mode import estimate_common_mode
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.maths.binned_sums import Cells
 from agonic.units import RAW

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.maths.equation.bias_states import NEITHER, find_bias_states
-from agonic.maths.estimation.hidden_states import find_path
+from agonic.maths.estimation.changes.hidden_states import find_path
 
 NOISE = 0.004
 SHAPE = np.array([[1.05, 0.02, 0.0], [0.02, 0.98, -0.03], [0.0, -0.03, 0.97]])

@@ -13,7 +13,7 @@ from agonic.maths.equation.maximum_likelihood import estimate, find_corroborated
 from agonic.maths.equation.priors import make_prior, soft_iron_pull
 from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import estimate_noise, is_like_gaussian
+from agonic.maths.estimation.noise.residuals import estimate_noise, is_like_gaussian
 from agonic.simulation.draws import draw_directions
 
 W = np.array([[1.1, 0.05, -0.1], [0.05, 0.9, 0.08], [-0.1, 0.08, 1.0]])

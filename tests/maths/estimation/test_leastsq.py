@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import Loss, cauchy, squares, tukey
-from agonic.maths.estimation.noise import correlation_length, noise_scale, robust_scale
+from agonic.maths.estimation.noise.residuals import correlation_length, noise_scale, robust_scale
 
 LOSSES = {
     "squares": squares(),

@@ -53,7 +53,7 @@ from agonic.alignment.session.north import NorthSession, Platform, Sighting, Swi
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.files.toml_sections import read_section
-from agonic.logs.auxiliary import to_numbers
+from agonic.logs.rows.auxiliary import to_numbers
 
 Columns = dict[str, Array]
 

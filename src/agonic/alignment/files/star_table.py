@@ -22,9 +22,9 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.session import StarReadings
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.auxiliary import to_numbers
-from agonic.logs.clock import read_clock
+from agonic.logs.clocks.clock import read_clock
 from agonic.logs.contents import read_text
+from agonic.logs.rows.auxiliary import to_numbers
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
 
 Turns = Literal["ci", "ic"]

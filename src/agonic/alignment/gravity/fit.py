@@ -15,7 +15,7 @@ from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
 from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
-from agonic.maths.estimation.rest import find_rest
+from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.rotations.tilt import down_from_force
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples

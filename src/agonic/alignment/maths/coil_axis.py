@@ -19,7 +19,7 @@ from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.maths.estimation.noise import correlation_length
+from agonic.maths.estimation.noise.residuals import correlation_length
 
 
 class Stretch(NamedTuple):

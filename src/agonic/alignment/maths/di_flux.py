@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.student import compute_widening
 
 NAMES = ("meridian", "inclination", "delta", "epsilon", "offset", "scale")
 """Unknowns: h₀, I, δ, ε in radians, S₀/F, and F in the unit of the readings."""

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations.mounting import right_angles
 
 _ROUNDS = 30

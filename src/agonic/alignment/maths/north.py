@@ -17,8 +17,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import correlation_length
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.residuals import correlation_length
+from agonic.maths.estimation.noise.student import compute_widening
 
 _SCHULER = np.array([0.25, 0.5, 0.25])
 _GRID, _PERIODS = 400, 0.4

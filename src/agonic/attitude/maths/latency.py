@@ -20,7 +20,7 @@ from agonic.arrays import Array, Index
 from agonic.attitude.maths.path import Path, attitude_path, gyro_path
 from agonic.attitude.maths.score_variance import compute_score_variance
 from agonic.maths.estimation.loss import tukey
-from agonic.maths.estimation.noise import MAD_TO_SD
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 
 MOST_ROWS = 12_000
 """Rows that are compared with the attitude, evenly spread; of a gyro all are integrated."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.student import compute_widening
 
 _BATCHES = (6, 12, 40)  # of time, in which scores scatter
 

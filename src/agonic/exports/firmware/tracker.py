@@ -25,7 +25,7 @@ from agonic.exports.firmware.size import measure_sizes
 from agonic.exports.firmware.turning import describe_turn
 from agonic.exports.firmware.writer import Firmware
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.estimation import kalman
+from agonic.maths.estimation.filters import kalman
 
 TESTS = 24
 ELAPSED_S = 0.5

@@ -59,7 +59,7 @@ def heading(
     from agonic.headings.document import describe_headings
     from agonic.headings.files.write_headings import write_headings
     from agonic.logs.read import open_log
-    from agonic.logs.two_axes import allow_two_axes
+    from agonic.logs.rows.two_axes import allow_two_axes
 
     require_table(out)
     vehicle = load_setup(setup)

@@ -11,7 +11,7 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import Deviation, name_heading
 from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure, sort_findings
-from agonic.maths.estimation.noise import correlation_length
+from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.rotations import deviation as kernel
 
 AMPLIFIED_REFUSED = 10.0  # standard error over that of as many headings evenly spread

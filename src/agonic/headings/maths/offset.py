@@ -24,8 +24,8 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
 from agonic.arrays import Array, Mask
-from agonic.maths.estimation import block_tridiagonal as blocks
-from agonic.maths.estimation.block_tridiagonal import Tridiagonal
+from agonic.maths.estimation.filters import block_tridiagonal as blocks
+from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
 
 BIAS_SD = float(np.radians(1.0))
 """rad/s: of a gyro's bias on each axis, at the start, where nothing tells more."""

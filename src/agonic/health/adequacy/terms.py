@@ -20,7 +20,7 @@ from agonic.health.adequacy.fitted import (
 from agonic.health.adequacy.ripples import find_ripples
 from agonic.maths.equation import unmodelled
 from agonic.maths.equation.coverage import level_directions
-from agonic.maths.estimation.score_test import (
+from agonic.maths.estimation.inference.score_test import (
     Linearised,
     Score,
     score_test,

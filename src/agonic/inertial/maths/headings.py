@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.batch_means import compute_scatter
 from agonic.maths.estimation.loss import tukey
-from agonic.maths.estimation.noise import MAD_TO_SD
+from agonic.maths.estimation.noise.batch_means import compute_scatter
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.rotations.track import Sums, Track, sum_rows
 
 STEEPEST = 0.25

@@ -18,9 +18,9 @@ from agonic.inertial.maths.factors import Log, sum_force, sum_rate, sum_readings
 from agonic.inertial.maths.headings import sum_headings
 from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.batch_means import compute_scatter
-from agonic.maths.estimation.block_tridiagonal import Tridiagonal, invert, solve
+from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal, invert, solve
 from agonic.maths.estimation.loss import Loss, squares
+from agonic.maths.estimation.noise.batch_means import compute_scatter
 from agonic.maths.rotations.track import Sums, Track, find_attitudes
 from agonic.units import STANDARD_GRAVITY_M_S2
 

@@ -15,7 +15,7 @@ from agonic.inertial.maths.variance_components import adjust_covariance
 from agonic.inertial.pair.problem import Problem
 from agonic.inertial.pair.solve import Solution
 from agonic.maths.equation.affine import FREE, model_basis
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.student import compute_widening
 from agonic.provenance import Provenance
 from agonic.samples import Samples
 from agonic.units import ACCELERATION, STANDARD_GRAVITY_M_S2

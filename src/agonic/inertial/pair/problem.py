@@ -21,8 +21,8 @@ from agonic.inertial.maths.shots import (
     observe,
 )
 from agonic.inertial.pair.settings import Settings
+from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.estimation.leastsq import inverse
-from agonic.maths.estimation.rest import find_rest
 from agonic.maths.rotations.mounting import right_angles, vertical_misfit
 from agonic.maths.rotations.vectors import skew
 from agonic.reference import Reference

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.maths.estimation.noise import Noise
+from agonic.maths.estimation.noise.residuals import Noise
 
 
 def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:

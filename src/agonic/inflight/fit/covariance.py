@@ -10,14 +10,14 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.correlated_errors import (
+from agonic.maths.estimation.noise.correlated_errors import (
     STRETCHES,
     CorrelatedError,
     Sums,
     compute_scatter,
     find_correlated_errors,
 )
-from agonic.maths.estimation.noise import Noise
+from agonic.maths.estimation.noise.residuals import Noise
 
 
 class RobustCovariance(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError
 from agonic.inflight.fit.drift import DEGREE
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 
 MOST_INTERVALS = 64
 CERTAIN = 2.5

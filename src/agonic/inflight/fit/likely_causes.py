@@ -13,7 +13,7 @@ from agonic.field.place import field_along
 from agonic.health import figure
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.samples import Samples
 

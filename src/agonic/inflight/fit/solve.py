@@ -33,8 +33,8 @@ from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.equation.channels import Problem as Known
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.correlated_errors import CorrelatedError
-from agonic.maths.estimation.noise import Noise, estimate_noise
+from agonic.maths.estimation.noise.correlated_errors import CorrelatedError
+from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 from agonic.maths.rotations.vectors import find_best_rotation
 
 FEWEST_STRETCHES = 120

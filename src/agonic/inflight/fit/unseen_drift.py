@@ -13,7 +13,7 @@ from agonic.inflight.fit.calibration import build_drift
 from agonic.inflight.fit.drift import evaluate_spline
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import Estimate, find_start, fit_rows, state_errors
-from agonic.maths.estimation.model_averaging import average_over_term
+from agonic.maths.estimation.inference.model_averaging import average_over_term
 
 DRIFTING = 0.1
 """Probability of a drift before the readings are seen, where unseen blocks do not ask for one."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.flight import Flight
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 
 NAMED = 0.1
 """Share of the variance from which a cause is named."""

@@ -9,7 +9,7 @@ from agonic.inflight.report.causes import NAMED, Share
 from agonic.inflight.report.figures import draw_sigmas
 from agonic.inflight.report.flight import Flight
 from agonic.inflight.report.ground import Comparison, Numbers
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.report.digits import (
     count,
     group_digits,

@@ -15,7 +15,7 @@ from agonic.inflight.simulation.kepler import Orbit, compute_state_i
 from agonic.maths.earth.earth_rotation import is_in_shadow, rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
 from agonic.maths.earth.geodesy import directions as place
-from agonic.maths.estimation.autoregression import autoregress
+from agonic.maths.estimation.noise.autoregression import autoregress
 from agonic.simulation.draws import draw_directions, draw_smooth, make_knots
 
 Pointing = Literal["nadir", "tumble"]

@@ -33,12 +33,12 @@ from agonic.inflight.tracking.schema import (
     TrackFile,
 )
 from agonic.logs.contents import read_bytes
-from agonic.maths.estimation import running_batch_means
-from agonic.maths.estimation.kalman import STATES, FilterState
-from agonic.maths.estimation.running_batch_means import RunningBatchMeans
+from agonic.maths.estimation.filters.kalman import STATES, FilterState
+from agonic.maths.estimation.filters.ud_filter import WATCHED
+from agonic.maths.estimation.noise import running_batch_means
+from agonic.maths.estimation.noise.running_batch_means import RunningBatchMeans
 from agonic.maths.estimation.turning import filter as turning
 from agonic.maths.estimation.turning import reading
-from agonic.maths.estimation.ud_filter import WATCHED
 from agonic.maths.rotations.polar import split_rotation
 from agonic.provenance import Provenance
 

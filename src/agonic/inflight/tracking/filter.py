@@ -20,7 +20,7 @@ from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
 from agonic.inflight.tracking.result import Coefficients
 from agonic.inflight.tracking.rows import make_rows, make_rows_with_rate
-from agonic.maths.estimation import kalman
+from agonic.maths.estimation.filters import kalman
 from agonic.maths.estimation.turning import filter as turning
 from agonic.maths.rotations.polar import split_rotation
 

@@ -22,7 +22,7 @@ from agonic.calibration.tracking import (
     TrackerState,
 )
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.estimation.turning import filter as turning
 
 OPENING = 128

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.opening import STRIDE
-from agonic.maths.estimation import kalman
+from agonic.maths.estimation.filters import kalman
 
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 

@@ -9,10 +9,11 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis, split
-from agonic.maths.estimation import kalman, leastsq
-from agonic.maths.estimation.least_median import fit_least_median_sphere
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.filters import kalman
 from agonic.maths.estimation.loss import cauchy, tukey
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 

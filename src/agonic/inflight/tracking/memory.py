@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation import kalman
+from agonic.maths.estimation.filters import kalman
 
 MEMORY_FROM = 192
 """Readings that can show a memory."""

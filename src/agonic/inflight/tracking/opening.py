@@ -22,9 +22,10 @@ from agonic.inflight.tracking.map_estimate import (
     residuals_at,
 )
 from agonic.inflight.tracking.memory import MEMORY_FROM, find_memory, widen_external
-from agonic.maths.estimation import kalman, leastsq
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.filters import kalman
 from agonic.maths.estimation.loss import cauchy
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 
 MOMENTS = tuple(sorted({n << k for n in (2, 3) for k in range(3, 12)} | {8192}))
 """Numbers of readings at which an opening is solved: 16, 24, 32, 48 … 8192; at the last it is

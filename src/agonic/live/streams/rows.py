@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from agonic.errors import AgonicError
-from agonic.logs.columns import Column, Identified, identify_column, identify_columns
+from agonic.logs.headers.columns import Column, Identified, identify_column, identify_columns
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
 Vector = tuple[float, float, float]

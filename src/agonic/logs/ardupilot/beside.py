@@ -11,8 +11,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.parameters import look_up
-from agonic.logs.heading_source import Candidate
-from agonic.logs.resample import resample
+from agonic.logs.rows.heading_source import Candidate
+from agonic.logs.rows.resample import resample
 
 Tables = Mapping[str, Table]
 

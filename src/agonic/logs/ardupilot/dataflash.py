@@ -28,9 +28,9 @@ from agonic.logs.ardupilot.dataflash_binary import Content, Table, read_binary
 from agonic.logs.ardupilot.dataflash_text import read_text
 from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
-from agonic.logs.heading_source import choose_heading
 from agonic.logs.log import Log
-from agonic.logs.resample import ESTIMATED_ATTITUDE, find_misplaced
+from agonic.logs.rows.heading_source import choose_heading
+from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, find_misplaced
 from agonic.provenance import Input
 from agonic.samples import Samples
 

@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Stream
-from agonic.logs.resample import compute_rate_Hz
+from agonic.logs.rows.resample import compute_rate_Hz
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.int64]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.logs.ardupilot.dataflash_binary import Index, Table
 from agonic.logs.ardupilot.mavlink import Messages
-from agonic.logs.clock import UNIX
+from agonic.logs.clocks.clock import UNIX
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 Columns = Mapping[str, tuple[str, float]]

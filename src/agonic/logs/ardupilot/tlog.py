@@ -25,7 +25,7 @@ from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, find_packet
 from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, make_tables
 from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
 from agonic.logs.log import Log, Readings, Stream
-from agonic.logs.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
+from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import RAW

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.logs import parquet
-from agonic.logs.clock import read_clock
-from agonic.logs.columns import identify_columns
+from agonic.logs.clocks.clock import read_clock
+from agonic.logs.headers.columns import identify_columns
 from agonic.logs.remote import Remote
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per

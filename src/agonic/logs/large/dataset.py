@@ -13,8 +13,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
-from agonic.logs.columns import Column, Identified, identify_column, identify_columns
 from agonic.logs.formats import PARQUET
+from agonic.logs.headers.columns import Column, Identified, identify_column, identify_columns
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 

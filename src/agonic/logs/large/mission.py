@@ -12,8 +12,8 @@ import numpy as np
 from agonic.errors import LogError
 from agonic.field.decimal_year import parse_date
 from agonic.logs import parquet
-from agonic.logs.columns import identify_columns
 from agonic.logs.formats import PARQUET
+from agonic.logs.headers.columns import identify_columns
 from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, find_layout, keep_usable, sweep
 from agonic.logs.read import open_log

@@ -19,13 +19,13 @@ from zipfile import BadZipFile, ZipFile
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs import csv_text
-from agonic.logs.columns import identify_columns
 from agonic.logs.folder import name_axes
 from agonic.logs.groups import build_groups_log
+from agonic.logs.headers.columns import identify_columns
 from agonic.logs.limits import MOST_BYTES, check_declared
 from agonic.logs.log import Log
 from agonic.logs.office import excel, opendocument
+from agonic.logs.text import csv_text
 from agonic.provenance import Input
 
 _MOST_SHEETS = 64

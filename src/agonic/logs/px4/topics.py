@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.logs.heading_source import Candidate
-from agonic.logs.resample import resample
+from agonic.logs.rows.heading_source import Candidate
+from agonic.logs.rows.resample import resample
 
 Topic = Mapping[str, NDArray[Any]]
 Topics = Mapping[str, Topic]

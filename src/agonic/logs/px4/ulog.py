@@ -16,7 +16,6 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.heading_source import choose_heading
 from agonic.logs.log import Log, Stream
 from agonic.logs.px4.parameters import Parameters, remove_correction
 from agonic.logs.px4.topics import (
@@ -30,7 +29,8 @@ from agonic.logs.px4.topics import (
     resample_columns,
     stack_vector,
 )
-from agonic.logs.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
+from agonic.logs.rows.heading_source import choose_heading
+from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER

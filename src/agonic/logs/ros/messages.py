@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.logs.columns import identify_column
+from agonic.logs.headers.columns import identify_column
 
 Row = Mapping[str, float]
 

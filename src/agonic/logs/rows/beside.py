@@ -9,9 +9,15 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.logs.auxiliary import Table, convert_column, fill_holes, find_finite_rows, to_numbers
-from agonic.logs.clock import Clock
-from agonic.logs.columns import Column, Identified
+from agonic.logs.clocks.clock import Clock
+from agonic.logs.headers.columns import Column, Identified
+from agonic.logs.rows.auxiliary import (
+    Table,
+    convert_column,
+    fill_holes,
+    find_finite_rows,
+    to_numbers,
+)
 from agonic.logs.rows.times import pick
 from agonic.provenance import Input
 from agonic.samples import COLUMNS
@@ -124,7 +130,7 @@ def _mark_unknown_headings(columns: dict[str, Any], readings: Mask) -> tuple[str
     last = at[np.clip(np.searchsorted(at, np.arange(len(known)), "right") - 1, 0, None)]
     columns["heading_deg"] = heading[last]
     stated = np.full(len(known), STATED_SD_DEG) if sd is None else sd
-    from agonic.logs.heading_source import UNKNOWN_SD_DEG
+    from agonic.logs.rows.heading_source import UNKNOWN_SD_DEG
 
     columns["heading_sd_deg"] = np.where(known, stated, UNKNOWN_SD_DEG)
     return (f"heading known in {int((readings & known).sum())} of {int(readings.sum())} rows",)

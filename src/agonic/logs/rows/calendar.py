@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.logs.auxiliary import Table, to_numbers
-from agonic.logs.clock import NO_ZONE, TIMES_OF_DAY, Clock, since_first_second
-from agonic.logs.columns import Identified
+from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, Clock, since_first_second
+from agonic.logs.headers.columns import Identified
+from agonic.logs.rows.auxiliary import Table, to_numbers
 
 _DAY_S = 86400.0
 _CENTURY = 2000.0
@@ -21,7 +21,7 @@ def read_parts(table: Table, found: Identified) -> Clock:
     """The clock that columns of hours, minutes and seconds are, with the date beside them if any.
 
     >>> import numpy as np
-    >>> from agonic.logs.columns import identify_columns
+    >>> from agonic.logs.headers.columns import identify_columns
     >>> table = {"hour": np.array([23.0, 0]), "minute": np.array([59.0, 0])}
     >>> read_parts(table, identify_columns(table))[0].tolist()
     [86340.0, 86400.0]
@@ -77,7 +77,7 @@ def _get(table: Table, found: Identified, part: str) -> Array | None:
 def read_zone(match: re.Match[str]) -> timedelta:
     """How far a zone that a header names is ahead of UTC.
 
-    >>> from agonic.logs.words import ZONE
+    >>> from agonic.logs.headers.words import ZONE
     >>> read_zone(ZONE.search("Date Time, GMT+03:00")).total_seconds() / 3600
     3.0
     """

@@ -11,9 +11,9 @@ from datetime import timedelta
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.logs.auxiliary import Table, to_numbers
-from agonic.logs.clock import UNIX, Clock
-from agonic.logs.columns import Column, Identified
+from agonic.logs.clocks.clock import UNIX, Clock
+from agonic.logs.headers.columns import Column, Identified
+from agonic.logs.rows.auxiliary import Table, to_numbers
 
 _GPS_UNIX_S = 315_964_800.0
 _WEEK_S = 604_800.0

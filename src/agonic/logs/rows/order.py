@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.logs.resample import find_misplaced
+from agonic.logs.rows.resample import find_misplaced
 
 _MOSTLY = 0.9
 """Share of the steps that lead back in a table written newest first."""

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index
-from agonic.logs.auxiliary import Table, find_finite_rows, to_numbers
-from agonic.logs.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
-from agonic.logs.columns import FRACTION, Column, Identified
-from agonic.logs.resample import find_misplaced
-from agonic.logs.words import ZONE
+from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
+from agonic.logs.headers.columns import FRACTION, Column, Identified
+from agonic.logs.headers.words import ZONE
+from agonic.logs.rows.auxiliary import Table, find_finite_rows, to_numbers
+from agonic.logs.rows.resample import find_misplaced
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""

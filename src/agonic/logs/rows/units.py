@@ -10,8 +10,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError, UnitError
-from agonic.logs.auxiliary import Table
-from agonic.logs.columns import FALLBACK, Column, Identified
+from agonic.logs.headers.columns import FALLBACK, Column, Identified
+from agonic.logs.rows.auxiliary import Table
 from agonic.units import RAW, find_unit, nanotesla_per
 
 _UNIT = re.compile(r"[(\[{<][^()\[\]{}<>]*[^\W\d][^()\[\]{}<>]*[)\]}>]\s*$")

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.apart import call
-from agonic.logs.clock import read_clock
-from agonic.logs.columns import refuse_many
-from agonic.logs.hdf5 import Budget, check_heaps, list_items
+from agonic.logs.arrays.hdf5 import Budget, check_heaps, list_items
+from agonic.logs.arrays.stacked import is_sampling_rate
+from agonic.logs.clocks.clock import read_clock
+from agonic.logs.headers.columns import refuse_many
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
-from agonic.logs.stacked import is_sampling_rate
 from agonic.provenance import Input
 
 CLASSIC = (b"CDF\x01", b"CDF\x02")

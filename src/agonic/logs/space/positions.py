@@ -15,8 +15,8 @@ from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.worldfield import ELEMENTS
-from agonic.logs.columns import Column, identify_column
 from agonic.logs.contents import read_text
+from agonic.logs.headers.columns import Column, identify_column
 
 _RANGES = {
     "latitude_deg": (-90.0, 90.0),

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.clock import UNIX, read_clock
-from agonic.logs.columns import refuse_many
+from agonic.logs.clocks.clock import UNIX, read_clock
 from agonic.logs.contents import to_number
+from agonic.logs.headers.columns import refuse_many
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input

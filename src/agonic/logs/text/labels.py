@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.columns import FALLBACK, find_columns, identify_column
-from agonic.logs.header import is_unit
+from agonic.logs.headers.columns import FALLBACK, find_columns, identify_column
+from agonic.logs.headers.header import is_unit
 from agonic.logs.text.layout import SAMPLE
 
 _NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once

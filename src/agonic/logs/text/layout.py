@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from itertools import islice
 
 from agonic.errors import LogError
-from agonic.logs.column_names import number_columns
-from agonic.logs.columns import identify_column, refuse_many
 from agonic.logs.contents import to_number
+from agonic.logs.headers.column_names import number_columns
+from agonic.logs.headers.columns import identify_column, refuse_many
 
 COMMENT = "#%"
 LABVIEW = "LabVIEW Measurement"

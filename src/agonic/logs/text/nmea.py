@@ -16,10 +16,10 @@ from math import nan
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.logs.auxiliary import PERIODS_DEG
-from agonic.logs.columns import identify_column
 from agonic.logs.contents import to_number
-from agonic.logs.resample import resample
+from agonic.logs.headers.columns import identify_column
+from agonic.logs.rows.auxiliary import PERIODS_DEG
+from agonic.logs.rows.resample import resample
 
 _XDR_UNITS = {"A": {"D": "deg"}, "C": {"C": "C", "K": "K"}}
 """Units of the transducers, by their type and the letter in the sentence."""

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.columns import FALLBACK, find_quantities, identify_columns
 from agonic.logs.contents import to_number
-from agonic.logs.conventions import find_named_quantity
+from agonic.logs.headers.columns import FALLBACK, find_quantities, identify_columns
+from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import LABVIEW, Layout, holds_values, is_header, split_cells
 from agonic.logs.text.numbers import split_rows

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.columns import identify_column
 from agonic.logs.contents import to_number
+from agonic.logs.headers.columns import identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
 from agonic.logs.text.nmea import Sentence, carry, read_beside, read_clock, read_transducers

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from agonic.logs.columns import find_columns, identify_column
 from agonic.logs.groups import build_groups_log
+from agonic.logs.headers.columns import find_columns, identify_column
 from agonic.logs.log import Log
 from agonic.logs.text.layout import Layout
 from agonic.logs.text.numbers import read_numbers

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation.coverage import find_spread_rows
-from agonic.maths.estimation.hidden_states import find_path
-from agonic.maths.estimation.least_median import fit_least_median_sphere
-from agonic.maths.estimation.noise import MAD_TO_SD, correlation_length
+from agonic.maths.estimation.changes.hidden_states import find_path
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
+from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
 NEITHER = 2
 _PRICE = 15.0  # of a switch, in log-likelihood: by chance one in e¹⁵ rows

@@ -11,10 +11,10 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.estimation.few_rows import FEW, scatter_of_few
 from agonic.maths.estimation.leastsq import inverse
-from agonic.maths.estimation.noise_with_memory import STRETCHES, Stretches, find_memory
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.few_rows import FEW, scatter_of_few
+from agonic.maths.estimation.noise.noise_with_memory import STRETCHES, Stretches, find_memory
+from agonic.maths.estimation.noise.student import compute_widening
 
 GEOMETRIES = slice(0, 3), slice(3, 4)
 """Slow errors stand in the axes of the sensor, or change the magnitude of the field."""

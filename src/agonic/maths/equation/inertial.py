@@ -25,7 +25,7 @@ from agonic.maths.equation.affine import (
     dip_residual,
 )
 from agonic.maths.estimation.loss import tukey
-from agonic.maths.estimation.noise import MAD_TO_SD
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 
 _ROUNDS = 4  # of reweighting a stretch's azimuth
 _LEAST = 1e-6  # weight, so that a stretch of outliers has an azimuth too

@@ -18,8 +18,8 @@ from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.equation.coverage import find_cells, find_spread_rows, weigh_crowded
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.batch_means import STRETCHES, compute_scatter
-from agonic.maths.estimation.noise import Noise, estimate_noise, is_like_gaussian
+from agonic.maths.estimation.noise.batch_means import STRETCHES, compute_scatter
+from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, is_like_gaussian
 
 _LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _ENOUGH = 3000  # readings for the search; the refinement uses all

@@ -20,7 +20,7 @@ from agonic.maths.equation.priors import make_prior
 from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 
 PLENTY = 25.0
 """Readings after which a box weighs no more: they were not made independently."""

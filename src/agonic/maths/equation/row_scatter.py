@@ -28,10 +28,10 @@ from agonic.arrays import Array
 from agonic.maths.equation.affine import correct, split
 from agonic.maths.equation.channels import Problem, field_of_terms, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate, find_attitude_shares
-from agonic.maths.estimation.few_rows import FEW, scatter_of_few
 from agonic.maths.estimation.leastsq import inverse
-from agonic.maths.estimation.noise_with_memory import STRETCHES, Stretches, find_memory
-from agonic.maths.estimation.student import compute_widening
+from agonic.maths.estimation.noise.few_rows import FEW, scatter_of_few
+from agonic.maths.estimation.noise.noise_with_memory import STRETCHES, Stretches, find_memory
+from agonic.maths.estimation.noise.student import compute_widening
 
 _CHANCE = 1.5  # by so much more than chance do the rows' own scores differ from equal ones
 _WORST_CONDITION = 1e9

@@ -11,9 +11,9 @@ from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import join
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.least_median import fit_least_median_sphere
 from agonic.maths.estimation.loss import cauchy, squares
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
 _STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
 _STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)

@@ -22,8 +22,8 @@ from agonic.arrays import Array, Index
 from agonic.maths.equation.affine import correct, split
 from agonic.maths.equation.channels import Problem, compute_residuals, field_of_terms, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate, find_attitude_shares
+from agonic.maths.estimation.inference.model_averaging import average_over_term
 from agonic.maths.estimation.leastsq import inverse
-from agonic.maths.estimation.model_averaging import average_over_term
 
 _UNEQUAL = 0.1  # probability that axes are not equally noisy, before the readings are seen
 _STEP = 1e-2  # of the field, over which second derivatives are taken

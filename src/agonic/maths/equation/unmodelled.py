@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.maths.estimation.autoregression import autoregress
+from agonic.maths.estimation.noise.autoregression import autoregress
 
 Terms = Callable[[Array], Array]
 """Readings over the radius, (n, 3), to E (n, 3, k)."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import cauchy
-from agonic.maths.estimation.noise import Noise, estimate_noise, robust_scale
+from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, robust_scale
 from agonic.maths.rotations.angles import wrap_deg
 
 LEVEL = ("A", "B", "C", "D", "E")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.noise import MAD_TO_SD
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 
 UNSEEN = 4.382
 """sd of ⟨a⟩ over that of ⟨a − ⟨a⟩⟩ where a has an even spectrum, ⟨⟩ the low-pass: the root of

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index, Mask
-from agonic.maths.estimation.block_tridiagonal import Tridiagonal
+from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
 from agonic.maths.rotations.attitude import integrate_rates
 
 SPACING_S = 0.5

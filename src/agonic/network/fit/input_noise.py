@@ -10,7 +10,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import measure_width
 from agonic.calibration.thermal import Thermal
-from agonic.maths.estimation.noise import robust_scale
+from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.network.fit.problem import Problem
 
 

@@ -16,7 +16,12 @@ from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import network
 from agonic.maths.estimation import domain
 from agonic.maths.estimation.domain import estimate_neighbour_covariance
-from agonic.maths.estimation.noise import Noise, correlation_length, estimate_noise, robust_scale
+from agonic.maths.estimation.noise.residuals import (
+    Noise,
+    correlation_length,
+    estimate_noise,
+    robust_scale,
+)
 from agonic.network.fit.base import BaseFit
 from agonic.network.fit.input_noise import Noiseless, Scale
 from agonic.network.fit.problem import Problem, compute_errors

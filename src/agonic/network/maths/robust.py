@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise, estimate_noise
+from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 
 _ROUNDS = 6
 

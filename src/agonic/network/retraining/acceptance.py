@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.retraining import RetrainerParams, Window
 from agonic.health import figure
-from agonic.maths.estimation.noise import correlation_length, robust_scale
+from agonic.maths.estimation.noise.residuals import correlation_length, robust_scale
 
 CERTAIN = 3.0
 """A candidate wins when the difference of square errors is so many of its standard errors."""

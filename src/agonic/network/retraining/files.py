@@ -17,7 +17,7 @@ from agonic.calibration.encoding import decode, encode
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retraining, Window
 from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import read_bytes
-from agonic.maths.estimation import cusum
+from agonic.maths.estimation.changes import cusum
 
 Row = tuple[float, ...]
 Rows = tuple[Row, ...]

@@ -30,7 +30,7 @@ from agonic.calibration.retraining import Running, Window
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise import Noise, robust_scale
+from agonic.maths.estimation.noise.residuals import Noise, robust_scale
 from agonic.network.maths.robust import solve_with_noise
 
 _CONSTANTS = [3, 7, 11]

@@ -18,7 +18,7 @@ from agonic.calibration.retraining import (
 )
 from agonic.errors import AgonicError
 from agonic.health import Finding, Judged, figure, sentences
-from agonic.maths.estimation import cusum
+from agonic.maths.estimation.changes import cusum
 from agonic.network.fit.problem import compute_errors
 from agonic.network.maths.blocks import hold_out
 from agonic.network.retraining import acceptance, schedule

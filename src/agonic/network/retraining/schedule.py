@@ -19,7 +19,7 @@ from agonic.calibration.retraining import (
     Why,
     Window,
 )
-from agonic.maths.estimation import cusum
+from agonic.maths.estimation.changes import cusum
 
 GROWTH = 1.25
 """A change that was learned is learned again with so many times the readings, until the window is

@@ -17,7 +17,7 @@ from agonic.attitude.settings import Settings
 from agonic.calibration.interference import Interference
 from agonic.fit import Fit
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.estimation.wald import wald
+from agonic.maths.estimation.inference.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from agonic.logs.columns import identify_column
+from agonic.logs.headers.columns import identify_column
 from agonic.samples import Samples
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.files.sensor_columns import find_label

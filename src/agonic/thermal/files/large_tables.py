@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs import csv_text, parquet
-from agonic.logs.column_names import ColumnNames, names_for, rename_headers
-from agonic.logs.columns import find_columns, find_quantities
+from agonic.logs import parquet
 from agonic.logs.formats import PARQUET, TEXT
+from agonic.logs.headers.column_names import ColumnNames, names_for, rename_headers
+from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.read import open_log
+from agonic.logs.text import csv_text
 from agonic.provenance import Input, hash_file
 from agonic.thermal.files.split_table import Part, Table, split_table
 

@@ -48,7 +48,7 @@ from msgspec import Struct
 
 from agonic.errors import LogError
 from agonic.files.toml_sections import read_section, read_toml, try_to_make
-from agonic.logs.column_names import parse_names
+from agonic.logs.headers.column_names import parse_names
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.thermal.campaign.description import Description, Station, find_repeated
 from agonic.thermal.campaign.profile import Profile

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from agonic.logs.column_names import ColumnNames
+from agonic.logs.headers.column_names import ColumnNames
 from agonic.thermal.campaign.description import Description
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.files.schema import FILE_NAME

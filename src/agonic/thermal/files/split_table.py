@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Index
 from agonic.errors import LogError
-from agonic.logs.columns import find_quantities, identify_column, identify_columns
+from agonic.logs.headers.columns import find_quantities, identify_column, identify_columns
 from agonic.logs.table import build_log
 from agonic.provenance import Input
 from agonic.samples import Samples

@@ -11,9 +11,9 @@ from agonic.errors import CoverageError
 from agonic.fit import ModelTest
 from agonic.maths.equation.temperature_model import build_covariates
 from agonic.maths.estimation import series
-from agonic.maths.estimation.model_averaging import average_over_term
-from agonic.maths.estimation.noise import noise_scale, robust_scale
-from agonic.maths.estimation.wald import wald
+from agonic.maths.estimation.inference.model_averaging import average_over_term
+from agonic.maths.estimation.inference.wald import wald
+from agonic.maths.estimation.noise.residuals import noise_scale, robust_scale
 from agonic.samples import Samples
 from agonic.thermal.fit.scale import NO_LAG, Scale
 from agonic.thermal.fit.settings import LARGEST_AUTO, Settings

@@ -15,9 +15,9 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.inference.model_averaging import average_over_term
 from agonic.maths.estimation.loss import Loss, squares
-from agonic.maths.estimation.model_averaging import average_over_term
-from agonic.maths.estimation.noise import estimate_noise, robust_scale
+from agonic.maths.estimation.noise.residuals import estimate_noise, robust_scale
 from agonic.thermal.maths import fixture, gaussian_process
 from agonic.thermal.maths.prior import estimate_width, make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (

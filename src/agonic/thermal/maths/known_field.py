@@ -17,8 +17,8 @@ from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import squares
-from agonic.maths.estimation.noise import Noise, estimate_noise, robust_scale
-from agonic.maths.estimation.noise_with_memory import STRETCHES, Stretches, find_memory
+from agonic.maths.estimation.noise.noise_with_memory import STRETCHES, Stretches, find_memory
+from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, robust_scale
 
 BLOCKS = 10
 """Blocks of readings, in their order, each of which a fit is tried on that has not seen it."""

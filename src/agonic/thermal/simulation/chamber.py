@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.autoregression import autoregress
+from agonic.maths.estimation.noise.autoregression import autoregress
 from agonic.simulation.draws import draw_directions, make_knots
 from agonic.thermal.plan.plan import ThermalPlan
 

@@ -28,7 +28,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.estimation import kalman, running_batch_means, ud_filter
+from agonic.maths.estimation.filters import kalman, ud_filter
+from agonic.maths.estimation.noise import running_batch_means
 from agonic.maths.estimation.turning import motion, reading
 
 STATES = {"bias": 10, "gains": 13, "full": 16}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 from typing import Any
 
-from agonic.maths.estimation import ud_filter
+from agonic.maths.estimation.filters import ud_filter
 
 _RATES = 16.0  # readings over which what the rates leave unseen is averaged
 _TURNS = 256.0  # readings over which what turns unseen is averaged, to be told

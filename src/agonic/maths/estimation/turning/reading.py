@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from agonic.maths.estimation import ud_filter
+from agonic.maths.estimation.filters import ud_filter
 
 SEEN = 22
 """Numbers kept of each reading: residual x y z, its sd x y z, whether it was used, L⁻¹ of the

@@ -1,0 +1,1 @@
+"""Moments as files write them, as seconds since an epoch."""

@@ -1,0 +1,195 @@
+"""Times as files write them, into float64 seconds since an epoch."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.arrays import Array
+
+Clock = tuple[Array | None, datetime | None, tuple[str, ...]]
+"""Seconds, the UTC moment of second zero where it is known, and notes."""
+
+UNIX = datetime(1970, 1, 1, tzinfo=UTC)
+
+_UNIX_SECONDS = (1e9, 4.1e9)
+"""2001 to 2099: a clock that reads this many seconds counts from 1970, not from power-on."""
+_LONGEST_STEP_S = 1000.0
+_ZONES_H = {
+    "EST": -5, "EDT": -4, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7, "WET": 0, "WEST": 1,
+    "CET": 1, "CEST": 2, "EET": 2, "EEST": 3, "MSK": 3, "JST": 9, "AEST": 10, "AEDT": 11,
+}  # fmt: skip
+"""Hours ahead of UTC. CST, IST and BST stand for several zones."""
+_ZONE = re.compile(r"\s+\(?([A-Z]{3,5})\)?$")
+_DAY_S = 86400.0
+_HOUR_S = 3600.0
+_NONE_READ = "times left out: none could be read"
+NO_ZONE = "times name no zone: taken as UTC"
+TIMES_OF_DAY = "times of day"
+"""How the note on a clock without a date begins."""
+_TIED_SHARE = 0.01
+"""Share of rows with an unchanged clock but other readings, above which the clock is coarse."""
+
+
+def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
+    """The clock that a time column holds.
+
+    `values` are numbers, moments (datetime64) or texts; `unit_s` is one of the column's units in
+    seconds, `None` where it does not say.
+    """
+    if values.dtype.kind == "M":
+        return _of_moments(values)
+    if values.dtype.kind in "OUS":
+        return _of_texts(values.astype(str).tolist())
+    numbers = values.astype(np.float64)
+    if unit_s is None:
+        return _without_unit(numbers)
+    seconds = numbers / (1 / unit_s)  # 70 000 µs / 1e6 is 0.07 s; times 1e-6 is not
+    return since_first_second(seconds, ()) if _is_unix(seconds) else (seconds, None, ())
+
+
+def _without_unit(numbers: Array) -> Clock:
+    """Unix times by their size, otherwise seconds where the steps can be seconds."""
+    for name, per_second in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
+        if _is_unix(numbers / per_second):
+            note = f"times have no unit; by their size they are Unix times in {name}"
+            return since_first_second(numbers / per_second, (note,))
+    from agonic.logs.clocks.numbered_dates import read_digits_s
+
+    if (digits := read_digits_s(numbers)) is not None:
+        seconds, dated, note = digits
+        return since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
+    steps = np.diff(numbers[np.isfinite(numbers)])
+    if len(steps) and np.median(steps) > 1 and (steps == np.round(steps)).all():
+        note = (
+            f"times left out: they have no unit and step by {np.median(steps):g}; name the "
+            "column time_s, time_ms or time_us"
+        )
+        return None, None, (note,)
+    return numbers, None, ("times have no unit: taken as seconds",)
+
+
+def _is_unix(seconds: Array) -> bool:
+    low, high = _UNIX_SECONDS
+    if not (seconds > low).any():
+        return False
+    finite = seconds[np.isfinite(seconds)]
+    step = np.median(np.abs(np.diff(finite))) if len(finite) > 1 else 0.0
+    return bool(low < np.median(finite) < high and step <= _LONGEST_STEP_S)
+
+
+def since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
+    """Unix seconds as seconds since the whole second in which they start."""
+    finite = unix[np.isfinite(unix)]
+    if not len(finite):
+        return None, None, (_NONE_READ,)
+    start = float(np.floor(min(finite[0], finite[-1])))  # of a table newest first, the last
+    return unix - start, UNIX + timedelta(seconds=start), notes
+
+
+def _of_moments(values: NDArray[Any]) -> Clock:
+    known = values[~np.isnat(values)]
+    if not len(known):
+        return None, None, (_NONE_READ,)
+    first = min(known[0], known[-1]).astype("datetime64[s]")
+    epoch = UNIX + timedelta(seconds=int(first.astype(np.int64)))
+    return (values - first) / np.timedelta64(1, "s"), epoch, ()
+
+
+def _of_texts(texts: list[str]) -> Clock:
+    """Date-times of ISO 8601 (or with slashes), or times of day without a date."""
+    from agonic.logs.clocks.dates import AMBIGUOUS, find_order, has_slashes, read_duration_s
+
+    if texts and read_duration_s(texts[0]) is not None:
+        spans = [read_duration_s(text) for text in texts]
+        seconds = np.array([np.nan if s is None else s for s in spans])
+        if ":" in texts[0] and seconds[np.isfinite(seconds)].max() < _HOUR_S:  # mm:ss.0 of Excel
+            seconds[np.isfinite(seconds)] = np.unwrap(seconds[np.isfinite(seconds)], period=_HOUR_S)
+        return seconds, None, ()
+    slashes = any(map(has_slashes, texts))
+    order = find_order(texts) if slashes else None
+    moments = [_moment(text, order) for text in texts]
+    known = [moment for moment in moments if moment is not None]
+    zone = _ZONE.search(texts[0].strip("\"' ")) if texts and not known else None
+    if zone is not None:  # letters that stand for several zones: CST, IST
+        time, start, notes = _of_texts([_ZONE.sub("", text.strip("\"' ")) for text in texts])
+        ahead = _ZONES_H.get(zone[1])
+        if start is not None and ahead is not None:
+            return time, start - timedelta(hours=ahead), ()
+        said = f"times name the zone {zone[1]}, which stands for several: taken as UTC"
+        return time, start, notes if start is None else (said,)
+    if not known:
+        example = next((text for text in texts if text.strip()), "")
+        note = f"times left out: {example[:40]!r} is not a time such as 2026-03-01T12:00:00.5Z"
+        return None, None, (note,)
+    first = min(known[0], known[-1]) if known[0].year > 1 else known[0]
+    epoch = first.replace(microsecond=0)
+    seconds = np.array(
+        [np.nan if moment is None else (moment - epoch).total_seconds() for moment in moments]
+    )
+    if first.year > 1:
+        named = any(map(_names_zone, texts[:9]))
+        return seconds, epoch, () if named else (NO_ZONE,)
+    finite = np.isfinite(seconds)
+    seconds[finite] = np.unwrap(seconds[finite], period=_DAY_S)
+    return seconds, None, (AMBIGUOUS if slashes else f"{TIMES_OF_DAY} without a date",)
+
+
+def _moment(text: str, order: str | None) -> datetime | None:
+    """The UTC moment of a text; a time of day alone falls on day one of year one."""
+    from agonic.logs.clocks.dates import write_iso
+
+    plain = text.strip().strip("\"'").replace("/", "-")
+    found = _of_iso(plain)
+    if found is None and (iso := write_iso(text, order)) is not None:
+        found = _of_iso(iso)
+    return found
+
+
+def _of_iso(text: str) -> datetime | None:
+    for dated in (text, f"0001-01-01 {text}"):
+        with suppress(ValueError, OverflowError):
+            moment = datetime.fromisoformat(dated)
+            return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    return None
+
+
+def _names_zone(text: str) -> bool:
+    tail = text.strip()[10:]
+    return tail.upper().endswith(("Z", "UTC", "GMT")) or "+" in tail or "-" in tail
+
+
+def spread_ties(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
+    """Times of a coarse clock, with each run of equal times spread evenly over its tick.
+
+    A clock is coarse where it stands still although the readings (n, 3) change, in more than a
+    few rows; a repeated row is not a tick and is left for `Samples` to reject. Row i of a run of
+    k at time t becomes t + (i/k) min(t' − t, median tick), t' being the next time.
+
+    >>> spread_ties(np.array([0.0, 0.0, 1.0, 1.0]), np.arange(12.0).reshape(4, 3))[0]
+    array([0. , 0.5, 1. , 1.5])
+    """
+    rows = np.flatnonzero(np.isfinite(time))
+    ticks = time[rows]
+    still = ticks[1:] == ticks[:-1]
+    if still.sum() <= max(_TIED_SHARE * len(ticks), 1):
+        return time, ()
+    moved = (np.diff(field[rows], axis=0) != 0).any(axis=1)
+    if not (still & moved).sum() > max(_TIED_SHARE * len(ticks), 1):
+        return time, ()
+    starts = np.flatnonzero(np.append(True, ~still))
+    lengths = np.diff(np.append(starts, len(ticks)))
+    steps = np.diff(ticks[starts])
+    forward = steps[steps > 0]
+    tick = float(np.median(forward)) if len(forward) else 0.0
+    span = np.append(np.where(steps > 0, np.minimum(steps, tick), tick), tick)
+    within = np.arange(len(ticks)) - np.repeat(starts, lengths)
+    spread = time.copy()
+    spread[rows] = ticks + within / np.repeat(lengths, lengths) * np.repeat(span, lengths)
+    note = f"the clock stands still for up to {lengths.max()} rows: times spread over its tick"
+    return spread, (note,)

@@ -1,0 +1,1 @@
+"""What the headers of a table say of its columns."""

@@ -1,0 +1,287 @@
+"""Which column is what, where the headers of a file do not say: `time=t,x=mx,y=my,z=mz`.
+
+The names on the left are canonical ones (`time_ms`, `temperature_C`, `acc_x_g`), x, y and z alone
+those of the magnetometer; on the right stand the headers of the file, or numbers from 1 where it
+has none. They are given with `--columns` or `read(columns=…)`, or kept beside the log, in a file
+with its name and `.toml` behind it:
+
+    unit = "uT"
+
+    [columns]
+    time = "t"
+    x = "mx"
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from os.path import isfile
+from pathlib import Path
+
+from agonic.errors import LogError
+from agonic.logs.headers.columns import Column, identify_column
+
+_BESIDE = ".toml"
+_AXES = "xyz"
+_UNIT_BEHIND = re.compile(r"[,;(\[{]\s*([^,;(\[{}\])]+)[)\]}]?\s*$")
+_FIELD_BEHIND = re.compile(r"_(nT|uT|[µμ]T|mT|mG|Gauss|gauss)$")
+_LIKE_A_CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
+
+_MOMENT = {
+    "year": "year years yyyy yr jahr",
+    "month": "month months mon mo monat",
+    "day_of_month": "day days dd dom dayofmonth tag",
+    "day_of_year": "doy dayofyear yday jday",
+    "hour": "hour hours hr hrs hh h stunde",
+    "minute": "minute minutes mins min mn",
+    "second_of_minute": "second seconds secs sec ss s",
+    "millisecond": "millisecond milliseconds millis msec ms",
+}
+_DATE, _TIME_OF_DAY = tuple(_MOMENT)[:4], tuple(_MOMENT)[4:]
+_PART_OF = {word: part for part, words in _MOMENT.items() for word in words.split()}
+_AFTER = {"year": "month", "hour": "minute"}
+"""What mm or m stands for, by the part before it."""
+_IDLE = re.compile(r"(?i)utc|gmt|time|date|[\W\d_]+")
+_STRENGTH = re.compile(r"[hH][_ ]?([xyzXYZ])(?=$|\s*[(\[])")
+"""The field as its strength, H, which alone is taken for no more than a letter: Hz."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnNames:
+    """The headers of a file by the canonical names of what they hold, and the unit of the field.
+
+    With `several` files the columns of a numbered sensor may be in others: they are left out of a
+    file that has none of them.
+    """
+
+    headers: Mapping[str, str]
+    unit: str | None = None
+    where: str = "--columns"
+    several: bool = False
+
+    def rename(self, headers: Sequence[str]) -> list[str]:
+        """The headers as they should be read: others for the same quantity become empty.
+
+        Raises `LogError` where a header is not there.
+
+        >>> parse_names("time_s=t,x=a,y=b,z=c").rename(["t", "a", "b", "c", "mx"])
+        ['time_s', 'mag_x', 'mag_y', 'mag_z', '']
+        """
+        ours = {
+            theirs: _canonical(name, self.unit, theirs) for name, theirs in self.headers.items()
+        }
+        if self.several:
+            here = {_sensor(name) for theirs, name in ours.items() if theirs in headers}
+            ours = {h: name for h, name in ours.items() if _sensor(name) in {"", *here}}
+        missing = [theirs for theirs in ours if theirs not in headers]
+        if missing:
+            there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
+            raise LogError(f"{self.where} names {missing[0]!r}; the columns are {there}")
+        replaced = _of_sensor if self.several else _quantity
+        named = {replaced(name) for name in ours.values()}
+        return [ours.get(h, "" if replaced(h) in named else h) for h in headers]
+
+
+_given: ContextVar[ColumnNames | None] = ContextVar("given", default=None)
+_in_force: ContextVar[ColumnNames | None] = ContextVar("in_force", default=None)
+
+
+def _canonical(name: str, unit: str | None, theirs: str = "") -> str:
+    """The header that stands for a name on the left, with the unit that theirs has.
+
+    >>> _canonical("x", None, "Channel 1 [mG]"), _canonical("temperature", None, "T2, K")
+    ('mag_x_mG', 'temperature_k')
+    >>> _canonical("x", None, "mag_x_nT"), _canonical("x", "mG", "S0_uT")
+    ('mag_x_nT', 'mag_x_uT')
+    """
+    ours = f"mag_{name}" if name in _AXES else name
+    column = identify_column(ours)
+    if column is None or column.unit is not None:
+        return ours
+    if written := _read_unit(ours, theirs, column):
+        return f"{ours}_{written}"
+    return f"{ours}_{unit}" if column.quantity.column == "field" and unit else ours
+
+
+def _read_unit(ours: str, theirs: str, column: Column) -> str | None:
+    """The unit that a header names: in brackets, as one that is understood, or behind its name."""
+    tail = _UNIT_BEHIND.search(theirs)
+    named = [identify_column(f"{ours} [{tail[1].strip()}]")] if tail else []
+    own = identify_column(theirs)
+    if own is not None and own.quantity == column.quantity:
+        named.append(own)
+    if _FIELD_BEHIND.search(theirs) and column.quantity.column == "field":
+        named.append(identify_column(f"{ours}_{theirs.rpartition('_')[2]}"))
+    return next((one.unit for one in named if one is not None and one.unit is not None), None)
+
+
+def _sensor(header: str) -> str:
+    column = identify_column(header)
+    return "" if column is None else column.sensor
+
+
+def _of_sensor(header: str) -> tuple[str, str]:
+    return _quantity(header), _sensor(header)
+
+
+def _quantity(header: str) -> str:
+    column = identify_column(header)
+    if column is None or column.quantity.column == "disturber":
+        return header
+    return column.quantity.column
+
+
+def parse_names(text: str | Mapping[str, str], where: str = "--columns") -> ColumnNames:
+    """The names in `time=t,x=mx,y=my,z=mz`, or in a mapping of such.
+
+    Raises `LogError` for a name that is no column's.
+    """
+    if isinstance(text, str):
+        pairs = [pair.partition("=") for pair in text.split(",") if pair.strip()]
+        if not all(sign and theirs.strip() for _, sign, theirs in pairs):
+            raise LogError(f"{where} is {text!r}; it needs NAME=HEADER,…: time=t,x=mx,y=my,z=mz")
+        headers = {ours.strip(): theirs.strip() for ours, _, theirs in pairs}
+    else:
+        headers = {str(ours): str(theirs) for ours, theirs in text.items()}
+    for name in headers:
+        if identify_column(_canonical(name, None)) is None:
+            raise LogError(
+                f"{where}: {name!r} is no column; use time, x, y, z, temperature_C, acc_x_m_s2, "
+                "gyro_x_rad_s, roll_deg, pitch_deg, heading_deg, current_A, heater_A …"
+            )
+    return ColumnNames(headers=headers, where=where)
+
+
+def give_names(text: str | None) -> None:
+    """Take these names for every log that is opened from now on, as a command does."""
+    _given.set(None if text is None else parse_names(text))
+
+
+def write_given_names() -> str:
+    """The names that were given, as one types them; "" where none were.
+
+    >>> give_names("time_s=t, x=a")
+    >>> write_given_names()
+    'time_s=t,x=a'
+    >>> give_names(None)
+    """
+    given = _given.get()
+    return "" if given is None else ",".join(f"{a}={b}" for a, b in given.headers.items())
+
+
+@contextmanager
+def names_for(
+    path: Path, columns: str | Mapping[str, str] | ColumnNames | None
+) -> Iterator[ColumnNames | None]:
+    """The names in force while a file is read: these, else the given ones, else those beside it."""
+    if isinstance(columns, ColumnNames):
+        found: ColumnNames | None = columns
+    else:
+        found = parse_names(columns, "columns") if columns else _given.get() or _read_beside(path)
+    token = _in_force.set(found)
+    try:
+        yield found
+    finally:
+        _in_force.reset(token)
+
+
+def _read_beside(path: Path) -> ColumnNames | None:
+    """The names in the file beside a log, if there is one with a table of columns."""
+    beside = Path(f"{path}{_BESIDE}")
+    if not isfile(beside):  # False too where the name is longer than names may be
+        return None
+    try:
+        told = tomllib.loads(beside.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise LogError(f"{beside.name} cannot be read: {error}") from None
+    columns, unit = told.get("columns"), told.get("unit")
+    if not isinstance(columns, dict) or not isinstance(unit, str | None):
+        raise LogError(f'{beside.name} needs a table [columns] with lines such as x = "mx"')
+    names = parse_names(columns, beside.name)
+    return ColumnNames(headers=names.headers, unit=unit, where=beside.name)
+
+
+def rename_headers(headers: Sequence[str]) -> list[str]:
+    """The headers as the names in force say; as they are without any."""
+    names = _in_force.get()
+    return _name_strength(_name_parts(headers if names is None else names.rename(headers)))
+
+
+def _name_parts(headers: Sequence[str]) -> list[str]:
+    """The headers, those of the parts of a moment with canonical names.
+
+    `h`, `mm` and `Sec` mean that beside each other only.
+
+    >>> _name_parts(["YYYY", "MM", "DD", "hh", "mm", "ss", "Bx"])[3:]
+    ['hour', 'minute', 'second_of_minute', 'Bx']
+    >>> _name_parts(["s", "mx", "min", "day"])
+    ['s', 'mx', 'min', 'day']
+    """
+    found: list[str] = []
+    for header in headers:
+        word = _IDLE.sub("", header).lower() if len(header) < 24 else ""
+        part = _PART_OF.get(word, "")
+        if word in ("mm", "m"):
+            part = _AFTER.get(next((one for one in reversed(found) if one), ""), "")
+        found.append("" if part in found else part)
+    timed = {"hour", "minute"} <= {*found}
+    dated = "year" in found and ({"month", "day_of_month"} <= {*found} or "day_of_year" in found)
+    wanted = {*(_DATE if dated else ()), *(_TIME_OF_DAY if timed else ())}
+    return [part if part in wanted else h for h, part in zip(headers, found, strict=True)]
+
+
+def _name_strength(headers: Sequence[str]) -> list[str]:
+    """The headers, with `hx, hy, hz` as the field where all three are there and no other field is.
+
+    >>> _name_strength(["t", "HX(uT)", "HY(uT)", "HZ(uT)"]), _name_strength(["Hz"])
+    (['t', 'magX(uT)', 'magY(uT)', 'magZ(uT)'], ['Hz'])
+    """
+    axes = [match[1].lower() for h in headers if (match := _STRENGTH.match(h))]
+    if sorted(axes) != [*_AXES] or any(_quantity(header) == "field" for header in headers):
+        return list(headers)
+    return [_STRENGTH.sub(r"mag\1", header) for header in headers]
+
+
+def number_columns(width: int) -> list[str] | None:
+    """Numbers from 1 for the columns of a table without a header, where names are in force."""
+    return None if _in_force.get() is None else [str(k + 1) for k in range(width)]
+
+
+def suggest_names(headers: Iterable[str]) -> str:
+    """The option that would name the columns of a magnetometer, guessed from the headers.
+
+    >>> suggest_names(["clock", "Sens0", "Sens1", "Sens2"])
+    '--columns time=clock,x=Sens0,y=Sens1,z=Sens2 --unit uT'
+    """
+    known = list(headers)
+    free = [header for header in known if identify_column(header) is None]
+    time = next((h for h in known if _quantity(h) == "time" or _LIKE_A_CLOCK.search(h)), None)
+    free = sorted((h for h in free if _may_be_field(h)), key=lambda h: h[:1].lower() not in "mbh")
+    x, y, z = next(filter(None, (_find_triple(h, free) for h in free)), ("…",) * 3)
+    parts = [f"time={time}"] * (time is not None) + [f"x={x}", f"y={y}", f"z={z}"]
+    columns = ",".join(parts)
+    return f"--columns {repr(columns) if ' ' in columns else columns} --unit uT"
+
+
+def _may_be_field(header: str) -> bool:
+    """Whether the unit of a header, if it has one in brackets, can be that of a field."""
+    tail = _UNIT_BEHIND.search(header)
+    if tail is None:
+        return True
+    written = identify_column(f"mag_x [{tail[1].strip()}]")
+    return written is not None and written.unit is not None
+
+
+def _find_triple(first: str, headers: Sequence[str]) -> tuple[str, str, str] | None:
+    """Three headers that differ in one letter: x, y, z, or 0, 1, 2, or 1, 2, 3."""
+    for letters in ("xyz", "XYZ", "012", "123"):
+        for at, letter in enumerate(first):
+            others = [first[:at] + other + first[at + 1 :] for other in letters[1:]]
+            if letter == letters[0] and all(other in headers for other in others):
+                return first, others[0], others[1]
+    return None

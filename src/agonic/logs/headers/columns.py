@@ -1,0 +1,176 @@
+"""What a column of a table holds, told by its name: the canonical names and the aliases.
+
+A canonical name is the quantity, the axis and the unit: `time_s`, `mag_x_nT`, `temperature_C`,
+`acc_x_m_s2`. Loggers write other things, and `QUANTITIES` is the table of what is understood.
+Case, blanks and punctuation do not count, so `Magnetometer X (uT)`, `magnetometer.x [µT]` and
+`MagX_uT` are one name. The axis may stand before, within or after the name (`xmag`, `mag1_x`,
+`magnetometer_ga[0]`), and so may the number of a sensor (`mag2_x`, `mag_x_2`, `imu2.mag.x`).
+
+What stands before such a name is the sensor (`mmc_x_uT`, `/front/mag/magnetic_field/x`), unless a
+word there says that the column is no reading (`bias`, `std`, `expected`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+from agonic.errors import LogError
+from agonic.logs.headers.header import (
+    ALIAS,
+    CANONICAL,
+    FALLBACK,
+    MOST_COLUMNS,
+    PREFERRED,
+    Column,
+    identify_column,
+)
+
+__all__ = [
+    "ALIAS",
+    "CANONICAL",
+    "FALLBACK",
+    "MOST_COLUMNS",
+    "PREFERRED",
+    "Column",
+    "find_columns",
+    "find_quantities",
+    "identify_column",
+    "identify_columns",
+    "refuse_many",
+]
+
+
+def refuse_many(count: int, what: str = "") -> None:
+    """Raise `LogError` for a table of more than `MOST_COLUMNS`, or so many arrays or variables."""
+    if count > MOST_COLUMNS:
+        many = f"it holds more than {MOST_COLUMNS} {what}: this is no log"
+        raise LogError(many if what else f"{count} columns: more than {MOST_COLUMNS} are no log")
+
+
+def find_columns(headers: Sequence[str]) -> dict[int, str]:
+    """The columns that are understood, by position; none may be there twice.
+
+    >>> find_columns(["no", "mag_x", "mag_y"])
+    {1: 'mag_x', 2: 'mag_y'}
+    """
+    refuse_many(len(headers))
+    sensors = _name_sensors(headers)
+    found = {i: h for i, h in enumerate(headers) if identify_column(h, sensors) is not None}
+    for header, times in Counter(found.values()).items():
+        if times > 1:
+            raise LogError(f"the column {header!r} is there {times} times; rename or remove one")
+    return found
+
+
+def find_quantities(headers: Iterable[str]) -> dict[str, str]:
+    """The quantity that each header names, "" where none; beside headers that name sensors.
+
+    >>> find_quantities(["mmc_x_uT", "mmc_temperature_C", "note"])
+    {'mmc_x_uT': 'field', 'mmc_temperature_C': 'temperature', 'note': ''}
+    """
+    headers = list(headers)
+    sensors = _name_sensors(headers)
+    found = {header: identify_column(header, sensors) for header in headers}
+    return {header: "" if c is None else c.quantity.column for header, c in found.items()}
+
+
+def _name_sensors(headers: Iterable[str]) -> frozenset[str]:
+    """The names of magnetometers that the headers hold."""
+    found = map(identify_column, headers)
+    return frozenset(c.sensor for c in found if c and c.quantity.column == "field" and c.sensor)
+
+
+Identified = dict[str, dict[str, dict[str, Column]]]
+"""Columns by quantity, sensor and axis; "" where there is no sensor or axis."""
+
+
+def identify_columns(headers: Iterable[str]) -> Identified:
+    """The columns that are understood, the best name for each.
+
+    Raises `LogError` naming both where two columns could be the same thing.
+
+    >>> identify_columns(["t", "mag2_x", "note"])["field"]["2"]["x"].header
+    'mag2_x'
+    """
+    headers = list(headers)
+    sensors = _name_sensors(headers)
+    groups: dict[tuple[str, str], list[Column]] = {}
+    for column in (identify_column(header, sensors) for header in headers):
+        if column is not None:
+            groups.setdefault((column.quantity.column, column.sensor), []).append(column)
+    found: Identified = {}
+    for (name, sensor), columns in groups.items():
+        best = min(column.rank for column in columns)
+        axes: dict[str, Column] = {}
+        for column in (column for column in columns if column.rank == best):
+            twin = axes.setdefault(column.axis, column)
+            if {twin.header, column.header} == _SAME_CLOCK:
+                continue
+            if twin is column or _add_fraction(axes, twin, column):
+                continue
+            if (preferred := _prefer(twin, column)) is not None:
+                axes[column.axis] = preferred
+                continue
+            raise LogError(
+                f"{twin.header!r} and {column.header!r} could both be the "
+                f"{' '.join(filter(None, (column.quantity.name, sensor, column.axis)))} "
+                "column; rename or remove one of them, or say which with --columns"
+            )
+        found.setdefault(name, {})[sensor] = axes
+    return found
+
+
+_RAW = re.compile(r"(?<![a-z])raw(?![a-z])|raw(?=[A-Z])|Raw(?![a-z])")
+_CHANGED = re.compile(
+    r"(?i)(?<![a-z])(un)?(cal|calib|calibrated|comp|compensated|corr|corrected|filt|filtered|raw|"
+    r"smooth|lpf)(?![a-z])|(?<=[a-z])(Raw|Cal|Corr|Comp|Filt)(?![a-z])|^raw(?=[A-Z])"
+)
+"""Words by which two columns of one field differ."""
+
+
+def _prefer(one: Column, other: Column) -> Column | None:
+    """Of two columns that could be the same, the raw one of a field, of others the one not raw."""
+    raw = [_RAW.search(column.header) is not None for column in (one, other)]
+    if raw[0] == raw[1] or one.unit != other.unit:
+        return None
+    return (
+        (one if raw[0] else other) if one.quantity.column == "field" else (other if raw[0] else one)
+    )
+
+
+def find_rivals(headers: Iterable[str], axes: Mapping[str, Column]) -> list[str]:
+    """The columns x, y, z of the same field that were not taken: calibrated beside raw.
+
+    >>> headers = [f"mag_{a}_{what}" for what in ("raw", "cal") for a in "xyz"]
+    >>> find_rivals(headers, identify_columns(headers)["field"][""])
+    ['mag_x_cal', 'mag_y_cal', 'mag_z_cal']
+    """
+    taken = {column.header for column in axes.values()}
+    rivals: dict[str, str] = {}
+    for header in headers:
+        plain = _CHANGED.sub("", header)
+        column = None if header in taken or plain == header else identify_column(plain)
+        column = identify_column(header) if column is None and header not in taken else column
+        alike = column is not None and column.quantity.column == "field"
+        if column is not None and alike and column.sensor == axes["x"].sensor:
+            rivals.setdefault(column.axis, header)
+    return [rivals[axis] for axis in "xyz"] if len(rivals) == 3 else []
+
+
+_SAME_CLOCK = {"timestamp", "TimeUS"}
+"""What pymavlink writes of one moment; the first is Unix time, and stands first."""
+FRACTION = "fraction"
+"""The axis under which the nanoseconds of a time in two columns are kept."""
+
+
+def _add_fraction(axes: dict[str, Column], twin: Column, column: Column) -> bool:
+    """Whether two columns are the seconds and the nanoseconds of one time, kept so."""
+    if column.quantity.column != "time" or FRACTION in axes:
+        return False
+    by_factor = {c.quantity.units.get(c.unit or "", (0.0,))[0]: c for c in (twin, column)}
+    if set(by_factor) != {1.0, 1e-9}:
+        return False
+    axes[""], axes[FRACTION] = by_factor[1.0], by_factor[1e-9]
+    return True

@@ -1,0 +1,220 @@
+"""Columns beside the magnetometer's: into our unit, within their range, without holes.
+
+A column that was recorded more slowly, or not all the time, must not cost readings of the
+magnetometer. Short holes are filled from the neighbours; a column with more than a few other
+holes is left out, and a note says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.arrays import Array, Mask
+from agonic.logs.headers.columns import Column, Identified
+from agonic.logs.headers.quantities import Linear
+from agonic.logs.rows.resample import resample
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+Table = Mapping[str, NDArray[Any]]
+
+ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
+PERIODS_DEG = dict.fromkeys((*ATTITUDE, "longitude_deg"), 360.0)
+RANGES: dict[str, tuple[float, float]] = {
+    "temperature": (-150.0, 250.0),
+    "throttle": (-0.01, 1.01),
+    "latitude_deg": (-90.0, 90.0),
+    "longitude_deg": (-180.0, 360.0),
+    "altitude_m": (-1e5, 1e10),
+    "acceleration": (-1e6, 1e6),
+    "rotation_rate": (-1e6, 1e6),
+    "current_A": (-1e7, 1e7),
+    "roll_deg": (-1e5, 1e5),
+    "pitch_deg": (-1e5, 1e5),
+    "heading_deg": (-1e7, 1e7),
+    "scalar": (-1e15, 1e15),
+}
+"""Outside these a cell does not hold what its column is named for."""
+
+_SLOW = ("temperature", "latitude_deg", "longitude_deg", "altitude_m")
+_REACH_S = dict.fromkeys(_SLOW, 60.0)
+SHORT_REACH_S = 0.5
+_FEW = 0.01
+"""Share of the readings that a column may still cost after its short holes are filled."""
+
+
+def find_finite_rows(values: Array) -> Mask:
+    """The rows (n,) of an array (n, k) without a NaN or infinity in them; fast where that is all.
+
+    >>> find_finite_rows(np.array([[1.0, 2.0], [np.nan, 3.0]])).tolist()
+    [True, False]
+    """
+    if len(values) and np.isfinite(max(-values.min(), values.max())):
+        return np.ones(len(values), dtype=bool)
+    return np.asarray(np.isfinite(values).all(axis=1))
+
+
+def find_reach(column: str) -> float:
+    """How far, s, recorded neighbours may be from a row that is filled from them."""
+    return _REACH_S.get(column, SHORT_REACH_S)
+
+
+_RAW = ("raw", "counts")
+_GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
+
+
+def to_numbers(values: NDArray[Any]) -> Array:
+    """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees.
+
+    >>> to_numbers(np.array(["-0:30:00", "12.5", "n/a"])).tolist()
+    [-0.5, 12.5, nan]
+    """
+    if values.dtype.kind in "OUS":
+        return np.array([_number(str(value)) for value in values], dtype=np.float64)
+    return np.asarray(values, dtype=np.float64)
+
+
+def _number(text: str) -> float:
+    plain = text.strip().strip("\"'")
+    try:
+        size = sum(abs(float(part)) / 60.0**i for i, part in enumerate(plain.split(":")))
+    except ValueError:
+        return np.nan
+    return -size if plain.startswith("-") else size
+
+
+def set_angle_unit(found: Identified, table: Table) -> Identified:
+    """The columns, with attitude that names no unit in degrees where it exceeds one turn in rad."""
+    attitude = [axes[""] for name in ATTITUDE for axes in found.get(name, {}).values()]
+    unnamed = [to_numbers(table[column.header]) for column in attitude if column.unit is None]
+    if not any((np.abs(values) > 2 * np.pi).any() for values in unnamed):
+        return found
+    degrees = {
+        name: {
+            sensor: {"": replace(axes[""], unit=axes[""].unit or "deg")}
+            for sensor, axes in found[name].items()
+        }
+        for name in ATTITUDE
+        if name in found
+    }
+    return {**found, **degrees}
+
+
+def convert_column(
+    axes: Mapping[str, Column],
+    values: Array,
+    time: Array | None,
+    readings: Mask,
+    *,
+    keep_holes: bool = False,
+) -> tuple[Array | None, tuple[str, ...]]:
+    """The values of one quantity in our unit, (n,) or (n, 3), or `None`; and notes on them.
+
+    `axes` are its columns and `values` (n, k) what they hold, in that order; `readings` marks the
+    rows that have a magnetometer reading. With `keep_holes` a column with many holes is not given
+    up: they stay NaN.
+    """
+    quantity = next(iter(axes.values())).quantity
+    scale, remark = _find_scale(axes, values)
+    if scale is None:
+        return None, (f"{quantity.name} left out: {remark}",)
+    factor, offset = scale
+    ours = values * factor + offset
+    if _lacks_gravity(quantity.column, ours):
+        return None, (f"{quantity.name} left out: it is without gravity",)
+    low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
+    ours[(ours < low) | (ours > high)] = np.nan
+    filled, gaps = fill_holes(quantity.column, ours, time, readings, keep_holes=keep_holes)
+    notes = tuple(f"{quantity.name} {text}" for text in (remark, gaps) if text)
+    return (filled if filled is None or quantity.vector else filled[:, 0]), notes
+
+
+def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, str]:
+    """Factor and offset to our unit, and a remark; no scale where it cannot be known."""
+    units = {column.unit for column in axes.values()}
+    quantity = next(iter(axes.values())).quantity
+    if quantity.vector and set(axes) != set("xyz"):
+        return None, "it has not all of x, y and z"
+    if quantity.vector and not np.nan_to_num(values).any():
+        return None, "it is zero throughout"
+    if len(units) > 1:
+        return None, "its axes are in different units"
+    unit = units.pop()
+    if unit is not None and unit not in _RAW:
+        return quantity.units[unit], ""
+    if quantity.column == "acceleration":
+        return _find_scale_by_gravity(values)
+    if quantity.column == "rotation_rate" or quantity.column in ATTITUDE:
+        return None, "its header names neither degrees nor radians"
+    if quantity.column == "scalar":
+        return None, "its header names no unit"
+    return (1.0, 0.0), ""
+
+
+def _lacks_gravity(column: str, values: Array) -> bool:
+    """Whether an acceleration, m/s², is much less than that of gravity in most rows."""
+    sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+    if column != "acceleration" or not len(sizes):
+        return False
+    return float(np.median(sizes)) < 0.5 * STANDARD_GRAVITY_M_S2
+
+
+def _find_scale_by_gravity(values: Array) -> tuple[Linear | None, str]:
+    """The unit in which the median acceleration is gravity, to 20 %."""
+    sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+    median = float(np.median(sizes)) if len(sizes) else np.nan
+    for unit, factor in _GRAVITY_UNITS.items():
+        if abs(median * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
+            return (factor, 0.0), f"names no unit; its size is that of gravity in {unit}"
+    return None, f"its header names no unit and its size, {median:.4g}, is not that of gravity"
+
+
+def fill_holes(
+    column: str, values: Array, time: Array | None, readings: Mask, *, keep_holes: bool = False
+) -> tuple[Array | None, str]:
+    """The values (n, k) with short holes filled, or `None` where too many would be missing.
+
+    With `keep_holes` they are returned however many are missing.
+    """
+    known = np.asarray(np.isfinite(values).all(axis=1))
+    holes = readings & ~known
+    if not holes.any():
+        return values, ""
+    near = np.zeros_like(holes)
+    if time is not None and column in _SLOW:
+        time = _complete(time)
+    if time is not None:
+        known = known & np.isfinite(time)
+    if time is not None and known.any():
+        near = holes & (measure_reach(time, known) <= find_reach(column))
+        fresh = [
+            resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
+            for v in values.T
+        ]
+        values = values.copy()
+        values[near] = np.stack([v for v in fresh if v is not None], axis=1)
+    left = int((holes & ~near).sum())
+    if left > _FEW * readings.sum() and not keep_holes:
+        return None, f"left out: missing in {holes.sum()} of {readings.sum()} rows"
+    return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
+
+
+def _complete(time: Array) -> Array:
+    """Times with those of other clocks by the place of their rows, near enough for slow columns."""
+    known = np.isfinite(time)
+    if known.all() or not known.any():
+        return time
+    rows = np.arange(len(time))
+    return np.interp(rows, rows[known], time[known])
+
+
+def measure_reach(time: Array, known: Mask) -> Array:
+    """Seconds from each row to the farther of the known rows around it; at an end, to the one."""
+    at = np.flatnonzero(known)
+    after = np.searchsorted(at, np.arange(len(time)))
+    neighbours = [time[at[np.clip(after + k, 0, len(at) - 1)]] for k in (-1, 0)]
+    return np.asarray(np.max([np.abs(time - t) for t in neighbours], axis=0))

@@ -1,0 +1,281 @@
+"""Text tables: comma, semicolon, tab or blanks between the cells, with a header or without.
+
+Understood are comments (#, %), a header in the last comment line, lines before the header and a
+sampling rate in them, a row of units below it, quoted cells, three numbers in one cell, a decimal
+comma where the separator is a semicolon or a tab, UTF-8 and UTF-16 with their marks, Windows-1251
+and GB 18030 where headers make sense in them, other bytes as Latin-1, and the ends of lines of
+every system. Three numbers a line without a header are a point cloud in raw units. A cell that is
+no number becomes NaN, and `Samples` rejects and counts the row. `columns` tells what the headers
+mean. Lines of other kinds (MotionCal, NMEA-like, labelled, tagged) are in `text`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.logs.headers.column_names import rename_headers
+from agonic.logs.headers.columns import find_columns, find_quantities, identify_column
+from agonic.logs.log import Log
+from agonic.logs.table import build_log
+from agonic.logs.text.encoding import Text, load
+from agonic.logs.text.layout import (
+    LABVIEW,
+    LONGEST_LINE,
+    SAMPLE,
+    Layout,
+    find_layout,
+    is_header,
+    sample_lines,
+    split_cells,
+)
+from agonic.logs.text.numbers import read_numbers, split_rows
+from agonic.provenance import Input
+
+_HEAD = 100_000
+_MOMENT = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
+_LABELS = ("date", "sensor", "frame", "unit")
+_TEXTUAL = ("time", "latitude_deg", "longitude_deg")
+_ABSOLUTES = "# MagPy Absolutes"
+_MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
+_MOTIONCAL_COLUMNS = {
+    **{f"acc_{axis}_g": 1 / 8192 for axis in "xyz"},
+    **{f"gyro_{axis}_deg_s": 1 / 16 for axis in "xyz"},
+    **{f"mag_{axis}_mG": 1.0 for axis in "xyz"},
+}
+"""One count of each column of a MotionCal line (PaulStoffregen/MotionCal: imuread.h, where a
+magnetic count is 0.1 µT)."""
+_MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
+_NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
+_THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a text table is; `unit` is that of the field where no header names one."""
+    data, head, notes = _load(path)
+    if head[0].startswith(_ABSOLUTES):
+        raise LogError(
+            "a sheet of absolute measurements with a theodolite, no log of a magnetometer; agonic "
+            "fit north reads it"
+        )
+    sample = sample_lines(head)
+    rows = [head[i] for i in sample]
+    if _most(rows, lambda line: "$" in line[:40] and "," in line):
+        from agonic.logs.text.sentences import read_sentences
+
+        return read_sentences(data[:], path, source, notes, unit)
+    if tags := _find_tags(head):
+        from agonic.logs.text.tagged import read_tagged
+
+        return read_tagged(data[:], tags, path, source, unit, notes)
+    table, facts = _read_lines(data, head, sample)
+    facts["notes"] = (*notes, *facts["notes"])
+    if "sensor" in find_quantities(table).values():
+        from agonic.logs.text.long_table import build_tables_log
+
+        return build_tables_log(table, path=path, source=source, unit=unit, **facts)
+    return build_log(table, path=path, source=source, unit=unit, **facts)
+
+
+def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The columns of a text table that are understood, by header, and what to tell of the file."""
+    data, head, notes = _load(path)
+    table, facts = _read_lines(data, head, sample_lines(head))
+    return table, {**facts, "notes": (*notes, *facts["notes"])}
+
+
+def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
+    """The text of a file with plain rows, its first lines, and notes."""
+    data, notes = load(path, _count_understood)
+    head = _split_head(data)
+    plain = not any(map(str.isalpha, head[0].replace("T", "")))
+    if plain or head[0].startswith((LABVIEW, '"')):
+        from agonic.logs.text.sanity import level
+
+        data = level(data, head)
+        head = _split_head(data)
+    return data, head, notes
+
+
+def _split_head(data: Text, start: int = 0) -> list[str]:
+    """The first lines from a byte on, whole."""
+    for size in (_HEAD, 2 * LONGEST_LINE):
+        stop = len(data) if len(data) - start <= size else data.rfind(b"\n", start, start + size)
+        if stop > start and (stop == len(data) or data[start:stop].count(b"\n") >= SAMPLE):
+            break
+    if stop < start:
+        raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
+    return data[start:stop].decode("utf-8", "replace").split("\n")
+
+
+def _count_understood(head: str) -> int:
+    """How many columns of the start of a text make sense."""
+    lines = head.split("\n")
+    try:
+        layout = find_layout(lines, sample_lines(lines))
+        return len(find_columns(layout.header))
+    except (LogError, StopIteration):
+        return 0
+
+
+def _most(rows: Sequence[str], test: Any) -> bool:
+    return bool(rows) and 2 * sum(bool(test(row)) for row in rows) > len(rows)
+
+
+def _find_tags(head: Sequence[str]) -> dict[str, list[str]]:
+    """Headers of rows of several kinds: comments `# Tag,name,name` and rows `Tag,…` below."""
+    headers = {}
+    for line in head:
+        cells = split_cells(line.lstrip("#% "), ",")
+        if line.startswith("#") and len(cells) > 3 and cells[0].isalpha():
+            headers[cells[0]] = cells[1:]
+    begun = {line.partition(",")[0] for line in head if not line.startswith("#")}
+    return (
+        headers
+        if len(begun & set(headers)) > 1 or (begun & set(headers) and len(headers) > 1)
+        else {}
+    )
+
+
+def _read_lines(
+    data: Text, head: Sequence[str], sample: Sequence[int]
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The columns of lines of one kind, and what to tell of them."""
+    rows = [head[i] for i in sample]
+    if not rows:
+        raise LogError("there are no lines with values in it")
+    if max(map(len, rows)) > LONGEST_LINE:
+        raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
+    if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
+        return _read_motioncal(data[:]), {"format": "MotionCal text", "notes": ()}
+    if "---" in head:
+        from agonic.logs.text.echo import is_echo, read_echo
+
+        if is_echo([line for line in head[:SAMPLE] if line.strip()]):
+            from agonic.logs.text.json_text import make_table
+
+            table, others = make_table(list(read_echo(data[:].decode().split("\n"))))
+            return table, {"format": "messages of ROS as text", "others": others, "notes": ()}
+    if any(_MAY_LABEL.search(row) for row in rows):
+        from agonic.logs.text.labels import is_labelled, read_labelled
+
+        if is_labelled(rows[1:] or rows):
+            table, others = read_labelled(split_rows(data[:]))
+            return table, {"format": "labelled text", "notes": (), "others": others}
+    layout = find_layout(head, sample)
+    start = _skip_lines(data, layout.start)
+    table, others = _read_body(data, start, layout)
+    notes: tuple[str, ...] = ()
+    if above := [line for line in head[: max(layout.start - 1, 0)] if line.strip()]:
+        from agonic.logs.text.sanity import check_title
+
+        check_title(table, above)
+    if _lacks_numbers(table):
+        from agonic.logs.text.sanity import check_numbers, cut_at_header
+
+        check_numbers(table, data, start, layout)
+        table, notes = cut_at_header(table, data, start, layout)
+    return table, {"format": "text table", "others": others, "notes": (*layout.notes, *notes)}
+
+
+def _lacks_numbers(table: dict[str, NDArray[Any]]) -> bool:
+    """Whether a cell of a numeric column is no number."""
+    return any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
+
+
+def _skip_lines(data: Text, count: int) -> int:
+    """The byte at which what comes after so many lines begins."""
+    at = 0
+    for _ in range(count):
+        at = data.find(b"\n", at) + 1 or len(data)
+    return at
+
+
+def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """The columns that are understood, by header, and the headers of the others."""
+    begun = _split_head(data, start)
+    first = [layout.split(begun[i]) for i in sample_lines(begun)]
+    if not first:
+        raise LogError("there is a header and no row below it")
+    header = rename_headers(_name_index(layout.header, first))
+    vectors = _find_vectors(header, first)
+    wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])
+    texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
+    numeric = [i for i in wanted if i not in texts]
+    values = read_numbers(data, start, layout, numeric)
+    table: dict[str, NDArray[Any]] = {}
+    cells = [layout.split(row) for row in split_rows(data, start)] if texts else []
+    for i, name in wanted.items():
+        column = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
+        if i in vectors:
+            table |= _take_apart(header[i], column)
+        elif i in texts:
+            table[name] = column
+        else:
+            table[name] = values[numeric.index(i)]
+    return _add_rate(table, layout), [h for i, h in enumerate(layout.header) if i not in wanted]
+
+
+def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The header, with "time" for the nameless first column of a table that pandas wrote by it."""
+    known = find_quantities(header).values()
+    nameless = header[0] in ("", "Unnamed: 0", "index") and not {"time", "date"} & set(known)
+    if nameless and _most([row[0] for row in rows if row], _MOMENT.match):
+        return ["time", *header[1:]]
+    return list(header)
+
+
+def _add_rate(table: dict[str, NDArray[Any]], layout: Layout) -> dict[str, NDArray[Any]]:
+    """The columns, with times from the sampling rate where no column is a clock."""
+    if layout.rate_Hz is None or not table:
+        return table
+    clocks = {h for h, quantity in find_quantities(table).items() if quantity == "time"}
+    empty = {h for h in clocks if table[h].dtype.kind == "f" and np.isnan(table[h]).all()}
+    if clocks - empty:
+        return table
+    rows = len(next(iter(table.values())))
+    others = {header: values for header, values in table.items() if header not in empty}
+    return {**others, "time_s": np.arange(rows) / layout.rate_Hz}
+
+
+def _find_vectors(header: Sequence[str], rows: Sequence[Sequence[str]]) -> set[int]:
+    """The columns that hold three numbers a cell."""
+    found = set()
+    for i, name in enumerate(header):
+        column = identify_column(f"{name}[0]")
+        cells = [row[i] for row in rows if i < len(row) and row[i]]
+        if column is not None and cells and _most(cells, lambda cell: _THREE.fullmatch(cell)):
+            found.add(i)
+    return found
+
+
+def _take_apart(name: str, cells: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """The three columns of a column of vectors; a cell that is none becomes NaN."""
+    found = (_THREE.fullmatch(cell) for cell in cells)
+    values = np.array([m.groups() if m else (np.nan,) * 3 for m in found], dtype=np.float64)
+    return {f"{name}[{k}]": values[:, k] for k in range(3)}
+
+
+def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
+    """Whether a column may hold texts and most of its first cells do; a label is always one."""
+    column = identify_column(name)
+    quantity = "" if column is None else column.quantity.column
+    if quantity in _TEXTUAL:
+        return is_header([cell for row in rows for cell in row[at : at + 1]])
+    return quantity in _LABELS
+
+
+def _read_motioncal(data: bytes) -> dict[str, NDArray[Any]]:
+    """The columns of MotionCal lines `Raw:ax,ay,az,gx,gy,gz,mx,my,mz`."""
+    lines = [line for line in data.decode().split("\n") if line.startswith(_MOTIONCAL)]
+    body = "\n".join(line.removeprefix(_MOTIONCAL) for line in lines).encode()
+    names = list(_MOTIONCAL_COLUMNS)
+    layout = Layout(separator=",", header=names, start=0, width=len(names))
+    counts = read_numbers(body, 0, layout, range(len(names)))
+    return {name: counts[k] * size for k, (name, size) in enumerate(_MOTIONCAL_COLUMNS.items())}

@@ -1,0 +1,217 @@
+"""JSON: an object a line, a list of objects, or lists of numbers by name.
+
+Names within names are joined by dots (`mag.x`), a list of three numbers is a vector (`mag[0]`), and
+numbers may be written as texts. Otherwise columns are named as those of a text table are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.errors import LogError
+from agonic.logs.contents import to_number
+from agonic.logs.headers.column_names import number_columns, rename_headers
+from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
+from agonic.logs.log import Log
+from agonic.logs.text.long_table import build_tables_log
+from agonic.provenance import Input
+
+TEXTUAL = ("time", "date", "sensor", "frame", "unit")
+_DEEPEST = 6
+_NO_NUMBER = re.compile(rb"(?<=[\[:,\s])[-+]?(?:NaN|nan|Infinity|inf)(?=\s*[,\]}])")
+"""What Python's own writer puts for numbers that are none."""
+_LARGEST = 1_000_000_000
+
+
+def read(path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that a JSON text is; `unit` is that of the field where no name tells one."""
+    table, facts = read_table(path)
+    return build_tables_log(table, path=path, source=source, unit=unit, **facts)
+
+
+def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The columns that are understood, by name, and what to tell of the file."""
+    if path.stat().st_size > _LARGEST:
+        raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
+    records, broken = _load(path.read_bytes())
+    table, others = make_table(records)
+    notes = (f"{broken} lines are no JSON and were left out",) * (broken > 0)
+    return table, {"format": "JSON", "others": others, "notes": notes}
+
+
+def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """The columns of objects that are understood, by name, and the names of the others."""
+    columns = _make_columns(records)
+    names = list(columns)
+    wanted = find_columns(rename_headers(names))
+    quantities = find_quantities(wanted.values())
+    table = {
+        name: to_column(columns[names[i]], textual=quantities[name] in TEXTUAL)
+        for i, name in wanted.items()
+    }
+    return table, [name for i, name in enumerate(names) if i not in wanted]
+
+
+def _load(data: bytes) -> tuple[list[dict[str, Any]], int]:
+    """The objects in a text, and how many of its lines are none."""
+    for text in (data, _NO_NUMBER.sub(b"null", data)):
+        try:
+            return _find_records(msgspec.json.decode(text)), 0
+        except (msgspec.DecodeError, UnicodeDecodeError):
+            continue
+        except RecursionError:
+            raise LogError("nested too deeply for a log") from None
+    return _load_lines(_NO_NUMBER.sub(b"null", data))
+
+
+def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
+    records, broken = [], 0
+    for line in data.splitlines():
+        if not line.strip():
+            continue
+        record = _load_line(line)
+        if isinstance(record, dict):
+            records.append(record)
+        else:
+            broken += 1
+    if broken > len(records):
+        raise LogError("damaged JSON, or none: most of its lines are no objects; fetch it again")
+    return _spread(records), broken
+
+
+def _spread(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The objects in a list that each object holds, as phones send them; else the objects.
+
+    >>> _spread([{"device": 7, "payload": [{"name": "mag", "time": 1, "values": {"x": 2}}]}])
+    [{'device': 7, 'sensor': 'mag', 'time': 1, 'x': 2}]
+    """
+    first = records[0] if records else {}
+    name = next((n for n, v in first.items() if isinstance(v, list) and v and _are_objects(v)), "")
+    if not name:
+        return records
+    spread = []
+    for record in records:
+        inner = record.get(name)
+        beside = {n: v for n, v in record.items() if not isinstance(v, list | dict)}
+        for one in inner if isinstance(inner, list) and _are_objects(inner) else ():
+            values = one.get("values")
+            named = {"sensor" if n == "name" else n: v for n, v in one.items() if n != "values"}
+            spread.append(beside | (named | values if isinstance(values, dict) else one))
+    return spread
+
+
+def _are_objects(values: list[Any]) -> bool:
+    return all(isinstance(value, dict) for value in values)
+
+
+def _load_line(line: bytes) -> Any:
+    """The value in a line; also where a program in Python has printed it, with single quotes."""
+    for text in (line, line.replace(b"'", b'"').replace(b"None", b"null")):
+        try:
+            return msgspec.json.decode(text)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            continue
+    return None
+
+
+def _find_records(whole: Any, depth: int = 0) -> list[dict[str, Any]]:
+    """The list of objects that a value is, or the longest one in it; lists by name as objects."""
+    if isinstance(whole, list):
+        return [one for one in whole if isinstance(one, dict)] or _name_rows(whole, None)
+    if not isinstance(whole, dict) or depth > _DEEPEST:
+        raise LogError("this JSON holds no list of objects and no lists of numbers")
+    if isinstance(names := whole.get("columns"), list) and isinstance(whole.get("data"), list):
+        return _name_rows(whole["data"], [str(name) for name in names])
+    if len(whole) >= 3 and (columns := _read_columns(whole)):
+        return columns
+    lists = {name: v for name, v in whole.items() if isinstance(v, list) and len(v) > 3}
+    plain = {name: v for name, v in lists.items() if not isinstance(v[0], dict)}
+    if len(plain) >= 3:
+        length = max(map(len, plain.values()))
+        same = {name: v for name, v in plain.items() if len(v) == length}
+        return [dict(zip(same, row, strict=True)) for row in zip(*same.values(), strict=True)]
+    inner = [v for v in whole.values() if isinstance(v, dict | list) and v]
+    found = []
+    for value in inner:
+        try:
+            found.append(_find_records(value, depth + 1))
+        except LogError:
+            continue
+    if not found or not (longest := max(found, key=len)):
+        return [whole]
+    return longest
+
+
+def _name_rows(rows: list[Any], names: Sequence[str] | None) -> list[dict[str, Any]]:
+    """Rows that are lists of one length, by the names of their columns; three alone are x, y, z."""
+    widths = {len(row) if isinstance(row, list) else 0 for row in rows}
+    width = widths.pop() if len(widths) == 1 else 0
+    if names is None:
+        names = "xyz" if width == 3 else number_columns(width)
+    if not width or names is None or len(names) != width:
+        return []
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def _read_columns(whole: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows of columns that are objects with the same keys, as pandas writes them; else none."""
+    columns = {name: value for name, value in whole.items() if isinstance(value, dict)}
+    keys = [list(column) for column in columns.values()]
+    if len(columns) != len(whole) or len(keys[0]) <= 3 or any(k != keys[0] for k in keys):
+        return []
+    return [{name: column[key] for name, column in columns.items()} for key in keys[0]]
+
+
+def _make_columns(records: list[dict[str, Any]]) -> dict[str, list[Any]]:
+    """Lists of one length by name; `None` where a record lacks it."""
+    columns: dict[str, list[Any]] = {}
+    for row, record in enumerate(records):
+        for name, value in _flatten(record).items():
+            column = columns.setdefault(name, [])
+            column.extend([None] * (row - len(column)))
+            column.append(value)
+        refuse_many(len(columns), "names")
+    for column in columns.values():
+        column.extend([None] * (len(records) - len(column)))
+    return columns
+
+
+def _flatten(record: Mapping[str, Any], before: str = "", depth: int = 0) -> dict[str, Any]:
+    """The values of an object by dotted names; three numbers in a list by [0], [1], [2]."""
+    flat: dict[str, Any] = {}
+    for key, value in record.items():
+        name = f"{before}{key}"
+        if isinstance(value, dict):
+            if depth < _DEEPEST:
+                flat |= _flatten(value, f"{name}.", depth + 1)
+        elif isinstance(value, list):
+            if len(value) in (3, 4):
+                flat |= {f"{name}[{k}]": one for k, one in enumerate(value)}
+        else:
+            flat[name] = value
+    return flat
+
+
+def to_column(column: list[Any], *, textual: bool) -> NDArray[Any]:
+    """A column as numbers; as texts where it may hold such and does."""
+    numbers = np.array([_number(value) for value in column], dtype=np.float64)
+    known = sum(value is not None for value in column)
+    if textual and 2 * np.isfinite(numbers).sum() < known:
+        return np.array(["" if v is None else str(v) for v in column], dtype=object)
+    return numbers
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, str):
+        return to_number(value)
+    try:
+        return float(value) if isinstance(value, int | float) else np.nan
+    except OverflowError:
+        return np.nan

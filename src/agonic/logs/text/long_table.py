@@ -1,0 +1,73 @@
+"""Long tables: each row is of the sensor that a column names, and x, y and z are what that reads.
+
+time,sensor,x,y,z
+0.00,accelerometer,0.1,0.2,9.8
+0.00,magnetometer,20.1,-3.2,43.0
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.logs.headers.columns import identify_columns
+from agonic.logs.headers.conventions import find_named_quantity
+from agonic.logs.log import Log
+from agonic.logs.table import build_log
+from agonic.provenance import Input
+
+Table = Mapping[str, NDArray[Any]]
+
+_MOST = 64
+BESIDE = ("acceleration", "rotation_rate")
+
+
+def build_tables_log(table: Table, *, path: Path, source: Input, **facts: Any) -> Log:
+    """The log that a table is, those of its sensors apart where it is a long one.
+
+    The rest as for `build_log`.
+    """
+    parts = split_by_sensor(table)
+    if parts is None:
+        return build_log(table, path=path, source=source, **facts)
+    from agonic.logs.groups import build_groups_log
+
+    paths = {name: Path(name) for name in parts}
+    return build_groups_log(parts, path=path, source=source, paths=paths, **facts)
+
+
+def split_by_sensor(table: Table) -> dict[str, Table] | None:
+    """The tables of the sensors that a long one holds; `None` where it is none.
+
+    Rows of something that is neither a magnetometer, an accelerometer nor a gyroscope are left out.
+
+    >>> table = {"t": np.arange(2.0), "sensor": np.array(["gyro", "mag"]), "x": np.ones(2),
+    ...          "y": np.ones(2), "z": np.ones(2)}
+    >>> {name: list(part) for name, part in split_by_sensor(table).items()}
+    {'gyro': ['t', 'gyro x', 'gyro y', 'gyro z'], 'mag': ['t', 'x', 'y', 'z']}
+    """
+    found = identify_columns(table)
+    label = found.get("sensor", {}).get("", {}).get("")
+    bare = found.get("field", {}).get("", {})
+    if label is None or set(bare) != set("xyz"):
+        return None
+    names = np.array([str(name).strip() for name in table[label.header]])
+    quantities = {name: find_named_quantity(name) for name in np.unique(names)[:_MOST].tolist()}
+    if "field" not in quantities.values() or len(set(quantities.values())) < 2:
+        return None
+    axes = {column.header: axis for axis, column in bare.items()}
+    parts: dict[str, Table] = {}
+    for name, quantity in quantities.items():
+        if quantity not in ("field", *BESIDE):
+            continue
+        rows = names == name
+        parts[name] = {
+            f"{name} {axes[header]}" if header in axes and quantity != "field" else header: c[rows]
+            for header, c in table.items()
+            if header != label.header
+        }
+    return parts

@@ -1,0 +1,1 @@
+"""Where a record changes: moments, stretches, states."""

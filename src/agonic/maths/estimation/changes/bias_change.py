@@ -1,0 +1,141 @@
+"""Change points: the stretch of rows with another bias that explains the most."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
+
+_BLOCKS = 64  # edges are sought on this grid
+_SHORTEST = 2  # blocks, of the stretch and of what is left
+_OUTLYING = 4.0  # median distances beyond which a residual counts no more than this
+
+
+class BiasChange(NamedTuple):
+    """Rows start…stop have their bias elsewhere; stop is n when it never came back.
+
+    `shift` how far, as seen from the directions there: √3 times the rms of the residuals that it
+    makes; `seen` what is left of it where the ellipsoid follows it as well as it can; `noise` the
+    scatter that is left; `significance` how much Σr² falls in units of that scatter, per
+    independent reading (for white noise a χ² with three degrees of freedom).
+    """
+
+    start: int
+    stop: int
+    shift: float
+    seen: float
+    noise: float
+    significance: float
+
+
+def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasChange | None:
+    """The best stretch [start, stop) with a bias of its own, all else of the ellipsoid refitted.
+
+    r = J δ + 1[start ≤ i < stop] n·shift, J the nine ways in which an ellipsoid can move (n, and
+    n_i p_j for a symmetric change of shape): Lagrange multiplier test with two unknown edges
+    (Andrews 1993). Residuals are drawn in to a few median distances, so that outliers do not
+    decide.
+
+    Parameters: residuals (n,) distances from the ellipsoid in time order, normals (n, 3) there,
+    places (n, 3) the foot points on it relative to its centre, over its radius. None where there
+    are too few rows to tell.
+    """
+    n = len(residuals)
+    blocks = min(_BLOCKS, n // 6)
+    reach = _OUTLYING * float(np.median(np.abs(residuals)))
+    if blocks < 4 * _SHORTEST or reach == 0.0:
+        return None
+    moves = _moves(normals, places)
+    drawn_in = np.clip(residuals, -reach, reach)
+    start, stop, gain = _find_stretch(drawn_in, moves, blocks)
+    inside = np.zeros(n, dtype=bool)
+    inside[start:stop] = True
+    away, left = _refit(residuals, moves, inside)
+    shift = float(np.sqrt(3 * np.mean(away[inside] ** 2)))
+    seen = _see(away, moves, inside)
+    noise = MAD_TO_SD * float(np.median(np.abs(left)))
+    scatter = np.clip(left, -_OUTLYING * noise, _OUTLYING * noise)
+    independent = float(scatter @ scatter) / n * correlation_length(scatter, np.ones(n))
+    if start == 0:  # before and after are the same thing
+        start, stop = stop, n
+    return BiasChange(
+        start, stop, shift, seen, noise, gain / max(independent, np.finfo(float).tiny)
+    )
+
+
+def refit_residuals(residuals: Array, normals: Array, places: Array) -> Array:
+    """What is left of residuals (n,) when the ellipsoid moves and bends to make them least.
+
+    Parameters as in `find_bias_change`: a fit of a smaller model does not tell what a full one
+    leaves.
+    """
+    return _refit(residuals, _moves(normals, places), np.zeros(len(residuals), dtype=bool))[1]
+
+
+def find_seen_shift(residuals: Array, normals: Array, places: Array, changed: Mask) -> float:
+    """How far the bias of rows `changed` (n,) lies from that of the others, as far as readings show
+    it: √(3 Σa²/k), a what no move of the whole ellipsoid makes of it and k = n₁n₂/n.
+
+    A stretch that saw few directions fits a bias far away as well as one nearby, together with
+    another ellipsoid for all rows. Parameters as in `find_bias_change`.
+    """
+    moves = _moves(normals, places)
+    return _see(_refit(residuals, moves, changed)[0], moves, changed)
+
+
+def _see(away: Array, moves: Array, changed: Mask) -> float:
+    own = away - moves @ (
+        np.linalg.pinv(moves.T @ moves, rcond=1e-12, hermitian=True) @ (away @ moves)
+    )
+    return float(np.sqrt(3 * (own @ own) / (len(away) * changed.mean() * (1 - changed.mean()))))
+
+
+def _moves(normals: Array, places: Array) -> Array:
+    """The distances (n, 9) by which unit changes of bias and shape move the surface."""
+    a, b, c = normals.T
+    x, y, z = places.T
+    shape = (a * x, b * y, c * z, a * y + b * x, a * z + c * x, b * z + c * y)
+    return np.stack([a, b, c, *shape], axis=1)
+
+
+def _find_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int, float]:
+    """First row, row after the last, and fall of Σr², over all pairs of edges.
+
+    With S the stretch and G = JᵀJ, g = Jᵀr: fall = tᵀA⁻¹t with t = X_Sᵀ(r − J G⁻¹g) and
+    A = X_SᵀX_S − X_SᵀJ G⁻¹JᵀX_S, X_S the rows of the normals in S; the sums add over blocks.
+    """
+    edges = np.linspace(0, len(residuals), blocks + 1).astype(int)
+    spans = [slice(i, j) for i, j in pairwise(edges)]
+    outer = np.cumsum([np.zeros((9, 9)), *(moves[s].T @ moves[s] for s in spans)], axis=0)
+    score = np.cumsum([np.zeros(9), *(residuals[s] @ moves[s] for s in spans)], axis=0)
+    first, last = np.triu_indices(blocks + 1, _SHORTEST)
+    enough = last - first <= blocks - _SHORTEST
+    first, last = first[enough], last[enough]
+    inverse = np.linalg.pinv(outer[-1], rcond=1e-12, hermitian=True)
+    cross = outer[last, :3] - outer[first, :3]
+    own = cross[:, :, :3] - cross @ inverse @ np.swapaxes(cross, 1, 2)
+    own += 1e-2 * len(residuals) / blocks * np.eye(3)  # a shift that hardly shows is no evidence
+    towards = score[last, :3] - score[first, :3] - cross @ (inverse @ score[-1])
+    fall = np.einsum("ki,ki->k", towards, np.linalg.solve(own, towards[..., None])[..., 0])
+    best = int(np.argmax(fall))
+    return int(edges[first[best]]), int(edges[last[best]]), float(fall[best])
+
+
+def _refit(residuals: Array, moves: Array, changed: Mask) -> tuple[Array, Array]:
+    """What the shift of the changed rows makes of the residuals, and what is left of them.
+
+    Least squares with residuals drawn in to a few median distances, step by step (Huber 1981).
+    """
+    own = moves[:, :3] * changed[:, None]
+    design = np.hstack([own, moves])
+    solve = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True) @ design.T
+    estimate, left = np.zeros(design.shape[1]), residuals
+    for _ in range(10):
+        reach = _OUTLYING * float(np.median(np.abs(left)))
+        estimate = estimate + solve @ np.clip(left, -reach, reach)
+        left = residuals - design @ estimate
+    return own @ estimate[:3], left

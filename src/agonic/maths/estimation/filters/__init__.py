@@ -1,0 +1,1 @@
+"""Filters that go through a record once."""

@@ -1,0 +1,1 @@
+"""Tests of what is not in a fit, and averages over what may not be there."""

@@ -1,0 +1,251 @@
+"""Rao's score test: would a fit be better with terms that it does not have, and by how much.
+
+Nothing is fitted again. With residuals r (scaled to unit noise), their Jacobian J, weights W,
+information A = JᵀWJ + P and the columns Z of the terms that are missing (they leave r − Z γ),
+
+    Z⊥ = Z − J A⁻¹ JᵀW Z,   g = Z⊥ᵀW r,   γ = (Z⊥ᵀW Z⊥)⁻¹ g,   δθ = A⁻¹ JᵀW Z γ
+
+are what the terms explain beyond the fit, their score, their size by one Gauss–Newton step, and how
+far the estimate moves with them. The covariance of g is that of its sums over batches of rows, so
+that noise with memory, unequal or non-Gaussian, does not raise a false alarm: T = gᵀS⁻¹g with
+S = Σ g_b g_bᵀ over B batches is Hotelling's statistic, (T/k)/((B − T)/(B − k)) follows F(k, B − k).
+
+Source: C. R. Rao (1948), Math. Proc. Cambridge Phil. Soc. 44, 50; W. Newey, K. West (1987),
+Econometrica 55, 703, for scores with memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.maths.estimation.noise.residuals import correlation_length
+
+FEWEST_BATCHES, MOST_BATCHES = 24, 200
+SEEN = 4.0
+"""A combination of columns must stand out of its own noise by this factor to be tested."""
+SEEN_APART = 2.0
+"""The same where what columns and residuals share is taken out of the score, and for one column
+alone, which was not picked among many."""
+
+HELD = 1e-4
+"""A combination of columns of which no larger share is beyond the fit's unknowns may be left out:
+after a long rest a drift looks like a bias and gains."""
+SURE = 3.0
+"""Standard errors by which a combination may have to be seen to have a size."""
+
+
+class Score(NamedTuple):
+    """One test: its p-value, the size (k,) of the terms, and how far they move the estimate (p,).
+
+    `gain` is by how much the terms lower the weighted sum of squares.
+    """
+
+    p_value: float
+    size: Array
+    move: Array
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A fit at its solution: residuals (n,) over their noise, Jacobian (n, p), weights (n,).
+
+    `prior` (p, p) is the information of the prior, `batch` (n,) the number of the batch of each
+    row, from zero. `shared` (n, p) is the covariance of Jacobian and residuals by noise that is in
+    both, where the fit has not taken it out; `captured` the share of the scores' variance that
+    batches show, less than one where they are shorter than the noise lasts.
+    """
+
+    residuals: Array
+    jacobian: Array
+    weights: Array
+    prior: Array
+    batch: Index
+    shared: Array | None = None
+    captured: float = 1.0
+
+    @cached_property
+    def weighted(self) -> Array:
+        """JᵀW, (p, n)."""
+        return np.asarray(self.jacobian.T * self.weights)
+
+    @cached_property
+    def information(self) -> Array:
+        """JᵀWJ + P, (p, p)."""
+        return np.asarray(self.weighted @ self.jacobian + self.prior)
+
+    @property
+    def square(self) -> float:
+        """The weighted sum of squares of the residuals."""
+        return float(self.weights @ self.residuals**2)
+
+    def find_move(self, error: Array) -> Array:
+        """How far an error (n,) of the residuals moves the estimate, (p,): A⁻¹ JᵀW e."""
+        return np.asarray(np.linalg.solve(self.information, self.weighted @ error))
+
+
+def batches_of(n: int, correlation: float) -> Index:
+    """Consecutive rows in batches several correlation times long, (n,) numbers from zero.
+
+    >>> np.bincount(batches_of(100, 1.0)).tolist()[:4]
+    [1, 1, 1, 1]
+    """
+    wanted = int(n / max(3.0 * correlation, 1.0)) if correlation > 1 else n
+    count = max(min(wanted, MOST_BATCHES, n), min(FEWEST_BATCHES, n))
+    return np.asarray(np.arange(n) * count // n, dtype=np.intp)
+
+
+def find_captured(batch: Index, correlation: float) -> float:
+    """The share of the variance of sums that batches show, of what batches of three lengths do.
+
+    Of noise whose correlation falls with the time τ, batches of L rows show
+    1 − τ/L (1 − exp(−L/τ)); the correlation length is 2 τ.
+
+    >>> find_captured(batches_of(6000, 50.0), 50.0)
+    1.0
+    >>> find_captured(batches_of(600, 100.0), 100.0) < 0.3
+    True
+    """
+    length = len(batch) / (int(batch[-1]) + 1)
+    shown = [1 - lasts * (1 - np.exp(-1 / lasts)) for lasts in (correlation / 2 / length, 1 / 6)]
+    return float(min(shown[0] / shown[1], 1.0))
+
+
+def with_batches_beside(fit: Linearised, columns: Array) -> Linearised:
+    """The fit with batches for the noise that is left beside columns (n, k).
+
+    What is looked for makes residuals go together as noise with memory does, and would hide itself
+    in long batches.
+    """
+    correlation = correlation_length(with_columns(fit, columns).residuals, fit.weights)
+    batch = batches_of(len(columns), correlation)
+    return replace(fit, batch=batch, captured=find_captured(batch, correlation))
+
+
+def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
+    """Sums of rows (n, k) by the number of their group (n,), (groups, k)."""
+    return np.stack([np.bincount(group, column, groups) for column in rows.T], axis=1)
+
+
+def score_test(
+    fit: Linearised,
+    columns: Array,
+    noise: Array | None = None,
+    shared: Array | None = None,
+    *,
+    surely: bool = False,
+    likely: float = np.inf,
+) -> Score | None:
+    """Whether `columns` (n, k) belong into the fit; None where the rows cannot tell.
+
+    `noise` (n, k) is a draw of what noise in the readings does to the columns themselves:
+    combinations that hardly stand out of it are left out, for there the noise of columns and
+    residuals is the same, and they would seem to agree. `shared` (n, k) is their covariance with
+    the residuals by noise that is in both: it is taken out of the score. `surely` leaves out
+    what is hardly beyond the fit's unknowns, and of the size what does not stand out of chance.
+    `likely` is the prior standard deviation of the size: what rows hardly tell from the unknowns
+    of the fit would otherwise be of any size, and what they know less well than that is not tested.
+    """
+    taken = np.linalg.solve(fit.information, fit.weighted @ columns)
+    projected = columns - fit.jacobian @ taken
+    clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
+    held = HELD if surely else 1e-9
+    seen = _seen(projected, columns, noise, fit.weights, clear, held, likely)
+    if seen is None:
+        return None
+    projected = projected @ seen
+    gram = (projected.T * fit.weights) @ projected
+    products = projected * fit.residuals[:, None]
+    if shared is not None:
+        products -= shared @ seen
+    if fit.shared is not None:
+        products += fit.shared @ taken @ seen
+    scores = sums_by(fit.batch, products * fit.weights[:, None])
+    p_value = _hotelling(scores, fit.captured)
+    total = scores.sum(axis=0)
+    found = np.linalg.solve(gram, total)
+    sure = _surely(scores, fit.captured) if surely else 1.0
+    size = np.asarray(
+        seen @ (_draw_in(found, gram, scores / fit.captured**0.5, seen / likely) * sure)
+    )
+    return Score(p_value, size, fit.find_move(columns @ size), float(total @ found))
+
+
+def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -> Linearised:
+    """The fit with further terms among its unknowns, so that what is left can be tested.
+
+    Columns are scaled to that of largest size; the residuals become those with the terms. `shared`
+    as for `score_test`.
+    """
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    kept = columns[:, size > 0] / size[size > 0]
+    both = fit.shared
+    if both is not None:
+        more = np.zeros_like(columns) if shared is None else shared
+        both = np.hstack([both, more[:, size > 0] / size[size > 0]])
+    p, k = fit.jacobian.shape[1], kept.shape[1]
+    prior = np.zeros((p + k, p + k))
+    prior[:p, :p] = fit.prior
+    prior[p:, p:] = 1e-9 * len(columns) * np.eye(k)
+    jacobian = np.hstack([fit.jacobian, kept])
+    wider = replace(fit, jacobian=jacobian, prior=prior, shared=both)
+    step = np.linalg.solve(wider.information, wider.weighted @ fit.residuals)
+    return replace(wider, residuals=fit.residuals - jacobian @ step)
+
+
+def _seen(
+    projected: Array,
+    columns: Array,
+    noise: Array | None,
+    weights: Array,
+    clear: float,
+    held: float,
+    likely: float,
+) -> Array | None:
+    """Combinations (k, m) of columns that the fit does not hold already and the rows can show at
+    the size that is likely."""
+    size = np.sqrt(np.sum(columns**2 * weights[:, None], axis=0))
+    scale = 1 / np.where(size > 0, size, 1.0)
+    gram = (projected.T * weights) @ projected * np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(gram)
+    length = np.linalg.norm(scale[:, None] * vectors, axis=0)
+    keep = (values > held) & (values * likely**2 > length**2)
+    if noise is not None:
+        own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
+        keep &= values > clear**2 * own
+    return scale[:, None] * vectors[:, keep] if keep.any() else None
+
+
+def _draw_in(found: Array, gram: Array, scores: Array, prior: Array) -> Array:
+    """A size (r,) with a prior, by the scatter of the scores of batches (B, r) that tell it:
+    (1 + V PᵀP)⁻¹ of it, V its covariance and P the rows (k, r) of the prior."""
+    left = np.linalg.solve(gram, scores.T)
+    return np.asarray(np.linalg.solve(np.eye(len(found)) + left @ left.T @ prior.T @ prior, found))
+
+
+def _surely(scores: Array, captured: float) -> Array:
+    """Which scores of batches (B, k) stand out: 1, or 0 for what would be large by chance alone."""
+    chance = (scores**2).sum(axis=0) / captured
+    return np.asarray(scores.sum(axis=0) ** 2 > SURE**2 * chance, dtype=np.float64)
+
+
+def _hotelling(scores: Array, captured: float) -> float:
+    """The p-value that the scores of batches (B, k) have mean zero."""
+    from scipy.special import fdtrc  # here, so that what only reads a log loads no SciPy
+
+    batches, k = scores.shape
+    if batches <= k + 1:
+        return 1.0
+    length = np.sqrt((scores**2).sum(axis=0))
+    left, values, _ = np.linalg.svd(scores / np.where(length > 0, length, 1.0), full_matrices=False)
+    rank = int(np.count_nonzero(values > 1e-7 * values[0]))
+    if rank in (0, batches):  # nothing is left to tell chance from
+        return 1.0
+    statistic = min(float(((left[:, :rank].sum(axis=0)) ** 2).sum()), batches * (1 - 1e-12))
+    ratio = captured * (statistic / rank) / ((batches - statistic) / (batches - rank))
+    return float(fdtrc(rank, batches - rank, ratio))

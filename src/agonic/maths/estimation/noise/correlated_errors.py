@@ -1,0 +1,161 @@
+"""Correlated errors: what they add to the scatter of a fit, from its own residuals.
+
+A residual is white noise and slowly moving errors e(t) seen along a direction that turns
+(Gauss–Markov processes, one for each correlation time τ):
+
+    r_i = ε_i + Σ_g e_g(t_i)·d_gi,   E[e_g(t) e_g(t + Δ)ᵀ] = 1 Σ_τ a_gτ exp(−Δ/τ)
+
+A field from outside the Earth stands in Earth-fixed axes and d is the direction of the field there;
+a bias that drifts stands in the axes of the sensor; anything else is a number and d = 1. The a ≥ 0
+are those that give the products of residuals at all lags best. The gradient Σ w r J/σ² of the fit
+then scatters by that of white noise and
+
+    Σ_g Σ_τ a_gτ/σ⁴ Σ_ij exp(−|t_i − t_j|/τ) (w_i J_i)(w_j J_j)ᵀ (d_i·d_j),
+
+whatever turns with the readings averaged as it does in the fit itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.maths.estimation.noise.autoregression import autoregress
+
+STRETCHES = 20_000
+"""Stretches of time that a record is summed up in; within one nothing turns much."""
+_GROUPS = 40
+_LONGEST = 1 / 3  # of the record: products at longer lags say little
+_CHANCE = 16.0  # χ² by which correlated errors must explain the products better than none
+_STEP = 2.0
+
+
+class Sums(NamedTuple):
+    """Sums over each of k stretches: w, w², w r, w J (k, m), and w d of each geometry."""
+
+    weight: Array
+    square: Array
+    residual: Array
+    jacobian: Array
+    directions: tuple[Array, ...]
+
+    @classmethod
+    def empty(cls, stretches: int, parameters: int, widths: Sequence[int]) -> Sums:
+        """Nothing summed up yet."""
+        return cls(
+            np.zeros(stretches),
+            np.zeros(stretches),
+            np.zeros(stretches),
+            np.zeros((stretches, parameters)),
+            tuple(np.zeros((stretches, width)) for width in widths),
+        )
+
+    def add(
+        self,
+        stretch: Index,
+        weights: Array,
+        residuals: Array,
+        jacobian: Array,
+        directions: Sequence[Array],
+    ) -> None:
+        """Add readings; `stretch` (n,) in order of time says where each belongs."""
+        starts = np.flatnonzero(np.diff(stretch, prepend=-1))
+        here = stretch[starts]
+        for into, values in (
+            (self.weight, weights),
+            (self.square, weights**2),
+            (self.residual, weights * residuals),
+            (self.jacobian, weights[:, None] * jacobian),
+            *(
+                (into, weights[:, None] * d)
+                for into, d in zip(self.directions, directions, strict=True)
+            ),
+        ):
+            into[here] += np.add.reduceat(values, starts, axis=0)
+
+
+class CorrelatedError(NamedTuple):
+    """One correlated error: its variance, correlation time in s, and the number of its geometry."""
+
+    variance: float
+    time_s: float
+    geometry: int
+
+
+def find_correlated_errors(sums: Sums, white: float, step_s: float) -> tuple[CorrelatedError, ...]:
+    """The correlated errors that the products of residuals show; none where chance would do.
+
+    Parameters: `white`, variance of one residual; `step_s`, seconds of a stretch.
+
+    >>> rng = np.random.default_rng(1)
+    >>> quiet = Sums.empty(5000, 1, [1])
+    >>> quiet.add(np.arange(5000), np.ones(5000), rng.normal(size=5000), np.ones((5000, 1)),
+    ...           [np.ones((5000, 1))])
+    >>> find_correlated_errors(quiet, 1.0, 1.0)
+    ()
+    """
+    from scipy.optimize import nnls  # slow to load
+
+    k = len(sums.weight)
+    longest = max(int(k * _LONGEST), 1)
+    if k < 3 * _GROUPS:
+        return ()
+    lags = np.arange(1, longest)
+    edges = np.unique(np.geomspace(1, longest, _GROUPS).astype(int))
+    starts = edges[:-1] - 1
+    taus = np.geomspace(1.0, longest, max(int(np.log(longest) / np.log(_STEP)), 2))
+
+    def grouped(products: Array) -> Array:
+        return np.asarray(np.add.reduceat(products, starts))
+
+    seen = grouped(_products(sums.residual, longest)[1:])
+    sd = white * np.sqrt(np.maximum(grouped(_products(sums.square, longest)[1:]), 1e-300))
+    shapes = [
+        sum(_products(column, longest)[1:] for column in directions.T)
+        for directions in sums.directions
+    ]
+    columns = [
+        (CorrelatedError(1.0, float(tau) * step_s, g), grouped(shape * np.exp(-lags / tau)))
+        for g, shape in enumerate(shapes)
+        for tau in taus
+    ]
+    design = np.stack([column for _, column in columns], axis=1) / sd[:, None]
+    size = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    amplitude, left = nnls(design / size, seen / sd)
+    if float((seen / sd) @ (seen / sd)) - left**2 < _CHANCE:
+        return ()
+    return tuple(
+        of._replace(variance=float(a / s))
+        for (of, _), a, s in zip(columns, amplitude, size, strict=True)
+        if a > 0
+    )
+
+
+def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float) -> Array:
+    """What they add to the scatter of Σ w r J, (m, m).
+
+    >>> one = Sums.empty(3, 1, [1])
+    >>> one.add(np.arange(3), np.ones(3), np.zeros(3), np.ones((3, 1)), [np.ones((3, 1))])
+    >>> compute_scatter(one, [CorrelatedError(1.0, 1e12, 0)], 1.0).round(6).tolist()
+    [[9.0]]
+    """
+    m = sums.jacobian.shape[1]
+    added = np.zeros((m, m))
+    weight = np.maximum(sums.weight, 1e-300)[:, None]
+    for error in errors:
+        kept = np.exp(-step_s / error.time_s)
+        for column in sums.directions[error.geometry].T:
+            scores = sums.jacobian * (column[:, None] / weight)
+            followed = scores.T @ autoregress(scores, kept)
+            added += error.variance * (followed + followed.T - scores.T @ scores)
+    return added
+
+
+def _products(values: Array, lags: int) -> Array:
+    """Σ_i v_i v_{i+l} for lags 0 … `lags` − 1."""
+    size = 1 << (len(values) + lags).bit_length()
+    spectrum = np.fft.rfft(values, size)
+    return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[:lags])

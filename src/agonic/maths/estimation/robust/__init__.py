@@ -1,0 +1,1 @@
+"""Centre, spread, lines and spheres that outliers cannot reach."""

@@ -1,0 +1,77 @@
+"""A bias that was another for a while: found where it was, and not where it was not."""
+
+import numpy as np
+import pytest
+
+from agonic.maths.estimation.changes.bias_change import find_bias_change
+from agonic.simulation.draws import draw_directions
+
+SHIFT = np.array([0.02, -0.01, 0.03])  # of the radius
+
+
+def residuals(
+    n: int, stretch: slice, shift: np.ndarray = SHIFT, *, noise: float = 0.004, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distances from a unit sphere whose readings in a stretch are shifted; normals and places."""
+    rng = np.random.default_rng(seed)
+    units = draw_directions(rng, n)
+    off = noise * rng.normal(size=n)
+    off[stretch] += units[stretch] @ shift
+    return off, units, units
+
+
+@pytest.mark.parametrize("n", [200, 3000])
+@pytest.mark.parametrize(("start", "stop"), [(0.5, 1.0), (0.8, 1.0), (0.3, 0.6), (0.1, 0.25)])
+def test_the_stretch_is_found(n: int, start: float, stop: float) -> None:
+    found = find_bias_change(*residuals(n, slice(int(start * n), int(stop * n))))
+    assert found is not None
+    assert found.start / n == pytest.approx(start, abs=0.04)
+    assert found.stop / n == pytest.approx(stop, abs=0.04)
+    assert found.shift == pytest.approx(np.linalg.norm(SHIFT), rel=0.15)
+    assert found.noise == pytest.approx(0.004, rel=0.2)
+    assert found.significance > 30
+
+
+def test_a_stretch_at_the_start_is_the_rest_at_the_end() -> None:
+    found = find_bias_change(*residuals(2000, slice(0, 800)))
+    assert found is not None
+    assert found.start == pytest.approx(800, abs=70)
+    assert found.stop == 2000
+
+
+def test_white_noise_holds_no_change() -> None:
+    found = [find_bias_change(*residuals(1000, slice(0), seed=seed)) for seed in range(100)]
+    significance = np.array([change.significance for change in found if change])
+    assert len(significance) == 100
+    assert significance.max() < 30
+    assert np.median(significance) < 15
+
+
+def test_strays_neither_make_nor_hide_a_change() -> None:
+    rng = np.random.default_rng(1)
+    for stretch, changed in ((slice(0), False), (slice(1200, 3000), True)):
+        off, normals, places = residuals(3000, stretch)
+        strays = rng.choice(3000, 150, replace=False)
+        off[strays] += rng.uniform(-1, 1, 150)
+        found = find_bias_change(off, normals, places)
+        assert found is not None
+        assert (found.significance > 30) == changed
+        if changed:
+            assert found.start == pytest.approx(1200, abs=100)
+            assert found.shift == pytest.approx(np.linalg.norm(SHIFT), rel=0.15)
+
+
+def test_a_wrong_shape_is_no_change() -> None:
+    """Soft iron left out of a fit leaves residuals nᵀE n, whatever the order of the rows."""
+    off, normals, places = residuals(2000, slice(0))
+    order = np.argsort(normals[:, 2])  # a slow swing through all heights
+    strain = np.diag([0.05, -0.02, -0.03])
+    off = off + np.einsum("ni,ij,nj->n", normals, strain, normals)
+    found = find_bias_change(off[order], normals[order], places[order])
+    assert found is not None
+    assert found.significance < 30
+
+
+def test_too_few_rows_and_perfect_ones_tell_nothing() -> None:
+    assert find_bias_change(*residuals(40, slice(20, 40))) is None
+    assert find_bias_change(*residuals(500, slice(0), noise=0.0)) is None

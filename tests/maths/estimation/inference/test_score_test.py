@@ -1,0 +1,71 @@
+"""Rao's score test: its level under noise with memory, the size it tells, the move it predicts."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import kstest
+
+from agonic.maths.estimation.inference.score_test import (
+    Linearised,
+    batches_of,
+    score_test,
+    with_columns,
+)
+
+
+def line(n: int, seed: int, memory: float = 0.0, bend: float = 0.0, tails: bool = False):
+    """Residuals of a straight line through readings that may bend, and the column of the bend."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(-1, 1, n)
+    noise = rng.standard_t(4, n) / np.sqrt(2) if tails else rng.normal(size=n)
+    if memory:
+        noise = lfilter([np.sqrt(1 - memory**2)], [1, -memory], noise)
+    jacobian = np.stack([np.ones(n), t], axis=1)
+    readings = 3.0 + 2.0 * t + bend * t**3 + noise
+    found = np.linalg.lstsq(jacobian, readings, rcond=None)[0]
+    correlation = (1 + memory) / (1 - memory)
+    residuals = readings - jacobian @ found
+    weights, prior = np.ones(n), np.zeros((2, 2))
+    return (
+        Linearised(residuals, -jacobian, weights, prior, batches_of(n, correlation)),
+        t[:, None] ** 3,
+        found,
+    )
+
+
+@pytest.mark.parametrize(("memory", "tails"), [(0.0, False), (0.0, True), (0.8, False)])
+def test_p_values_are_uniform_without_an_effect(memory: float, tails: bool) -> None:
+    scores = (score_test(*line(1500, seed, memory, tails=tails)[:2]) for seed in range(300))
+    assert kstest([score.p_value for score in scores if score], "uniform").pvalue > 0.003
+
+
+def test_size_and_move_are_those_of_a_fit_with_the_term() -> None:
+    fit, column, found = line(2000, 1, bend=2.0)
+    score = score_test(fit, column)
+    assert score is not None
+    whole = np.hstack([-fit.jacobian, column])
+    readings = fit.residuals - fit.jacobian @ found
+    wider = np.linalg.lstsq(whole, readings, rcond=None)[0]
+    assert score.p_value < 1e-6
+    np.testing.assert_allclose(score.size, wider[2:], rtol=1e-9)
+    np.testing.assert_allclose(found + score.move, wider[:2], rtol=1e-9)
+
+
+def test_a_term_that_the_fit_holds_already_is_no_term() -> None:
+    fit, _, _ = line(500, 2)
+    assert score_test(fit, fit.jacobian[:, 1:]) is None
+
+
+def test_beside_a_term_that_explains_all_nothing_is_left() -> None:
+    fit, column, _ = line(2000, 3, bend=2.0)
+    fifth = np.sign(column) * np.abs(column) ** (5 / 3)
+    alone, beside = score_test(fit, fifth), score_test(with_columns(fit, column), fifth)
+    assert alone is not None
+    assert beside is not None
+    assert alone.p_value < 1e-4 < beside.p_value
+
+
+def test_columns_made_of_noise_are_not_tested() -> None:
+    fit, _, _ = line(500, 4)
+    noise = np.random.default_rng(0).normal(size=(500, 1))
+    assert score_test(fit, noise, noise) is None
