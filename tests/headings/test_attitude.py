@@ -122,7 +122,7 @@ def test_auto_takes_the_best_there_is(monkeypatch) -> None:
     assert "no roll and pitch: tilt is by the gyro filter" in by_gyro.notes[0]
     by_force = find_attitude(bare.with_columns(rotation_rate=None), setup, plain())
     assert by_force.source == "accelerometer"
-    assert "nor gyros: tilt is from the accelerometer alone" in by_force.notes[0]
+    assert "nor a gyro to use: tilt is from the accelerometer alone" in by_force.notes[0]
     monkeypatch.setattr("agonic.headings.attitude.find_spec", lambda name: None)
     without = find_attitude(bare, setup, plain())
     assert without.source == "accelerometer"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import agonic as ag
 from agonic.calibration.affine import Affine
 from agonic.headings.compute import heading
 from agonic.headings.maths.gyro_heading import carry_heading, level_axes
@@ -91,3 +92,20 @@ def test_the_gyro_carries_the_heading_through_any_tilt() -> None:
     carried = carry_heading(made.time, made.rotation_rate, level)
     turned = np.degrees(carried.heading) + made.heading_deg[0]
     assert np.abs(off_deg(turned, made.heading_deg)).max() < 0.05
+
+
+def test_a_gyro_in_another_unit_or_axes_is_named_and_left_out() -> None:
+    """By such rates every row's tilt was unsure, and nothing said why."""
+    true, logged, calibration = driven("hand", 1)
+    rows = np.abs(true.pitch_deg) < 75.0
+    bare = heading(logged.with_columns(rotation_rate=None), setup_for(calibration))
+    turned = np.degrees(logged.rotation_rate)[:, [1, 0, 2]] * [1, -1, 1]
+    for rate, looks in ((np.degrees(logged.rotation_rate), "degrees"), (turned, "other axes")):
+        wrong = logged.with_columns(rotation_rate=rate)
+        found = heading(wrong, setup_for(calibration))
+        assert looks in found.notes[0]
+        assert "it was left out" in found.notes[0]
+        assert np.array_equal(found.true_deg, bare.true_deg)
+        assert rms((off_deg(found.true_deg, truth_of(true)) / found.sd_deg)[rows]) < 1.7
+        with pytest.raises(ag.AgonicError, match=looks):
+            heading(wrong, setup_for(calibration, tilt="gyro"))

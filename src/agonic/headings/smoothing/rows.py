@@ -10,9 +10,10 @@ from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.setup import Setup
-from agonic.headings.attitude import UNSURE_DEG, find_mounting
+from agonic.headings.attitude import UNSURE_DEG
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
+from agonic.headings.rates import find_rate_mounting
 from agonic.headings.result import SMOOTHED
 from agonic.headings.rows import Looked, Taken
 from agonic.headings.smoothing.errors import Seen
@@ -48,7 +49,7 @@ def smooth_rows(
         return looked, None, ()
     if looked.tilt.source not in _IN_MOTION:
         return looked, None, (_kept(f"tilt from the {looked.tilt.source} follows no motion"),)
-    turn = _find_rate_mounting(first, looked, setup)
+    turn = find_rate_mounting(first, setup, looked.taken[0].compass.calibration)
     own = first
     for _ in range(CORRECTIONS if looked.tilt.source == "gyro" else 0):
         found = _smooth(own, turn, looked, setup, around, LIKELY)
@@ -93,14 +94,6 @@ def _typical_sd(looked: Looked, rows: Mask) -> float:
     each = [one.indicated.random + one.indicated.systematic for one in looked.taken]
     variance = np.take_along_axis(np.stack(each), looked.used[None], 0)[0]
     return float(np.nanmedian(np.sqrt(variance[rows])))
-
-
-def _find_rate_mounting(first: Samples, looked: Looked, setup: Setup) -> Array:
-    """The turn (3, 3) from the axes of the rates to those of the body."""
-    if setup.accelerometer is not None and first.acceleration is not None:
-        left, _, right = np.linalg.svd(setup.accelerometer.matrix)
-        return np.asarray(left @ right)
-    return find_mounting(looked.taken[0].compass.calibration)
 
 
 def _smooth(
