@@ -9,7 +9,7 @@ import agonic as ag
 from agonic.attitude.delay import advance, keep_latency, measure_rate
 from agonic.attitude.latency import LATENCY_SD_S, fit_latency
 from agonic.calibration.setup import Compass, Setup
-from agonic.health import figure
+from agonic.health import check_coverage, figure
 from agonic.simulation import (
     delayed,
     duplicated,
@@ -118,6 +118,11 @@ def test_a_delay_that_a_fast_log_does_not_tell_is_named() -> None:
     assert f"{figure(turned)}° while turning as in this log, {own}° at rest" in kept.status
     assert keep_latency(fit, samples, told).verdict == "good"
     assert keep_latency(fit, samples, None) is fit
+    doubted = replace(fit, coverage=replace(fit.coverage, heading_sd_deg=4.0))
+    doubted = doubted.with_findings(check_coverage(doubted.coverage))
+    stated = keep_latency(doubted, samples, unknown)
+    said = next(finding.what for finding in stated.findings if finding.name == "coverage")
+    assert f"uncertain by {figure(stated.coverage.heading_sd_deg)}°, with what is not" in said
 
 
 def test_the_heading_of_each_row_counts_it() -> None:

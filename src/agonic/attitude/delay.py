@@ -12,9 +12,10 @@ from agonic.arrays import Array
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.maths.latency import runs
 from agonic.calibration.base import Calibration
+from agonic.coverage import Coverage
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import Fit
-from agonic.health import Finding, figure
+from agonic.health import Finding, check_coverage, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
 from agonic.reference import Reference
@@ -131,7 +132,10 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
     coverage, own = fit.coverage, fit.coverage.heading_sd_deg
     coverage = replace(coverage, heading_sd_deg=float(np.hypot(own, turned)))
     accuracy = fit.accuracy and replace(fit.accuracy, delay_deg=turned)
-    kept = replace(fit, calibration=calibration, coverage=coverage, accuracy=accuracy)
+    findings = tuple(_count_delay(finding, fit.coverage, coverage) for finding in fit.findings)
+    kept = replace(
+        fit, calibration=calibration, coverage=coverage, accuracy=accuracy, findings=findings
+    )
     if turned < HEADING_DOUBTFUL_DEG:
         return kept
     rate = figure(float(np.degrees(measure_rate(samples))))
@@ -145,6 +149,14 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
             "and fro; or turn more slowly where the heading counts",
         )
     )
+
+
+def _count_delay(finding: Finding, own: Coverage, joined: Coverage) -> Finding:
+    """The finding on the directions, with the one standard error that is stated everywhere."""
+    told, whole = check_coverage(own), check_coverage(joined)
+    if told is None or whole is None or finding.what != told.what or whole.what == told.what:
+        return finding
+    return replace(finding, what=f"{whole.what}, with what is not known of the delay")
 
 
 def measure_rate(samples: Samples) -> float:
