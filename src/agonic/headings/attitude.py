@@ -298,7 +298,8 @@ def _automatic(samples: Samples) -> tuple[str, tuple[str, ...]]:
         )
     if "acceleration" in there:
         return "accelerometer", (
-            "the log has neither roll and pitch nor a gyro to use: tilt is from the accelerometer alone",
+            "the log has neither roll and pitch nor a gyro to use: tilt is from the accelerometer "
+            "alone",
         )
     raise LogError(
         f"the samples of {samples.name} have neither roll and pitch nor an accelerometer, so the "
