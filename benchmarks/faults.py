@@ -242,6 +242,23 @@ def ripple(size: float, period: float) -> Fault:
     return _non_linear(lambda x: x + size * np.sin(2 * np.pi * x / period))
 
 
+def dead_zone(size: float) -> Fault:
+    """One axis reads zero wherever it should read less than this."""
+
+    def fault(d: Draft) -> None:
+        d.raw[np.abs(d.raw[:, 1]) < size, 1] = 0.0
+        before = d.reads
+
+        def reads(field_m: Array) -> Array:
+            raw = before(field_m)
+            raw[np.abs(raw[:, 1]) < size, 1] = 0.0
+            return raw
+
+        d.reads = reads
+
+    return fault
+
+
 def stuck_bit(step: float, bit: int) -> Fault:
     """One bit of the converter is always zero."""
     return _non_linear(lambda x: (np.round(x / step).astype(int) & ~(1 << bit)) * step)
@@ -904,6 +921,10 @@ def _later() -> list[Kind]:
                     (saturation_across(300_000.0), follows_attitude(1500.0), *aided),
                 ),
             )
+        ),
+        *(
+            Kind(f"readings of y within {s / 1e3:g} µT are zero", tumble, (dead_zone(s),))
+            for s in (500.0, 2000.0)
         ),
     ]
 

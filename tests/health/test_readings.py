@@ -95,6 +95,21 @@ def test_clipped_readings_are_named_and_left_out(
         assert find_usable_rows(samples.field)[~at_limit].all()
 
 
+@pytest.mark.parametrize("motion", ["tumble", "level turn", "hand"])
+@pytest.mark.parametrize("steps", [None, 100.0])
+def test_a_dead_zone_is_named_and_left_out_and_a_level_turn_in_steps_is_none(
+    motion: str, steps: float | None
+) -> None:
+    whole = minute(motion, defects=[] if steps is None else [quantised(steps)])
+    assert "dead zone" not in names(whole)
+    field = whole.field.copy()
+    dead = np.abs(field[:, 1]) < 2000.0
+    field[dead, 1] = 0.0
+    samples = ag.Samples(field=field, time=whole.time)
+    assert names(samples)["dead zone"] == "check"
+    assert np.array_equal(find_usable_rows(samples.field), ~dead)
+
+
 def test_lost_rows_are_counted_and_many_of_them_are_to_be_looked_at() -> None:
     few, many = (minute("tumble", defects=[with_nan(share)]) for share in (0.005, 0.05))
     assert names(few) == {"NaN": "note"}

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.health.dead_zone import check_dead_zones, find_dead_zones, find_rows_in
 from agonic.health.finding import Finding
 from agonic.health.resolution import find_quantisation
 from agonic.samples import Samples
@@ -33,6 +34,7 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
         _few(samples),
         *(_frozen(rows, axis) for axis, rows in enumerate(stuck)),
         _clipped(find_clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
+        check_dead_zones(samples.field, find_dead_zones(samples.field), samples.unit),
         _stale(samples.field),
         _gaps(samples),
         _corrected(samples),
@@ -43,11 +45,12 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
 
 
 def find_usable_rows(field: Array) -> Mask:
-    """Rows (n,) whose three axes all read what the field was: neither clipped nor stuck.
+    """Rows (n,) whose three axes all read what the field was: neither clipped, stuck nor in a
+    dead zone.
 
     An axis that hardly ever moves leaves all rows in, for the fit to be refused on them.
     """
-    spoilt = find_clipped_rows(field)
+    spoilt = find_clipped_rows(field) | find_rows_in(field, find_dead_zones(field))
     for axis in range(3):
         stuck = find_stuck_rows(field, axis)
         if not _throughout(stuck):
