@@ -3,10 +3,7 @@
 A filter that takes lasting errors for white ones learns each of them many times: its standard
 errors are too small and it sees jumps where there are none. The errors of the reference and those
 of a sensor, seen along the field, are one Gauss–Markov process beside the bias (`kalman`); its size
-and time are those under which the first readings are most probable.
-
-Source: F. C. Schweppe (1965), IEEE Transactions on Information Theory 11(1), 61–70, the likelihood
-by innovations.
+and time are those under which the first readings are most probable (`likelihoods`).
 """
 
 from __future__ import annotations
@@ -14,7 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.inflight.tracking.map_estimate import linearise
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.filters import kalman
+from agonic.maths.estimation.filters.likelihoods import ROUNDING, compute_likelihoods
 
 MEMORY_FROM = 192
 """Readings that can show a memory."""
@@ -37,20 +37,20 @@ def find_memory(
     gain = float(np.mean(about[4:7]))
     rows = rows[-2048:]
     plain = model._replace(jump_level=0.0, gate=np.inf)
-    least = _compute_likelihood(prior, plain, rows, about) + _CERTAIN
-    best: kalman.Model | None = None
     times = [t * step for t in _TIMES if t * _FEWEST_MEMORIES < len(rows)]
-    grid = [(time, share) for time in times for share in _SHARES]
-    for time, share in grid:
-        tried = plain._replace(
+    tried = [
+        plain._replace(
             noise=total * float(np.sqrt(1 - share)),
             external_sd=total * gain * float(np.sqrt(share)),
             external_time_s=time,
         )
-        value = _compute_likelihood(widen_external(prior, tried), tried, rows, about)
-        if value > least:
-            least, best = value, tried
-    return best
+        for time in times
+        for share in _SHARES
+    ]
+    if total**2 < ROUNDING * prior.covariance.diagonal()[1:].max():
+        return None
+    without, *values = _compute_likelihoods(prior, [plain, *tried], rows[rows[:, 5] > 0], about)
+    return tried[int(np.argmax(values))] if max(values) > without + _CERTAIN else None
 
 
 def widen_external(prior: kalman.FilterState, model: kalman.Model) -> kalman.FilterState:
@@ -60,10 +60,17 @@ def widen_external(prior: kalman.FilterState, model: kalman.Model) -> kalman.Fil
     return prior._replace(diagonal=diagonal)
 
 
-def _compute_likelihood(
-    prior: kalman.FilterState, model: kalman.Model, rows: Array, about: Array
-) -> float:
-    """The log-likelihood of rows by the innovations of the filter."""
-    _, seen, _ = kalman.advance(prior, model, rows, linearised=about)
-    used = seen.used
-    return -float((np.log(seen.sd[used]) + 0.5 * (seen.residual[used] / seen.sd[used]) ** 2).sum())
+def _compute_likelihoods(
+    prior: kalman.FilterState, models: list[kalman.Model], rows: Array, about: Array
+) -> Array:
+    """The log-likelihood of rows under each model; the residuals times |s|, in nT."""
+    m, noise = len(prior.diagonal), np.array([model.noise for model in models])
+    plain, jacobian = linearise(rows, about)
+    bent = linearise(rows, about, float(noise.max()))[0] - plain  # as the square of the noise
+    matrix = unpack_symmetric(about[4:])
+    u = (rows[:, 1:4] - about[1:4]) @ matrix
+    steep = np.linalg.norm(u @ matrix, axis=1) / np.linalg.norm(u, axis=1)
+    h = np.column_stack([-np.ones(len(rows)), jacobian * steep[:, None]])[:, :m]
+    residual = steep[:, None] * (plain[:, None] + bent[:, None] * (noise / noise.max()) ** 2)
+    residual += (h @ (prior.state - about)[:m])[:, None]
+    return compute_likelihoods(prior, models, rows[:, 0], residual, h, steep[:, None] * noise)
