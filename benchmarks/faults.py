@@ -259,6 +259,16 @@ def dead_zone(size: float) -> Fault:
     return fault
 
 
+def errs_between(low: float, high: float, size: float) -> Fault:
+    """One axis is off by this much where it should read so much."""
+
+    def law(x: Array) -> Array:
+        wrong = (x[:, 1:2] > low) & (x[:, 1:2] < high)
+        return np.asarray(x + size * wrong * np.array([0.0, 1.0, 0.0]))
+
+    return _non_linear(law)
+
+
 def stuck_bit(step: float, bit: int) -> Fault:
     """One bit of the converter is always zero."""
     return _non_linear(lambda x: (np.round(x / step).astype(int) & ~(1 << bit)) * step)
@@ -926,6 +936,7 @@ def _later() -> list[Kind]:
             Kind(f"readings of y within {s / 1e3:g} µT are zero", tumble, (dead_zone(s),))
             for s in (500.0, 2000.0)
         ),
+        Kind("y off by 8 µT between 10 and 11 µT", tumble, (errs_between(10e3, 11e3, 8e3),)),
     ]
 
 

@@ -11,6 +11,7 @@ from benchmarks.faults import (
     circles,
     coloured,
     cubic,
+    errs_between,
     follows_pitch,
     follows_turns,
     mixed_sensors,
@@ -156,6 +157,17 @@ def test_a_bend_that_chance_would_rarely_show_is_in_the_stated_error() -> None:
     assert "compressed" not in causes(fit)
     error = heading_error_deg(fit.calibration, recording)
     assert 0.2 < error / fit.coverage.heading_sd_deg < 3.0
+
+
+def test_outliers_that_gather_where_an_axis_reads_something_are_a_check() -> None:
+    for seed in (0, 2):
+        _, fit = fitted(seed, errs_between(10e3, 11e3, 8e3))
+        (finding,) = (finding for finding in fit.findings if finding.name == "outliers")
+        assert finding.severity == "check"
+        assert "gather where y reads" in finding.what
+    for seed in range(5):
+        _, fit = fitted(seed, outliers(0.05, 5000.0), motion=tilts(45))
+        assert fit.verdict == "good"
 
 
 def test_noise_of_all_directions_is_no_moving_bias() -> None:

@@ -1,4 +1,4 @@
-"""Readings that the loss left out: how many, and whether they come in stretches of time."""
+"""Readings that the loss left out: how many, and whether they come together."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.health.evidence import OUTLIERS_DOUBTFUL, Evidence
 from agonic.health.finding import Finding, figure
+from agonic.health.gathered import find_gathered
 from agonic.health.moments import describe_stretches
 from agonic.maths.estimation.changes.hidden_states import find_path
 
@@ -27,7 +28,7 @@ def find_outliers(e: Evidence) -> Finding | None:
     stretches = find_stretches(outlier)
     long = np.array([s for s in stretches if _is_long(s, e.time, len(outlier))])
     if not len(long):
-        return scattered
+        return _name_gathered(e, scattered)
     apart = np.zeros(len(outlier), dtype=bool)
     for first, last in long:
         apart[first : last + 1] = True
@@ -38,6 +39,24 @@ def find_outliers(e: Evidence) -> Finding | None:
         f"{scattered.what}, most of them {describe_stretches(long, e.time)}, where the magnitude "
         f"is off by up to {figure(size)} {e.unit}: something magnetic passed, or a current flowed",
         "look what happened at those times: a heading of then is wrong, whatever the calibration",
+    )
+
+
+def _name_gathered(e: Evidence, scattered: Finding) -> Finding:
+    """Outliers that gather where an axis reads something, or the sensor looks one way, are none."""
+    gathered = find_gathered(e)
+    if gathered is None:
+        return scattered
+    size = float(np.median(np.abs(e.residuals[gathered.rows])))
+    count = int(gathered.rows.sum())
+    return Finding(
+        "outliers",
+        "check",
+        f"{scattered.what}; {count} of them gather {gathered.where}, where the magnitude is off by "
+        f"{figure(size)} {e.unit}: the sensor errs there, or something magnetic is near in that "
+        "attitude",
+        "a heading from such readings is wrong, whatever the calibration; turn the sensor away "
+        "from steel, and look whether it errs there again",
     )
 
 
