@@ -9,15 +9,19 @@ from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 
+from agonic.arrays import Array, Mask
 from agonic.console.standard_input import NAME
 from agonic.console.typed_options import write_options
+from agonic.errors import AgonicError
 from agonic.files.names import file_stem
 from agonic.health import Finding, figure
 from agonic.recording.advice import TURNING, is_in_space, lacks_place
 from agonic.recording.calibrated import Calibrated
+from agonic.recording.choice.choose import Kind, choose
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER, RAW
 
@@ -94,19 +98,36 @@ def _find_remedy(result: Calibrated, log: str, typed: Mapping[str, str]) -> str:
     if refused & set(TURNING):  # what was not turned is in no stretch of it, and in no unit
         return again(at="LAT,LON") if lacks_place(samples, result.reference) else ""
     if "field changed" in grave and refused <= {"field changed"} and samples.time is not None:
-        ends = float(samples.time[0]), float(samples.time[-1])
-        return again(between=_find_longest_stretch(grave["field changed"], *ends))
+        start, stop = _find_longest_stretch(grave["field changed"], samples.time)
+        if _tells(result, (samples.time >= start) & (samples.time <= stop)):
+            return again(between=f"{figure(start, 6)},{figure(stop, 6)}")
+        return ""
     if samples.unit == RAW and not refused and (unit := _guess_unit(result)):
         return again(unit=unit)
     return ""
 
 
-def _find_longest_stretch(changed: Finding, first: float, last: float) -> str:
-    """The longest interval without a change, as --between has it, by the clock of the log."""
+def _find_longest_stretch(changed: Finding, time: Array) -> tuple[float, float]:
+    """The longest interval without a change, by the clock of the log."""
+    first, last = float(time[0]), float(time[-1])
     moments = sorted(float(moment) for moment in _MOMENT.findall(changed.what))
     edges = [first, *(moment for moment in moments if first < moment < last), last]
-    start, stop = max(pairwise(edges), key=lambda pair: pair[1] - pair[0])
-    return f"{figure(start, 6)},{figure(stop, 6)}"
+    return max(pairwise(edges), key=lambda pair: pair[1] - pair[0])
+
+
+def _tells(result: Calibrated, rows: Mask) -> bool:
+    """Whether so many of the rows tell a calibration, and no change again: only then is it worth
+    leaving the others out."""
+    if rows.all():
+        return False
+    reference = None if result.reference is None else result.reference.select(rows)
+    try:
+        kind = cast("Kind", result.method)
+        fit = choose(result.samples.select(rows), reference, kind, {}).fit
+    except AgonicError:
+        return False
+    doubts = {finding.name for finding in fit.findings if finding.severity != "note"}
+    return fit.verdict != "refused" and "field changed" not in doubts
 
 
 def _guess_unit(result: Calibrated) -> str:
