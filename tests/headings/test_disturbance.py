@@ -65,3 +65,21 @@ def test_before_it_comes_nothing_grows() -> None:
     before, trusted = scored(15_000.0, carried=True, half=slice(0, 1480))
     assert 0.8 < rms(before) < 1.2
     assert trusted.all()
+
+
+def test_a_magnet_that_is_passed_is_seen_where_its_field_hides_too() -> None:
+    """For a moment the field has the expected magnitude and dip, and points anywhere."""
+    time = np.arange(1000) / 50.0
+    level = np.cos(DIP) * np.array([np.cos(DECLINATION), np.sin(DECLINATION), np.tan(DIP)])
+    east = np.array([-np.sin(DECLINATION), np.cos(DECLINATION), 0.0])
+    field = (
+        np.tile(level, (1000, 1)) + np.where(np.abs(time - 10.0) < 1.0, 0.6, 0.0)[:, None] * east
+    )
+    hidden = np.abs(time - 10.2) < 0.1
+    field[hidden] = np.cos(DIP) * east + [0.0, 0.0, np.sin(DIP)]
+    samples = Samples(time=time, field=FIELD * field, roll_deg=0.0 * time, pitch_deg=0.0 * time)
+    found = heading(samples, setup_for(plain(noise=100.0), tilt="log", tilt_sd_deg=0.1))
+    off = np.abs(off_deg(found.true_deg, 0.0)) > 5.0
+    assert hidden[off].any()
+    assert not found.trusted[off].any()
+    assert found.trusted[~off].mean() > 0.9

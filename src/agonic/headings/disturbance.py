@@ -22,6 +22,9 @@ SEEN_S = (2.0, 20.0)
 """Over which magnitude and dip are averaged, before and after, that tell what disturbs a field,
 whichever side is smaller: a disturbance that comes or goes ends at its row, and one that passes
 through zero does not. In two seconds magnitude and dip are two numbers only."""
+PASSING_S = 1.0
+"""Over which a field that is off before a row and after it is off in the row too."""
+SOME = 0.05
 POSSIBLE, CERTAIN = 2.0, 4.0
 """From so many times the variance that is explained, to so many, what is seen is a disturbance."""
 SAMPLE = 2000
@@ -72,6 +75,28 @@ def add_disturbance(
     if distance is not None:
         distance = np.maximum(distance, np.sqrt(relative) / max(limit, 1e-12))
     return indicated._replace(systematic=indicated.systematic + doubt), distance
+
+
+def bridge_disturbed(distance: Array | None, time: Array | None) -> Array | None:
+    """How far the field is from the expected one, (n,), also where it passes through that.
+
+    Beside a magnet that is passed, magnitude and dip are the expected ones for a moment, and the
+    heading may be any. So a row is beyond the limit too between rows that are, within `PASSING_S`:
+    most of those on one side, and `SOME` of those on the other.
+
+    >>> passed = np.repeat([0.2, 3.0, 0.5, 3.0, 0.2], [30, 30, 5, 30, 30])
+    >>> np.flatnonzero(bridge_disturbed(passed, np.arange(125) / 20.0) > 1.0)[[0, -1]].tolist()
+    [30, 94]
+    """
+    if distance is None or time is None:
+        return distance
+    width = count_rows(time, PASSING_S)
+    off = (distance > 1.0).astype(np.float64)
+    beside = _average_beside(off, width, width)
+    beside = np.where(np.isfinite(beside), beside, 0.0)
+    more, less = beside.max(axis=0), beside.min(axis=0)
+    between = (more > 0.5) & (less > SOME)
+    return np.where(between, np.maximum(distance, 2 * more), distance)
 
 
 def _average_beside(values: Array, width: int, least: int) -> Array:

@@ -13,7 +13,7 @@ from agonic.headings.attitude import Attitude, find_attitude
 from agonic.headings.compass_heading import Indication, Readings, compute_indication
 from agonic.headings.dip_residuals import refine_tilt_sd
 from agonic.headings.disagreement import choose_compass, compare_with_expected
-from agonic.headings.disturbance import add_disturbance
+from agonic.headings.disturbance import add_disturbance, bridge_disturbed
 from agonic.headings.expected_field import Surroundings
 from agonic.samples import Samples
 
@@ -62,6 +62,7 @@ def look_at_rows(
             setup.magnitude_limit,
             first.time,
         )
+        distance = bridge_disturbed(distance, first.time)
         taken.append(Taken(compass, readings, found, distance))
     # the row's own distance chooses, as in a vehicle, which knows no later rows
     used = choose_compass(own, [one.readings.missing for one in taken], len(first))
