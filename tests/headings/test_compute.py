@@ -295,3 +295,14 @@ def test_columns_are_as_long_as_the_log() -> None:
     assert len(found) == 60
     assert {len(column) for column in found.columns().values()} == {60}
     assert found.flag_names() == [""] * 60
+
+
+def test_a_magnitude_that_is_another_throughout_is_said_once() -> None:
+    """Scaled by a room's field, every row would be disturbed, without a reason."""
+    made = flight()
+    scaled = replace(made.truth, magnitude=0.88 * FIELD, matrix=0.88 * made.truth.matrix)
+    found = each_row(made.samples, setup_for(scaled))
+    (said,) = [note for note in found.notes if "throughout" in note]
+    assert "12 % below that of the place throughout (44.0 µT for 50.0 µT)" in said
+    right = each_row(made.samples, setup_for(made.truth))
+    assert not any("throughout" in note for note in right.notes)

@@ -57,9 +57,32 @@ def compare_with_expected(
     distance = _over(dip, setup.dip_limit_deg)
     if not raw:
         expected = np.hypot(around.horizontal, around.vertical)
-        off = _over(np.sqrt(h * h + z * z) / expected - 1, setup.magnitude_limit)
-        distance = np.maximum(distance, off)
+        share = np.sqrt(h * h + z * z) / expected - 1
+        distance = np.maximum(distance, _over(share, setup.magnitude_limit))
+        size = expected * (1 + share)
+        return Comparison(distance, _tell_other_magnitude(compass, share, size, setup))
     return Comparison(distance)
+
+
+def _tell_other_magnitude(
+    compass: Compass, share: Array, size: Array, setup: Setup
+) -> tuple[str, ...]:
+    """What to say of a magnitude that is off by the same share throughout: no row is to blame."""
+    known = np.isfinite(share)
+    if not known.any():
+        return ()
+    off, limit = float(np.median(share[known])), setup.magnitude_limit
+    low, high = np.quantile(share[known], [0.1, 0.9])
+    if not abs(off) > limit / 2 or max(high - off, off - low) > abs(off):
+        return ()
+    there = float(np.median(size[known]))
+    return (
+        f"the magnitude by {compass.sensor} is {100 * abs(off):.0f} % "
+        f"{'above' if off > 0 else 'below'} that of the place throughout ({there / 1000:.1f} µT "
+        f"for {there / (1 + off) / 1000:.1f} µT), and more than {100 * limit:g} % is flagged "
+        '"disturbed": calibrate with the place (--at LAT,LON), or indoors, where the field is '
+        "another, give a declination in the setup and no place",
+    )
 
 
 def _unseen(compass: Compass, why: str) -> str:
