@@ -59,8 +59,8 @@ def compare_with_expected(
         expected = np.hypot(around.horizontal, around.vertical)
         share = np.sqrt(h * h + z * z) / expected - 1
         distance = np.maximum(distance, _over(share, setup.magnitude_limit))
-        size = expected * (1 + share)
-        return Comparison(distance, _tell_other_magnitude(compass, share, size, setup))
+        there = expected * (1 + share)
+        return Comparison(distance, _tell_other_magnitude(compass, share, there, setup))
     return Comparison(distance)
 
 
