@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from agonic.coverage import OPEN_DEG
 from agonic.fit import Channel
 from agonic.health import Finding, figure
 
@@ -33,9 +34,10 @@ def check_azimuth(
     else:
         beside = "that of the known heading: it is wrong, late, or in radians"
         move = "check the heading, its unit and its zero, or fit without it (levelled)"
+    spread = f"by {figure(off)}°" if off < OPEN_DEG else "over the whole circle"
     return Finding(
         "heading",
         "refuse" if off > HEADING_REFUSED_DEG else "check",
-        f"the field's azimuth scatters by {figure(off)}° about {beside}",
+        f"the field's azimuth scatters {spread} about {beside}",
         move,
     )

@@ -7,6 +7,7 @@ from functools import partial, reduce
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.coverage import OPEN_DEG
 from agonic.health.finding import Finding, figure
 
 FEWEST_LEVELS, FEW_LEVELS = 30, 6
@@ -77,6 +78,8 @@ def check_resolution(field: Array, radius: float, unit: str) -> Finding | None:
     >>> turned /= np.linalg.norm(turned, axis=1, keepdims=True)
     >>> check_resolution(np.round(turned * 50_000, -4), 50_000, "nT").severity
     'check'
+    >>> check_resolution(np.round(turned * 50_000, -4), 1e-200, "nT").what.split("leaves ")[1]
+    'the heading entirely open'
     """
     steps = find_steps(field)
     levels = 2 * radius / max(float(steps.max()), 1e-300)
@@ -84,15 +87,18 @@ def check_resolution(field: Array, radius: float, unit: str) -> Finding | None:
         return None
     axes = [letter for letter, step in zip("xyz", steps, strict=True) if step == steps.max()]
     whose = f"axis {axes[0]} reads" if len(axes) == 1 else f"axes {' and '.join(axes)} read"
+    open_deg = _degrees_of_step(levels)
+    left = f"open by some {figure(open_deg)}°" if open_deg < OPEN_DEG else "entirely open"
     return Finding(
         "resolution",
         "refuse" if levels < FEW_LEVELS else "check",
         f"{whose} in steps of {figure(float(steps.max()))} {unit}, {int(levels) + 1} across the "
-        f"field: one reading leaves the heading open by some {figure(_degrees_of_step(levels))}°",
+        f"field: one reading leaves the heading {left}",
         "choose a finer range of the sensor, or log all the digits that it has",
     )
 
 
 def _degrees_of_step(levels: float) -> float:
     """Standard error of a heading by rounding to so many levels across the field, at 60° of dip."""
+    levels = max(levels, 1e-12)
     return float(np.degrees(2 / levels / np.sqrt(12) / np.cos(np.radians(60.0))))

@@ -285,9 +285,11 @@ class _Lines:
         """Print what is new in a status; of the `last` at once."""
         import time
 
+        from agonic.live.guidance import tell_error
+
         self.show_source(status)
         for one in status.sensors:
-            error = "" if one.heading_sd_deg is None else f"  heading ±{one.heading_sd_deg:.2f}°"
+            error = tell_error(one.heading_sd_deg)
             wrong = "".join(f"  ! {problem.text}" for problem in one.problems)
             words = f"{one.say}{wrong}"
             told = f"{one.name}: {100 * one.progress:3.0f} % covered{error}  {words}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.coverage import Coverage
+from agonic.coverage import OPEN_DEG, Coverage
 from agonic.health import Finding, figure
 from agonic.live.aided import Aided
 from agonic.live.level import Level, Plan, find_down, list_steps
@@ -270,3 +270,14 @@ def _find_off_model(params: LiveParams, calibration: Affine) -> list[Finding]:
             "check the place and the unit, or move away from iron",
         )
     ]
+
+
+def tell_error(sd_deg: float | None) -> str:
+    """The standard error of the heading; where that says nothing, a word.
+
+    >>> tell_error(0.5), tell_error(2978.0)
+    ('  heading ±0.50°', '  heading undetermined')
+    """
+    if sd_deg is None:
+        return ""
+    return f"  heading ±{sd_deg:.2f}°" if sd_deg < OPEN_DEG else "  heading undetermined"
