@@ -31,7 +31,7 @@ def test_blocks_of_the_inverse_are_those_of_the_whole() -> None:
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What a fit asks of the joint estimate."""
+    """Fits a log, and returns what that asks of the joint estimate."""
     given = []
 
     def spy(*arguments):
@@ -40,16 +40,20 @@ def asked(monkeypatch):
 
     estimate = solve.estimate_jointly
     monkeypatch.setattr(solve, "estimate_jointly", spy)
-    _, logged, place = drive("boat", 1, n=600, rate_Hz=10.0)
-    gap = (logged.time > 20.0) & (logged.time < 25.0)
-    ag.fit_inertial(logged.select(~gap), place, accelerometer_scale_sd=0.05)
-    return given[0]
+
+    def ask(logged, place, **settings):
+        ag.fit_inertial(logged, place, **settings)
+        return given[0]
+
+    return ask
 
 
 def test_gradients_are_those_of_the_cost(asked) -> None:
-    problem, log, params, start, usable, *_ = asked
-    log = log._replace(settling_s=1e-6)  # smoothed, neither states nor speed act at once
-    log = log._replace(settling_s=1e-6)  # smoothed, neither states nor speed act at once
+    _, logged, place = drive("boat", 1, n=600, rate_Hz=10.0)
+    gap = (logged.time > 20.0) & (logged.time < 25.0)
+    given = asked(logged.select(~gap), place, accelerometer_scale_sd=0.05)
+    problem, log, params, start, usable, *_ = given
+    log = log._replace(settling_s=0.0)  # smoothed, neither states nor speed act at once
     rng = np.random.default_rng(0)
     params = np.concatenate([params, np.zeros(len(log.gains))])
     params = params + 0.01 * rng.standard_normal(len(params))
@@ -93,3 +97,14 @@ def test_an_accelerometer_that_stretches_is_found_on_request() -> None:
     assert fit.accelerometer_gain is not None
     np.testing.assert_allclose(fit.accelerometer_gain, gain, atol=0.004)
     assert (np.abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all()
+
+
+def test_the_noise_of_gyro_and_accelerometer_is_what_they_have(asked) -> None:
+    _, logged, place = drive("tumble", 2, n=5000, rate_Hz=25.0)
+    problem, log, *rest = asked(logged, place)
+    found = solve.estimate_jointly(problem, log, *rest)
+    jittered = log._replace(rate_sd=6 * log.rate_sd)  # as differences see a motion that jitters
+    again = solve.estimate_jointly(problem, jittered, *rest)
+    stated = np.array([0.02, 8.7e-4]) * np.sqrt(25.0)
+    np.testing.assert_allclose(found.sds[1:3] / stated, 1.0, atol=0.35)
+    np.testing.assert_allclose(again.sds[2] / found.sds[2], 1.0, atol=0.05)

@@ -28,11 +28,17 @@ OPPOSITE_DEG = 15.0
 
 
 def check_inclination(solved: Solved) -> Finding | None:
-    """The finding that the log does not tell the dip that nothing else told."""
+    """The finding that the log does not tell the dip that nothing else told.
+
+    Errors of the tilt make its effect on the readings seem smaller, by their share of its variance
+    (regression dilution), and with it the vertical intensity Z: dI = dZ/Z · sin 2I/2.
+    """
     if not solved.settings.inclination_free:
         return None
     variance = float(solved.found.solution.covariance[-1, -1])
-    sd = float(np.degrees(np.sqrt(variance) * solved.sds[-1]))
+    level, below = solved.reference.values.mean(axis=0)
+    diluted = solved.tilt_noise * abs(float(np.sin(2 * np.arctan2(below, level)))) / 2
+    sd = float(np.degrees(np.hypot(np.sqrt(variance) * solved.sds[-1], diluted)))
     if sd < INCLINATION_DOUBTFUL_DEG:
         return None
     return Finding(

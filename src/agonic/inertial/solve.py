@@ -115,6 +115,7 @@ def _free_attitude(solved: Solved) -> Solved:
         reference=reference,
         felt=again,
         gain=joint.gain,
+        tilt_noise=joint.tilt_noise,
         walk_deg=float(np.degrees(joint.sds[2] * np.sqrt(np.median(np.diff(samples.time))))),
     )
     return keep_level(solved)

@@ -43,7 +43,8 @@ small to act twice."""
 class Solved(NamedTuple):
     """An estimate with the problem that it solves, of which rows, and the attitude it rests on.
 
-    `walk_deg`, °/√s, is by how much the gyro walks away from the attitudes of a joint estimate.
+    `walk_deg`, °/√s, is by how much the gyro walks away from the attitudes of a joint estimate,
+    `tilt_noise` the variance of the errors of their tilt over that of the tilt itself.
     """
 
     found: Estimate
@@ -58,6 +59,7 @@ class Solved(NamedTuple):
     gain: Array | None = None
     headings: Headings | None = None
     walk_deg: float = 0.0
+    tilt_noise: float = 0.0
 
     @property
     def errors(self) -> Array:

@@ -48,7 +48,7 @@ class Log(NamedTuple):
     the accelerometer, bias and scale of the gyro, speed, three each, and the delay of a reading.
     `gains` (g, 3, 3): what one standard deviation of each gain of the accelerometer adds to S.
     `settling_s`: time constant of ⟨⟩, for a vehicle that nods in a gust does not change its course
-    at once. `headings`: those that do not come from the magnetometer, where there are any.
+    at once; 0 without. `headings`: those that do not come from the magnetometer, if any.
     """
 
     time: Array
@@ -105,17 +105,18 @@ def sum_readings(
     squares = np.empty(len(attitudes))
 
     def add(rows: slice, track: Track) -> Sums:
-        sides = _compare(problem.subset(rows), attitudes[rows], felt.rate[rows], params, felt)
+        part = problem.subset(rows)
+        sides = compare_readings(part, attitudes[rows], felt.rate[rows], params, felt)
         squares[rows] = (sides[0] ** 2).sum(axis=1)
         return sum_rows(track, *sides, weights[rows])
 
     return _by_blocks(felt.track, add), squares
 
 
-def _compare(
+def compare_readings(
     problem: Problem, attitudes: Array, rate: Array, params: Array, felt: Felt
 ) -> tuple[Array, Array, Array]:
-    """Readings against the field a delay ago: residuals, by state, and by parameters."""
+    """Readings against the field a delay ago: residuals (n, 3), by state and params."""
     assert problem.dip is not None
     basis, n = problem.basis, len(attitudes)
     m = basis.shape[1]
@@ -186,7 +187,7 @@ def _steady_force(log: Log, felt: Felt, attitudes: Array) -> tuple[Array, Array,
     columns = [attitudes, attitudes @ skew(felt.rate), stretched]
     whole = np.concatenate([level, *(one.reshape(n, -1) for one in columns)], axis=1)
     for rows in log.parts:
-        if len(rows) > 3:
+        if len(rows) > 3 and log.settling_s > 0.0:
             step = float(np.median(np.diff(log.time[rows])))
             whole[rows] = low_pass(whole[rows], step, log.settling_s)
     level, axes, turning, stretched = np.split(whole, [3, 12, 21], axis=1)

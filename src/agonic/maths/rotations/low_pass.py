@@ -12,6 +12,7 @@ UNSEEN = 4.382
 ∫(1 + x⁴)⁻² dx over ∫x⁸(1 + x⁴)⁻⁴ dx."""
 BANDWIDTH = 0.833
 """∫(1 + x⁴)⁻² dx: what the low-pass lets through of an even spectrum, over its corner."""
+_PER_SETTLING = 20.0  # steps in a time constant
 WIDTH = 0.69
 """Of the band just above the corner, over the corner: ∫x⁸(1 + x⁴)⁻⁴ dx over its peak."""
 IN_BAND = 1 / 3
@@ -48,6 +49,11 @@ def measure_force_variance(force: Array, by: Array, step: float, settling_s: flo
     Parameters: force (n, 3) and what q errors add to it (n, 3, q), in axes that hardly turn.
     """
     together = np.concatenate([force[:, :, None], by], axis=2)
+    every = max(int(settling_s / (_PER_SETTLING * step)), 1)
+    if every > 1:  # means of some rows: nothing just above the corner changes within them
+        starts = np.arange(0, len(together) - every + 1, every)
+        together = np.add.reduceat(together, starts, axis=0)[: len(starts) - 1] / every
+        step *= every
     left = low_pass(together - low_pass(together, step, settling_s), step, settling_s)
     edge = min(round(BLIND * settling_s / step), len(left) // 4)
     inner = left[edge : len(left) - edge].reshape(-1, left.shape[2])
@@ -58,7 +64,12 @@ def measure_force_variance(force: Array, by: Array, step: float, settling_s: flo
     freedom = 3 * 2 * WIDTH * corner * step * (len(left) - 2 * edge)
     fitted = min(by.shape[2] * IN_BAND, 0.75 * freedom)
     variance = float(np.mean(noise**2)) * freedom / max(freedom - fitted, 1e-9)
-    return float(UNSEEN**2 * variance / min(BANDWIDTH * 2 * corner * step, 1.0))
+    return float(every * UNSEEN**2 * variance / find_passed(step, settling_s))
+
+
+def find_passed(step: float, settling_s: float) -> float:
+    """Which part of the variance of white noise passes the low-pass."""
+    return min(BANDWIDTH * 2 * find_corner_Hz(settling_s) * step, 1.0)
 
 
 def measure_rate_variance(rate: Array) -> float:

@@ -49,21 +49,35 @@ def stack_band(matrix: Tridiagonal) -> Array:
 
 
 def invert(matrix: Tridiagonal) -> Tridiagonal:
-    """The same blocks of H⁻¹ (Rauch, Tung & Striebel's smoother; Takahashi's equations).
+    """The same blocks of H⁻¹, by cyclic reduction.
+
+    Every second state is eliminated at once, what is left is tridiagonal again; its blocks of the
+    inverse give those of the states between (Heller 1976; Takahashi's equations).
 
     >>> one = Tridiagonal(np.tile(2 * np.eye(1), (3, 1, 1)), np.tile(-np.eye(1), (2, 1, 1)))
     >>> invert(one).diagonal.ravel().round(9).tolist(), invert(one).below.ravel().round(9).tolist()
     ([0.75, 1.0, 0.75], [0.5, 0.5])
     """
     count = len(matrix.diagonal)
-    gains = np.empty_like(matrix.below)
-    forward = np.empty_like(matrix.diagonal)
-    forward[0] = np.linalg.inv(matrix.diagonal[0])
-    for k in range(count - 1):
-        gains[k] = matrix.below[k] @ forward[k]
-        forward[k + 1] = np.linalg.inv(matrix.diagonal[k + 1] - gains[k] @ matrix.below[k].T)
-    found, below = forward, np.empty_like(gains)
-    for k in range(count - 2, -1, -1):
-        below[k] = -found[k + 1] @ gains[k]
-        found[k] -= gains[k].T @ below[k]
-    return Tridiagonal(found, below)
+    own: Array = np.asarray(np.linalg.inv(matrix.diagonal[::2]), dtype=np.float64)
+    if count == 1:
+        return Tridiagonal(own, matrix.below)
+    up = np.swapaxes(matrix.below[::2], 1, 2)  # from the state after to the one that goes
+    down = matrix.below[1::2]  # from the state before
+    after, before = own[: len(up)] @ up, own[1 : 1 + len(down)] @ down
+    left = matrix.diagonal[1::2] - np.swapaxes(up, 1, 2) @ after
+    left[: len(down)] -= np.swapaxes(down, 1, 2) @ before
+    joined = -np.swapaxes(up[1:], 1, 2) @ before[: len(up) - 1]
+    kept = invert(Tridiagonal(left, joined))
+    shape = matrix.diagonal.shape
+    diagonal, below = np.empty(shape), np.empty((count - 1, *shape[1:]))
+    diagonal[1::2] = kept.diagonal
+    above = -after @ kept.diagonal  # of the states that went, with those after them
+    beside = -before @ kept.diagonal[: len(down)]  # and with those before them
+    both = min(len(up) - 1, len(down))
+    above[1 : 1 + both] -= before[:both] @ np.swapaxes(kept.below[:both], 1, 2)
+    beside[:both] -= after[1 : 1 + both] @ kept.below[:both]
+    own[: len(up)] -= above @ np.swapaxes(after, 1, 2)
+    own[1 : 1 + len(down)] -= beside @ np.swapaxes(before, 1, 2)
+    diagonal[::2], below[::2], below[1::2] = own, np.swapaxes(above, 1, 2), beside
+    return Tridiagonal(diagonal, below)

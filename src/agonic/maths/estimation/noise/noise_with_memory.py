@@ -73,12 +73,14 @@ class Stretches(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """How slow errors scatter the gradient (m, m), what is left of white noise's variance, and the
-    variance of the slow errors of each geometry."""
+    """How slow errors scatter the gradient (m, m), what is left of white noise's variance, the
+    variance of the slow errors of each geometry, and correlation time, in stretches, columns and
+    variance of each, the last widened by what is not known of it."""
 
     scatter: Array
     white: float
     slow: tuple[float, ...]
+    each: tuple[tuple[float, slice, float], ...] = ()
 
 
 def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...]) -> Memory | None:
@@ -119,13 +121,32 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
     if float(np.sum((seen - constant * max(first, 0.0)) ** 2)) - left**2 < _CHANCE:
         return None
     amplitude = amplitude / size
-    scatter, variances = np.zeros_like(response), [0.0] * len(geometries)
+    scatter, variances, each = np.zeros_like(response), [0.0] * len(geometries), []
     for (tau, at), (_, added), a in zip(slow, found, amplitude[1:], strict=True):
         if a > 0:
             variances[geometries.index(at)] += float(a)
             freedom = max((at.stop - at.start) * k / (2 * tau), _LEAST_FREEDOM)
-            scatter += a * compute_widening(freedom) ** 2 * added
-    return Memory(scatter, float(amplitude[0]), tuple(variances))
+            widened = float(a * compute_widening(freedom) ** 2)
+            scatter += widened * added
+            each.append((float(tau), at, widened))
+    return Memory(scatter, float(amplitude[0]), tuple(variances), tuple(each))
+
+
+def sum_scatter(hold: Array, slow: tuple[tuple[float, slice, float], ...]) -> Array:
+    """How slow errors scatter a gradient (m, m) whose stretches have such a hold (k, g, m) on them.
+
+    >>> sum_scatter(np.ones((3, 1, 1)), ((1e12, slice(0, 1), 2.0),)).round(6).tolist()
+    [[18.0]]
+    """
+    k, size = len(hold), 1 << (2 * len(hold) - 1).bit_length()
+    lag = np.minimum(np.arange(size), size - np.arange(size))
+    total = np.zeros((hold.shape[2], hold.shape[2]))
+    for tau, at, variance in slow:
+        gain = np.fft.rfft(np.where(lag < k, np.exp(-lag / tau), 0.0)).real
+        spectrum = np.fft.rfft(hold[:, at], size, axis=0)
+        followed = np.fft.irfft(gain[:, None, None] * spectrum, size, axis=0)[:k]
+        total += variance * np.einsum("kgm,kgn->mn", hold[:, at], followed)
+    return total
 
 
 class _Lags:
