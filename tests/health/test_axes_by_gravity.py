@@ -7,7 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.ellipsoid import check_by_gravity, fit_ellipsoid
-from agonic.health import check_axes
+from agonic.health import check_axes, check_mounting, find_mounting
 from agonic.maths.rotations.mounting import right_angles, vertical_misfit
 from agonic.simulation import simulate, simulate_vehicle
 
@@ -157,3 +157,16 @@ def test_the_misfit_is_that_of_least_squares_mounting_by_mounting() -> None:
         solved = np.linalg.lstsq(design * root[:, None], wanted * root)[0]
         left = (wanted - design @ solved) ** 2
         assert misfit == pytest.approx(np.sqrt(np.average(left, weights=weights)), rel=1e-9)
+
+
+def test_talk_between_axes_of_a_level_vehicle_is_no_other_mounting() -> None:
+    """A lean and the talk between axes cancel for one turn about the vertical, by chance."""
+    angle = np.linspace(0.0, 4 * np.pi, 400)
+    level = np.stack([0.4 * np.cos(angle), -0.4 * np.sin(angle), np.full(400, 0.9)], axis=1)
+    level[:, 2] += 0.02 * level[:, 0]
+    down = np.tile([0.0, 0.02, 1.0], (400, 1))
+    misfit = vertical_misfit(level, down, right_angles())
+    assert misfit.min() < 0.1 * misfit[0]
+    assert check_mounting(level, down) is find_mounting(level, down) is None
+    naming = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    assert check_mounting(level @ naming, down) is not None

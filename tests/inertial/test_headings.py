@@ -108,7 +108,7 @@ def test_wrong_headings_are_left_out_and_named() -> None:
 
 
 def test_headings_of_another_zero_tell_by_their_changes() -> None:
-    made, logged, place = drive(tilt_deg=5.0, n=2000, declination_deg=8.0)
+    made, logged, place = drive(tilt_deg=10.0, n=2000, declination_deg=8.0)
     fit = ag.fit_inertial(knowing(made, logged, 40.0, 1.0), place)
     assert fit.heading_source == "GPS yaw"
     assert "only how it changes was used" in fit.status
@@ -118,7 +118,7 @@ def test_headings_of_another_zero_tell_by_their_changes() -> None:
 
 
 def test_calibrate_says_what_told_the_heading() -> None:
-    made, logged, place = drive(tilt_deg=5.0, n=2000)
+    made, logged, place = drive(tilt_deg=10.0, n=2000)
     result = ag.calibrate(knowing(made, logged, 0.0, 1.0, "the course over ground"), place)
     assert (result.method, result.verdict) == ("inertial", "good")
     assert "the course over ground the heading beside the gyro" in result.reason

@@ -17,6 +17,9 @@ from agonic.units import STANDARD_GRAVITY_M_S2
 
 FAR_BETTER = 0.4
 """Another mounting is accepted when it leaves less than this share of the vertical's misfit."""
+CROSSTALK = 0.05
+"""Of the readings' spread: what talk between axes and a lean that stays leave of a vertical. A
+vehicle that keeps level shows nothing else, so there any turn about the vertical may seem best."""
 VERTICAL_DOUBTFUL = 0.08
 """Of the field: what a good sensor and 5° of wrong gravity leave of a vertical that is constant."""
 RIVAL = 1.5
@@ -39,7 +42,7 @@ def find_mounting(readings: Array, down: Array) -> Array | None:
     misfit = vertical_misfit(readings, down, turns)
     best, rival = np.argsort(misfit)[:2]
     clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
-    return turns[best] if clear else None
+    return turns[best] if clear and misfit[0] > _find_crosstalk(readings) else None
 
 
 def check_mounting(readings: Array, down: Array) -> Finding | None:
@@ -50,7 +53,7 @@ def check_mounting(readings: Array, down: Array) -> Finding | None:
     turns = right_angles()
     misfit = vertical_misfit(readings, down, turns)
     best = int(np.argmin(misfit))
-    if misfit[best] >= FAR_BETTER * misfit[0]:
+    if misfit[best] >= FAR_BETTER * misfit[0] or misfit[0] < _find_crosstalk(readings):
         return None
     return Finding(
         "mounting",
@@ -107,6 +110,11 @@ def check_axes(
         f"name the axes of the magnetometer, or those of {beside}, rightly and calibrate again: "
         "the calibration holds for the axes as named, a heading from both would be wrong",
     )
+
+
+def _find_crosstalk(readings: Array) -> float:
+    """How much of the vertical may vary where the axes are those they are named for."""
+    return CROSSTALK * float(np.linalg.norm(readings.std(axis=0)))
 
 
 def _tilts(down: Array) -> int:
