@@ -8,6 +8,7 @@ import pyarrow as pa
 import pytest
 from pyarrow.parquet import write_table
 
+import agonic as ag
 from agonic.ellipsoid import fit_moments
 from agonic.errors import AgonicError, LogError
 from agonic.exports.csv import write_csv
@@ -240,7 +241,7 @@ def test_the_row_of_a_refined_sensor_is_that_of_its_log(tmp_path):
     noisy = turned(7, noise=1500.0)
     path = write(tmp_path / "a.parquet", columns(noisy, "n"), columns(turned(1), "m"), shuffle=True)
     row = next(row for row in calibrated(path) if row.sensor == "n")
-    log = write_csv(noisy, tmp_path / "n.csv")
+    log = write_csv(ag.Samples(field=noisy.field, time=noisy.time), tmp_path / "n.csv")
     alone = calibrate_log(str(log), settings=SETTINGS, folder=str(tmp_path)).rows[0]
     assert row.method == alone.method == "ellipsoid"
     assert row.bias_x == pytest.approx(alone.bias_x, abs=1e-3 * alone.bias_x_sd)

@@ -60,7 +60,8 @@ def name_content(data: bytes) -> str:
     try:
         kind = format_of(data[:HEAD_BYTES])
     except LogError as error:
-        return str(error).partition(";")[0].removeprefix("this is ")
+        what = str(error).partition(";")[0]
+        return what.removeprefix("this is ").removesuffix(", no log")
     if kind == JSON:
         return "JSON of something else"
     return (

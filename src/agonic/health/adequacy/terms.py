@@ -42,6 +42,9 @@ POSSIBLE = 1e-2
 PROBABLE = 0.1
 """The odds that a sensor bends by enough to be seen, before its readings are."""
 
+UNSEEN = 0.02
+"""Of the field: by as much at most, about, sensors bend whose residuals do not show it."""
+
 LIKELY = 0.2
 """Of the field: a sensor bends by less at the size of the field, and what goes with bank or pitch
 is less for a vehicle turned by a right angle."""
@@ -90,8 +93,7 @@ def find_terms(work: Work) -> list[ModelError]:
             if s and s.p_value < SIGNIFICANT / (1 if c.alone else family)
         ]
         if not telling:
-            first = scores[:: len(fits)]
-            return [*found, *(error for s, c, _ in first for error in _find_possible(work, s, c))]
+            return [*found, *_find_possible(work, [(s, c) for s, c, _ in scores[:: len(fits)]])]
         score, cause, _ = max(telling, key=lambda found: _rank(*found))
         move = fits[0].find_move(cause.columns @ score.size)
         found.append(_model_error(work, cause, score.p_value, score.size, move))
@@ -105,26 +107,33 @@ def _rank(score: Score, cause: _Cause, square: float) -> float:
     return float((score.gain - 2 * cause.columns.shape[1]) / square)
 
 
-def _find_possible(work: Work, score: Score | None, cause: _Cause) -> Iterator[ModelError]:
-    """A bend that is not significant and may be there all the same, by how probable it is.
+def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list[ModelError]:
+    """Bends that are not significant and may be there all the same, by how probable they are.
 
-    Of any size about which nothing is known but its score q = γᵀV⁻¹γ of k terms it is, against
+    Of any size about which nothing is known but its score q = γᵀV⁻¹γ of k terms one is, against
     none, as likely as B = (q/k)^(−k/2) exp((q − k)/2) where q > k. Its size is then γ (1 − k/q), of
-    covariance V (1 − k/q), and its square γγᵀ (1 − k/q) along γ (see `average_over_term`).
+    covariance V (1 − k/q), and its square γγᵀ (1 − k/q) along γ (see `average_over_term`), unless
+    sensors hardly bend by so much. They explain the same residuals, so that one excludes another.
     """
     from scipy.special import chdtri  # here, so that what only reads a log loads no SciPy
 
+    bends = [(score, cause) for score, cause in tried if cause.level is not None]
     if work.fitted.kinds:  # directions show a bend
-        return
-    if score is None or cause.level is None or score.p_value > POSSIBLE:
-        return
-    k = cause.columns.shape[1]
-    q = float(chdtri(k, max(score.p_value, SIGNIFICANT / 100)))
-    if q > k:
-        odds = PROBABLE * float(np.exp((q - k - k * np.log(q / k)) / 2))
-        move = work.whole.find_move(cause.columns @ score.size)
-        error = _model_error(work, cause, score.p_value, score.size, move)
-        yield error.weigh(odds / (1 + odds) * (1 - k / q))
+        return []
+    found = []
+    for score, cause in bends:
+        if score is None or score.p_value > POSSIBLE:
+            continue
+        k = cause.columns.shape[1]
+        q = float(chdtri(k, max(score.p_value, SIGNIFICANT / 100)))
+        if q > k:
+            odds = PROBABLE * float(np.exp((q - k - k * np.log(q / k)) / 2))
+            move = work.whole.find_move(cause.columns @ score.size)
+            error = _model_error(work, cause, score.p_value, score.size, move)
+            most = min(UNSEEN * work.radius / max(error.size, 1e-300), 1.0)
+            found.append((error, odds, (1 - k / q) * most**2))
+    total = 1 + sum(odds for _, odds, _ in found)
+    return [error.weigh(odds / total * left) for error, odds, left in found]
 
 
 def _test(fit: Linearised, cause: _Cause) -> Score | None:
