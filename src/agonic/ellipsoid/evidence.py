@@ -16,7 +16,6 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest, gather_evidence
 from agonic.health import (
     Finding,
-    Severity,
     check_magnitude,
     check_resolution,
     check_scale,
@@ -192,17 +191,18 @@ def name_uncertainty(fit: Fit, plain: Array | None, errors: Sequence[ModelError]
     others = tuple(finding for finding in fit.findings if finding is not found)
     if found.severity == "check" and verdict_of(others) != "good":
         return replace(fit, findings=others)
-    severity: Severity = "check" if found.severity == "check" else "refuse"
     open_deg = fit.coverage.heading_sd_deg
-    name, what, move = (
-        "noise with memory",
-        "errors of the readings last, some as long as the log",
-        "let the sensor warm up, keep iron and currents as they are, and record longer",
-    )
+    leaves = f"leave the heading uncertain by {figure(open_deg)}°"
     shown = [error for error in errors if error.probability == 1.0]
     worst = max(shown, key=lambda error: error.heading_deg, default=None)
     if worst is not None and worst.heading_deg > open_deg / 2:
-        name, (what, move) = worst.cause, CAUSES[worst.cause]
-    what = f"{what}: it leaves the heading uncertain by {figure(open_deg)}°"
-    cause = Finding(name, severity, what, move)
-    return replace(fit, findings=others).with_findings(cause)
+        what, move = CAUSES[worst.cause]
+        named = replace(found, what=f"{what}; errors of the model {leaves}", move=move)
+        return replace(fit, findings=others).with_findings(named)
+    memory = Finding(
+        "noise with memory",
+        "check" if found.severity == "check" else "refuse",
+        f"errors of the readings last, some as long as the log: they {leaves}",
+        "let the sensor warm up, keep iron and currents as they are, and record longer",
+    )
+    return replace(fit, findings=others).with_findings(memory)

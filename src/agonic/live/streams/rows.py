@@ -118,6 +118,8 @@ class LineParser:
 
     def _begin(self, cells: list[str]) -> None:
         """Take a line as header."""
+        if any("\ufffd" in cell or not cell.isprintable() for cell in cells):
+            raise Unreadable("not a text")
         told = identify_columns(cells)
         found = told.get("field", {})
         whole = {number: axes for number, axes in found.items() if len(axes) == 3}
