@@ -14,7 +14,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.equation import polynomial
-from agonic.maths.estimation.whittaker import FEWEST, smooth
+from agonic.maths.estimation.filters.whittaker import FEWEST, smooth
 
 _ROUNDED = 0.25
 """Share of the error that is left which all stations have in common: what smoothing makes of the

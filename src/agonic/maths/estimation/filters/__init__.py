@@ -1,1 +1,1 @@
-"""Filters that go through a record once."""
+"""Filters and smoothers that go through a record once."""
