@@ -28,6 +28,7 @@ from agonic.maths.estimation.inference.model_averaging import average_over_term
 from agonic.maths.estimation.leastsq import inverse
 
 _NOISY = 0.5  # probability that a column is noisy, before the readings are seen
+_TELLING = 1.0  # variance of a share: a column that hardly moves the readings tells none of it
 _SEEN = 1e-4  # of the column: less does nothing
 
 
@@ -54,7 +55,7 @@ def calm_terms(problem: Problem, estimate: Estimate, robust: bool) -> Calmed:
         return as_it_was
     by, noise, spread = _find_noise(problem, estimate, quick)
     noisy, known = np.zeros(len(noise)), np.zeros(len(noise))
-    for k in np.flatnonzero(noise > 0.0):
+    for k in np.flatnonzero((noise > 0.0) & (np.diag(spread) < _TELLING)):
         found = average_over_term(noise[[k]], spread[[k]][:, [k]], slice(0, 1), _NOISY)
         noisy[k], known[k] = found.params[0], found.covariance[0, 0]
     if not noisy.any():

@@ -13,6 +13,7 @@ UNSEEN = 4.382
 BANDWIDTH = 0.833
 """∫(1 + x⁴)⁻² dx: what the low-pass lets through of an even spectrum, over its corner."""
 _PER_SETTLING = 20.0  # steps in a time constant
+_FEWEST = 16  # of such steps, or of rows where they are fewer
 WIDTH = 0.69
 """Of the band just above the corner, over the corner: ∫x⁸(1 + x⁴)⁻⁴ dx over its peak."""
 IN_BAND = 1 / 3
@@ -49,7 +50,7 @@ def measure_force_variance(force: Array, by: Array, step: float, settling_s: flo
     Parameters: force (n, 3) and what q errors add to it (n, 3, q), in axes that hardly turn.
     """
     together = np.concatenate([force[:, :, None], by], axis=2)
-    every = max(int(settling_s / (_PER_SETTLING * step)), 1)
+    every = max(min(int(settling_s / (_PER_SETTLING * step)), len(together) // _FEWEST), 1)
     if every > 1:  # means of some rows: nothing just above the corner changes within them
         starts = np.arange(0, len(together) - every + 1, every)
         together = np.add.reduceat(together, starts, axis=0)[: len(starts) - 1] / every
