@@ -39,11 +39,12 @@ def find_gathered(e: Evidence) -> Gathered | None:
     be less than `SIGNIFICANT` over the number of regions.
     """
     fits = e.weights > 0
-    events = _find_events(~fits)
+    since = _count_since(~fits)
+    events = ~fits & (np.r_[APART, since[:-1]] >= APART)
     if np.count_nonzero(events) < FEWEST or np.count_nonzero(fits) < 100:
         return None
     should = _interpolate(e.readings, fits)
-    able = events | (fits & ~_near(~fits))
+    able = events | (fits & (since > APART))
     found = [*(_divide_axis(should, fits, axis) for axis in range(3))]
     found.append(find_cells((should - e.bias) @ e.shape.T))
     best: tuple[float, int, int] = SIGNIFICANT, -1, -1
@@ -57,17 +58,10 @@ def find_gathered(e: Evidence) -> Gathered | None:
     return Gathered(_describe(e, should[there & fits], best[1]), there & ~fits)
 
 
-def _find_events(outlier: Mask) -> Mask:
-    """Outliers (n,) with none in the rows just before."""
-    last = np.maximum.accumulate(np.where(outlier, np.arange(len(outlier)), -APART - 1))
-    before = np.r_[-APART - 1, last[:-1]]
-    return np.asarray(outlier & (np.arange(len(outlier)) - before > APART))
-
-
-def _near(outlier: Mask) -> Mask:
-    """Rows (n,) so soon after an outlier that none of theirs would be another event."""
-    last = np.maximum.accumulate(np.where(outlier, np.arange(len(outlier)), -APART - 1))
-    return np.asarray(np.arange(len(outlier)) - last <= APART)
+def _count_since(outlier: Mask) -> Index:
+    """Rows since the last outlier, (n,): zero at an outlier, many before the first."""
+    rows = np.arange(len(outlier))
+    return rows - np.maximum.accumulate(np.where(outlier, rows, -APART - 1))
 
 
 def _interpolate(readings: Array, fits: Mask) -> Array:
