@@ -28,6 +28,7 @@ FEWEST = 50
 """Readings that can show a turn."""
 _SMOOTHED_S = 0.3
 _MOST = 4000
+_LEVI_CIVITA = skew(np.eye(3)).swapaxes(1, 2)
 _UNITS = ((1.0, ""), (np.pi / 180, "degrees"), (180 / np.pi, "radians"))
 
 
@@ -37,7 +38,10 @@ def check_turning(samples: Samples) -> Finding | None:
     if time is None or rate is None or len(time) < FEWEST:
         return None
     turns = np.concatenate([right_angles(), -right_angles()])
-    tried = [(misfit, turn, unit) for unit in _UNITS for misfit, turn in _try(samples, turns, unit)]
+    products = _sum_products(samples)
+    tried = [
+        (_measure_left(products, unit[0] * turn), turn, unit) for unit in _UNITS for turn in turns
+    ]
     own = tried[0][0]
     best, turn, unit = min(tried, key=lambda one: one[0])
     if best > EXPLAINED or best > FAR_BETTER * own:
@@ -115,11 +119,16 @@ def explains_change(samples: Samples) -> bool:
     """
     if samples.time is None or samples.rotation_rate is None or len(samples) < FEWEST:
         return False
-    return _try(samples, np.eye(3)[None], _UNITS[0])[0][0] < EXPLAINED
+    return _measure_left(_sum_products(samples), np.eye(3)) < EXPLAINED
 
 
-def _try(samples: Samples, turns: Array, unit: tuple[float, str]) -> list[tuple[float, Array]]:
-    """What is left of the change of the field for each renaming, as a share, with the renaming."""
+def _sum_products(samples: Samples) -> Array:
+    """Sums over the rows of products of what the residual of any renaming is made of, (19, 19).
+
+    With f the field about its mean, the change c − f × ω' − ω' × b of a row under a rate ω' = s T ω
+    is a sum of the change c itself, of the nine f × e_k ω_j, times s T_kj, and of the nine e_c ω_j:
+    all renamings have their squares and best biases from these sums, and no row is seen again.
+    """
     time, rate = samples.time, samples.rotation_rate
     assert time is not None
     assert rate is not None
@@ -131,15 +140,22 @@ def _try(samples: Samples, turns: Array, unit: tuple[float, str]) -> list[tuple[
     size = np.sqrt((change**2).sum(axis=1))
     usual = size < 10 * np.median(size) + 1e-12
     field, rate, change = field[::every][usual], rate[::every][usual], change[usual]
-    field = field - field.mean(axis=0)
-    total = max(float((change**2).sum()), 1e-300)
-    found = []
-    for turn in turns:
-        turned = unit[0] * rate @ turn.T
-        by_bias = skew(turned).reshape(-1, 3)  # ω × b = −b × ω
-        wanted = (change - np.cross(field, turned)).ravel()
-        gram = by_bias.T @ by_bias
-        bias = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ (by_bias.T @ wanted)
-        left = wanted - by_bias @ bias
-        found.append((float(left @ left) / total, turn))
-    return found
+    crossed = skew(field - field.mean(axis=0)).swapaxes(1, 2)  # (n, k, 3): f × e_k
+    turned = (crossed[:, :, None] * rate[:, None, :, None]).reshape(-1, 9, 3)
+    moved = (np.eye(3)[:, None] * rate[:, None, :, None]).reshape(-1, 9, 3)
+    parts = np.concatenate([change[:, None], turned, moved], axis=1).swapaxes(1, 2).reshape(-1, 19)
+    return np.asarray(parts.T @ parts)
+
+
+def _measure_left(products: Array, turn: Array) -> float:
+    """What is left of the change of the field with a turn and unit (3, 3) of the gyro, as a share.
+
+    Parameters: as of `_sum_products`.
+    """
+    wanted = np.r_[1.0, -turn.ravel(), np.zeros(9)]
+    by_bias = np.zeros((3, 19))  # ω' × e_b, of which e_c holds ε_kbc ω'_k
+    by_bias[:, 10:] = np.einsum("kbc,kj->bcj", _LEVI_CIVITA, turn).reshape(3, 9)
+    gram, along = by_bias @ products @ by_bias.T, by_bias @ products @ wanted
+    bias = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ along
+    left = wanted - bias @ by_bias
+    return float(left @ products @ left) / max(float(products[0, 0]), 1e-300)
