@@ -77,7 +77,10 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
             break
         agreed = _agrees(few, found)
         again = few is not problem or (problem.magnitude_only and not agreed)
-        tried.append(refine(problem, found.solution.params, robust) if again else found)
+        if not again:
+            tried.append(found)
+        elif not any(_leads_to(found.solution.params, one) for one in tried):
+            tried.append(refine(problem, found.solution.params, robust))
         if agreed or len(rows) == min(n, _ENOUGH):
             break
     return min(tried, key=lambda found: _compute_surprise(problem, found))
@@ -104,8 +107,11 @@ def _search(few: Problem, robust: bool, seed: int, known: Sequence[Estimate]) ->
     for start in find_starts(few, algebraic, robust, seed):
         if any(_leads_to(start, one) for one in (*known, *tried)):
             continue
-        tried.append(refine(few, start, robust))
-        if _agrees(few, tried[-1]):
+        anew = _refine_anew(few, start, robust, (*known, *tried))
+        if anew is None:
+            continue
+        tried.append(anew)
+        if _agrees(few, anew):
             break
     return min(tried, key=lambda found: _compute_surprise(few, found)) if tried else None
 
@@ -120,6 +126,15 @@ def _leads_to(start: Array, found: Estimate) -> bool:
 def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
     """The minimum on all readings that count, from a near start; noise level and correlation of
     each channel are taken from its residuals."""
+    found = _refine_anew(problem, params, robust, ())
+    assert found is not None
+    return found
+
+
+def _refine_anew(
+    problem: Problem, params: Array, robust: bool, known: Sequence[Estimate]
+) -> Estimate | None:
+    """The same, or nothing as soon as the way leads to a minimum that is known."""
     prior = problem.prior(problem.soft_iron_sd)
     channels, count = problem.channels, len(params)
     residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
@@ -146,6 +161,8 @@ def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
             move=problem.move,
         )
         params, assumed = solution.params, noise
+        if any(_leads_to(params, one) for one in known):
+            return None
         left = dict(zip(channels, np.split(solution.residuals, len(channels)), strict=True))
         if typical is not None:
             typical = np.flatnonzero(np.isin(np.flatnonzero(counted), rows))
