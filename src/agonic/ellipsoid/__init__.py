@@ -2,7 +2,7 @@
 
 from agonic.ellipsoid.axes_check import check_by_gravity
 from agonic.ellipsoid.evidence import evaluate
-from agonic.ellipsoid.fit import fit_ellipsoid, fit_ellipsoid_alone
+from agonic.ellipsoid.fit import find_inclination_deg, fit_ellipsoid, fit_ellipsoid_alone
 from agonic.ellipsoid.large_fit import fit_recording, fit_recording_and_rows
 from agonic.ellipsoid.large_scan import Recording
 from agonic.ellipsoid.moments_fit import fit_moments
@@ -11,6 +11,7 @@ __all__ = [
     "Recording",
     "check_by_gravity",
     "evaluate",
+    "find_inclination_deg",
     "fit_ellipsoid",
     "fit_ellipsoid_alone",
     "fit_moments",

@@ -109,7 +109,7 @@ def fit_ellipsoid(
         robust=robust,
         soft_iron_sd=soft_iron_sd,
         gauge=gauge,
-        inclination_deg=_find_inclination_deg(inclination_deg, reference),
+        inclination_deg=find_inclination_deg(inclination_deg, reference),
         seed=seed,
     )
     found, affine, usable, tests = _solve(samples, reference, settings)
@@ -120,7 +120,7 @@ def fit_ellipsoid(
     return name_uncertainty(fit, found.plain, errors)
 
 
-def _find_inclination_deg(given: float | None, reference: Reference | None) -> float:
+def find_inclination_deg(given: float | None, reference: Reference | None) -> float:
     """The dip at which the heading's standard error is stated."""
     of_place = None if reference is None else reference.inclination_deg
     return next(dip for dip in (given, of_place, STATED_DIP_DEG) if dip is not None)

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.linalg import polar
 
 from agonic.arrays import Array, Index
 from agonic.attitude.disturbers.names import name_sources
@@ -81,6 +82,7 @@ def climb(
     own uncertainty counts in (`predict_heading_error`).
     """
     chosen = fit.calibration
+    near = _start_near(chosen, samples)
     most = _thin(samples, reference, FITTED_ROWS)
     rows = find_even_rows(len(samples), JUDGED_ROWS)
     some, known = _thin(samples, reference, JUDGED_ROWS)
@@ -93,7 +95,7 @@ def climb(
     rungs = [_rung("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
     for name, again, why in _list_others(samples, reference, fit, method):
         try:
-            found = again(*most)
+            found = again(*most, near=near)
         except AgonicError:
             continue
         folds = predict(some, known, partial(again, near=found), fold, weights)
@@ -157,6 +159,16 @@ def _list_others(
     if chosen.needs and method in CHANNELS:
         name = f"{NAMES[chosen.model]} + {AIDS[method]}"
         yield name, _join(*CHANNELS[method]), "what disturbs on board is missing"
+
+
+def _start_near(chosen: Affine, samples: Samples) -> Affine:
+    """Where the fits beside the chosen one start: the same with sources on board at their mean,
+    without the turn that only an attitude shows."""
+    plain = chosen
+    if isinstance(chosen, Interference):
+        inputs = stack_inputs(chosen.sources, None, select_columns(chosen, samples))
+        plain = chosen.at(inputs.mean(axis=0))
+    return Affine(bias=plain.bias, matrix=polar(plain.matrix)[1], magnitude=plain.magnitude)
 
 
 def _join(*channels: str, sources: tuple[str, ...] = ()) -> Callable[..., Affine]:

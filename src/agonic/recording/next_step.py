@@ -22,6 +22,7 @@ from agonic.health import Finding, figure
 from agonic.recording.advice import TURNING, is_in_space, lacks_place
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.choose import Kind, choose
+from agonic.recording.choice.sources import list_sources
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER, RAW
 
@@ -117,13 +118,14 @@ def _find_longest_stretch(changed: Finding, time: Array) -> tuple[float, float]:
 
 def _tells(result: Calibrated, rows: Mask) -> bool:
     """Whether so many of the rows tell a calibration, and no change again: only then is it worth
-    leaving the others out."""
+    leaving the others out. What disturbs on board is what it was found to be."""
     if rows.all():
         return False
+    known = {} if result.method == "ellipsoid" else {"sources": list_sources(result.fit)}
     reference = None if result.reference is None else result.reference.select(rows)
     try:
         kind = cast("Kind", result.method)
-        fit = choose(result.samples.select(rows), reference, kind, {}).fit
+        fit = choose(result.samples.select(rows), reference, kind, known).fit
     except AgonicError:
         return False
     doubts = {finding.name for finding in fit.findings if finding.severity != "note"}

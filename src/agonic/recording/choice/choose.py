@@ -19,6 +19,7 @@ from agonic.recording.choice.fits import (
     fit_beside_attitude,
     fit_magnitude,
     join_disturbers,
+    state_heading_alone,
 )
 from agonic.recording.choice.sources import list_sources
 from agonic.reference import Reference
@@ -172,11 +173,14 @@ def _leave_attitude(
     """
     if list_sources(aided.fit) or _own_heading_deg(aided.fit) < SURE_DEG:
         return aided
+    wanted_deg = SURER * _own_heading_deg(aided.fit)
     try:
+        if state_heading_alone(samples, reference, settings) >= wanted_deg:
+            return aided  # its evidence could only add to that
         alone = fit_alone(samples, reference, settings)
     except CoverageError:
         return aided
-    surer = alone.fit.coverage.heading_sd_deg < SURER * _own_heading_deg(aided.fit)
+    surer = alone.fit.coverage.heading_sd_deg < wanted_deg
     if not surer or _rank(alone.fit) > _rank(aided.fit) or _sees_less(alone.fit, aided.fit):
         return aided
     why = "the magnitude alone tells the calibration more surely than with the attitude"

@@ -23,12 +23,18 @@ from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.settings import Settings
 from agonic.attitude.vector import fit_vector
 from agonic.calibration.base import Calibration
-from agonic.ellipsoid import check_by_gravity, fit_ellipsoid, fit_ellipsoid_alone
+from agonic.ellipsoid import (
+    check_by_gravity,
+    find_inclination_deg,
+    fit_ellipsoid,
+    fit_ellipsoid_alone,
+)
 from agonic.fit import Fit
 from agonic.fresh import find_fresh
 from agonic.health.turning import leave_out_wrong_gyro
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
+from agonic.maths.equation.coverage import heading_sd_deg
 from agonic.recording.choice.sources import add_choice, fit_with_sources, keep_common, list_sources
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -88,8 +94,25 @@ def fit_magnitude(
 
 def fit_alone(samples: Samples, reference: Reference | None, settings: Mapping[str, Any]) -> Choice:
     """The fit to the magnitude, by those settings of a fit beside the attitude that it has too."""
-    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
-    return fit_magnitude(samples, reference, "", own)
+    return fit_magnitude(samples, reference, "", _keep_own(settings))
+
+
+def state_heading_alone(
+    samples: Samples, reference: Reference, settings: Mapping[str, Any]
+) -> float:
+    """The standard error of the heading by the fit to the magnitude, before any evidence widens
+    it, degrees."""
+    own = _keep_own(settings)
+    made = fit_ellipsoid_alone(samples, reference, **own)
+    dip = find_inclination_deg(own.get("inclination_deg"), reference)
+    assert made.magnitude is not None
+    assert made.covariance is not None
+    return float(heading_sd_deg(dip, made.magnitude, made.matrix, made.covariance, made.gauge))
+
+
+def _keep_own(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings that the fit to the magnitude has too."""
+    return {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
 
 
 def join_disturbers(
