@@ -152,6 +152,7 @@ def fit_inertial(
         inertial_sd=np.sqrt(variances) * solved.sds,
         accelerometer_gain=solved.gain,
         settings=solved.settings,
+        minimum=solved.found.solution.params,
         headings=headings,
         heading_source=None if headings is None else name_heading(samples),
     )
@@ -174,6 +175,7 @@ def fit_part(whole: InertialFit, samples: Samples, reference: Reference) -> Affi
             whole.inertial_errors,
             whole.settings,
             among,
+            whole.minimum,
             whole.headings,
         )
     return make_calibration(

@@ -27,7 +27,8 @@ class InertialFit(Fit):
     the readings are beyond what was undone; where the dip is an unknown it is the last, rad.
     `accelerometer_gain` (3, 3) is what it
     reads over what it feels, where there is a gyro. `headings` are those that joined, and
-    `heading_source` what told them.
+    `heading_source` what told them. `minimum` (p,) are the unknowns of the estimate, in its own
+    units: where fits to parts of the rows start.
     """
 
     samples: Samples
@@ -37,6 +38,7 @@ class InertialFit(Fit):
     inertial_sd: Array
     accelerometer_gain: Array | None
     settings: Settings
+    minimum: Array
     headings: Headings | None = None
     heading_source: str | None = None
 

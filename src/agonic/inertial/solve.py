@@ -62,11 +62,13 @@ def solve_beside(
     errors: Array,
     settings: Settings,
     among: Mask,
+    start: Array,
     headings: Headings | None = None,
 ) -> Solved:
     """The same from some of the readings (n,), where the errors (q,) of the unit are found already.
 
-    Parameters: headings of all rows.
+    Parameters: start (p,), the unknowns found by all rows, whose minimum is not sought again where
+    these rows agree with it; headings of all rows.
     """
     felt = feel_attitude(without_errors(samples, errors))
     sds = standard_deviations(felt, settings)
@@ -74,7 +76,7 @@ def solve_beside(
     tilted, usable, problem, scale = posed
     usable &= among
     some = usable if felt.ahead is None else thin_out(usable)
-    found = estimate_usable(problem, some, settings)
+    found = estimate_usable(problem, some, settings, start)
     solved = Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
     solved = solved._replace(headings=headings)
     return _free_attitude(solved) if felt.ahead is not None else keep_level(solved)
