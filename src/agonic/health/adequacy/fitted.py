@@ -128,10 +128,10 @@ class Work(NamedTuple):
     """The rows that are tested: their numbers, unit normals, feet over the radius; scales.
 
     `linear` is the fit by magnitude alone; `whole` that by all kinds of residuals, one kind after
-    the other, `of` (N,) the row of each, and `even` that without regard to correlation, which an
-    error of the model makes as well as noise; `seen` what they see, `again` with more noise
-    of the readings, and of the attitude. `by_noise` is the information that a fit seems to have
-    because noise blurs its Jacobian.
+    the other, and `even` that without regard to correlation, which an error of the model makes as
+    well as noise; `seen` what they see, `again` with more noise of the readings, and of the
+    attitude. `by_noise` is the information that a fit seems to have because noise blurs its
+    Jacobian.
     """
 
     fitted: Fitted
@@ -147,7 +147,6 @@ class Work(NamedTuple):
     even: Linearised
     seen: Seen
     again: tuple[Seen, ...]
-    of: Index
 
 
 def prepare(fitted: Fitted) -> Work | None:
@@ -201,7 +200,6 @@ def prepare(fitted: Fitted) -> Work | None:
         even=_even(fitted, whole),
         seen=seen,
         again=again,
-        of=np.tile(np.arange(len(rows)), max(len(fitted.kinds), 1)),
     )
 
 

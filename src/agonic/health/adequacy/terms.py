@@ -216,9 +216,9 @@ def _cause(
         return unmodelled.proportional(signals[name]) if terms is None else terms(feet)
 
     def column(seen: Seen) -> Array:
-        errors = errors_at(seen.feet, seen.signals)
-        shown = np.matmul(seen.by_reading[:, None, :], errors[work.of])[:, 0]
-        return np.asarray(shown * work.radius)
+        errors = errors_at(seen.feet, seen.signals) * work.radius
+        by_row = seen.by_reading.reshape(-1, len(errors), 3).swapaxes(0, 1)  # (n, kinds, 3)
+        return (by_row @ errors).swapaxes(0, 1).reshape(len(seen.by_reading), -1)
 
     errors = errors_at(work.feet, work.seen.signals)
     columns = column(work.seen)

@@ -79,6 +79,14 @@ class Linearised:
         """JᵀWJ + P, (p, p)."""
         return np.asarray(self.weighted @ self.jacobian + self.prior)
 
+    @cached_property
+    def scores(self) -> Array:
+        """Σ w (J r − shared) of each batch, (B, p)."""
+        products = self.jacobian * self.residuals[:, None]
+        if self.shared is not None:
+            products -= self.shared
+        return sums_by(self.batch, products * self.weights[:, None])
+
     @property
     def square(self) -> float:
         """The weighted sum of squares of the residuals."""
@@ -129,7 +137,9 @@ def with_batches_beside(fit: Linearised, columns: Array) -> Linearised:
 
 def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
     """Sums of rows (n, k) by the number of their group (n,), (groups, k)."""
-    return np.stack([np.bincount(group, column, groups) for column in rows.T], axis=1)
+    starts = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
+    parts, of = np.add.reduceat(rows, starts, axis=0), group[starts]  # each run, then their sums
+    return np.stack([np.bincount(of, column, groups) for column in parts.T], axis=1)
 
 
 def score_test(
@@ -151,21 +161,22 @@ def score_test(
     `likely` is the prior standard deviation of the size: what rows hardly tell from the unknowns
     of the fit would otherwise be of any size, and what they know less well than that is not tested.
     """
-    taken = np.linalg.solve(fit.information, fit.weighted @ columns)
-    projected = columns - fit.jacobian @ taken
+    weighted = columns * fit.weights[:, None]
+    crossed = fit.jacobian.T @ weighted  # JᵀWZ
+    taken = np.linalg.solve(fit.information, crossed)
+    square = columns.T @ weighted
+    left = square - crossed.T @ taken - taken.T @ fit.prior @ taken  # Z⊥ᵀWZ⊥
+    by_noise = None if noise is None else (noise.T * fit.weights) @ noise
     clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
     held = HELD if surely else 1e-9
-    seen = _seen(projected, columns, noise, fit.weights, clear, held, likely)
+    seen = _seen(left, np.sqrt(np.diag(square)), by_noise, clear, held, likely)
     if seen is None:
         return None
-    projected = projected @ seen
-    gram = (projected.T * fit.weights) @ projected
-    products = projected * fit.residuals[:, None]
+    gram = seen.T @ left @ seen
+    products = weighted * fit.residuals[:, None]
     if shared is not None:
-        products -= shared @ seen
-    if fit.shared is not None:
-        products += fit.shared @ taken @ seen
-    scores = sums_by(fit.batch, products * fit.weights[:, None])
+        products -= shared * fit.weights[:, None]
+    scores = (sums_by(fit.batch, products) - fit.scores @ taken) @ seen
     p_value = _hotelling(scores, fit.captured)
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
@@ -173,7 +184,7 @@ def score_test(
     size = np.asarray(
         seen @ (_draw_in(found, gram, scores / fit.captured**0.5, seen / likely) * sure)
     )
-    return Score(p_value, size, fit.find_move(columns @ size), float(total @ found))
+    return Score(p_value, size, np.asarray(taken @ size), float(total @ found))
 
 
 def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -> Linearised:
@@ -199,26 +210,21 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
 
 
 def _seen(
-    projected: Array,
-    columns: Array,
-    noise: Array | None,
-    weights: Array,
-    clear: float,
-    held: float,
-    likely: float,
+    left: Array, size: Array, by_noise: Array | None, clear: float, held: float, likely: float
 ) -> Array | None:
     """Combinations (k, m) of columns that the fit does not hold already and the rows can show at
-    the size that is likely."""
-    size = np.sqrt(np.sum(columns**2 * weights[:, None], axis=0))
+    the size that is likely.
+
+    Parameters: Z⊥ᵀWZ⊥ (k, k), the size √ZᵀWZ of columns (k,), and what their
+    noise has of it (k, k).
+    """
     scale = 1 / np.where(size > 0, size, 1.0)
-    gram = (projected.T * weights) @ projected * np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(gram)
-    length = np.linalg.norm(scale[:, None] * vectors, axis=0)
-    keep = (values > held) & (values * likely**2 > length**2)
-    if noise is not None:
-        own = np.sum((noise @ (scale[:, None] * vectors)) ** 2 * weights[:, None], axis=0)
-        keep &= values > clear**2 * own
-    return scale[:, None] * vectors[:, keep] if keep.any() else None
+    values, vectors = np.linalg.eigh(left * np.outer(scale, scale))
+    combined = scale[:, None] * vectors
+    keep = (values > held) & (values * likely**2 > (combined**2).sum(axis=0))
+    if by_noise is not None:
+        keep &= values > clear**2 * np.sum(combined * (by_noise @ combined), axis=0)
+    return combined[:, keep] if keep.any() else None
 
 
 def _draw_in(found: Array, gram: Array, scores: Array, prior: Array) -> Array:
