@@ -7,8 +7,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from agonic.calibration.chain import require_calibration
 from agonic.calibration.encoding import schema
+from agonic.calibration.steps import require_calibration
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, save
 from agonic.headings.deviation import fit_deviation

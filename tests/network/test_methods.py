@@ -11,7 +11,7 @@ from agonic.network.fit import compare_methods
 from agonic.network.maths import levenberg_marquardt
 from agonic.network.maths.gradient_descent import descend
 from agonic.network.simulate import simulate_paper
-from agonic.report.strips import Axis
+from agonic.report.axes import Axis
 
 
 def problem(hidden=3):

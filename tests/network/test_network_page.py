@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.chain import Chain, find_step
+from agonic.calibration.chain import Chain
 from agonic.calibration.retraining import RetrainerParams
+from agonic.calibration.steps import find_step
 from agonic.network.fit import choose_network, fit_network
 from agonic.network.report.document import describe_network, describe_network_file
 from agonic.network.retraining import Retrainer

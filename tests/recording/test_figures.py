@@ -8,7 +8,7 @@ import pytest
 
 from agonic.recording.figures import draw_histogram, draw_magnitude, draw_strip
 from agonic.recording.residuals import compute_residuals
-from agonic.report.strips import Axis
+from agonic.report.axes import Axis
 from agonic.report.time_axis import along_rows
 from tests.recording.handmade import samples_of, tumble
 

@@ -5,15 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from agonic.report.strips import (
-    Axis,
-    Columns,
-    arrows,
-    beyond_words,
-    line,
-    robust_limit,
-    spread,
-)
+from agonic.report.axes import Axis, Columns
+from agonic.report.strips import arrows, beyond_words, line, robust_limit, spread
 
 RNG = np.random.default_rng(5)
 

@@ -7,7 +7,7 @@ from html import unescape
 import numpy as np
 import pytest
 
-from agonic.calibration.chain import find_step
+from agonic.calibration.steps import find_step
 from agonic.calibration.thermal import Thermal
 from agonic.health import Finding
 from agonic.maths.equation.symmetric import pack_symmetric

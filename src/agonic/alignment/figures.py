@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.report.axes import Axis, Columns, down, right
 from agonic.report.digits import MINUS
 from agonic.report.markup import Markup, element
-from agonic.report.strips import Axis, Columns, caption, down, level, line, path, plot, right
+from agonic.report.strips import caption, level, line, path, plot
 from agonic.report.time_axis import along_rows
 
 LEAST_BARS = 5.0

@@ -11,7 +11,8 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain, compose, steps_of
+from agonic.calibration.chain import Chain
+from agonic.calibration.steps import compose, steps_of
 from agonic.errors import AgonicError
 from agonic.maths.equation.affine import join, model_basis
 

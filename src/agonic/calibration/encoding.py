@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Validity
-from agonic.calibration.chain import AnyCalibration, Chain, require_calibration
+from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
@@ -36,6 +36,7 @@ from agonic.calibration.schema import (
     ProvenanceRecord,
     ThermalRecord,
 )
+from agonic.calibration.steps import AnyCalibration, require_calibration
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError
 from agonic.provenance import Provenance

@@ -164,7 +164,7 @@ def _export_calibration(
     options: dict[str, Any],
 ) -> Export:
     """A calibration file in the form of the target."""
-    from agonic.calibration.chain import require_calibration
+    from agonic.calibration.steps import require_calibration
     from agonic.exports.firmware.ctext import make_c_name
     from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
@@ -193,7 +193,7 @@ def _export_track(state: Path, to: str, out: Path | None, name: str | None) -> E
 
 def _export_training(cal: Path, to: str, out: Path | None, name: str | None, window: int) -> Export:
     """What trains a network on the controller."""
-    from agonic.calibration.chain import require_calibration
+    from agonic.calibration.steps import require_calibration
     from agonic.exports.firmware.training import write_training
     from agonic.files.calibration import load
 

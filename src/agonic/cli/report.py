@@ -45,8 +45,8 @@ def report(
     One over temperature, or a network, is shown without a log too: its numbers and range.
     """
     from agonic.atomic import write_atomically
-    from agonic.calibration.chain import find_step, require_calibration
     from agonic.calibration.network import Network
+    from agonic.calibration.steps import find_step, require_calibration
     from agonic.calibration.thermal import Thermal
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference

@@ -6,10 +6,11 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.ellipse.result import EllipseFit
+from agonic.report.axes import Axis, Columns
 from agonic.report.digits import count, quantity
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
-from agonic.report.strips import Axis, Columns, caption, level, plot, spread
+from agonic.report.strips import caption, level, plot, spread
 from agonic.report.time_axis import along_rows
 
 _MOST = 1500

@@ -20,9 +20,10 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain, steps_of
+from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import parse_source
+from agonic.calibration.steps import steps_of
 from agonic.exports.convert import find_turns
 from agonic.units import NANOTESLA_PER
 

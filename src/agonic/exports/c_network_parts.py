@@ -9,10 +9,11 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain, steps_of
+from agonic.calibration.chain import Chain
 from agonic.calibration.inputs import signals
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
+from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.exports.polynomials import Polynomials, fit_polynomials, make_constant

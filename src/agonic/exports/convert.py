@@ -21,10 +21,11 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain, compose, steps_of
+from agonic.calibration.chain import Chain
 from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
 from agonic.calibration.sources import parse_source, spell_source
+from agonic.calibration.steps import compose, steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import AnyCalibration
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.encoding import decode, encode
+from agonic.calibration.steps import AnyCalibration
 from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import name_content, read_bytes
 

@@ -9,9 +9,10 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation.robust.robust_line import Line
 from agonic.population.peers import Peers
+from agonic.report.axes import Axis, down, right
 from agonic.report.digits import count, quantity
 from agonic.report.markup import Markup, element, markup
-from agonic.report.strips import Axis, down, path, plot, points, right
+from agonic.report.strips import path, plot, points
 
 BINS = 40
 MOST_DOTS = 1500

@@ -7,19 +7,9 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.headings.result import FLAGS, Heading
 from agonic.maths.rotations.tilt import compute_down, tilt_from_angles
+from agonic.report.axes import Axis, Columns
 from agonic.report.markup import Markup
-from agonic.report.strips import (
-    Axis,
-    Columns,
-    arrows,
-    band,
-    caption,
-    line,
-    mark_rows,
-    plot,
-    robust_limit,
-    spread,
-)
+from agonic.report.strips import arrows, band, caption, line, mark_rows, plot, robust_limit, spread
 from agonic.report.time_axis import along_rows
 
 _DOUBTED = {"held-out": "rows that a flag marks"}

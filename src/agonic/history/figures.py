@@ -10,8 +10,9 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.history.fit import Drift, Event, sample_times
 from agonic.history.trend import Trend
+from agonic.report.axes import Axis, down, right
 from agonic.report.markup import Markup, element
-from agonic.report.strips import Axis, caption, down, path, plot, points, right
+from agonic.report.strips import caption, path, plot, points
 
 DAYS_A_MONTH, DAYS_A_YEAR = 30.4375, 365.25
 _WIDE = 2.0  # standard deviations that bands reach to either side

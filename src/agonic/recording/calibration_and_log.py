@@ -6,7 +6,7 @@ from pathlib import Path
 
 from agonic.attitude.delay import remove_delay
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import require_calibration
+from agonic.calibration.steps import require_calibration
 from agonic.console.sensors import add_second, choose_name
 from agonic.files.calibration import load
 from agonic.logs.read import open_log

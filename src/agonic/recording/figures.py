@@ -10,23 +10,20 @@ from agonic.arrays import Array
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.residuals import FEWEST, Residuals, find_held_out, find_level
 from agonic.recording.sphere import describe_coverage, find_deviation_limit, find_middle
+from agonic.report.axes import Axis, Columns, down, right
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
-    Axis,
-    Columns,
     arrows,
     beyond_words,
     caption,
-    down,
     level,
     line,
     mark_rows,
     path,
     plot,
     points,
-    right,
     spread,
 )
 from agonic.report.time_axis import along_rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.report.strips import Axis
+from agonic.report.axes import Axis
 
 _TIME_UNITS = (
     (172_800.0, 86_400.0, "days"),

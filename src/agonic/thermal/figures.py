@@ -10,17 +10,9 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
+from agonic.report.axes import Axis, down, right
 from agonic.report.markup import Markup, element
-from agonic.report.strips import (
-    Axis,
-    caption,
-    down,
-    level,
-    path,
-    plot,
-    points,
-    right,
-)
+from agonic.report.strips import caption, level, path, plot, points
 from agonic.report.time_axis import along_time
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.checks.thermometers import Course

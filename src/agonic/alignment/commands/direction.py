@@ -70,7 +70,7 @@ def direction(
     from agonic.alignment.direction.document import describe_direction
     from agonic.alignment.files.read_session import FILE_NAME, read_session
     from agonic.alignment.files.write_direction import write_direction
-    from agonic.calibration.chain import require_calibration
+    from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, require_table
     from agonic.console.sensors import open_sensor
     from agonic.files.calibration import load

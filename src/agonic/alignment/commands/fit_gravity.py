@@ -39,7 +39,7 @@ def gravity(
     """The rotation from magnetometer to accelerometer, from orientations at rest."""
     from agonic.alignment.gravity import fit_gravity
     from agonic.alignment.gravity.document import describe_gravity
-    from agonic.calibration.chain import require_calibration
+    from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish
     from agonic.files.calibration import load
 

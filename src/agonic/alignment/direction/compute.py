@@ -16,7 +16,7 @@ from agonic.alignment.session.session import PRESENT, Site, StarReadings, comput
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
-from agonic.calibration.chain import AnyCalibration, find_step, require_calibration, steps_of
+from agonic.calibration.steps import AnyCalibration, find_step, require_calibration, steps_of
 from agonic.errors import AgonicError, FrameError
 from agonic.maths.rotations.frames import rot_en
 from agonic.maths.rotations.vectors import skew

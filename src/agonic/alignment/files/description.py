@@ -18,7 +18,7 @@ from agonic.alignment.files.session_schema import (
 )
 from agonic.alignment.session import Pier
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import require_calibration
+from agonic.calibration.steps import require_calibration
 from agonic.errors import LogError
 from agonic.files.calibration import load
 from agonic.files.toml_sections import read_section, read_toml

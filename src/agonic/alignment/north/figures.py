@@ -6,8 +6,9 @@ import numpy as np
 
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
 from agonic.alignment.session.north import SwingRecord
+from agonic.report.axes import Axis, Columns
 from agonic.report.markup import Markup
-from agonic.report.strips import Axis, Columns, caption, level, line, plot, spread
+from agonic.report.strips import caption, level, line, plot, spread
 from agonic.report.time_axis import along_rows
 
 

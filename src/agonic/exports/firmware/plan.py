@@ -11,12 +11,12 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import compose
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.inputs import signals
 from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.sources import SOURCES, list_columns
+from agonic.calibration.steps import compose
 from agonic.exports.firmware.following import find_time_constants
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.polynomials import (

@@ -11,9 +11,9 @@ from agonic.arrays import Array
 from agonic.calibration.deviation import POINTS, Deviation, name_heading
 from agonic.headings.deviation.card import LIMITS, judge_size
 from agonic.headings.deviation.fit import DeviationFit
+from agonic.report.axes import Axis
 from agonic.report.markup import Markup, element
 from agonic.report.page_file import read_static
-from agonic.report.strips import Axis
 
 WIDTH, LEFT, RIGHT = 760.0, 64.0, 112.0
 _CIRCLE_DEG = np.arange(0.0, 361.0, 2.0)

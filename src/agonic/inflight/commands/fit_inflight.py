@@ -105,7 +105,7 @@ def inflight(
     as_json: Json = False,
 ) -> int:
     """Bias, gains or all nine numbers from the field that is known on the way."""
-    from agonic.calibration.chain import require_calibration
+    from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish
     from agonic.console.place import set_track
     from agonic.errors import AgonicError

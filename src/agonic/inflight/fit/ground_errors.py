@@ -7,7 +7,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain, steps_of
+from agonic.calibration.chain import Chain
+from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.rotations.polar import split_rotation

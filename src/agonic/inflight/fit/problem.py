@@ -7,8 +7,8 @@ from typing import Literal
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import steps_of
 from agonic.calibration.network import Network
+from agonic.calibration.steps import steps_of
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import FEWEST, find_usable_rows
 from agonic.inflight.fit.terms import Terms, build_terms

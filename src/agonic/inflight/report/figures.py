@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.flight import Course, Flight
+from agonic.report.axes import BINS, Axis, Columns, right
 from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
-    BINS,
-    Axis,
-    Columns,
     arrows,
     band,
     level,
@@ -22,7 +20,6 @@ from agonic.report.strips import (
     mark_rows,
     path,
     plot,
-    right,
     robust_limit,
     spread,
 )

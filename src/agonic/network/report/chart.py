@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.network.fit import NetworkChoice, NetworkFit
+from agonic.report.axes import Axis
 from agonic.report.markup import Markup, element
-from agonic.report.strips import Axis
 
 WIDTH, HEIGHT = 720.0, 360.0
 LEFT, RIGHT, TOP, FOOT = 72.0, 24.0, 40.0, 56.0

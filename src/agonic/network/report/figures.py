@@ -9,21 +9,17 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, Method, NetworkFit
+from agonic.report.axes import BINS, Axis, Columns, down, right
 from agonic.report.markup import Markup
 from agonic.report.strips import (
-    BINS,
-    Axis,
-    Columns,
     arrows,
     band,
-    down,
     level,
     line,
     mark_rows,
     path,
     plot,
     points,
-    right,
     robust_limit,
     spread,
 )

@@ -5,18 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.recording.evaluation.cross_validation import Evaluation, Measure
+from agonic.report.axes import Axis, Columns
 from agonic.report.markup import Markup
-from agonic.report.strips import (
-    Axis,
-    Columns,
-    arrows,
-    beyond_words,
-    caption,
-    line,
-    plot,
-    robust_limit,
-    spread,
-)
+from agonic.report.strips import arrows, beyond_words, caption, line, plot, robust_limit, spread
 from agonic.report.time_axis import along_rows
 
 

@@ -1,0 +1,132 @@
+"""Where on a strip things lie: its axes, and the columns that readings are put into."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from agonic.arrays import Array
+
+BINS = 400
+"""Columns of a strip; the least and the largest value of each are drawn, so no peak is lost."""
+
+_GAP = 3  # columns without a reading that break a line
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What is drawn along an edge of a strip: its label with the unit, and its range; equal ratios
+    are equally long where it is logarithmic."""
+
+    label: str
+    low: float
+    high: float
+    logarithmic: bool = False
+
+    def share(self, values: Array) -> Array:
+        """Where values lie between the ends, 0…1; what lies beyond is drawn at the end."""
+        if self.logarithmic:
+            values = np.log10(np.maximum(values, self.low) / self.low)
+            return np.asarray(np.minimum(values / np.log10(self.high / self.low), 1.0))
+        return np.asarray(np.clip((values - self.low) / ((self.high - self.low) or 1.0), 0.0, 1.0))
+
+    def ticks(self, most: int = 6) -> Array:
+        """Round numbers along the axis: steps of 1, 2 or 5 times a power of ten.
+
+        >>> Axis("time, s", 0.0, 47.0).ticks()
+        array([ 0., 10., 20., 30., 40.])
+        >>> Axis("epoch", 1.0, 30.0, logarithmic=True).ticks()
+        array([ 1.,  2.,  5., 10., 20.])
+        """
+        if self.logarithmic:
+            return self._decades()
+        rough = (self.high - self.low) / most
+        if not 1e-300 < rough < 1e300:  # all in one place, or too far apart to be told apart
+            return np.array([self.low])
+        power = 10.0 ** np.floor(np.log10(rough))
+        step = power * next(m for m in (1, 2, 5, 10) if m * power >= rough * (1 - 1e-9))
+        first = np.ceil(self.low / step - 1e-9)
+        last = np.floor(self.high / step + 1e-9)
+        return np.asarray(np.arange(first, last + 1) * step + 0.0)  # the sum turns −0 into 0
+
+    def _decades(self) -> Array:
+        """1, 2 and 5 times powers of ten; of long axes the powers."""
+        powers = 10.0 ** np.arange(np.floor(np.log10(self.low)), np.ceil(np.log10(self.high)) + 1)
+        steps = [1.0] if self.high / self.low > 300.0 else [1.0, 2.0, 5.0]
+        marks = np.outer(powers, steps).ravel()
+        return np.asarray(marks[(marks >= self.low * 0.999) & (marks <= self.high * 1.001)])
+
+
+class Columns:
+    """Readings put into the columns of a strip by where they lie along its axis.
+
+    `right` (k,) is where each column with readings stands, thousandths of the area; `counts` (k,)
+    how many it holds.
+
+    >>> columns = Columns(Axis("", 0.0, 10.0), np.array([1.0, 9.0, 2.0]), most=2)
+    >>> columns.right.tolist(), columns.mean(np.array([5.0, 7.0, 6.0])).tolist()
+    ([150.0, 900.0], [5.5, 7.0])
+    """
+
+    def __init__(self, x: Axis, along: Array, most: int = BINS) -> None:
+        self.most = max(1, min(most, len(along)))
+        place = np.minimum((x.share(along) * self.most).astype(np.int32), self.most - 1)
+        sorted_already = bool((np.diff(place) >= 0).all())
+        self._order = None if sorted_already else np.argsort(place, kind="stable")
+        counts = np.bincount(place, minlength=self.most)
+        self.places = np.flatnonzero(counts)
+        self.counts = counts[self.places]
+        self._starts = np.cumsum(self.counts) - self.counts
+        self.right = right(x, self.mean(along))
+
+    def _sorted(self, values: Array) -> Array:
+        return values if self._order is None else values[self._order]
+
+    def mean(self, values: Array, weights: Array | None = None) -> Array:
+        """The mean of each column, weighted where weights are given; NaN where all are 0."""
+        if weights is None:
+            return np.asarray(np.add.reduceat(self._sorted(values), self._starts) / self.counts)
+        total = np.add.reduceat(self._sorted(weights), self._starts)
+        sums = np.add.reduceat(self._sorted(weights * values), self._starts)
+        means = np.full(len(sums), np.nan)
+        np.divide(sums, total, out=means, where=total > 0)
+        return means
+
+    def least(self, values: Array) -> Array:
+        """The least value of each column."""
+        return np.asarray(np.minimum.reduceat(self._sorted(values), self._starts))
+
+    def largest(self, values: Array) -> Array:
+        """The largest value of each column."""
+        return np.asarray(np.maximum.reduceat(self._sorted(values), self._starts))
+
+    def percentiles(self, values: Array, wanted: Sequence[float]) -> Array:
+        """Percentiles of each column, (len(wanted), k)."""
+        parts = np.split(self._sorted(values), self._starts[1:])
+        return np.array([np.percentile(part, wanted) for part in parts]).T
+
+    def edges(self) -> tuple[Array, Array]:
+        """Where each column begins and ends, thousandths of the area."""
+        return 1000.0 * self.places / self.most, 1000.0 * (self.places + 1) / self.most
+
+    def stretches(self) -> Iterator[slice]:
+        """Runs of columns without a gap between them."""
+        steps = np.diff(self.places)
+        wide = _GAP * max(float(np.median(steps)), 1.0) if len(steps) else 1.0
+        ends = [*(np.flatnonzero(steps > wide) + 1).tolist(), len(self.places)]
+        begin = 0
+        for end in ends:
+            yield slice(begin, end)
+            begin = end
+
+
+def right(axis: Axis, values: Array) -> Array:
+    """Thousandths of the area from the left."""
+    return 1000.0 * axis.share(values)
+
+
+def down(axis: Axis, values: Array) -> Array:
+    """Thousandths of the area from the top."""
+    return 1000.0 * (1.0 - axis.share(values))
