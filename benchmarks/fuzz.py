@@ -11,6 +11,7 @@ import argparse
 import contextlib
 import io
 import os
+import resource
 import signal
 import sys
 import tempfile
@@ -21,8 +22,15 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.fuzz_bytes import change_bytes
+from benchmarks.fuzz_files import make_damaged
+
 SECONDS = 30
 """How long one try may take."""
+MOST_BYTES = 2_500_000_000
+"""How much memory a reader may take, libraries included."""
+READERS = 0.75
+"""Share of tries that are readers alone: they are many times faster."""
 EXTREMES = (
     "nan",
     "inf",
@@ -84,20 +92,6 @@ def make_inputs(rng: np.random.Generator) -> None:
     Path("SWING").write_text("compass,deviation\nN,10.5E\n45,3 E\n90,1\n135,1.2 W\n180,2\n270,1\n")
 
 
-def change_bytes(data: bytes, rng: np.random.Generator) -> bytes:
-    """The bytes cut, overwritten, with some lost, doubled or put in."""
-    at, size = int(rng.integers(len(data))), int(rng.integers(1, 200))
-    noise = rng.integers(0, 256, size).astype(np.uint8).tobytes()
-    kinds = (
-        data[:at],
-        data[:at] + noise[:1] + data[at + 1 :],
-        data[:at] + noise + data[at + size :],
-        data[:at] + data[at + size :],
-        data[:at] + data[at : at + size] * 3 + data[at + size :],
-    )
-    return kinds[int(rng.integers(len(kinds)))]
-
-
 def change_words(text: str, rng: np.random.Generator) -> str:
     """The text with some of its numbers and words extreme."""
     parts = text.replace("\n", ",\n").split(",")
@@ -126,9 +120,34 @@ def change_columns(text: str, rng: np.random.Generator) -> str:
 
 def attempt(seed: int) -> str:
     """What one try with this seed broke, or ""."""
+    rng = np.random.default_rng(seed)
+    return attempt_reader(rng) if rng.random() < READERS else attempt_command(rng)
+
+
+def attempt_reader(rng: np.random.Generator) -> str:
+    """What a reader does with a damaged file that it should not, or ""."""
+    from agonic.errors import AgonicError
+    from agonic.logs.read import open_log
+
+    path = Path("recording")
+    what = make_damaged(path, rng)
+    began = time.monotonic()
+    try:
+        for samples in open_log(path).sensors:
+            if not all(np.isfinite(column).all() for column in samples.columns().values()):
+                return f"{what}: values that are no numbers"
+    except AgonicError as error:
+        if "\n" in str(error) or "more memory than there is" in str(error):
+            return f"{what}: {error}"
+    except BaseException:
+        return f"{what} after {time.monotonic() - began:.1f} s\n{traceback.format_exc()}"
+    return ""
+
+
+def attempt_command(rng: np.random.Generator) -> str:
+    """What a command with a damaged log or document broke, or ""."""
     from agonic.cli import run
 
-    rng = np.random.default_rng(seed)
     make_inputs(rng)
     command = str(rng.choice(COMMANDS)).split()
     victim = Path(str(rng.choice([word for word in command if word.isupper()])))
@@ -152,22 +171,40 @@ def attempt(seed: int) -> str:
 
 
 def try_seed(seed: int) -> str:
-    """As `attempt`, in a folder of its own and no longer than it may take."""
-
-    def stop(*_: Any) -> None:
-        raise TimeoutError(f"longer than {SECONDS} s")
-
-    home = Path.cwd()
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(SECONDS)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
+    """As `attempt`, in a process and a folder of its own, no longer and no larger than it may."""
+    with tempfile.TemporaryDirectory() as folder:
+        said = Path(folder, ".said")
+        child = os.fork()
+        if not child:
             os.chdir(folder)
-            return attempt(seed)
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
-        os.chdir(home)
+            signal.signal(signal.SIGALRM, stop)
+            signal.alarm(SECONDS)
+            resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+            said.write_text(attempt(seed))
+            os._exit(0)
+        _, status = os.waitpid(child, 0)
+        if not said.is_file():
+            return f"the process ended with status {status}"
+        return said.read_text()
+
+
+def preload() -> None:
+    """Import once what every try needs: each is a process that begins as a copy of this one."""
+    import h5py  # noqa: F401
+    import pyarrow.parquet  # noqa: F401
+    import scipy.io  # noqa: F401
+
+    import agonic as ag
+    from agonic.logs.formats import FORMATS
+
+    for kind in FORMATS:
+        _ = kind.reader
+    _ = ag.simulate, ag.fit_ellipsoid
+
+
+def stop(*_: Any) -> None:
+    """End a try that takes too long."""
+    raise TimeoutError(f"longer than {SECONDS} s")
 
 
 def main() -> int:
@@ -179,6 +216,7 @@ def main() -> int:
     given = parser.parse_args()
     os.environ["AGONIC_DEBUG"] = "1"
     first = next(n for n in (given.seed, given.first, int(time.time()) * 1000) if n is not None)
+    preload()
     end = time.monotonic() + 60 * given.minutes
     print(f"seeds from {first}", flush=True)
     tried = broken = 0

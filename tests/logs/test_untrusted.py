@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import os
 import resource
+import sqlite3
 import struct
 import zipfile
 import zlib
-from contextlib import suppress
+from contextlib import closing, suppress
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from agonic.errors import LogError
 from agonic.logs.arrays.matlab_5 import read_version_5
 from agonic.logs.read import open_log, read
 from tests.logs.damage import damaged
+from tests.logs.workbook_writer import write_xlsx
 
 FIELD = np.arange(300.0).reshape(100, 3) % 17 + [20.0, 1.0, 43.0]
 
@@ -185,3 +187,62 @@ def test_long_attributes_take_no_time(hdf5):
         file["time"].attrs["units"] = "s since " + " " * 60_000 + "x"
 
     np.testing.assert_allclose(read(hdf5(change)).field, FIELD * 1e3)
+
+
+@pytest.mark.parametrize("stream", [False, True])
+def test_arrow_bombs(tmp_path, stream):
+    """What packed buffers declare is known before they are unpacked; a batch of nothing, too."""
+    pa = pytest.importorskip("pyarrow")
+    path = tmp_path / "bomb.arrow"
+
+    def write(columns, packing=None):
+        table = pa.table(columns)
+        options = pa.ipc.IpcWriteOptions(compression=packing)
+        make = pa.ipc.new_stream if stream else pa.ipc.new_file
+        with pa.OSFile(str(path), "wb") as sink, make(sink, table.schema, options=options) as to:
+            to.write_table(table)
+
+    good = {f"mag_{axis}_uT": FIELD[:, k] for k, axis in enumerate("xyz")}
+    kind = {"sensor": pa.array(["a"] * 100).dictionary_encode()}
+    for packing in (None, "lz4", "zstd"):
+        write(good | kind, packing)
+        np.testing.assert_allclose(read(path).field, FIELD * 1e3)
+    data, true = path.read_bytes(), struct.pack("<q", 800)
+    assert data.count(true) >= 3
+    for false in (2**40, 2**62):
+        path.write_bytes(data.replace(true, struct.pack("<q", false)))
+        with pytest.raises(LogError, match=r"declares .* GB"):
+            open_log(path)
+    write(dict.fromkeys(good, pa.nulls(10**9)))
+    with pytest.raises(LogError, match="declares 8 GB"):
+        open_log(path)
+
+
+def test_a_database_with_blobs_and_endless_texts(tmp_path):
+    """What is no reading is a gap and is not loaded, be it larger than memory."""
+    path = tmp_path / "log.db"
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("CREATE TABLE mag (time_s, mag_x_uT, mag_y_uT, mag_z_uT, temperature_C)")
+        rows = [(k / 50, *row, 20.0) for k, row in enumerate(FIELD.tolist())]
+        base.executemany("INSERT INTO mag VALUES (?,?,?,?,?)", rows)
+        blob, text = "zeroblob(90000000)", "hex(zeroblob(1000000))"
+        base.execute(f"UPDATE mag SET temperature_C = {blob} WHERE time_s BETWEEN 0.1 AND 0.15")
+        base.execute(f"UPDATE mag SET mag_x_uT = {text} WHERE time_s BETWEEN 1 AND 1.05")
+        base.commit()
+    field = read(path).field
+    assert 90 <= len(field) < 100
+    assert set(field[:, 0]) <= set(FIELD[:, 0] * 1e3)
+
+
+def test_a_sheet_that_is_listed_many_times_is_read_once(tmp_path):
+    path = write_xlsx(
+        tmp_path / "log.xlsx", {"a": [["mag_x_uT", "mag_y_uT", "mag_z_uT"], *FIELD.tolist()]}
+    )
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    again = b"".join(b'<sheet name="s%d" sheetId="%d" r:id="rId1"/>' % (k, k) for k in range(2, 60))
+    parts["xl/workbook.xml"] = parts["xl/workbook.xml"].replace(b"</sheets>", again + b"</sheets>")
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    assert [samples.name for samples in open_log(path).sensors] == ["mag"]

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.arrow_sizes import count_unpacked_bytes
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
 from agonic.logs.limits import check_declared
@@ -50,9 +51,12 @@ def _read_columns(path: Path) -> dict[str, Any]:
         raise MissingExtraError("reading an Arrow file", "tables") from None
     stored = path.stat().st_size
     batches, size = [], 0
-    with pa.OSFile(str(path)) as file:
-        with path.open("rb") as stream:
-            whole = stream.read(len(FILE)) == FILE
+    check_declared(stored, stored)
+    with pa.BufferReader(path.read_bytes()) as file:  # no message can ask for more than there is
+        whole = file.read(len(FILE)) == FILE
+        file.seek(len(FILE) if whole else 0)
+        check_declared(count_unpacked_bytes(pa, file), stored)
+        file.seek(0)
         reader = pa.ipc.open_file(file) if whole else pa.ipc.open_stream(file)
         for number in range(reader.num_record_batches) if whole else iter(int, 1):
             try:
@@ -60,7 +64,7 @@ def _read_columns(path: Path) -> dict[str, Any]:
             except StopIteration:
                 break
             batch.validate(full=True)  # offsets in it may lead anywhere
-            size += batch.nbytes
+            size += max(batch.nbytes, 8 * batch.num_rows)  # columns of nothing take none
             check_declared(size, stored)
             batches.append(batch)
     if not batches:
@@ -72,6 +76,8 @@ def _read_columns(path: Path) -> dict[str, Any]:
 
 def _take_apart(pa: Any, field: Any, column: Any) -> dict[str, Any]:
     """A column by its name; one of lists of three as its components."""
+    if pa.types.is_null(field.type):
+        return {}
     if pa.types.is_fixed_size_list(field.type) and field.type.list_size == 3:
         flat = pa.chunked_array([chunk.flatten() for chunk in column.chunks], field.type.value_type)
         if len(flat) == 3 * len(column):

@@ -30,6 +30,8 @@ from agonic.provenance import Input
 
 _MOST_TABLES = 256
 _BLOCK = 20_000
+_LONGEST_TEXT = 1000
+_LONGEST_VALUE = 100_000_000
 _LONGEST_S = 60.0
 
 Table = dict[str, NDArray[Any]]
@@ -67,6 +69,7 @@ def _open(path: Path) -> Iterator[sqlite3.Connection]:
         end = time.monotonic() + _LONGEST_S
         database.set_progress_handler(lambda: time.monotonic() > end, 100_000)
         database.execute("PRAGMA trusted_schema = OFF")
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE)
         database.text_factory = lambda data: data.decode("utf-8", "replace")
         yield database
 
@@ -87,13 +90,21 @@ def _read_tables(database: sqlite3.Connection) -> tuple[dict[str, Table], list[s
         others += [f"{name}.{header}" for i, header in enumerate(headers) if i not in wanted]
         if not wanted:
             continue
-        chosen = ", ".join(_quote(headers[i]) for i in wanted)
+        chosen = ", ".join(_select(_quote(headers[i])) for i in wanted)
         rows = database.execute(f"SELECT {chosen} FROM {_quote(name)}")
         table = _read_rows(rows, list(wanted.values()), room // len(wanted))
         if table:
             tables[name] = table
             room -= sum(len(column) for column in table.values())
     return tables, others
+
+
+def _select(column: str) -> str:
+    """A column without what is no reading: blobs and long texts, one of which may fill memory."""
+    return (
+        f"CASE WHEN typeof({column}) IN ('integer', 'real') OR (typeof({column}) = 'text' AND "
+        f"length({column}) <= {_LONGEST_TEXT}) THEN {column} END"
+    )
 
 
 def _quote(name: str) -> str:

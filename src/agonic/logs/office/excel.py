@@ -69,7 +69,11 @@ def _list_sheets(archive: ZipFile) -> tuple[list[tuple[str, str]], datetime]:
     _run(archive, "xl/_rels/workbook.xml.rels", relation)
     _run(archive, WORKBOOK, sheet)
     there = set(archive.namelist())
-    return [(name, parts[own]) for name, own in named if parts.get(own) in there], begin[0]
+    found: dict[str, str] = {}  # a sheet that is named twice is read once
+    for name, own in named:
+        if (part := parts.get(own, "")) in there:
+            found.setdefault(part, name)
+    return [(name, part) for part, name in found.items()], begin[0]
 
 
 def _run(archive: ZipFile, member: str, start: object, text: object = None) -> None:
