@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.headings.acceleration import SMOOTHED_S, Speed, compute_turn_axis, smooth
+from agonic.maths.rotations.low_pass import filter_both_ways
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 GAP_S = 1.0
@@ -173,8 +174,4 @@ def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Ar
 
 def _lasting(level: Array, step: float, settling_s: float) -> Array:
     """What the filter's own low-pass leaves (n, 2): Butterworth, forwards and backwards."""
-    from scipy.signal import butter, sosfiltfilt  # slow to load, and not needed by most commands
-
-    corner_Hz = np.sqrt(2.0) / (2 * np.pi * settling_s)
-    sos = butter(2, min(corner_Hz * step * 2, 0.99), output="sos")
-    return np.asarray(sosfiltfilt(sos, level, axis=0, padlen=0, padtype=None))
+    return filter_both_ways(level, step, settling_s)

@@ -156,10 +156,8 @@ def settle(values: Array, time: Array, settling_s: float) -> Array:
     """Values (n, 3) as they are reached after a switch: dy/dt = (x − y)/τ, begun at rest."""
     if not settling_s:
         return values
-    from scipy.signal import lfilter
-
-    kept = np.exp(-_interval(time) / settling_s)
-    return np.asarray(lfilter([1.0 - kept], [1.0, -kept], values, axis=0))
+    kept = float(np.exp(-_interval(time) / settling_s))
+    return autoregress((1.0 - kept) * values, kept)
 
 
 def _interval(time: Array) -> float:
