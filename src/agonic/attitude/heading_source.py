@@ -74,15 +74,15 @@ def _find_followed(
     samples: Samples, reference: Reference, calibration: Affine | None
 ) -> tuple[str, float, float] | None:
     """What the heading follows, and how far it scatters about that and the calibrated field."""
+    some = np.arange(0, len(samples), -(-len(samples) // ENOUGH))
+    samples, reference = samples.select(some), reference.select(some)
     assert samples.heading_deg is not None
     assert samples.roll_deg is not None
     assert samples.pitch_deg is not None
     rows = samples.heading_known
     if calibration is None:
         try:
-            some = np.arange(0, len(samples), -(-len(samples) // ENOUGH))
-            few, known = samples.select(some), reference.select(some)
-            calibration = fit_channels_alone(few, known, CHANNELS["levelled"], Settings())
+            calibration = fit_channels_alone(samples, reference, CHANNELS["levelled"], Settings())
         except AgonicError:
             return None
     tilt = kernel.tilt_from_angles(samples.roll_deg[rows], samples.pitch_deg[rows])

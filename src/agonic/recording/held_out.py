@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -58,16 +59,15 @@ def fit_folds(
     for most of the log is not held out at rest only.
     """
     block, weights = cut_blocks(samples)
-    half = predict(samples, reference, again, block % 2, weights)
+    halves = partial(predict, samples, reference, again, block % 2, weights)
     field = correct_field(calibration, samples)
     reach = 0.03 * float(np.median(np.linalg.norm(field, axis=1)))
     several = all(count_orientations(field[block % 2 == k], reach, 12) == 12 for k in (0, 1))
-    if half is not None and several and half.turn_deg < AGREEMENT_LIMIT_DEG / 2:
+    half = halves(AGREEMENT_LIMIT_DEG / 2) if several else None
+    if half is not None:
         return half
     single = predict(samples, reference, again, block, weights)
-    if single is None:
-        return half
-    return replace(single, seen=field, single=True)
+    return halves() if single is None else replace(single, seen=field, single=True)
 
 
 def cut_blocks(samples: Samples) -> tuple[Index, Array]:
@@ -83,8 +83,10 @@ def predict(
     again: Callable[..., Calibration],
     fold: Index,
     weights: Array,
+    most_deg: float = np.inf,
 ) -> Folds | None:
-    """The field of each row by the fit to all other folds, (n,) numbered; None where one fails."""
+    """The field of each row by the fit to all other folds, (n,) numbered; None where one fails, and
+    as soon as they state that the field may be turned by `most_deg`."""
     unseen, seen = np.empty((2, len(samples), 3))
     along, turned, count = 0.0, 0.0, int(fold.max()) + 1
     for k in range(count):
@@ -98,8 +100,10 @@ def predict(
         for rows, of_turn in ((out, False), (np.ones_like(out), True)):
             variances = _state_errors(part, field[rows], weights[rows])
             along += 0.0 if of_turn else variances[0] / count
-            turned += variances[1] if of_turn else 0.0
-    sd, turn = np.sqrt([along, turned * min(2 / count, 1.0)])
+            turned += variances[1] * min(2 / count, 1.0) if of_turn else 0.0
+        if np.degrees(np.sqrt(turned)) >= most_deg:
+            return None
+    sd, turn = np.sqrt([along, turned])
     return Folds(unseen, seen, float(sd), float(np.degrees(turn)))
 
 

@@ -49,7 +49,7 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 BESIDE_EACH_ROW = ("levelled", "vector")
 """Fits that compare a reading with the attitude of its row: one that is only held is late there."""
 
-ENOUGH = 10_000
+ENOUGH = 5_000
 """Rows that a fit to a part of a log is made to."""
 
 
