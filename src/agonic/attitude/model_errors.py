@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.attitude.problem import Scale
 from agonic.calibration.affine import Affine
 from agonic.health import Fitted, examine_model
-from agonic.health.adequacy import Again, ModelError, Residuals
+from agonic.health.adequacy import ModelError, Residuals, View, Views
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.equation.channels import Problem, field_of_terms, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate
@@ -47,9 +49,8 @@ def find_model_errors(
         correlation=of_magnitude.correlation,
         prior=_known_otherwise(inverse(affine.covariance) - own, np.sqrt(np.diag(own))),
         signals=_list_signals(part),
-        kinds=_list_kinds(estimate, part, units) if more else (),
+        look=partial(_look, estimate, part, units, readings, scale) if more else None,
         own_prior=_prior_information(estimate, part, units),
-        again=_draw_again(estimate, part, units, readings, scale) if more else (),
     )
     found = examine_model(fitted)
     return tuple(one for one in found if one.cause != "prior")
@@ -73,20 +74,20 @@ def _list_kinds(estimate: Estimate, part: Problem, units: Array) -> tuple[Residu
     return tuple(kinds)
 
 
-def _draw_again(
-    estimate: Estimate, part: Problem, units: Array, readings: Array, scale: Scale
-) -> tuple[Again, Again]:
-    """All kinds of residuals with a further draw of noise of the readings, and of the attitude."""
-    sd = estimate.noise["magnitude"].sd
-    blur = sd * np.random.default_rng(0).normal(size=part.points.shape)
-    blurred, tilted = part._replace(points=part.points + blur), _blur_attitude(estimate, part)
-    return (
-        Again(
-            readings + blur * scale.size,
-            _list_kinds(estimate, blurred, units),
-            _list_signals(blurred),
-        ),
-        Again(readings, _list_kinds(estimate, tilted, units), _list_signals(tilted)),
+def _look(
+    estimate: Estimate, part: Problem, units: Array, readings: Array, scale: Scale, rows: Index
+) -> Views:
+    """All kinds of residuals of some rows, also with a further draw of noise of the readings, and
+    of the attitude."""
+    noise = estimate.noise["magnitude"].sd * np.random.default_rng(0).normal(size=readings.shape)
+    blur, some, own = noise[rows], part.subset(rows), readings[rows]
+    seen = (
+        (own, some),
+        (own + blur * scale.size, some._replace(points=some.points + blur)),
+        (own, _blur_attitude(estimate, part).subset(rows)),
+    )
+    return Views(
+        *(View(at, _list_kinds(estimate, one, units), _list_signals(one)) for at, one in seen)
     )
 
 

@@ -8,13 +8,14 @@ cannot take it out.
 """
 
 from agonic.health.adequacy.examine import describe_model_errors, examine_model, widen
-from agonic.health.adequacy.fitted import Again, Fitted, ModelError, Residuals
+from agonic.health.adequacy.fitted import Fitted, ModelError, Residuals, View, Views
 
 __all__ = [
-    "Again",
     "Fitted",
     "ModelError",
     "Residuals",
+    "View",
+    "Views",
     "describe_model_errors",
     "examine_model",
     "widen",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -36,12 +36,20 @@ class Residuals(NamedTuple):
     correlation: float
 
 
-class Again(NamedTuple):
-    """Readings (n, 3), all kinds of residuals and the signals with a further draw of noise."""
+class View(NamedTuple):
+    """Readings (n, 3) of some rows, all kinds of their residuals, magnitude first, and signals."""
 
     readings: Array
     kinds: tuple[Residuals, ...]
     signals: Mapping[str, Array]
+
+
+class Views(NamedTuple):
+    """Some rows as they are, with a further draw of the readings' noise, and of the attitude's."""
+
+    own: View
+    blurred: View
+    tilted: View
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,10 +61,9 @@ class Fitted:
     noise in rows, `prior` (9, 9) the prior's information. `signals` are those (n, k) that a bias
     may go with, by the cause that it would be; a level vehicle at rest has none of them.
 
-    Where more than the magnitude is known, `kinds` are all kinds of residuals, magnitude first, and
+    Where more than the magnitude is known, `look` gives all kinds of residuals of some rows, and
     `own_prior` (p + q, p + q) is the information of the priors alone; `prior` is that of all else
-    than the magnitude. `again` are the same kinds with a further draw of the readings' noise, and
-    with one of the attitude's.
+    than the magnitude.
     """
 
     calibration: Affine
@@ -69,9 +76,8 @@ class Fitted:
     prior: Array
     inclination_deg: float = 60.0
     signals: Mapping[str, Array] = field(default_factory=dict)
-    kinds: tuple[Residuals, ...] = ()
+    look: Callable[[Index], Views] | None = None
     own_prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    again: tuple[Again, ...] = ()
 
     @property
     def magnitude(self) -> float:
@@ -177,14 +183,16 @@ def prepare(fitted: Fitted) -> Work | None:
     )
     if np.linalg.cond(linear.information) > WORST_CONDITION:
         return None
-    signals = _of_rows(fitted.signals, rows)
-    whole, seen = linear, Seen(feet / radius, normals / fitted.noise, linear.residuals, signals)
-    if fitted.kinds:
-        whole = _stack(fitted, rows, scale)
-        seen = _see(Again(fitted.readings, fitted.kinds, fitted.signals), rows, fitted)
-    again = tuple(_see(one, rows, fitted) for one in fitted.again) or (
-        _blur(fitted, seen, normals),
-    )
+    if fitted.look is None:
+        signals = {name: values[rows] for name, values in fitted.signals.items()}
+        seen = Seen(feet / radius, normals / fitted.noise, linear.residuals, signals)
+        again: tuple[Seen, ...] = (_blur(fitted, seen, normals),)
+        whole = even = linear
+    else:
+        views = fitted.look(rows)
+        seen, *more = (_see(one, fitted) for one in views)
+        again, whole = tuple(more), _stack(views, fitted, rows, scale)
+        even = _even(views.own.kinds, whole)
     blurred = jacobian_at(again[0].feet * radius) - linear.jacobian
     return Work(
         fitted=fitted,
@@ -197,7 +205,7 @@ def prepare(fitted: Fitted) -> Work | None:
         linear=linear,
         by_noise=(blurred.T * linear.weights) @ blurred,
         whole=whole,
-        even=_even(fitted, whole),
+        even=even,
         seen=seen,
         again=again,
     )
@@ -211,49 +219,40 @@ def _blur(fitted: Fitted, seen: Seen, normals: Array) -> Seen:
     return seen._replace(feet=seen.feet + blur)
 
 
-def _even(fitted: Fitted, whole: Linearised) -> Linearised:
+def _even(kinds: tuple[Residuals, ...], whole: Linearised) -> Linearised:
     """The same with weights that do not go by how residuals of a kind go together in time."""
-    lengths = [kind.correlation for kind in fitted.kinds] or [1.0]
+    lengths = [kind.correlation for kind in kinds]
     if max(lengths) < UNEVEN * min(lengths):
         return whole
     weights = whole.weights * np.repeat(lengths, len(whole.weights) // len(lengths))
     return replace(whole, weights=weights)
 
 
-def _see(all_rows: Again, rows: Index, fitted: Fitted) -> Seen:
-    """What all kinds see of some rows: feet on the ellipsoid, normals over the noise, residuals."""
-    readings, kinds, signals = all_rows
-    by, radius = kinds[0].by_reading[rows], fitted.magnitude / fitted.gain
-    length = np.linalg.norm(by, axis=1)
-    distances = kinds[0].residuals[rows] / length
-    feet, normals = find_feet(fitted.calibration, readings[rows], distances)
-    by_reading = np.vstack(
-        [normals * length[:, None], *(kind.by_reading[rows] for kind in kinds[1:])]
-    )
-    residuals = np.concatenate([kind.residuals[rows] for kind in kinds])
-    return Seen(feet / radius, by_reading, residuals, _of_rows(signals, rows))
+def _see(view: View, fitted: Fitted) -> Seen:
+    """What all kinds see: feet on the ellipsoid, normals over the noise, residuals."""
+    first, *others = view.kinds
+    radius, length = fitted.magnitude / fitted.gain, np.linalg.norm(first.by_reading, axis=1)
+    feet, normals = find_feet(fitted.calibration, view.readings, first.residuals / length)
+    by_reading = np.vstack([normals * length[:, None], *(kind.by_reading for kind in others)])
+    residuals = np.concatenate([kind.residuals for kind in view.kinds])
+    return Seen(feet / radius, by_reading, residuals, view.signals)
 
 
-def _of_rows(signals: Mapping[str, Array], rows: Index) -> dict[str, Array]:
-    return {name: values[rows] for name, values in signals.items()}
-
-
-def _stack(fitted: Fitted, rows: Index, scale: Array) -> Linearised:
+def _stack(views: Views, fitted: Fitted, rows: Index, scale: Array) -> Linearised:
     """All kinds of residuals of some rows as one; those that go together in time count less."""
-    kinds, each = fitted.kinds, np.ones(len(rows))
+    kinds, by_attitude = views.own.kinds, views.tilted.kinds
     more = np.r_[scale, np.ones(kinds[0].jacobian.shape[1] - len(scale))]
     weights = fitted.weights[rows]
     longest = max(kind.correlation for kind in kinds)
     batch = batches_of(len(rows), longest)
-    residuals = np.concatenate([kind.residuals[rows] for kind in kinds])
-    jacobian = np.vstack([kind.jacobian[rows] for kind in kinds])
-    by_attitude = fitted.again[-1].kinds
-    moved = np.vstack([kind.jacobian[rows] for kind in by_attitude]) - jacobian
-    turned = np.concatenate([kind.residuals[rows] for kind in by_attitude]) - residuals
+    residuals = np.concatenate([kind.residuals for kind in kinds])
+    jacobian = np.vstack([kind.jacobian for kind in kinds])
+    moved = np.vstack([kind.jacobian for kind in by_attitude]) - jacobian
+    turned = np.concatenate([kind.residuals for kind in by_attitude]) - residuals
     return Linearised(
         residuals,
         jacobian * more,
-        np.concatenate([weights * each / kind.correlation for kind in kinds]),
+        np.concatenate([weights / kind.correlation for kind in kinds]),
         fitted.own_prior * np.outer(more, more),
         np.tile(batch, len(kinds)),
         moved * more * turned[:, None],

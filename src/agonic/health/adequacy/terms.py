@@ -118,7 +118,7 @@ def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list
     from scipy.special import chdtri  # here, so that what only reads a log loads no SciPy
 
     bends = [(score, cause) for score, cause in tried if cause.level is not None]
-    if work.fitted.kinds:  # directions show a bend
+    if work.fitted.look is not None:  # directions show a bend
         return []
     found = []
     for score, cause in bends:
@@ -158,7 +158,7 @@ def list_causes(work: Work) -> Iterator[_Cause]:
     centre = work.fitted.calibration.bias / work.radius
     apart = np.r_[True, np.diff(rows) != 1]
     yield _cause(work, "non-linear", unmodelled.non_linearity, static=True, likely=LIKELY)
-    by_magnitude = not work.fitted.kinds
+    by_magnitude = work.fitted.look is None
     if by_magnitude:  # six unknowns hide a small bend among chance; what all axes share is one
         yield _cause(
             work, "non-linear", unmodelled.common_bend, static=True, alone=True, likely=LIKELY
@@ -220,17 +220,16 @@ def _cause(
         by_row = seen.by_reading.reshape(-1, len(errors), 3).swapaxes(0, 1)  # (n, kinds, 3)
         return (by_row @ errors).swapaxes(0, 1).reshape(len(seen.by_reading), -1)
 
-    errors = errors_at(work.feet, work.seen.signals)
     columns = column(work.seen)
     changes = [column(again) - columns for again in work.again]
     noise = np.sum(changes, axis=0) if moved else None
     shared = None
-    if work.fitted.kinds:
+    if work.fitted.look is not None:
         moves = [(again.residuals - work.seen.residuals)[:, None] for again in work.again]
         shared = np.sum([c * by for c, by in zip(changes, moves, strict=True)], axis=0)
 
     def error(size: Array) -> Array:
-        return np.asarray(errors @ size) * work.radius
+        return np.asarray(errors_at(work.feet, work.seen.signals) @ size) * work.radius
 
     def level(size: Array) -> Array:
         return np.asarray(errors_at(level_readings(work) / work.radius, {}) @ size) * work.radius
