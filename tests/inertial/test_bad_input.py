@@ -82,3 +82,14 @@ def test_what_was_recorded_wrongly_is_named_where_the_magnitude_alone_is_refused
     chosen = choose(logged.with_columns(**wrong(logged)), place, "auto", {})
     assert chosen.fit.verdict == "refused"
     assert named in chosen.fit.status
+
+
+def test_a_log_whose_attitudes_nothing_holds_is_refused_in_words(recordings) -> None:
+    """Turned by hand; acceleration and rates do not go with the readings of such a field."""
+    (logged,) = ag.open_log(recordings / "ros/sparkfun_razor.bag").sensors
+    size = float(np.median(np.linalg.norm(logged.field, axis=1)))
+    field = np.array([18_000.0, 500.0, 46_000.0])
+    place = ag.Reference.vector(size * field / np.linalg.norm(field), frame="n")
+    with pytest.raises(ag.CoverageError, match="do not determine a calibration"):
+        ag.calibrate(logged, place, kind="inertial")
+    assert ag.calibrate(logged, place).method == "ellipsoid"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.fit import estimate_usable
+from agonic.attitude.fit import estimate_usable, name_missing_hold
 from agonic.calibration.setup import LATENCY_SD_S
 from agonic.inertial.attitude import feel_attitude
 from agonic.inertial.level import keep_level
@@ -88,17 +88,19 @@ def _free_attitude(solved: Solved) -> Solved:
     assert samples.time is not None
     params, q, noise = found.solution.params, len(solved.sds), found.noise["magnitude"]
     felt = feel_attitude(without_errors(samples, solved.errors))
-    joint = estimate_jointly(
-        solved.problem,
-        make_log(
-            samples, felt, solved.sds, solved.settings.accelerometer_scale_sd, solved.headings
-        ),
-        params,
-        orient(solved.problem, samples, felt, params),
-        solved.usable.astype(np.float64),
-        noise.sd,
-        noise.loss,
+    log = make_log(
+        samples, felt, solved.sds, solved.settings.accelerometer_scale_sd, solved.headings
     )
+    with name_missing_hold():
+        joint = estimate_jointly(
+            solved.problem,
+            log,
+            params,
+            orient(solved.problem, samples, felt, params),
+            solved.usable.astype(np.float64),
+            noise.sd,
+            noise.loss,
+        )
     p = len(params)
     taken_out, reference = joint.params[p - q : p], solved.reference
     again = feel_attitude(without_errors(samples, taken_out * solved.sds))
