@@ -209,3 +209,66 @@ def test_what_is_missing_is_said_with_what_to_type(tmp_path):
     path = write(tmp_path, "Date,Time,Lat,Lon,Mag", ["2026-05-03"] * N, SECONDS, ZERO, ZERO, ZERO)
     with pytest.raises(LogError, match="'Mag' is a magnitude alone, as a scalar magnetometer"):
         open_log(path)
+
+
+def test_a_clock_beside_one_that_is_wrong_or_of_the_device(tmp_path):
+    """MetaWear: the zone in the header is not that of the times; Unix time is right."""
+    header = "epoch (ms),time (-13:00),elapsed (s),x-axis (T),y-axis (T),z-axis (T)"
+    columns = (UNIX + TIME) * 1e3, [f"2026-05-03T09:15:{s}" for s in SECONDS], TIME, FIELD * 1e-6
+    check(read(write(tmp_path, header, *columns, name="Magnetometer.csv")))
+    header = "timestamp,RAW_IMU.time_usec," + ",".join(f"RAW_IMU.{a}mag" for a in "xyz")
+    samples = read(write(tmp_path, header, UNIX + TIME, TIME * 1e6 + 5e6, FIELD * 10), unit="mG")
+    check(samples)
+    assert samples.corrected
+
+
+def test_what_a_device_has_corrected_is_told_and_comes_last(tmp_path):
+    names = (
+        f"Shimmer_FC32_{name}_CAL" for name in ("Timestamp_Unix", *(f"Mag_{a}" for a in "XYZ"))
+    )
+    header = "\t".join(names) + "\t\nms\tlocal_flux\tlocal_flux\tlocal_flux\t"
+    columns = (UNIX + TIME) * 1e3, FIELD, [""] * N
+    samples = read(write(tmp_path, header, *columns, separator="\t", before="sep=\t\n"))
+    check(samples, scale=1)
+    assert samples.corrected
+    assert "Shimmer_FC32_Mag_X_CAL" in " ".join(samples.notes)
+    names = ("locationHeading", "magnetometer", "motionMagneticField")
+    header = "loggingTime(txt)," + ",".join(f"{name}{a}(µT)" for name in names for a in "XYZ")
+    times = [f"2026-05-03 10:15:{s} +0200" for s in SECONDS]
+    first, *others = open_log(
+        write(tmp_path, header, times, FIELD * 0.9, FIELD, FIELD * 0.8)
+    ).sensors
+    check(first)
+    assert [first.corrected, *(other.corrected for other in others)] == [False, True, True]
+
+
+def test_sentences_that_state_their_columns(tmp_path):
+    """FlySight 2: the time stands first, and is not x."""
+    lines = [
+        "$FLYS,1", "$VAR,FIRMWARE_VER,v2023.09.22", "$COL,IMU,time,wx,wy,wz,ax,ay,az,temperature",
+        "$UNIT,IMU,s,deg/s,deg/s,deg/s,g,g,g,deg C", "$COL,MAG,time,x,y,z,temperature",
+        "$UNIT,MAG,s,gauss,gauss,gauss,deg C", "$DATA",
+    ]  # fmt: skip
+    for t, (x, y, z) in zip(TIME, FIELD / 100, strict=True):
+        lines.append(f"$IMU,{t:.6f},0.1,0.2,0.3,0.0,0.0,1.0,25.5")
+        lines.append(f"$MAG,{t:.6f},{x:.7f},{y:.7f},{z:.7f},24")
+    path = tmp_path / "SENSOR.CSV"
+    path.write_text("\n".join(lines) + "\n")
+    samples = read(path)
+    check(samples, epoch=None)
+    assert samples.acceleration is not None
+    np.testing.assert_allclose(samples.acceleration[:, 2], 9.80665)
+    np.testing.assert_allclose(samples.rotation_rate[5], np.deg2rad([0.1, 0.2, 0.3]))
+
+
+@pytest.mark.parametrize(
+    ("begin", "said"),
+    [
+        (b"H Product:Blackbox flight data recorder\nH Data version:2\n\x05\x81", "blackbox_decode"),
+        (b"\x80\x04\x95\x20\0\0\0\0\0\0\0\x8c\x08builtins", "pickle of Python"),
+    ],
+)
+def test_what_must_be_written_anew_is_said(tmp_path, begin, said):
+    (tmp_path / "log").write_bytes(begin)
+    with pytest.raises(LogError, match=said):
+        open_log(tmp_path / "log")

@@ -267,7 +267,7 @@ def _corrected(samples: Samples) -> Finding | None:
     return Finding(
         "corrected readings",
         "check",
-        "the autopilot had corrected these readings in a way that the log does not tell, so the "
-        "result comes on top of its correction and is not exported to it",
-        "calibrate from the vehicle's own log, which holds the parameters",
+        "the autopilot or the device had corrected these readings in a way that the log does not "
+        "tell, so the result comes on top of that correction and is not exported to an autopilot",
+        "record uncorrected readings, or calibrate from the vehicle's own log",
     )

@@ -20,7 +20,13 @@ from agonic.logs.headers.columns import (
     identify_column,
     identify_columns,
 )
-from agonic.logs.headers.conventions import CORRECTED, apply_conventions, find_correction
+from agonic.logs.headers.conventions import (
+    CORRECTED,
+    OF_DEVICE,
+    apply_conventions,
+    find_correction,
+    is_corrected,
+)
 from agonic.logs.log import Log, Stream
 from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
@@ -70,6 +76,7 @@ def build_log(
         fields = [n for n, axes in found.get("field", {}).items() if two and set(axes) == set("xy")]
     if not fields:
         refuse_no_magnetometer(table, others)
+    fields.sort(key=lambda number: is_corrected(found["field"][number]))  # the raw one is first
     found = state_unit(found, table)
     found, documented = apply_conventions(found, [*table, *others], path.stem)
     found = set_angle_unit(found, table)
@@ -146,6 +153,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     readings = find_finite_rows(field)
     columns, estimated, remarks = read_columns(part, number, time, readings)
     disturbers, told = read_disturbers(part, time, readings)
+    by_device = (OF_DEVICE.format(axes["x"].header),) if is_corrected(axes) else ()
     if len(foreign := find_foreign_rows(part, field)):
         keep = np.setdiff1d(np.arange(len(field)), foreign)
         field, time = field[keep], None if time is None else time[keep]
@@ -163,9 +171,9 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         axes="".join(sorted(axes)),
         frame=_find_frame(part),
         heading_estimated=estimated,
-        corrected=CORRECTED in part.remarks,
+        corrected=CORRECTED in part.remarks or bool(by_device),
         disturbers=disturbers,
-        notes=(*part.remarks, *unit_notes, *time_notes, *sorted_notes, *remarks, *told),
+        notes=(*part.remarks, *by_device, *unit_notes, *time_notes, *sorted_notes, *remarks, *told),
         source=replace(part.source, count=len(field)),
         **columns,
     )

@@ -106,7 +106,7 @@ def identify_columns(headers: Iterable[str]) -> Identified:
         axes: dict[str, Column] = {}
         for column in (column for column in columns if column.rank == best):
             twin = axes.setdefault(column.axis, column)
-            if {twin.header, column.header} == _SAME_CLOCK:
+            if twin.header == "timestamp" and _OF_DEVICE.search(column.header):
                 continue
             if twin is column or _add_fraction(axes, twin, column):
                 continue
@@ -159,8 +159,8 @@ def find_rivals(headers: Iterable[str], axes: Mapping[str, Column]) -> list[str]
     return [rivals[axis] for axis in "xyz"] if len(rivals) == 3 else []
 
 
-_SAME_CLOCK = {"timestamp", "TimeUS"}
-"""What pymavlink writes of one moment; the first is Unix time, and stands first."""
+_OF_DEVICE = re.compile(r"^(?:\w+\.)?(?:TimeUS|time_usec|time_boot_ms)$")
+"""What pymavlink writes beside "timestamp", which is Unix time of the same moment, first."""
 FRACTION = "fraction"
 """The axis under which the nanoseconds of a time in two columns are kept."""
 

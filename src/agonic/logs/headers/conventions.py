@@ -49,6 +49,14 @@ CORRECTED = "MAG of ArduPilot, already corrected by the autopilot; read its own 
 _OFFSETS = {"MagX", "OfsX", "MOX"}
 """Columns of the message MAG: its field has had the offsets added, and the motor term."""
 
+_CORRECTED = re.compile(
+    r"^Shimmer_\w+_CAL\b|^(?:motionMagneticField|locationHeading)[XYZ]\b|IMU\d?\.[xyz]mag$"
+)
+"""Fields that a device has corrected: Shimmer, iOS (Core Motion, Core Location), MAVLink."""
+OF_DEVICE = (
+    "the device had corrected these readings ({}); record uncorrected ones, if it gives them"
+)
+
 CONVENTIONS = (
     Convention(
         name="ArduPilot MAG",
@@ -184,6 +192,17 @@ def find_correction(headers: Iterable[str]) -> tuple[str, ...]:
     ()
     """
     return (CORRECTED,) if _OFFSETS.issubset(headers) else ()
+
+
+def is_corrected(axes: Mapping[str, Column]) -> bool:
+    """Whether the columns of a field are of those that a device writes after its own correction.
+
+    >>> from agonic.logs.headers.columns import identify_columns
+    >>> found = identify_columns([f"motionMagneticField{axis}(µT)" for axis in "XYZ"])
+    >>> is_corrected(found["field"]["motion"])
+    True
+    """
+    return any(_CORRECTED.search(column.header) for column in axes.values())
 
 
 def _tell(

@@ -103,6 +103,8 @@ _ORDERED = re.compile(r"_?(wxyz|xyzw)_?\[?([0-3])\]?\s*$", re.IGNORECASE)
 _UNCORRECTED = re.compile(r"un_?(cal|comp)(ibrated|ensated)?", re.IGNORECASE)
 _SHIMMER = re.compile(r"Shimmer_\w{4}_(\w+?)(?:_LN)?((?:_[XYZ])?)_(?:CAL|RAW|UNCAL)(?=$|\s*\()")
 """What the makers of Shimmer write around a name; of two accelerometers the one of low noise."""
+_EPOCH = re.compile(r"epoch(?=\s*[(\[_]\s*(?:ms|us|ns|s)[)\]]?$)", re.IGNORECASE)
+"""Unix time with its unit, before local times beside it, whose zones are often wrong (MetaWear)."""
 _OF_GPS = {"timegpsweek": "gps_week", "timegpstow": "gps_tow"}
 _TOKEN = re.compile(r"[A-Z]?[a-z][a-z0-9]*|[A-Z][A-Z0-9]*(?![a-z])|\d+|[^\W_]+")
 _NO_READING = frozenset(
@@ -147,7 +149,7 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
         known = column is not None and column.quantity.column == "field" and column.unit is None
         return replace(column, header=header) if column is not None and known else None
     plain = ZONE.sub("", header.strip()) or header
-    text = _UNCORRECTED.sub(r"un\1", spell_out(_SHIMMER.sub(r"\1\2", plain)))
+    text = _UNCORRECTED.sub(r"un\1", spell_out(_EPOCH.sub("epoc", _SHIMMER.sub(r"\1\2", plain))))
     text = _INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)
     text = _ORDERED.sub(lambda index: f"_{index[1][int(index[2])]}", text)
     split = (
@@ -157,6 +159,7 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
         or _OVER.fullmatch(text)
     )
     name, unit = (split["name"], _squash(split["unit"])) if split else (text, "")
+    unit = f"{unit}s" if unit.endswith("second") else unit  # time(millisecond)
     if unit and not unit.isascii():
         return None
     if split and (named := _OF_GPS.get(_squash(text).lower())):  # Time (GPS TOW)

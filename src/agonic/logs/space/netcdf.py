@@ -86,7 +86,13 @@ def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
                 f"{group}.{name}": item for name, item in list_items(items.pop(group)).items()
             }
         refuse_many(len(items), "variables")
+        deeper = [name for name, item in items.items() if isinstance(item, h5py.Group)]
         items = {name: item for name, item in items.items() if isinstance(item, h5py.Dataset)}
+        if deeper and not items:
+            raise LogError(
+                f"its values lie in groups within groups ({', '.join(deeper[:3])[:200]}), which "
+                "are not read; write each sensor to a file of its own, such as CSV"
+            )
         for name in filter(is_sampling_rate, file.attrs):
             if np.prod(file.attrs.get_id(name).shape) == 1:
                 found[name] = np.asarray(file.attrs[name]).reshape(()), {}

@@ -66,11 +66,12 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         )
     sample = sample_lines(head)
     rows = [head[i] for i in sample]
-    if _most(rows, lambda line: "$" in line[:40] and "," in line):
+    tags = _find_tags(head)
+    if not tags and _most(rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
         return read_sentences(data[:], path, source, notes, unit)
-    if tags := _find_tags(head):
+    if tags:
         from agonic.logs.text.tagged import read_tagged
 
         return read_tagged(data[:], tags, path, source, unit, notes)
@@ -129,7 +130,11 @@ def _most(rows: Sequence[str], test: Any) -> bool:
 
 
 def _find_tags(head: Sequence[str]) -> dict[str, list[str]]:
-    """Headers of rows of several kinds: comments `# Tag,name,name` and rows `Tag,…` below."""
+    """Headers of rows of several kinds: comments `# Tag,name,name`, or `$COL,Tag,name,name`."""
+    if any(line.startswith("$COL,") for line in head[:SAMPLE]):
+        from agonic.logs.text.tagged import find_stated_columns
+
+        return find_stated_columns(head)
     headers = {}
     for line in head:
         cells = split_cells(line.lstrip("#% "), ",")

@@ -1,11 +1,13 @@
 """Rows of several kinds in one text file, each with its name in the first cell.
 
-The header of a kind stands in a comment: `# UncalMag,utcTimeMillis,…` (Android GnssLogger).
+The header of a kind stands in a comment: `# UncalMag,utcTimeMillis,…` (Android GnssLogger), or in
+sentences of its own: `$COL,MAG,time,x,y,z` (FlySight).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 from agonic.logs.groups import build_groups_log
@@ -19,6 +21,28 @@ from agonic.provenance import Input
 def _quantity(header: str) -> str:
     column = identify_column(header)
     return "time" if column is None else column.quantity.column
+
+
+def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
+    """The headers of sentences whose columns and units are stated before them, as FlySight does.
+
+    >>> find_stated_columns(["$COL,MAG,time,x,y,z", "$UNIT,MAG,s,gauss,gauss,gauss", "$DATA"])
+    {'$MAG': ['time (s)', 'MAG x (gauss)', 'MAG y (gauss)', 'MAG z (gauss)']}
+    """
+    stated: dict[str, dict[str, list[str]]] = {"$COL": {}, "$UNIT": {}}
+    for line in lines:
+        what, *cells = (cell.strip() for cell in line.split(","))
+        if what in stated and len(cells) > 1:
+            stated[what][cells[0]] = cells[1:]
+    headers = {}
+    for kind, names in stated["$COL"].items():
+        units = stated["$UNIT"].get(kind, [])
+        spelled = (f"{kind} {name}" if name in ("x", "y", "z") else name for name in names)
+        headers[f"${kind}"] = [
+            f"{name} ({unit})" if unit else name
+            for name, unit in zip_longest(spelled, units[: len(names)], fillvalue="")
+        ]
+    return headers
 
 
 def read_tagged(
@@ -45,7 +69,7 @@ def read_tagged(
             continue
         layout = Layout(separator=",", header=list(header), start=0, width=len(header))
         values = read_numbers(b"\n".join(found), 0, layout, list(wanted))
-        groups[name] = dict(zip(wanted.values(), values, strict=True))
+        groups[name.lstrip("$")] = dict(zip(wanted.values(), values, strict=True))
     return build_groups_log(
         groups,
         path=path,
