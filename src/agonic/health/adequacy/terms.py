@@ -212,13 +212,11 @@ def _cause(
     `static` where the terms are a function of one reading, `moved` where its noise enters them.
     """
 
-    def errors_at(feet: Array, signals: Mapping[str, Array]) -> Array:
+    def errors_at(feet: Array, signals: Mapping[str, Array]) -> unmodelled.Errors:
         return unmodelled.proportional(signals[name]) if terms is None else terms(feet)
 
     def column(seen: Seen) -> Array:
-        errors = errors_at(seen.feet, seen.signals) * work.radius
-        by_row = seen.by_reading.reshape(-1, len(errors), 3).swapaxes(0, 1)  # (n, kinds, 3)
-        return (by_row @ errors).swapaxes(0, 1).reshape(len(seen.by_reading), -1)
+        return errors_at(seen.feet, seen.signals).show(seen.by_reading * work.radius)
 
     columns = column(work.seen)
     changes = [column(again) - columns for again in work.again]
@@ -229,10 +227,10 @@ def _cause(
         shared = np.sum([c * by for c, by in zip(changes, moves, strict=True)], axis=0)
 
     def error(size: Array) -> Array:
-        return np.asarray(errors_at(work.feet, work.seen.signals) @ size) * work.radius
+        return errors_at(work.feet, work.seen.signals).add_up(size) * work.radius
 
     def level(size: Array) -> Array:
-        return np.asarray(errors_at(level_readings(work) / work.radius, {}) @ size) * work.radius
+        return errors_at(level_readings(work) / work.radius, {}).add_up(size) * work.radius
 
     at = level if static else None
     return _Cause(name, columns, noise, shared, error, at, at_rest, alone, likely, trials)
