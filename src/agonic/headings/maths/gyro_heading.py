@@ -17,12 +17,13 @@ from agonic.maths.rotations.tilt import Order, Tilt
 
 
 class GyroHeading(NamedTuple):
-    """A heading (n,), rad, from any start; what biases, rad/s, and scales, each of three axes, have
-    added to it by then: `by_bias` and `by_scale` (n, 3)."""
+    """A heading (n,), rad, from any start; what biases of three axes, rad/s, have added to it by
+    then, `by_bias` (n, 3), and what errors of the gain have, `by_gain` (n, 6): three scales, and
+    how much of the rates about x and y, x and z, y and z goes into each other."""
 
     heading: Array
     by_bias: Array
-    by_scale: Array
+    by_gain: Array
 
 
 def carry_heading(time: Array, rate: Array, level: Array) -> GyroHeading:
@@ -38,10 +39,13 @@ def carry_heading(time: Array, rate: Array, level: Array) -> GyroHeading:
     turned = level[:-1] @ step @ np.swapaxes(level[1:], 1, 2)
     sine, cosine = turned[:, 1, 0] - turned[:, 0, 1], turned[:, 0, 0] + turned[:, 1, 1]
     down = level[:, 2]
+    x, y, z = down.T
+    p, q, r = rate.T
+    crossed = np.stack([x * q + y * p, x * r + z * p, y * r + z * q], axis=1)
     return GyroHeading(
         np.concatenate([[0.0], np.cumsum(np.arctan2(sine, cosine))]),
         _integrate(time, down),
-        _integrate(time, down * rate),
+        _integrate(time, np.concatenate([down * rate, crossed], axis=1)),
     )
 
 
@@ -62,6 +66,6 @@ def level_axes(tilt: Tilt, order: Order) -> Array:
 
 
 def _integrate(time: Array, values: Array) -> Array:
-    """∫ values dt (n, 3) from the first row on."""
+    """∫ values dt (n, …) from the first row on."""
     area = (values[1:] + values[:-1]) * np.diff(time)[:, None] / 2
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(area, axis=0)])

@@ -6,13 +6,14 @@ and the gyro's bias b on three axes. Errors s that all moments share are in unit
     gyro       o_{k+1} − o_k + Δγ·b_k + Δς·s       a random walk
     compass    z_k − o_k − m_k a_k − h_k·s         white noise
     bias       b_{k+1} − b_k                       a random walk
+    rest       r_k − b_k                           where the log is at rest
     a          of variance one, forgotten with a time constant (Gauss–Markov)
 
 All is linear. States are eliminated by their block tridiagonal normal equations (Rauch, Tung &
 Striebel 1965); the marginal likelihood tells how large noise and disturbances are. Of the shared
-errors the gyro's scales are found. The others, of calibration, tilt and delay, are left as they
-are and counted in the variance (Schmidt 1966): a vehicle that rocks by a degree would seem to show
-them, and shows the errors of the model.
+errors those of the gyro's gain and of the calibration are found. The others, of tilt and delay, are
+left as they are and counted in the variance (Schmidt 1966): a vehicle that rocks by a degree would
+seem to show them, and shows the errors of the model.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
 from agonic.arrays import Array, Mask
+from agonic.headings.maths.rest import NO_REST, Rest
 from agonic.maths.estimation.filters import block_tridiagonal as blocks
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
 
@@ -32,27 +34,29 @@ BIAS_SD = float(np.radians(1.0))
 BIAS_WALK = np.radians(0.0015)
 """rad/s in √s: 0.01°/s in a minute, of a common gyro that warms up."""
 STATES = 5
-GYRO = 3
-"""Of the shared errors, the gyro's scales: the first ones."""
+GYRO = 6
+"""Of the shared errors, those of the gyro's gain: the first ones."""
 _FIELD, _BIAS = 1, np.arange(2, 5)
 _OPEN = 1e-9  # what is known of a state beforehand
 
 
 class Sizes(NamedTuple):
-    """Of what disturbs the compass, rad, its time constant, s; of the gyro's walk, rad in √s; and
-    of the compass's noise at one moment beside what is stated, rad."""
+    """Of what disturbs the compass, rad, its time constant, s; of the gyro's walk, rad in √s; of
+    the compass's noise at one moment beside what is stated, rad; and of the errors of the gyro's
+    gain, over those of a poor one."""
 
     field: float
     field_s: float
     walk: float
     noise: float
+    gain: float
 
 
-LIKELY = Sizes(np.radians(1.0), 3.0, np.radians(0.04), np.radians(0.3))
+LIKELY = Sizes(np.radians(1.0), 3.0, np.radians(0.04), np.radians(0.3), 0.5)
 """Of a vehicle about which nothing is known."""
 TOLD_LOG_SD = 0.4
 """Of the logarithm of what disturbs the compass, where the tilt's errors tell it."""
-_LOG_SD = np.array([1.0, 1.0, 0.1, 1.2])
+_LOG_SD = np.array([1.0, 1.0, 0.1, 1.2, 1.0])
 _LARGEST_STEP = 4.0  # in standard deviations of the prior
 _STEP = 0.05  # of the differences, in standard deviations
 
@@ -62,8 +66,9 @@ class Observed(NamedTuple):
 
     `joined` (N − 1,) is false over a pause. `offset` z and the `variance` of its noise (N,),
     infinite where the compass tells nothing; `field_size` m (N,), about one. `by_bias` and
-    `by_scale` (N − 1, 3) are Δγ and Δς, the gyro's scales being the first three of the shared
-    errors; `by_shared` (N, p) the h_k. `bias_sd` of the gyro's bias on each axis, rad/s.
+    `by_gain` (N − 1, 6) are Δγ and Δς, the gyro's gain being the first of the shared
+    errors; `by_shared` (N, p) the h_k. `bias_sd` of the gyro's bias on each axis, rad/s; `rest`
+    where the rates tell it. The first `found` of the shared errors are found.
     """
 
     time: Array
@@ -72,9 +77,11 @@ class Observed(NamedTuple):
     variance: Array
     field_size: Array
     by_bias: Array
-    by_scale: Array
+    by_gain: Array
     by_shared: Array
     bias_sd: float = BIAS_SD
+    rest: Rest = NO_REST
+    found: int = GYRO
 
     def subset(self, start: int, stop: int) -> Observed:
         """Moments in a row."""
@@ -86,15 +93,18 @@ class Observed(NamedTuple):
             self.variance[start:stop],
             self.field_size[start:stop],
             self.by_bias[pairs],
-            self.by_scale[pairs],
+            self.by_gain[pairs],
             self.by_shared[start:stop],
             self.bias_sd,
+            self.rest.subset(start, stop),
+            self.found,
         )
 
 
 class System(NamedTuple):
     """Normal equations of states and shared errors with their right sides, and what of twice the
-    negative logarithm of the likelihood does not depend on either."""
+    negative logarithm of the likelihood does not depend on either; the first `found` of the shared
+    errors are found."""
 
     states: Tridiagonal
     mixed: Array
@@ -102,6 +112,7 @@ class System(NamedTuple):
     right: Array
     right_shared: Array
     constant: Array
+    found: int
 
 
 class Solution(NamedTuple):
@@ -123,9 +134,11 @@ def assemble(seen: Observed, sizes: Sizes, weights: Array) -> System:
         np.zeros((n, STATES)),
         np.zeros(p),
         np.zeros(1),
+        seen.found,
     )
     _add_compass(system, seen, sizes, weights)
     _add_gyro(system, seen, sizes)
+    _add_rest(system, seen)
     _add_memory(system, seen, sizes)
     return system
 
@@ -159,7 +172,7 @@ def _add_gyro(system: System, seen: Observed, sizes: Sizes) -> None:
     before[:, 0], after[:, 0] = -1.0, 1.0
     before[:, _BIAS] = seen.by_bias
     by = np.zeros((len(span), len(system.shared)))
-    by[:, :3] = seen.by_scale
+    by[:, :GYRO] = sizes.gain * seen.by_gain
     back, forth = weight[:, None] * before, weight[:, None] * after
     diagonal, below = system.states
     diagonal[:-1] += back[:, :, None] * before[:, None, :]
@@ -169,6 +182,14 @@ def _add_gyro(system: System, seen: Observed, sizes: Sizes) -> None:
     system.mixed[1:] += forth[:, :, None] * by[:, None, :]
     system.shared[...] += (weight[:, None] * by).T @ by
     system.constant[...] -= np.log(weight[seen.joined]).sum()
+
+
+def _add_rest(system: System, seen: Observed) -> None:
+    at, read = seen.rest.at, seen.rest.bias
+    weight = 1.0 / seen.rest.variance[:, None]
+    system.states.diagonal[at[:, None], _BIAS, _BIAS] += weight
+    system.right[at[:, None], _BIAS] += weight * read
+    system.constant[...] += (weight * read**2).sum()
 
 
 def _add_memory(system: System, seen: Observed, sizes: Sizes) -> None:
@@ -198,11 +219,11 @@ def solve(system: System) -> Solution:
     schur = system.shared - np.tensordot(system.mixed, by_shared, axes=([0, 1], [0, 1]))
     pull = system.right_shared - np.einsum("nip,ni->p", system.mixed, alone)
     inverse = np.linalg.inv(schur)
-    shared = np.zeros(len(pull))
-    shared[:GYRO] = (inverse @ pull)[:GYRO]
-    # the scales are found beside all errors; those that are left at zero err by what they are
+    shared, k = np.zeros(len(pull)), system.found
+    shared[:k] = (inverse @ pull)[:k]
+    # these are found beside all errors; those that are left at zero err by what they are
     covariance = np.eye(len(pull))
-    covariance[:GYRO], covariance[:, :GYRO] = inverse[:GYRO], inverse[:, :GYRO]
+    covariance[:k], covariance[:, :k] = inverse[:k], inverse[:, :k]
     return Solution(alone - by_shared @ shared, shared, by_shared, covariance)
 
 
@@ -226,11 +247,11 @@ def find_left(seen: Observed, sizes: Sizes, solution: Solution) -> Array:
 
 
 def compute_cost(system: System) -> float:
-    """Twice the negative logarithm of the likelihood, states and scales integrated out."""
+    """Twice the negative logarithm of the likelihood, all that is found integrated out."""
     band = blocks.stack_band(system.states)
     factor = cholesky_banded(band, lower=True, check_finite=False)
     n, size, _ = system.mixed.shape
-    p = GYRO
+    p = system.found
     right = np.concatenate([system.mixed[:, :, :p], system.right[:, :, None]], axis=2)
     right = right.reshape(n * size, -1)
     both = right.T @ cho_solve_banded((factor, True), right, check_finite=False)

@@ -102,5 +102,5 @@ def carry(time: Array, rate: Array, level: Array, moments: Moments) -> GyroHeadi
         if len(rows) > 1:
             found.append(carry_heading(time[rows], rate[rows], level[rows]))
         else:
-            found.append(GyroHeading(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3))))
+            found.append(GyroHeading(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 6))))
     return GyroHeading(*(np.concatenate(column) for column in zip(*found, strict=True)))

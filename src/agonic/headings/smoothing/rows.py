@@ -109,7 +109,17 @@ def _smooth(
     settling = setup.settling_s if looked.tilt.source == "gyro" else 0.0
     seen = [_rely_on(one, own.time) for one in looked.taken]
     rate = own.rotation_rate @ turn.T
-    found = smooth_headings(own.time, rate, looked.tilt, seen, looked.used, around, settling, sizes)
+    found = smooth_headings(
+        own.time,
+        rate,
+        looked.tilt,
+        seen,
+        looked.used,
+        around,
+        settling,
+        sizes,
+        own.acceleration,
+    )
     if found is None:
         return None
     more = looked.tilt.variance * (looked.tilt.tilt.sin_pitch / _upright(looked)) ** 2
@@ -150,5 +160,7 @@ def _correct_rates(own: Samples, turn: Array, looked: Looked, found: SmoothedHea
     down = compute_down(looked.tilt.tilt, looked.tilt.order)
     axes = find_shown_axes(down[np.isfinite(down).all(axis=1)])
     bias = np.clip(found.bias @ axes @ axes.T, -3 * BIAS_SD, 3 * BIAS_SD)
-    rate = (own.rotation_rate @ turn.T - bias) / (1.0 + found.scale)
+    xx, yy, zz, xy, xz, yz = found.gain
+    gain = np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    rate = np.linalg.solve(gain, (own.rotation_rate @ turn.T - bias).T).T
     return own.with_columns(rotation_rate=rate @ turn)

@@ -20,6 +20,7 @@ from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
 from agonic.headings.maths.offset import (
     BIAS_SD,
+    GYRO,
     LIKELY,
     TOLD_LOG_SD,
     Observed,
@@ -31,6 +32,7 @@ from agonic.headings.maths.offset import (
     predict,
     solve,
 )
+from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
 from agonic.headings.smoothing.errors import (
     Seen,
     find_lean_sd,
@@ -40,8 +42,8 @@ from agonic.headings.smoothing.errors import (
 )
 from agonic.headings.smoothing.moments import FEWEST, Moments, carry, put_together
 
-GYRO_SCALE_SD = 0.01
-"""Of a common gyro, on each axis."""
+GAIN_SD = np.repeat([0.01, 0.004], 3)
+"""Of a common gyro: the scale of each axis, and what goes into another."""
 STUDENT = 4.0
 """Degrees of freedom of the compass's noise: a reading far off counts less."""
 FILTER_DOUBT = 2.0
@@ -71,12 +73,12 @@ _SIZED = (1, 3)  # rounds that find the sizes anew
 
 class SmoothedHeading(NamedTuple):
     """Magnetic headings (n,), degrees, NaN where there is none, their variances, degrees²; the
-    gyro's bias (n, 3), rad/s, and scale (3,); and the sizes of what disturbs."""
+    gyro's bias (n, 3), rad/s, and the errors of its gain (6,); and the sizes of what disturbs."""
 
     magnetic_deg: Array
     variance: Array
     bias: Array
-    scale: Array
+    gain: Array
     sizes: Sizes
 
 
@@ -89,12 +91,13 @@ def smooth_headings(
     around: Surroundings,
     settling_s: float,
     sizes: Sizes | None = None,
+    force: Array | None = None,
 ) -> SmoothedHeading | None:
     """The headings by compass and gyro together, or `None` where there is too little of them.
 
     Parameters: time (n,); `rate` (n, 3), rad/s in body axes; `used` (n,) the compass of each row;
     `settling_s` of the filter that the tilt is from, 0 where it is from none; `sizes` where they
-    are not to be found.
+    are not to be found; `force` (n, 3), m/s², which tells with the rates where the log is at rest.
     """
     n = len(time)
     level = np.broadcast_to(level_axes(attitude.tilt, attitude.order), (n, 3, 3))
@@ -115,7 +118,7 @@ def smooth_headings(
         return None
     rows = moments.rows[moments.middle]
     heading = carried.heading[moments.middle] + observed.offset
-    columns, delay = [np.zeros((len(rows), 3))], np.zeros((len(rows), 1))
+    columns, delay = [np.zeros((len(rows), GYRO))], np.zeros((len(rows), 1))
     for k, one in enumerate(seen):
         own, late = list_compass_errors(one, attitude, rate, rows)
         mine = (used[rows] == k)[:, None]
@@ -131,10 +134,10 @@ def smooth_headings(
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
         bias_sd=_find_bias_sd(attitude),
+        found=shared.shape[1] - 3,
+        rest=_find_rest(time, rate - known, force, heading, observed, moments),
     )
-    offset, variance, bias, scale, sizes = _estimate(
-        observed, sizes, _turn_by_tilt(attitude, steep)
-    )
+    offset, variance, bias, gain, sizes = _estimate(observed, sizes, _turn_by_tilt(attitude, steep))
     whole = np.full((n, 2), np.nan)
     whole[moments.rows, 0] = carried.heading + moments.interpolate(time, offset)
     whole[moments.rows, 1] = moments.interpolate(time, variance)
@@ -143,8 +146,25 @@ def smooth_headings(
         np.degrees(whole[:, 0]) % 360.0,
         np.degrees(np.degrees(whole[:, 1])),
         biases,
-        GYRO_SCALE_SD * scale,
+        GAIN_SD * gain,
         sizes,
+    )
+
+
+def _find_rest(
+    time: Array,
+    rate: Array,
+    force: Array | None,
+    heading: Array,
+    seen: Observed,
+    moments: Moments,
+) -> Rest:
+    """Where the log is at rest, by the compass's `heading` (N,) too."""
+    if force is None:
+        return NO_REST
+    still = moments.average(find_still(time, rate, force)[moments.rows].astype(np.float64)) == 1.0
+    return find_rest(
+        moments.time, moments.average(rate[moments.rows]), still, heading, seen.variance
     )
 
 
@@ -183,7 +203,7 @@ def _observe(
     noise = moments.add(np.where(good, random[moments.rows], 0.0))
     total = moments.add(np.where(good, np.exp(1j * apart), 0.0))
     known = (told > 0) & (np.abs(total) > 0.5 * told)
-    by_bias, by_scale = (moments.average(v) for v in (carried.by_bias, carried.by_scale))
+    by_bias, by_gain = (moments.average(v) for v in (carried.by_bias, carried.by_gain))
     joined = moments.joined[:, None]
     return Observed(
         moments.time,
@@ -192,7 +212,7 @@ def _observe(
         np.where(known, noise / np.maximum(told, 1.0) ** 2, np.inf),
         np.ones(len(told)),
         np.where(joined, np.diff(by_bias, axis=0), 0.0),
-        GYRO_SCALE_SD * np.where(joined, np.diff(by_scale, axis=0), 0.0),
+        GAIN_SD * np.where(joined, np.diff(by_gain, axis=0), 0.0),
         np.zeros((len(told), 3)),
     )
 
@@ -224,7 +244,7 @@ def _turn_by_tilt(attitude: Attitude, steep: Array) -> float:
 def _estimate(
     seen: Observed, sizes: Sizes | None, by_tilt: float
 ) -> tuple[Array, Array, Array, Array, Sizes]:
-    """Offsets, their variances (N,), bias (N, 3), scale (3,) in units of its sd, and the sizes."""
+    """Offsets, their variances (N,), bias (N, 3), gain (6,) in units of its sd, and the sizes."""
     weights, found_sizes = np.ones(len(seen.time)), sizes or LIKELY
     low, high = _choose(seen)
     for turn in range(_ROUNDS):
@@ -242,7 +262,13 @@ def _estimate(
     lasting = found_sizes.field_s / (found_sizes.field_s + LASTING_S)
     doubt = _doubt(seen.time[high - 1] - seen.time[low], found_sizes, by_tilt > LIKELY.field)
     variance = find_variances(system, found, doubt) + doubt * lasting * found_sizes.field**2
-    return found.states[:, 0], variance, found.states[:, 2:], found.shared[:3], found_sizes
+    return (
+        found.states[:, 0],
+        variance,
+        found.states[:, 2:],
+        found_sizes.gain * found.shared[:GYRO],
+        found_sizes,
+    )
 
 
 def _doubt(duration_s: float, sizes: Sizes, told: bool) -> float:
