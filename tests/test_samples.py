@@ -175,3 +175,20 @@ def test_with_columns_knows_its_names() -> None:
 def test_duration() -> None:
     assert ag.Samples(field=ROWS).duration_s is None
     assert ag.Samples(field=ROWS, time=[1.0, 2.0, 3.5, 6.0]).duration_s == 5.0
+
+
+def test_what_may_still_change_is_copied():
+    """Only an array that is read-only, and no view of another, is taken as it is."""
+    own = np.random.default_rng(2).normal(0.0, 30.0, (5, 3))
+    view = own.view()
+    view.flags.writeable = False
+    constant = own.copy()
+    constant.flags.writeable = False
+    one, other, third = (ag.Samples(field=f, unit="nT") for f in (own, view, constant))
+    kept = own.copy()
+    own[:] = 0.0
+    for samples in (one, other, third):
+        np.testing.assert_array_equal(samples.field, kept)
+        assert not samples.field.flags.writeable
+    assert np.shares_memory(third.field, constant)
+    assert np.shares_memory(third.with_columns(name="left").field, third.field)

@@ -22,11 +22,11 @@ VECTORS = ("field", "acceleration", "rotation_rate", "second")
 
 
 def check_column(name: str, values: ArrayLike | None) -> Array | None:
-    """A column as float64 of the right shape, or a clear error."""
+    """A column as float64 of the right shape, or a clear error; a copy, where it may be changed."""
     if values is None:
         return None
     try:
-        array = np.array(values, dtype=np.float64)
+        array = (np.asarray if _is_constant(values) else np.array)(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise LogError(f"{name} does not hold numbers ({error})") from None
     wanted = "(n, 3)" if name in VECTORS else "(n,)"
@@ -34,6 +34,11 @@ def check_column(name: str, values: ArrayLike | None) -> Array | None:
     if not fits:
         raise LogError(f"{name} has shape {array.shape}; it needs {wanted}, a row a sample")
     return array
+
+
+def _is_constant(values: ArrayLike) -> bool:
+    """Whether nothing changes an array any more: read-only, and of no other that could be."""
+    return isinstance(values, np.ndarray) and values.base is None and not values.flags.writeable
 
 
 def check_axes(axes: str, field: Array | None) -> None:

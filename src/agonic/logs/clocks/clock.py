@@ -53,9 +53,13 @@ def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
     return since_first_second(seconds, ()) if _is_unix(seconds) else (seconds, None, ())
 
 
+_TICKS = {"s": 1.0, "ms": 1e3, "µs": 1e6, "ns": 1e9}
+
+
 def _without_unit(numbers: Array) -> Clock:
     """Unix times by their size, otherwise seconds where the steps can be seconds."""
-    for name, per_second in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
+    late = (numbers > _UNIX_SECONDS[0]).any()
+    for name, per_second in _TICKS.items() if late else ():
         if _is_unix(numbers / per_second):
             note = f"times have no unit; by their size they are Unix times in {name}"
             return since_first_second(numbers / per_second, (note,))

@@ -45,7 +45,9 @@ class Part:
     def values(self, axes: Mapping[str, Column]) -> Array:
         """The numbers in the columns of a quantity, (n, k), axes in alphabetical order."""
         columns = (to_numbers(self.table[axes[axis].header]) for axis in sorted(axes))
-        return np.stack([c[self.rows] for c in columns], 1)
+        stacked = np.stack([c[self.rows] for c in columns], 1)
+        stacked.flags.writeable = False  # `Samples` need not copy it
+        return stacked
 
 
 def find_foreign_rows(part: Part, field: Array) -> Index:

@@ -137,9 +137,11 @@ def _find_tags(head: Sequence[str]) -> dict[str, list[str]]:
         return find_stated_columns(head)
     headers = {}
     for line in head:
-        cells = split_cells(line.lstrip("#% "), ",")
-        if line.startswith("#") and len(cells) > 3 and cells[0].isalpha():
+        cells = split_cells(line.lstrip("#% "), ",") if line.startswith("#") else []
+        if len(cells) > 3 and cells[0].isalpha():
             headers[cells[0]] = cells[1:]
+    if not headers:
+        return {}
     begun = {line.partition(",")[0] for line in head if not line.startswith("#")}
     return (
         headers
