@@ -151,6 +151,25 @@ def test_a_field_that_differs_by_attitude_is_seen_by_what_lasts_on_one_side_or_a
     assert np.median(over) > 0.2
 
 
+def test_what_lasts_may_go_with_the_turning_and_counts_for_the_heading() -> None:
+    """Noise with memory and a field that differs by place look alike: the standard errors are those
+    of noise, the heading's holds what a bias may have of the other."""
+    over = []
+    for seed in range(10):
+        recording, fit = fitted(seed, carried(2000.0), motion=tilts(45), n=2000)
+        over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
+    assert np.count_nonzero(np.array(over) > 3.0) <= 1
+    assert 0.4 < np.median(over) < 2.0
+
+
+def test_directions_tell_half_of_what_goes_with_the_turns() -> None:
+    for seed in range(3):
+        recording, fit = fitted(seed, follows_turns(500.0), motion=tilts(45))
+        assert fit.verdict == "check"
+        error = heading_error_deg(fit.calibration, recording)
+        assert 0.3 < error / fit.coverage.heading_sd_deg < 3.0
+
+
 def test_a_bend_that_chance_would_rarely_show_is_in_the_stated_error() -> None:
     recording = record(24_004, tumble, (saturation_across(200_000.0),))
     fit = ag.fit_ellipsoid(recording.samples, KNOWN)

@@ -25,8 +25,8 @@ def find_model_errors(
     """What the residuals of the usable rows show, with what it leaves open of the heading.
 
     What dip, azimuth and priors know of the calibration stands beside the magnitude as a prior, so
-    "prior" is no finding here. Parameters: the calibration with sources at their mean; `part`, the
-    problem of the usable rows.
+    "prior" is no finding here; what lasts, dip and azimuth show. Parameters: the calibration with
+    sources at their mean; `part`, the problem of the usable rows.
     """
     assert affine.noise is not None
     assert affine.covariance is not None
@@ -53,7 +53,7 @@ def find_model_errors(
         own_prior=_prior_information(estimate, part, units),
     )
     found = examine_model(fitted)
-    return tuple(one for one in found if one.cause != "prior")
+    return tuple(one for one in found if one.cause not in ("prior", "lasting"))
 
 
 def _units(part: Problem, scale: Scale) -> Array:

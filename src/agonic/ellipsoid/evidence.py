@@ -127,11 +127,12 @@ def assess(
     inclination_deg: float,
     *,
     attitude_aided: bool = False,
+    beside: Array | None = None,
 ) -> Fit:
     """The fit: residuals of every row, coverage, findings and remarks.
 
     `found` gives noise, in the unit of the readings, weights and the solver's numbers, of the rows
-    `usable` (n,).
+    `usable` (n,); `beside` is what directions are uncertain by beside the covariance of `affine`.
     """
     residuals, normals = compute_distances(
         samples.field, affine.bias, affine.matrix, wanted_magnitude(affine, reference, len(samples))
@@ -139,7 +140,10 @@ def assess(
     weights = np.zeros(len(samples))
     weights[rows_of(usable)] = 1.0 if found.weights is None else found.weights
     field = affine.correct(samples.field)
-    coverage = compute_coverage(affine, count_visits(field[rows_of(weights > 0)]), inclination_deg)
+    whole = affine
+    if beside is not None and affine.covariance is not None:
+        whole = replace(affine, covariance=affine.covariance + beside)
+    coverage = compute_coverage(whole, count_visits(field[rows_of(weights > 0)]), inclination_deg)
     fit = Fit(
         calibration=affine,
         n=int(usable.sum()),
@@ -179,12 +183,13 @@ def name_uncertainty(fit: Fit, plain: Array | None, errors: Sequence[ModelError]
     """The fit, with what makes the heading uncertain called by its name.
 
     Where the directions alone would leave it certain, by the covariance `plain` of noise without
-    memory, it is one of the `errors` of the model, which a finding names, or noise with memory.
+    memory (None: that of the fit), it is one of the `errors` of the model, which a finding names,
+    or noise with memory.
     """
     found = next((finding for finding in fit.findings if finding.name == "coverage"), None)
-    if plain is None or found is None or any(one.cause == "prior" for one in errors):
+    if found is None or any(one.cause == "prior" for one in errors):
         return fit
-    at = replace(fit.calibration, covariance=plain)
+    at = fit.calibration if plain is None else replace(fit.calibration, covariance=plain)
     heading = compute_coverage(at, fit.coverage.cells, fit.coverage.inclination_deg).heading_sd_deg
     if heading >= HEADING_DOUBTFUL_DEG:
         return fit

@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.health.adequacy.fitted import Fitted, ModelError, prepare
-from agonic.health.adequacy.moving_bias import find_moving_bias
+from agonic.health.adequacy.moving_bias import find_lasting, find_moving_bias
 from agonic.health.adequacy.structure import find_prior, find_structure
 from agonic.health.adequacy.terms import find_terms
 from agonic.health.finding import Finding, figure
@@ -89,20 +89,28 @@ def examine_model(fitted: Fitted) -> tuple[ModelError, ...]:
     if work is None:
         return ()
     found = [*find_terms(work), *find_moving_bias(work)]
-    return (*found, *find_structure(work, found), *find_prior(work))
+    found += find_structure(work, found)
+    return (*found, *find_lasting(work, found), *find_prior(work))
 
 
 def widen(calibration: Affine, errors: Sequence[ModelError], plain: Array | None = None) -> Affine:
     """The calibration with a covariance that covers what the model does not have.
 
     `plain` is its covariance without what noise with memory adds, where that is in it: an error of
-    the model that comes and goes is such noise, and counts once.
+    the model that comes and goes is such noise, and counts once. What lasts and may be noise is in
+    it as noise; it counts beside it for the heading alone (`find_beside`).
     """
-    own = calibration.covariance
+    own, errors = calibration.covariance, [one for one in errors if one.cause != "lasting"]
     if not errors or own is None:
         return calibration
     grown = (own if plain is None else plain) + sum(error.growth for error in errors)
     return replace(calibration, covariance=grown if plain is None else _cover(own, grown))
+
+
+def find_beside(errors: Sequence[ModelError]) -> Array | None:
+    """What a heading's covariance (p, p) holds beside that of the calibration: errors that last and
+    may go with how the sensor is turned, which nothing tells from noise with memory."""
+    return next((error.growth for error in errors if error.cause == "lasting"), None)
 
 
 def _cover(one: Array, other: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,12 @@ LEAST_VARIANCE = 0.05
 MEAN = 1.0
 """Square of the mean of what comes and goes over its variance, as of a current that is on for half
 of the time: the bias holds the mean, which no residual shows."""
+TURNED = 0.7
+"""Errors that still are there when directions are as little alike as this last."""
+SURELY = 3.0
+"""Standard errors by which what lasts has to be seen."""
+LIKELY = 0.5
+"""How probable it is that what lasts is no noise of the sensor."""
 _ENTRIES = ((0, 0), (1, 1), (0, 1), (0, 2), (1, 2))
 """Of a symmetric matrix without trace."""
 
@@ -50,6 +57,47 @@ def find_moving_bias(work: Work) -> list[ModelError]:
     growth[:3, :3] = (1.0 + MEAN) * spread * work.fitted.noise**2
     cause = "comes and goes" if along else "by direction"
     return [*mixed, make_error(work, cause, min(p_values), size, growth)]
+
+
+def find_lasting(work: Work, found: list[ModelError]) -> list[ModelError]:
+    """Residuals that last while the sensor turns, beyond what is found: they may go with how it is
+    turned, as where it is carried about in an uneven field, and a bias then holds as much.
+
+    Of a field that differs by g over the way the sensor is carried, the magnitude shows what lies
+    across the field, and a bias takes up what lies along it (`MEAN` and as much again for what the
+    fit takes up): no residual tells it from noise with memory. With m the mean of n_i·n_j over rows
+    as far apart as the sensor takes to turn, its variance is E[r_i r_j]/m.
+    """
+    fit, normals, lag = work.linear, work.normals, _find_turned(work.normals)
+    first = np.flatnonzero((fit.weights[lag:] > 0) & (fit.weights[:-lag] > 0))
+    first = first[work.rows[first + lag] - work.rows[first] == lag]
+    product = fit.residuals[first] * fit.residuals[first + lag]
+    alike = float(np.sum(normals[first] * normals[first + lag]))
+    windows = _count_windows(product, max(work.fitted.correlation, 2.0 * lag))
+    if windows < FEWEST_WINDOWS / 2 or alike <= 0:
+        return []
+    sums = np.bincount(np.arange(len(product)) * windows // len(product), product)
+    if float(sums.sum()) < SURELY * float(np.linalg.norm(sums)):
+        return []
+    variance = float(sums.sum()) / alike * work.fitted.noise**2
+    known = sum((error.growth[:3, :3] for error in found), np.zeros((3, 3)))
+    values, vectors = np.linalg.eigh((1.0 + MEAN) * variance * np.eye(3) - known)
+    growth = np.zeros((len(work.scale), len(work.scale)))
+    growth[:3, :3] = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    error = make_error(work, "lasting", 0.0, float(np.sqrt(variance)), growth)
+    return [replace(error, probability=LIKELY)]
+
+
+def _find_turned(normals: Array) -> int:
+    """Rows that it takes until directions are as far apart as `TURNED` says, of how far they are at
+    most: those of a vehicle that keeps level stay within a cone."""
+    lag, middle = 1, float(np.sum(normals.mean(axis=0) ** 2))
+    while lag < len(normals) // 4:
+        alike = float(np.mean(np.sum(normals[:-lag] * normals[lag:], axis=1)))
+        if alike - middle < TURNED * (1.0 - middle):
+            break
+        lag = int(np.ceil(lag * 1.25))
+    return lag
 
 
 class _OneSided(NamedTuple):

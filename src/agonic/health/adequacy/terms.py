@@ -45,6 +45,10 @@ PROBABLE = 0.1
 UNSEEN = 0.02
 """Of the field: by as much at most, about, sensors bend whose residuals do not show it."""
 
+TURNS_SHOWN = 0.5
+"""Of what goes with how fast a vehicle turns: about so much directions of the field tell, which do
+not see how it turns about the field."""
+
 LIKELY = 0.2
 """Of the field: a sensor bends by less at the size of the field, and what goes with bank or pitch
 is less for a vehicle turned by a right angle."""
@@ -56,7 +60,8 @@ class _Cause(NamedTuple):
 
     `at_rest` is false for an error that only a turning sensor has, `alone` true for a test with a
     level of its own, beside the family of all others; `likely` how large its terms are at most,
-    about, as a share of the field; `trials` among how many of its kind it was picked.
+    about, as a share of the field; `trials` among how many of its kind it was picked; `told` what
+    share of its size the columns tell.
     """
 
     name: str
@@ -69,6 +74,7 @@ class _Cause(NamedTuple):
     alone: bool
     likely: float
     trials: int
+    told: float
 
     def seen_by(self, fit: Linearised) -> tuple[Array, Array | None, Array | None]:
         """Columns, their noise and what they share, of a fit to all kinds or the magnitude alone,
@@ -95,8 +101,7 @@ def find_terms(work: Work) -> list[ModelError]:
         if not telling:
             return [*found, *_find_possible(work, [(s, c) for s, c, _ in scores[:: len(fits)]])]
         score, cause, _ = max(telling, key=lambda found: _rank(*found))
-        move = fits[0].find_move(cause.columns @ score.size)
-        found.append(_model_error(work, cause, score.p_value, score.size, move))
+        found.append(_model_error(work, cause, score))
         fits = [_beside(fit, cause) for fit in fits]
         causes = [other for other in causes if other.name != cause.name]
     return found
@@ -128,8 +133,7 @@ def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list
         q = float(chdtri(k, max(score.p_value, SIGNIFICANT / 100)))
         if q > k:
             odds = PROBABLE * float(np.exp((q - k - k * np.log(q / k)) / 2))
-            move = work.whole.find_move(cause.columns @ score.size)
-            error = _model_error(work, cause, score.p_value, score.size, move)
+            error = _model_error(work, cause, score._replace(spread=0.0 * score.spread))
             most = min(UNSEEN * work.radius / max(error.size, 1e-300), 1.0)
             found.append((error, odds, (1 - k / q) * most**2))
     total = 1 + sum(odds for _, odds, _ in found)
@@ -184,6 +188,7 @@ def list_causes(work: Work) -> Iterator[_Cause]:
         lambda x: unmodelled.turning(x - centre, apart),
         at_rest=False,
         likely=LIKELY,
+        told=TURNS_SHOWN,
     )
     yield _cause(work, "late", lambda x: unmodelled.lag(x, apart), at_rest=False)
     yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
@@ -206,6 +211,7 @@ def _cause(
     alone: bool = False,
     likely: float = np.inf,
     trials: int = 1,
+    told: float = 1.0,
 ) -> _Cause:
     """A cause from its terms at the feet, or a bias that goes with the signals of that name.
 
@@ -233,23 +239,37 @@ def _cause(
         return errors_at(level_readings(work) / work.radius, {}).add_up(size) * work.radius
 
     at = level if static else None
-    return _Cause(name, columns, noise, shared, error, at, at_rest, alone, likely, trials)
+    return _Cause(name, columns, noise, shared, error, at, at_rest, alone, likely, trials, told)
 
 
-def _model_error(work: Work, cause: _Cause, p_value: float, size: Array, move: Array) -> ModelError:
-    """The error in the readings, the heading and the covariance."""
-    fitted = work.fitted
-    shift = move[: len(work.scale)] * work.scale
-    growth = np.outer(shift, shift)
+def _model_error(work: Work, cause: _Cause, score: Score) -> ModelError:
+    """The error in the readings, the heading and the covariance, by the mean square of its size."""
+    fitted, size = work.fitted, score.size / cause.told
+    square = np.outer(size, size) + score.spread / cause.told**2
+    moves = np.linalg.solve(work.whole.information, work.whole.weighted @ cause.columns)
+    moves = moves[: len(work.scale)] * work.scale[:, None]
+    growth = moves @ square @ moves.T
     errors = cause.error(size)
     rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
     if cause.level is None and cause.at_rest:
         growth[:3, :3] += errors.T @ errors / len(errors)
     elif cause.level is not None:
-        own = cause.level(size) @ fitted.calibration.matrix.T
-        _, across = level_directions(fitted.inclination_deg)
-        left = moved_field(work, shift) - own
-        total = float(np.sqrt(np.mean(np.sum(left * across, axis=1) ** 2)))
+        left = np.stack(
+            [
+                _level_error(work, cause, *one)
+                for one in zip(moves.T, np.eye(len(size)), strict=True)
+            ]
+        )
+        total = float(np.sum((left @ left.T) * square)) / left.shape[1]
         by_move = work.fitted.heading_deg(growth) * field_per_degree(work)
-        growth[:3, :3] += np.eye(3) * max(total**2 - by_move**2, 0.0) / fitted.gain**2
-    return make_error(work, cause.name, p_value, rms, growth)
+        growth[:3, :3] += np.eye(3) * max(total - by_move**2, 0.0) / fitted.gain**2
+    return make_error(work, cause.name, score.p_value, rms, growth)
+
+
+def _level_error(work: Work, cause: _Cause, move: Array, size: Array) -> Array:
+    """What a term of this size leaves across a level field at even headings (36,), by its own error
+    and by how it moves the calibration."""
+    assert cause.level is not None
+    own = cause.level(size) @ work.fitted.calibration.matrix.T
+    _, across = level_directions(work.fitted.inclination_deg)
+    return np.asarray(np.sum((moved_field(work, move) - own) * across, axis=1))

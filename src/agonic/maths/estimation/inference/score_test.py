@@ -42,13 +42,15 @@ SURE = 3.0
 class Score(NamedTuple):
     """One test: its p-value, the size (k,) of the terms, and how far they move the estimate (p,).
 
-    `gain` is by how much the terms lower the weighted sum of squares.
+    `gain` is by how much the terms lower the weighted sum of squares, `spread` (k, k) the
+    covariance of the size.
     """
 
     p_value: float
     size: Array
     move: Array
     gain: float
+    spread: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,10 +183,11 @@ def score_test(
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
     sure = _surely(scores, fit.captured) if surely else 1.0
-    size = np.asarray(
-        seen @ (_draw_in(found, gram, scores / fit.captured**0.5, seen / likely) * sure)
-    )
-    return Score(p_value, size, np.asarray(taken @ size), float(total @ found))
+    root = np.linalg.solve(gram, scores.T) / fit.captured**0.5
+    drawn, spread = _draw_in(found, root, seen / likely)
+    size = np.asarray(seen @ (drawn * sure))
+    move, spread = np.asarray(taken @ size), seen @ spread @ seen.T
+    return Score(p_value, size, move, float(total @ found), spread)
 
 
 def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -> Linearised:
@@ -227,11 +230,12 @@ def _seen(
     return combined[:, keep] if keep.any() else None
 
 
-def _draw_in(found: Array, gram: Array, scores: Array, prior: Array) -> Array:
-    """A size (r,) with a prior, by the scatter of the scores of batches (B, r) that tell it:
-    (1 + V PᵀP)⁻¹ of it, V its covariance and P the rows (k, r) of the prior."""
-    left = np.linalg.solve(gram, scores.T)
-    return np.asarray(np.linalg.solve(np.eye(len(found)) + left @ left.T @ prior.T @ prior, found))
+def _draw_in(found: Array, root: Array, prior: Array) -> tuple[Array, Array]:
+    """A size (r,) with a prior, and its covariance: (1 + V PᵀP)⁻¹ of both, V that of its errors by
+    its root (r, B) and P the rows (k, r) of the prior."""
+    own = root @ root.T
+    drawn = np.linalg.inv(np.eye(len(found)) + own @ prior.T @ prior)
+    return np.asarray(drawn @ found), np.asarray(drawn @ own)
 
 
 def _surely(scores: Array, captured: float) -> Array:
