@@ -8,6 +8,7 @@
   const WORST_DEG = 90;       // heading error that is still drawn
   const SPOKEN_MS = 4000;     // between two sentences for a screen reader
   const AXES = ["+x nose", "+y right", "+z down"];
+  const OPEN_DEG = 90;        // beyond, the standard error of a heading says nothing
   const BESIDE = {            // what told the attitude
     inertial: " (beside accelerometer and gyro)", levelled: " (beside roll and pitch)",
   };
@@ -237,6 +238,7 @@
       part(".of-sphere").hidden = Boolean(now.rose);
       part("progress").value = now.progress;
       text(part(".heading"), now.heading_sd_deg === null ? "no calibration yet"
+        : now.heading_sd_deg >= OPEN_DEG ? "the heading is not determined yet"
         : `heading standard error ${now.heading_sd_deg.toFixed(2)}°${BESIDE[now.method] || ""}, enough at ${now.target_deg}°`
           + (now.vehicle_sd_deg === null ? "" : `; ${now.vehicle_sd_deg.toFixed(2)}° with how the sensor sits in the vehicle`));
       text(part(".count"), `${now.n.toLocaleString("en")} readings, ${now.rate_Hz} a second`);
