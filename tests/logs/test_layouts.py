@@ -272,3 +272,13 @@ def test_what_must_be_written_anew_is_said(tmp_path, begin, said):
     (tmp_path / "log").write_bytes(begin)
     with pytest.raises(LogError, match=said):
         open_log(tmp_path / "log")
+
+
+def test_that_there_is_no_field_is_said_before_all_else(tmp_path):
+    """AirData: which of two columns is the time matters to nobody without a magnetometer."""
+    header = "time(millisecond),datetime(utc),compass_heading(degrees),pitch(degrees)"
+    path = write(
+        tmp_path, header, TIME * 1e3, [f"2026-05-03 08:15:{s}" for s in SECONDS], TIME, ZERO
+    )
+    with pytest.raises(LogError, match="no magnetometer columns"):
+        open_log(path)

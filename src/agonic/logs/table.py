@@ -16,6 +16,7 @@ from agonic.logs.headers.column_names import suggest_names
 from agonic.logs.headers.columns import (
     FALLBACK,
     Identified,
+    find_quantities,
     find_rivals,
     identify_column,
     identify_columns,
@@ -67,6 +68,8 @@ def build_log(
     Raises `LogError` where no magnetometer is found, or two columns could be the same thing.
     """
     others = tuple(others)
+    if "field" not in find_quantities(table).values():
+        refuse_no_magnetometer(table, others)
     found = identify_columns(table)
     fields = [n for n, axes in found.get("field", {}).items() if len(axes) == 3]
     if not fields:
@@ -233,11 +236,12 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     every = [*known, *others]
     if own := name_own_table(every):
         raise LogError(f"this is {own}")
-    found = identify_columns(known)
+    named = find_quantities(known)
+    found = identify_columns(h for h in known if named[h] == "field")
     parts = [c.header for axes in found.get("field", {}).values() for c in axes.values()]
     have = ", ".join(repr(h[:30]) for h in every[:10]) + (", …" if len(every) > 10 else "")
     part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
-    other = next((named for name, named in _INERTIAL.items() if name in found), "")
+    other = next((said for name, said in _INERTIAL.items() if name in named.values()), "")
     beside = f" (of {other} only; if the magnetometer is in a file beside it, name the folder)"
     if not every:
         raise LogError(
