@@ -284,6 +284,28 @@ def missing_codes(step: float, period: int, missing: int) -> Fault:
     return _non_linear(law)
 
 
+def gain_switches(share: float, at: float = 40_000.0) -> Fault:
+    """Each axis takes another range, whose gain differs, for readings beyond this."""
+    return _non_linear(lambda x: np.where(np.abs(x) > at, x * (1 + share), x))
+
+
+def wraps(at: float) -> Fault:
+    """One axis begins again at the other end of its range."""
+    other = np.array([False, True, False])
+    return _non_linear(lambda x: np.where(other, (x + at) % (2 * at) - at, x))
+
+
+def axes_apart(rows: float) -> Fault:
+    """The axes of a row are sampled one after the other, so many rows apart."""
+
+    def fault(d: Draft) -> None:
+        clean, i = d.reads(d.field), np.arange(d.n)
+        late = [np.interp(i - k * rows, i, clean[:, k]) for k in range(3)]
+        d.raw = d.raw - clean + np.column_stack(late)
+
+    return fault
+
+
 def hysteresis(share: float) -> Fault:
     """Lags behind by a share of the field, by an old field that fades."""
 
@@ -401,6 +423,48 @@ def slow_step(share: float) -> Fault:
         ramp = np.clip((np.arange(d.n) / d.n - 0.45) * 10, 0, 1)
         way = d.rng.normal(size=3)
         d.raw = d.raw + ramp[:, None] * share * MAGNITUDE * way / np.linalg.norm(way)
+
+    return fault
+
+
+def warm_up(size: float) -> Fault:
+    """A bias of the first minutes that dies away."""
+
+    def fault(d: Draft) -> None:
+        left, way = np.exp(-np.arange(d.n) / (0.15 * d.n)), d.rng.normal(size=3)
+        d.raw = d.raw + left[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def load_levels(size: float, rows: int = 50) -> Fault:
+    """A current whose load is another every so many rows."""
+
+    def fault(d: Draft) -> None:
+        load, way = d.rng.random(d.n // rows + 1)[np.arange(d.n) // rows], d.rng.normal(size=3)
+        d.raw = d.raw + load[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
+def two_places(size: float) -> Fault:
+    """Half of the log where the field is another by this much."""
+
+    def fault(d: Draft) -> None:
+        later, way = (np.arange(d.n) >= d.n // 2)[:, None], d.rng.normal(size=3)
+        change_n = later * size * way / np.linalg.norm(way)
+        d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
+
+    return fault
+
+
+def raised(size: float) -> Fault:
+    """The field differs by height, and the sensor rises and sinks on its arm as it is turned."""
+
+    def fault(d: Draft) -> None:
+        height, way = -d.rot_nm.apply([0.6, 0.2, -0.3])[:, 2:], d.rng.normal(size=3)
+        change_n = height * size * way / np.linalg.norm(way)
+        d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
 
     return fault
 
@@ -937,6 +1001,22 @@ def _later() -> list[Kind]:
             for s in (500.0, 2000.0)
         ),
         Kind("y off by 8 µT between 10 and 11 µT", tumble, (errs_between(10e3, 11e3, 8e3),)),
+        *(
+            Kind(f"{name}, {motions}", motion, faults)
+            for motions, motion, aided in (
+                ("tilts of 45°", tilts(45), ()),
+                ("levelled, tilts of 45°", tilts(45), (with_attitude(),)),
+            )
+            for name, faults in (
+                ("raised on an arm by 3 µT", (raised(3000.0), *aided)),
+                ("a load of 1 µT at levels", (load_levels(1000.0), *aided)),
+                ("warm-up of 1 µT", (warm_up(1000.0), *aided)),
+                ("two places, 1 µT apart", (two_places(1000.0), *aided)),
+            )
+        ),
+        Kind("gain switches by 1 % at 40 µT", tumble, (gain_switches(0.01),)),
+        Kind("y wraps at 50 µT", tumble, (wraps(50_000.0),)),
+        Kind("axes sampled 0.2 rows apart", tumble, (axes_apart(0.2),)),
     ]
 
 
