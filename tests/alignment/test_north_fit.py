@@ -210,3 +210,16 @@ def test_a_zero_that_drifts_is_told_and_stated(drift_arcsec: float) -> None:
         z.append(3600 * (fit.north_deg - made.north_deg) / fit.sd_arcsec)
     assert np.abs(z).max() < 3.0
     assert np.sqrt(np.mean(np.square(z))) < 1.4
+
+
+@pytest.mark.parametrize("blunder_arcsec", [120.0, 3600.0])
+def test_a_misread_turning_point_outweighs_the_stated_noise(blunder_arcsec: float) -> None:
+    for seed in range(5):
+        made = simulate_north(seed=seed, orientations=0)
+        turning = made.session.turning_deg.copy()
+        turning[seed % 8] += blunder_arcsec / 3600
+        session = replace(made.session, turning_deg=turning, swing=None, transits=None)
+        fit = fit_north(session)
+        assert fit.verdict == "check"
+        assert "readings scatter" in [finding.name for finding in fit.findings]
+        assert abs(fit.north_deg - made.north_deg) * 3600 < 3.0 * fit.sd_arcsec

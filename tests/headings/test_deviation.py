@@ -268,3 +268,20 @@ def test_few_headings_state_an_error_that_holds(n) -> None:
         z.append(float((found.at(at) - true.at(at)) / found.sd_at(at)))
     assert np.mean(np.abs(z) < 1.96) == pytest.approx(0.95, abs=0.03)
     assert np.std(z) < 1.25
+
+
+def test_a_reference_that_drifts_over_the_swing_is_told() -> None:
+    """A directional gyro that drifts by 3° over 36 headings; without it all is well."""
+    psi = np.arange(0, 360, 10.0)
+    told, clean = [], []
+    for seed in range(10):
+        noise = 0.5 * np.random.default_rng(seed).standard_normal(36)
+        deviation = 1 + 5 * np.sin(np.radians(psi)) + noise
+        drifts, steady = (
+            {finding.name for finding in fit_deviation(psi, psi + deviation + added).findings}
+            for added in (np.linspace(0, 3, 36), 0.0)
+        )
+        told.append("drift" in drifts)
+        clean.append("drift" not in steady)
+    assert sum(told) >= 7
+    assert all(clean)

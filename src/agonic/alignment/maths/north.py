@@ -18,7 +18,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import correlation_length
-from agonic.maths.estimation.noise.student import compute_widening
+from agonic.maths.estimation.noise.student import compute_widening, exceed_stated
 
 _SCHULER = np.array([0.25, 0.5, 0.25])
 _GRID, _PERIODS = 400, 0.4
@@ -28,12 +28,14 @@ _GRID, _PERIODS = 400, 0.4
 class North(NamedTuple):
     """The circle's reading at north and its standard error, degrees; NaN where nothing tells it.
 
-    `freedom` is how many independent differences the standard error rests on.
+    `freedom` is how many independent differences the standard error rests on; `excess` how many
+    times the stated noise the readings scatter, 1 where chance explains it.
     """
 
     reading_deg: float
     sd_deg: float
     freedom: int
+    excess: float = 1.0
 
 
 class Swing(NamedTuple):
@@ -51,6 +53,7 @@ class Swing(NamedTuple):
     converged: bool
     drift_deg: float = 0.0
     drift_sd_deg: float = float("inf")
+    excess: float = 1.0
 
 
 def compute_schuler_means(turning: Array) -> Array:
@@ -70,7 +73,8 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
 
     Neighbouring means share readings. With M (n − 2, n) from readings to means and Q what centres
     them, E Σ(N_i − N̄)² = σ² tr(QMMᵀ), and N̄ = wᵀu has the variance σ² wᵀw. With a single mean, or
-    a `reading_sd` that is stated, σ is that.
+    a `reading_sd` that is stated, σ is that, unless the turning points scatter by more about
+    u_i = N + (−1)ⁱ (a + b i).
 
     >>> fit_reversals(np.array([10.0, 2.0, 8.0, 3.0])).reading_deg
     5.375
@@ -88,8 +92,14 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
         if m > 1
         else np.nan
     )
-    sd = float(np.sqrt(variance * (weight @ weight)))
-    return North(float(means.mean()), sd, m - 1)
+    excess = 1.0
+    if reading_sd:
+        sign, step = (-1.0) ** np.arange(n), np.arange(n) - (n - 1) / 2
+        design = np.stack([np.ones(n), sign, sign * step], axis=1)
+        left = turning - design @ np.linalg.lstsq(design, turning, rcond=None)[0]
+        excess = exceed_stated(float(left @ left), n - 3, reading_sd)
+    sd = excess * float(np.sqrt(variance * (weight @ weight)))
+    return North(float(means.mean()), sd, m - 1, excess)
 
 
 def multiply_transits(amplitude_east: Array, amplitude_west: Array, dt_s: Array) -> Array:
@@ -157,7 +167,8 @@ def _variance(residuals: Array, stated_sd: Array, freedom: int) -> float:
 def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
     """The damped sinusoid through a whole record (n,), by Levenberg–Marquardt.
 
-    The noise is taken from the residuals, with their correlation, unless it is stated.
+    The noise is taken from the residuals, with their correlation, unless it is stated and they
+    scatter by no more.
     """
     since = time_s - time_s[0]
     start = _start(since, reading_deg)
@@ -166,6 +177,9 @@ def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None
     first = leastsq.solve(lambda p: [pieces(p)], start, scale=scale, tolerance=1e-6)
     freedom = max(len(since) - len(start), 1)
     noise = reading_sd or max(float(np.sqrt((first.residuals**2).sum() / freedom)), 1e-12)
+    squares = float(first.residuals @ first.residuals)
+    excess = exceed_stated(squares, freedom, reading_sd) if reading_sd else 1.0
+    noise *= excess
     correlation = correlation_length(first.residuals, np.ones(len(since)))
     _, jacobian = pieces(first.params)
     covariance = noise**2 * correlation * leastsq.inverse(jacobian.T @ jacobian)
@@ -179,6 +193,7 @@ def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None
         first.converged,
         drift,
         drift_sd,
+        excess,
     )
 
 
@@ -243,6 +258,7 @@ class Pointing(NamedTuple):
     sd_deg: float
     collimation_deg: float
     freedom: int
+    excess: float = 1.0
 
 
 def average_faces(reading_deg: Array, reading_sd: float | None = None) -> Pointing:
@@ -272,6 +288,7 @@ def average_faces(reading_deg: Array, reading_sd: float | None = None) -> Pointi
             float(left @ left) / freedom * compute_widening(freedom) ** 2 if freedom > 0 else np.nan
         )
     )
-    sd = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
+    excess = exceed_stated(float(left @ left), freedom, reading_sd) if reading_sd else 1.0
+    sd = excess * float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
     collimation = float(found[1]) if second.any() else float("nan")
-    return Pointing(float((reading_deg[0] + found[0]) % 360.0), sd, collimation, freedom)
+    return Pointing(float((reading_deg[0] + found[0]) % 360.0), sd, collimation, freedom, excess)

@@ -72,7 +72,9 @@ def _found(session: NorthSession) -> NorthFit:
     if session.swing is not None:
         swing = kernel.fit_swing(session.swing.time_s, session.swing.reading_deg, sd)
         freedom = len(swing.residuals) - len(swing.params)
-        by["swing"] = North(float(swing.params[0]), float(np.sqrt(swing.covariance[0, 0])), freedom)
+        by["swing"] = North(
+            float(swing.params[0]), float(np.sqrt(swing.covariance[0, 0])), freedom, swing.excess
+        )
     if session.turning_deg is not None:
         by["reversal"] = kernel.fit_reversals(session.turning_deg, sd)
     if session.transits is not None:
@@ -128,6 +130,7 @@ def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
         azimuth_deg=float((read.reading_deg - fit.north_deg + back) % 360.0),
         sd_arcsec=float(np.hypot(fit.sd_arcsec, 3600.0 * read.sd_deg)),
         collimation_arcsec=3600.0 * read.collimation_deg,
+        excess=read.excess,
     )
 
 
@@ -163,7 +166,7 @@ def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignmen
 
 def _findings(fit: NorthFit) -> list[Finding]:
     """What is wrong or worth knowing."""
-    said = [*_disagreement(fit), *_swing(fit), *_drift(fit)]
+    said = [*_disagreement(fit), *_swing(fit), *_drift(fit), *_scatter(fit)]
     if not np.isfinite(fit.by[fit.method].sd_deg):
         said.append(
             Finding(
@@ -207,6 +210,23 @@ def _findings(fit: NorthFit) -> list[Finding]:
             )
         )
     return said
+
+
+def _scatter(fit: NorthFit) -> list[Finding]:
+    """Readings of the circle that scatter by more than what was stated of one."""
+    read = {fit.method: fit.by[fit.method].excess} | {one.name: one.excess for one in fit.azimuths}
+    name, excess = max(read.items(), key=lambda item: item[1])
+    if excess <= 1.0:
+        return []
+    return [
+        Finding(
+            "readings scatter",
+            "check",
+            f"the readings of {name} scatter by {figure(excess)} times the stated noise; the "
+            "standard error was widened",
+            "look for a misread circle or a zero that drifts, and read again",
+        )
+    ]
 
 
 def _disagreement(fit: NorthFit) -> list[Finding]:

@@ -18,13 +18,15 @@ from agonic.health import Finding, Judged
 class Azimuth:
     """The azimuth of a sighting, degrees clockwise from true north; standard error in arcseconds.
 
-    `collimation_arcsec` is the theodolite's, NaN where one face only was read.
+    `collimation_arcsec` is the theodolite's, NaN where one face only was read; `excess` is how many
+    times the stated noise the readings scatter, 1 where chance explains it.
     """
 
     name: str
     azimuth_deg: float
     sd_arcsec: float
     collimation_arcsec: float
+    excess: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,6 +27,8 @@ OUTLIER_REFUSED_DEG = 5.0  # where too few others outweigh it
 OUTLIERS_DOUBTFUL = 0.1
 THIRD_DOUBTFUL_DEG = 1.0
 SIGNIFICANT = 0.01
+DRIFT_SIGNIFICANT = 0.001
+DRIFT_LEAST_DEG = 0.5
 
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 
@@ -59,7 +61,15 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     spread = (_uncertain(evidence), _scatter(evidence))
     if outlier is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
-    others = (_folded(evidence), shape, outlier, *spread, _third(evidence), _left_out(evidence))
+    others = (
+        _folded(evidence),
+        shape,
+        outlier,
+        *spread,
+        _drift(evidence),
+        _third(evidence),
+        _left_out(evidence),
+    )
     return sort_findings(others)
 
 
@@ -207,6 +217,31 @@ def _scatter(evidence: Evidence) -> Finding | None:
         "check",
         f"readings scatter by {figure(noise)}° about the curve{beyond}",
         "hold each heading until the compass is at rest, away from other iron",
+    )
+
+
+def _drift(evidence: Evidence) -> Finding | None:
+    """A steady change in the order of the readings: the residuals' slope against Student's t."""
+    w = evidence.solved.weights if evidence.weighted else np.ones(len(evidence.rows))
+    n, k = int((w > 0).sum()), evidence.rows.shape[1] + 1
+    if n - k < 2:
+        return None
+    design = np.column_stack([evidence.rows, np.linspace(-0.5, 0.5, len(w))])
+    inverse = np.linalg.pinv((design * w[:, None]).T @ design)
+    found = inverse @ (design * w[:, None]).T @ evidence.solved.residuals
+    left = evidence.solved.residuals - design @ found
+    variance = float(w @ left**2) / (n - k) * correlation_length(left, w)
+    size = abs(float(found[-1]))
+    t = size / np.sqrt(max(variance * inverse[-1, -1], 1e-24))
+    if size < DRIFT_LEAST_DEG or 2 * stdtr(n - k, -t) > DRIFT_SIGNIFICANT:
+        return None
+    return Finding(
+        "drift",
+        "check",
+        f"the deviation changes by {figure(size)}° from the first reading to the last, beside what "
+        "the heading explains",
+        "steer the first heading again: if it reads otherwise the reference drifts; let it settle, "
+        "or swing once more the other way round",
     )
 
 

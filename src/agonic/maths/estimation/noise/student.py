@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from scipy.special import ndtri, stdtrit
+import numpy as np
+from scipy.special import chdtrc, ndtri, stdtrit
 
 
 def compute_widening(freedom: float) -> float:
@@ -17,3 +18,19 @@ def compute_widening(freedom: float) -> float:
     if not freedom > 0:
         return float("nan")
     return float(stdtrit(min(freedom, 1e6), 0.975) / ndtri(0.975))
+
+
+RARE = 1e-3
+"""Chance of a scatter below which the stated noise of a reading is not believed."""
+
+
+def exceed_stated(squares: float, freedom: int, stated_sd: float) -> float:
+    """How many times the stated noise residuals scatter, widened by Student's t; 1 within chance.
+
+    >>> exceed_stated(4.0, 4, 1.0), exceed_stated(400.0, 4, 1.0) > 10
+    (1.0, True)
+    """
+    chi2 = squares / stated_sd**2
+    if freedom < 1 or chdtrc(freedom, chi2) > RARE:
+        return 1.0
+    return float(np.sqrt(chi2 / freedom)) * compute_widening(freedom)
