@@ -11,9 +11,9 @@ and the gyro's bias b on three axes. Errors s that all moments share are in unit
 
 All is linear. States are eliminated by their block tridiagonal normal equations (Rauch, Tung &
 Striebel 1965); the marginal likelihood tells how large noise and disturbances are. Of the shared
-errors those of the gyro's gain and of the calibration are found. The others, of tilt and delay, are
-left as they are and counted in the variance (Schmidt 1966): a vehicle that rocks by a degree would
-seem to show them, and shows the errors of the model.
+errors those of the gyro's gain are found, and of the calibration where no tilt was recorded. The
+others, of tilt and delay, are left as they are and counted in the variance (Schmidt 1966): a
+vehicle that rocks by a degree would seem to show them, and shows the errors of the model.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from agonic.calibration.setup import LATENCY_SD_S, Compass
 from agonic.headings.attitude import RECORDED_SD_DEG, Attitude
 from agonic.headings.compass_heading import Indication, Readings, turn_by_delay
 from agonic.headings.expected_field import Surroundings
+from agonic.headings.maths.offset import GYRO
 from agonic.headings.propagation import apply_steps, list_steps, propagate_parts
 from agonic.headings.smoothing.moments import Moments
 from agonic.maths.rotations import tilt as kernel
@@ -121,3 +122,10 @@ def measure_disturbance(
     square = uniform_filter1d(square, width, mode="nearest") / np.maximum(there, 1e-9)
     square = np.where(there > 1e-9, square, 0.0) + LEAST_SEEN**2
     return np.asarray(square / np.mean(square[told > 0]))
+
+
+def count_found(told: int, attitude: Attitude) -> int:
+    """How many of the shared errors are found: the gyro's gain, and the calibration's errors among
+    the first `told` only beside a tilt of our own, whose lasting errors are listed. Those of a
+    recorded tilt last as the filter that made it pleases, and would be taken for the compass's."""
+    return told if attitude.source == "gyro" else GYRO

@@ -35,6 +35,7 @@ from agonic.headings.maths.offset import (
 from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
 from agonic.headings.smoothing.errors import (
     Seen,
+    count_found,
     find_lean_sd,
     list_compass_errors,
     list_tilt_errors,
@@ -134,7 +135,7 @@ def smooth_headings(
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
         bias_sd=_find_bias_sd(attitude),
-        found=shared.shape[1] - 3,
+        found=count_found(shared.shape[1] - 3, attitude),
         rest=_find_rest(time, rate - known, force, heading, observed, moments),
     )
     offset, variance, bias, gain, sizes = _estimate(observed, sizes, _turn_by_tilt(attitude, steep))
