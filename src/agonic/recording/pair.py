@@ -65,12 +65,14 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
 def _average(one: Calibrated, time: Array) -> Array | None:
     """What a calibration leaves of the magnitude, means over seconds; none where it is noise."""
     fit, own = one.fit, one.samples.time
-    if one.verdict == "refused" or own is None or fit.calibration.magnitude is None:
+    if own is None or fit.calibration.magnitude is None:
         return None
     wanted = np.full(len(one.samples), fit.calibration.magnitude)
     if one.reference is not None and fit.calibration.unit_out == "nT":
         wanted = one.reference.magnitudes(len(one.samples))
     left = np.linalg.norm(one.corrected, axis=1) - wanted
+    if not np.isfinite(left).all():  # a refused fit may be anything
+        return None
     left = np.clip(left, *np.percentile(left, (0.5, 99.5)))
     at_rows = np.interp(time, own, left)
     block = np.floor((time - time[0]) / BLOCK_S).astype(int)
