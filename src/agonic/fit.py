@@ -70,11 +70,14 @@ class Accuracy:
     level heading, degrees, at the dip `inclination_deg`.
 
     `vehicle_deg` is given where the heading of the vehicle is known less well than that of the
-    sensor's own axes; `delay_deg` is the share of the delay, while turning as in the log.
+    sensor's own axes; `alone` where the magnitude, which no turn of the sensor changes, tells
+    nothing of the vehicle's; `delay_deg` is the share of the delay, while turning as in the log.
 
     >>> known = {"bias_sd": 5.0, "unit": "nT", "own_deg": 0.4, "inclination_deg": 67.0}
     >>> Accuracy(**known).sentence
     'standard error: bias 5 nT, heading 0.4° (level, dip 67°)'
+    >>> Accuracy(**known, alone=True).sentence
+    "standard error: bias 5 nT, heading 0.4° of the sensor's own axes (level, dip 67°)"
     >>> Accuracy(**known, vehicle_deg=0.7, delay_deg=0.3).sentence
     'standard error: bias 5 nT, heading 0.5° of the sensor, 0.76° of the vehicle (level, dip 67°)'
     """
@@ -84,6 +87,7 @@ class Accuracy:
     own_deg: float
     inclination_deg: float
     vehicle_deg: float | None = None
+    alone: bool = False
     delay_deg: float = 0.0
 
     @property
@@ -105,7 +109,7 @@ class Accuracy:
     def _say(self, delay_deg: float) -> str:
         own = f"{figure(float(np.hypot(self.own_deg, delay_deg)))}°"
         if self.vehicle_deg is None:
-            return own
+            return f"{own} of the sensor's own axes" if self.alone else own
         vehicle = figure(float(np.hypot(self.vehicle_deg, delay_deg)))
         return f"{own} of the sensor, {vehicle}° of the vehicle"
 

@@ -13,6 +13,7 @@ from agonic.attitude.azimuth import check_azimuth
 from agonic.attitude.calibration import make_mean_calibration
 from agonic.attitude.heading_column import check_heading_column
 from agonic.attitude.mounted_heading import (
+    LOOSER,
     MountedHeading,
     check_turned_sensor,
     compute_mounted_heading,
@@ -50,8 +51,6 @@ LEAST_TILT_DEG = 10.0
 HALF_DEG = 150
 """Headings that leave such a gap show less than a circle's centre, if the vehicle stays level."""
 LEVEL_TILT_DEG = 20.0
-LOOSER = 1.2
-"""A vehicle's heading that is known so much less well than the sensor's is stated beside it."""
 
 
 def assess(
@@ -286,6 +285,7 @@ def _state_accuracy(fit: Fit, mounted: MountedHeading, *, doubted: bool) -> Accu
         own_deg=mounted.own_sd_deg,
         inclination_deg=fit.coverage.inclination_deg,
         vehicle_deg=mounted.vehicle_sd_deg if looser and not doubted else None,
+        alone=set(fit.channels) == {"magnitude"},
     )
 
 

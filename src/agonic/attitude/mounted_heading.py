@@ -21,6 +21,8 @@ _PAIRS = ((6, 9), (7, 10), (8, 11))
 """xy yx, xz zx, yz zy among bias x y z, then matrix xx yy zz xy xz yz yx zx zy."""
 UNSEEN_DEG = 0.5
 """A turn about the vertical that is known no better is told."""
+LOOSER = 1.2
+"""A vehicle's heading that is known so much less well than the sensor's is stated beside it."""
 TURN_DOUBTFUL_DEG = 2.0
 """Of the vehicle's heading: a turn that leaves more than this in doubt has to be looked at."""
 
@@ -28,12 +30,13 @@ TURN_DOUBTFUL_DEG = 2.0
 class MountedHeading(NamedTuple):
     """What is known of a level heading, degrees: `own_sd_deg` whatever the sensor's turn in the
     vehicle, `vehicle_sd_deg` with that turn, of which `turn_deg` was found; `vertical_sd_deg` is
-    that of the turn about the vertical."""
+    that of the turn about the vertical, `turn_sd_deg` that of a turn which is not undone."""
 
     own_sd_deg: float
     vehicle_sd_deg: float
     turn_deg: float = 0.0
     vertical_sd_deg: float = 0.0
+    turn_sd_deg: float = 0.0
 
 
 def compute_mounted_heading(plain: Affine, coverage: Coverage) -> MountedHeading:
@@ -73,10 +76,11 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
     if turned:
         if mounted.vehicle_sd_deg < max(TURN_DOUBTFUL_DEG, 1.5 * mounted.own_sd_deg):
             return None
+        known = f" ± {figure(mounted.turn_sd_deg)}°" if mounted.turn_sd_deg else "°"
         return Finding(
             "turned sensor",
             "check",
-            f"the sensor is misaligned by {figure(mounted.turn_deg)}° in the vehicle, or its "
+            f"the sensor is misaligned by {figure(mounted.turn_deg)}{known} in the vehicle, or its "
             f"attitude is off by as much: standard error of the heading {own}° in the sensor's "
             f"own axes, {vehicle}° in the vehicle's",
             "look how the sensor sits, and set the zero of roll and pitch with the vehicle level",

@@ -39,6 +39,7 @@ def state_accuracy(affine: Affine, coverage: Coverage) -> Accuracy:
         unit=affine.unit_in,
         own_deg=coverage.heading_sd_deg,
         inclination_deg=coverage.inclination_deg,
+        alone=True,
     )
 
 

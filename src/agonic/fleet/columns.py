@@ -124,6 +124,7 @@ def _describe(
             unit=unit,
             own_deg=float(fits.heading_sd_deg[k]),
             inclination_deg=inclination_deg,
+            alone=True,
         ).sentence
     ]
     p, upright = fits.p_values[k].tolist()

@@ -10,6 +10,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.decomposition import decompose
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
+from agonic.fit import Fit
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.disturber_section import list_trials
 from agonic.recording.ladder_section import list_rungs
@@ -58,6 +59,7 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "heading_sd_deg": lambda result: (
         result.fit.coverage.heading_sd_deg if result.fit.coverage.heading_known else None
     ),
+    "vehicle_heading_sd_deg": lambda result: _state_vehicle(result.fit),
     "own_heading_sd_deg": lambda result: (
         result.fit.accuracy.heading_deg if result.fit.accuracy else None
     ),
@@ -78,8 +80,9 @@ the attitude did not tell it. `ellipsoid` is that of the raw readings: a "sphere
 "tilted", with half axes, their directions, and how far they lie off x, y and z.
 `coefficients` (3, k) are what a unit of each signal of the `sources`
 adds to the readings; null without any. `latency_s` is null where none was found.
-`heading_sd_deg` is the vehicle's, null where the heading is open; `own_heading_sd_deg` that of the
-sensor's own axes, which the status states too, null where the fit was refused.
+`heading_sd_deg` is what the verdict is on, null where the heading is open; `own_heading_sd_deg`
+that of the sensor's own axes, which the status states too, null where the fit was refused, and
+`vehicle_heading_sd_deg` that of the vehicle, null where nothing shows how the sensor sits in it.
 `disturbers` holds each `Trial` of a set of sources, in order; empty where nothing was tried.
 `ladder` holds each `Rung`, from the simplest to the chosen fit; empty where a fit was refused.
 """
@@ -119,6 +122,16 @@ def _describe_ellipsoid(result: Calibrated) -> dict[str, Any] | None:
 def _count_affine(calibration: Affine) -> int:
     """How many parameters stand before the coefficients of sources."""
     return len(FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS)
+
+
+def _state_vehicle(fit: Fit) -> float | None:
+    """The standard error of the vehicle's heading, which the magnitude alone does not tell."""
+    known = fit.accuracy
+    if known is None or not fit.coverage.heading_known:
+        return None
+    if known.vehicle_deg is not None:
+        return known.vehicle_deg
+    return None if known.alone else fit.coverage.heading_sd_deg
 
 
 def _coefficients_sd(result: Calibrated) -> Array | None:

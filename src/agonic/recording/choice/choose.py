@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 from agonic.attitude.heading_source import check_heading_source
 from agonic.attitude.known_heading import is_known
 from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.vertical_turn import tell_turn
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
@@ -40,6 +41,16 @@ SEEN_BY_DIRECTION = {"turned sensor", "non-linear", "compressed", "follows bank"
 """Errors that dip and azimuth show and the magnitude hides: a fit by the magnitude alone is sure of
 itself for not seeing them."""
 
+ASK_FOR_PLACE = (
+    "say where and when the log was recorded (--at LAT,LON, --date), and the calibration turns the "
+    "sensor to roll and pitch; look how the sensor sits, and set their zero with the vehicle level"
+)
+ASK_FOR_ATTITUDE = (
+    "leave out --method, and the calibration turns the sensor to roll and pitch; look how the "
+    "sensor sits, and set their zero with the vehicle level"
+)
+"""What makes use of a turn that a fit to the magnitude leaves in the readings."""
+
 
 def choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
@@ -50,7 +61,7 @@ def choose(
         _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     )
     if method == "ellipsoid":
-        alone = fit_magnitude(samples, reference, reason, settings)
+        alone = _tell_turn(fit_magnitude(samples, reference, reason, settings))
         if kind != "auto" or reference is None:
             return alone
         return join_disturbers(alone, samples, reference, reason, settings)
@@ -72,6 +83,15 @@ def choose(
     if aided.fit.verdict == "refused":
         return fall_back(aided, samples, reference, settings)
     return _leave_attitude(aided, samples, reference, settings)
+
+
+def _tell_turn(alone: Choice) -> Choice:
+    """A fit to the magnitude with how roll and pitch show the sensor turned in its vehicle."""
+    kind = alone.reference.kind if alone.reference is not None else None
+    known = kind in ("vector", "horizontal-vertical")
+    move = ASK_FOR_ATTITUDE if known else ASK_FOR_PLACE
+    told = tell_turn(alone.fit, alone.samples, alone.latency, move)
+    return replace(alone, fit=told)
 
 
 def _without_heading(
