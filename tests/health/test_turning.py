@@ -26,6 +26,16 @@ def test_a_gyro_that_turns_otherwise_is_named(looks: str) -> None:
     assert looks in found.what
 
 
+@pytest.mark.parametrize(("kind", "tilt_deg"), [("circle", 5.0), ("boat", None)])
+def test_a_gyro_in_another_unit_is_named_where_it_turns_slowly_or_little(kind, tilt_deg) -> None:
+    """A slow turn stands out of the noise in long means only; a bias of 57 fields would explain
+    the small turns of a boat by rates that are 57 times too small."""
+    _, logged, _ = drive(kind, **({} if tilt_deg is None else {"tilt_deg": tilt_deg}), n=3000)
+    found = check_turning(logged.with_columns(rotation_rate=np.radians(logged.rotation_rate)))
+    assert found is not None
+    assert "in radians a second" in found.what
+
+
 @pytest.mark.parametrize("kind", ["circle", "hand", "car", "boat", "flight", "tumble"])
 def test_a_gyro_as_it_should_be_is_not(kind: str) -> None:
     for seed in range(2):

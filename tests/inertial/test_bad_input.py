@@ -68,6 +68,16 @@ def test_acceleration_of_the_opposite_sign_is_named() -> None:
     assert "opposite sign" in named[0]
 
 
+def test_sensors_that_no_attitude_fits_are_refused_and_named() -> None:
+    """The joint estimate has no minimum there: its steps leave every possible calibration."""
+    _, logged, place = drive("boat", n=2000)
+    dead = logged.rotation_rate * [0.0, 1.0, 1.0]
+    for wrong in ({"acceleration": -logged.acceleration}, {"rotation_rate": dead}):
+        fit = ag.fit_inertial(logged.with_columns(**wrong), place)
+        assert fit.verdict == "refused"
+        assert "no attitude fits all three; check their units, signs" in fit.status
+
+
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
@@ -90,6 +100,7 @@ def test_a_log_whose_attitudes_nothing_holds_is_refused_in_words(recordings) -> 
     size = float(np.median(np.linalg.norm(logged.field, axis=1)))
     field = np.array([18_000.0, 500.0, 46_000.0])
     place = ag.Reference.vector(size * field / np.linalg.norm(field), frame="n")
-    with pytest.raises(ag.CoverageError, match="do not determine a calibration"):
-        ag.calibrate(logged, place, kind="inertial")
-    assert ag.calibrate(logged, place).method == "ellipsoid"
+    for kind in ("inertial", "auto"):
+        made = ag.calibrate(logged, place, kind=kind)
+        assert made.verdict == "refused"
+        assert "no attitude fits all three" in made.status

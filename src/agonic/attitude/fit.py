@@ -56,7 +56,7 @@ def fit_channels(
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
     found = estimate_usable(problem, usable, settings) if found is None else found
-    with name_missing_hold():
+    with _name_missing_hold():
         return make_fit(found, problem, scale, samples, usable, settings, name)
 
 
@@ -74,7 +74,7 @@ def fit_channels_alone(
     problem, scale, usable = _pose(samples, reference, channels, settings)
     start = None if near is None else find_parameters(near, problem, scale)
     found = estimate_usable(problem, usable, settings, start)
-    with name_missing_hold():
+    with _name_missing_hold():
         found, _, _ = _state_errors(found, _select(problem, usable), scale, settings)
         return make_calibration(found, problem, scale, samples, settings, "part")
 
@@ -121,19 +121,19 @@ def estimate_usable(
 ) -> Estimate:
     """The estimate from the usable rows of a problem of all rows; from `start` first, if given."""
     part = _select(problem, usable)
-    with name_missing_hold():
+    with _name_missing_hold():
         return estimate(part, robust=_is_robust(part, settings), seed=settings.seed, start=start)
 
 
 def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:
     """The same from near parameters, and nowhere else."""
     part = _select(problem, usable)
-    with name_missing_hold():
+    with _name_missing_hold():
         return refine(part, params, _is_robust(part, settings))
 
 
 @contextmanager
-def name_missing_hold() -> Iterator[None]:
+def _name_missing_hold() -> Iterator[None]:
     """The error of a fit that runs away."""
     try:
         yield

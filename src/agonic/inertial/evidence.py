@@ -91,6 +91,19 @@ def check_gyro(fit: Fit, solved: Solved) -> Finding | None:
     return check_azimuth(fit.channels, radius, fit.coverage.inclination_deg, felt=True)
 
 
+def check_contradiction(solved: Solved) -> Finding | None:
+    """The finding that no attitude fits the readings of all three sensors."""
+    if not solved.contradictory:
+        return None
+    return Finding(
+        "inertial unit",
+        "refuse",
+        "accelerometer, gyro and magnetometer contradict one another: no attitude fits all three",
+        "check their units, signs, axes and clocks, or calibrate by the magnitude alone "
+        "(--method ellipsoid)",
+    )
+
+
 def check_gravity(
     fit: Fit, samples: Samples, given: Reference | None, settings: Settings
 ) -> Finding | None:

@@ -16,6 +16,7 @@ from agonic.fit import Fit
 from agonic.fresh import without_held
 from agonic.health.turning import check_clipping, check_turning
 from agonic.inertial.evidence import (
+    check_contradiction,
     check_gravity,
     check_gyro,
     check_inclination,
@@ -117,6 +118,9 @@ def fit_inertial(
         seed=seed,
     )
     samples, late = without_held(samples), None
+    wrong, clipped = check_turning(samples), check_clipping(samples)
+    if wrong is not None:  # nothing can be solved beside it; without it the rest is judged
+        samples = samples.with_columns(rotation_rate=None)
     if latency:
         samples, reference, late = find_and_undo(samples, reference)
     solved = solve(samples, reference, settings)
@@ -134,9 +138,11 @@ def fit_inertial(
         "inertial",
     )
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
-    told = (check_gyro(fit, solved), check_turning(samples), check_inclination(solved), doubt)
-    fit = fit.with_findings(*told, check_speed(fit, solved), check_clipping(samples))
-    fit = fit.with_findings(check_gravity(fit, samples, reference, settings))
+    told = (check_gyro(fit, solved), wrong, check_inclination(solved), doubt)
+    fit = fit.with_findings(*told, check_speed(fit, solved), clipped)
+    refuted = check_contradiction(solved)
+    opposite = check_gravity(fit.with_findings(refuted), samples, reference, settings)
+    fit = fit.with_findings(opposite or refuted)
     if reference is None:
         fit = without_scale(fit, samples.unit)
     if headings is not None:

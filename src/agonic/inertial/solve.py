@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.fit import estimate_usable, name_missing_hold
+from agonic.attitude.fit import estimate_usable
 from agonic.calibration.setup import LATENCY_SD_S
-from agonic.inertial.attitude import feel_attitude
+from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.level import keep_level
 from agonic.inertial.maths.headings import Headings
 from agonic.inertial.maths.joint import Joint, estimate_jointly
@@ -86,21 +86,12 @@ def _free_attitude(solved: Solved) -> Solved:
     """The joint estimate, attitudes free, from the one beside the attitude that was felt."""
     found, samples = solved.found, solved.samples
     assert samples.time is not None
-    params, q, noise = found.solution.params, len(solved.sds), found.noise["magnitude"]
+    params, q = found.solution.params, len(solved.sds)
     felt = feel_attitude(without_errors(samples, solved.errors))
-    log = make_log(
-        samples, felt, solved.sds, solved.settings.accelerometer_scale_sd, solved.headings
-    )
-    with name_missing_hold():
-        joint = estimate_jointly(
-            solved.problem,
-            log,
-            params,
-            orient(solved.problem, samples, felt, params),
-            solved.usable.astype(np.float64),
-            noise.sd,
-            noise.loss,
-        )
+    try:
+        joint = _estimate(solved, felt)
+    except np.linalg.LinAlgError:
+        return keep_level(solved._replace(usable=thin_out(solved.usable), contradictory=True))
     p = len(params)
     taken_out, reference = joint.params[p - q : p], solved.reference
     again = feel_attitude(without_errors(samples, taken_out * solved.sds))
@@ -123,6 +114,20 @@ def _free_attitude(solved: Solved) -> Solved:
         walk_deg=float(np.degrees(joint.sds[2] * np.sqrt(np.median(np.diff(samples.time))))),
     )
     return keep_level(solved)
+
+
+def _estimate(solved: Solved, felt: Inertial) -> Joint:
+    samples, params = solved.samples, solved.found.solution.params
+    noise, stretch_sd = solved.found.noise["magnitude"], solved.settings.accelerometer_scale_sd
+    return estimate_jointly(
+        solved.problem,
+        make_log(samples, felt, solved.sds, stretch_sd, solved.headings),
+        params,
+        orient(solved.problem, samples, felt, params),
+        solved.usable.astype(np.float64),
+        noise.sd,
+        noise.loss,
+    )
 
 
 def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> Estimate:

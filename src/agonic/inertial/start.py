@@ -44,7 +44,8 @@ class Solved(NamedTuple):
     """An estimate with the problem that it solves, of which rows, and the attitude it rests on.
 
     `walk_deg`, °/√s, is by how much the gyro walks away from the attitudes of a joint estimate,
-    `tilt_noise` the variance of the errors of their tilt over that of the tilt itself.
+    `tilt_noise` the variance of the errors of their tilt over that of the tilt itself;
+    `contradictory` where no such attitudes were found.
     """
 
     found: Estimate
@@ -60,6 +61,7 @@ class Solved(NamedTuple):
     headings: Headings | None = None
     walk_deg: float = 0.0
     tilt_noise: float = 0.0
+    contradictory: bool = False
 
     @property
     def errors(self) -> Array:

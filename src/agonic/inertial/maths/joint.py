@@ -34,6 +34,7 @@ _LEAST_RATE = 1e-5  # rad/s: nor a gyro's
 _USUAL_RATE = 1e-3  # rad/s/√Hz, of a gyro
 _SMALLEST = 1e-3  # of the variance that a gyro shows
 _TUKEY = 0.961  # Σ w q / Σ w of Gaussian vectors under Tukey's loss, q = r²/3
+_FARTHEST = 1e3  # of the size of a parameter: a step so long leads out of all calibrations
 
 
 class Joint(NamedTuple):
@@ -101,6 +102,8 @@ def estimate_jointly(
         before = variances
         for _ in range(_SETTLING if turn else 1):
             step = solve_step((*groups, *by_headings), variances, prior, params)
+            if not np.abs(step.params).max() < _FARTHEST:
+                raise np.linalg.LinAlgError("the steps leave every possible calibration")
             if not turn:
                 break
             updated = update_variances(groups, variances, starts, passed, step) / [
