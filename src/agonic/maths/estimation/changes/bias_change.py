@@ -8,10 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.maths.estimation.noise.batch_means import compute_scatter
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
 
 _BLOCKS = 64  # edges are sought on this grid
 _SHORTEST = 2  # blocks, of the stretch and of what is left
+_STRETCHES = 512  # that pulls are summed up in
+_FEWEST = 8  # batches that tell how they scatter
 _OUTLYING = 4.0  # median distances beyond which a residual counts no more than this
 
 
@@ -59,12 +62,26 @@ def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasCha
     seen = _see(away, moves, inside)
     noise = MAD_TO_SD * float(np.median(np.abs(left)))
     scatter = np.clip(left, -_OUTLYING * noise, _OUTLYING * noise)
-    independent = float(scatter @ scatter) / n * correlation_length(scatter, np.ones(n))
+    independent = float(scatter @ scatter) / n * _memory(scatter, normals)
     if start == 0:  # before and after are the same thing
         start, stop = stop, n
     return BiasChange(
         start, stop, shift, seen, noise, gain / max(independent, np.finfo(float).tiny)
     )
+
+
+def _memory(residuals: Array, normals: Array) -> float:
+    """How many readings count as one for a bias.
+
+    Slow errors that stand in the sensor's axes change sign in the residuals (n,) as the field
+    turns, but not in their pulls r n on a bias, by which a shift is found. Their batches tell.
+    """
+    n = len(residuals)
+    pulls = residuals[:, None] * normals
+    starts = np.unique(np.linspace(0, n, min(n, _STRETCHES), endpoint=False).astype(int))
+    white = float(residuals @ residuals) * (normals.T @ normals) / n
+    lasting = compute_scatter(np.add.reduceat(pulls, starts), white, fewest=_FEWEST).correlation
+    return max(correlation_length(residuals, np.ones(n)), lasting)
 
 
 def refit_residuals(residuals: Array, normals: Array, places: Array) -> Array:
