@@ -114,8 +114,9 @@ def test_a_delay_that_a_fast_log_does_not_tell_is_named() -> None:
     turned = np.degrees(measure_rate(samples) * LATENCY_SD_S)
     assert kept.coverage.heading_sd_deg == pytest.approx(turned, rel=0.01)
     assert kept.calibration.latency_sd_s == LATENCY_SD_S
-    own = figure(fit.coverage.heading_sd_deg)
-    assert f"{figure(turned)}° while turning as in this log, {own}° at rest" in kept.status
+    axes, rest = "of the sensor's own axes", figure(fit.coverage.heading_sd_deg)
+    both = f"{figure(turned)}° {axes} while turning as in this log, {rest}° {axes} at rest"
+    assert both in kept.status
     assert keep_latency(fit, samples, told).verdict == "good"
     assert keep_latency(fit, samples, None) is fit
     doubted = replace(fit, coverage=replace(fit.coverage, heading_sd_deg=4.0))
