@@ -245,6 +245,7 @@ _FEWEST_CELLS = 12
 _FINEST = 21  # so often cubes are halved at most
 _TABLE_BITS = 20  # a table of a million cubes is sooner filled than a long list sorted
 _THINNED = 0.5  # of the rows; where more are left all stay
+_ROWS = 1000  # a log that turns shows its orientations in the first of them
 
 
 def weigh_crowded(cells: Index) -> Array:
@@ -327,9 +328,19 @@ def count_orientations(points: Array, reach: float, most: int) -> int:
     >>> count_orientations(poses, 0.1, 12)
     3
     """
-    left, count = points, 0
-    while len(left) and count < most:
-        away = left - left[0]
-        left = left[np.einsum("ij,ij->i", away, away) > reach**2]
-        count += 1
-    return count
+    known: list[Array] = []
+    for start in range(0, len(points), _ROWS):
+        left = points[start : start + _ROWS]
+        for one in known:
+            left = _leave_near(left, one, reach)
+        while len(left):
+            if len(known) == most:
+                return most
+            known.append(left[0])
+            left = _leave_near(left, left[0], reach)
+    return len(known)
+
+
+def _leave_near(points: Array, one: Array, reach: float) -> Array:
+    away = points - one
+    return points[np.einsum("ij,ij->i", away, away) > reach**2]
