@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration, correct_field
-from agonic.maths.equation.coverage import find_cells, weigh_crowded
+from agonic.maths.equation.coverage import find_cells
+from agonic.maths.equation.crowding import weigh_crowded
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, robust_scale
 from agonic.maths.estimation.robust.robust_spread import weighted_median
 from agonic.maths.rotations.angles import angle_deg, wrap_deg

@@ -20,7 +20,7 @@ from agonic.health.finding import Finding, figure
 from agonic.health.moments import describe_moments
 from agonic.health.outliers import find_stretches
 from agonic.maths.equation.bias_states import find_bias_states
-from agonic.maths.equation.coverage import find_spread_rows
+from agonic.maths.equation.crowding import find_spread_rows
 from agonic.maths.estimation.changes.bias_change import (
     find_bias_change,
     find_seen_shift,

@@ -21,13 +21,8 @@ from agonic.health.evidence import (
 )
 from agonic.health.finding import Finding, figure
 from agonic.health.outliers import find_outliers
-from agonic.maths.equation.coverage import (
-    count_orientations,
-    describe_axis,
-    find_spread_rows,
-    measure_arc_deg,
-    measure_thickness,
-)
+from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
+from agonic.maths.equation.crowding import count_orientations, find_spread_rows
 
 EXPLAINS = 0.5
 """Of what scatters about a fit: a change that leaves less is what makes the heading uncertain."""

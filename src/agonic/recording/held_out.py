@@ -12,12 +12,8 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
-from agonic.maths.equation.coverage import (
-    count_orientations,
-    field_covariance,
-    find_places,
-    weigh_crowded,
-)
+from agonic.maths.equation.coverage import field_covariance
+from agonic.maths.equation.crowding import count_orientations, find_places, weigh_crowded
 from agonic.maths.rotations.angles import angle_deg
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -22,11 +22,7 @@ from agonic.ellipsoid import fit_ellipsoid_alone
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.maths.equation.affine import FREE
-from agonic.maths.equation.coverage import (
-    heading_jacobian_deg,
-    level_directions,
-    make_level_axes,
-)
+from agonic.maths.equation.coverage import heading_jacobian_deg, level_directions, make_level_axes
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
 from agonic.recording.held_out import cut_blocks, predict

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.equation.coverage import weigh_crowded
+from agonic.maths.equation.crowding import weigh_crowded
 
 MOST_ROWS, BLOCK = 20_000, 200
 STAY, THINNED = 0.1, 0.5

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
-from agonic.maths.equation.coverage import find_spread_rows
+from agonic.maths.equation.crowding import find_spread_rows
 from agonic.maths.estimation.changes.hidden_states import find_path
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere

@@ -15,7 +15,8 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation.affine import NO_SHARE, AttitudeShare, split
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
-from agonic.maths.equation.coverage import find_cells, find_spread_rows, weigh_crowded
+from agonic.maths.equation.coverage import find_cells
+from agonic.maths.equation.crowding import find_spread_rows, weigh_crowded
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.batch_means import STRETCHES, compute_scatter
