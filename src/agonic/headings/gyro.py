@@ -137,7 +137,7 @@ def _regress_speed(ran: list[Stretch], settling_s: float) -> tuple[float, float]
         width = max(round(SMOOTHED_S / one.step), 1)
         left_over.append(smooth(one.turn.apply(one.force)[:, :2], width))
         level = smooth(one.turn.apply(compute_turn_axis(one.rate))[:, :2], width)
-        ahead.append(level - _lasting(level, one.step, settling_s))
+        ahead.append(level - filter_both_ways(level, one.step, settling_s))
     y, x = np.concatenate(left_over), np.concatenate(ahead)
     square = float((x**2).sum()) + 1e-12
     speed = float((y * x).sum()) / square
@@ -162,16 +162,11 @@ def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Ar
     nose = turn.as_matrix()[:, :2, 0]
     nose = nose / np.maximum(np.sqrt((nose**2).sum(axis=1, keepdims=True)), 1e-9)
     left = np.stack([-nose[:, 1], nose[:, 0]], axis=1)
-    left_over = _lasting(turn.apply(stretch.force)[:, :2], step, settling_s)
+    left_over = filter_both_ways(turn.apply(stretch.force)[:, :2], step, settling_s)
     width = max(round(LOCAL * settling_s / step), 1)
     rest = UNSEEN**2 * smooth((left_over**2).sum(axis=1) / 2, width)
     ahead = turn.apply(compute_turn_axis(stretch.rate))[:, :2]
-    unsure = speed.doubt * _lasting(ahead, step, settling_s)
+    unsure = speed.doubt * filter_both_ways(ahead, step, settling_s)
     across, along = ((unsure * axis).sum(axis=1) for axis in (left, nose))
     roll_sd, pitch_sd = (np.sqrt(rest + part**2) for part in (across, along))
     return roll_sd / STANDARD_GRAVITY_M_S2, pitch_sd / STANDARD_GRAVITY_M_S2
-
-
-def _lasting(level: Array, step: float, settling_s: float) -> Array:
-    """What the filter's own low-pass leaves (n, 2): Butterworth, forwards and backwards."""
-    return filter_both_ways(level, step, settling_s)

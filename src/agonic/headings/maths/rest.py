@@ -83,9 +83,7 @@ def find_rest(time: Array, rate: Array, still: Mask, compass: Array, noise: Arra
         lasted = float(time[stop - 1] - time[start])
         told = np.isfinite(noise[span])
         bias = rate[span].mean(axis=0)
-        if lasted < SHORTEST_S or np.abs(bias).max() > LARGEST_RATE:
-            continue
-        if told.sum() < FEWEST:
+        if lasted < SHORTEST_S or np.abs(bias).max() > LARGEST_RATE or told.sum() < FEWEST:
             continue
         turn, turn_sd = _fit_turn(time[span][told], compass[span][told])
         if abs(turn) > TURNS * turn_sd:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc, ndtri, stdtrit
 
+RARE = 1e-3
+"""Chance of a scatter below which the stated noise of a reading is not believed."""
+
 
 def compute_widening(freedom: float) -> float:
     """The interval of 95 % by Student's t over that of a normal distribution, ≥ 1.
@@ -18,10 +21,6 @@ def compute_widening(freedom: float) -> float:
     if not freedom > 0:
         return float("nan")
     return float(stdtrit(min(freedom, 1e6), 0.975) / ndtri(0.975))
-
-
-RARE = 1e-3
-"""Chance of a scatter below which the stated noise of a reading is not believed."""
 
 
 def exceed_stated(squares: float, freedom: int, stated_sd: float) -> float:
