@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -60,12 +61,20 @@ def test_facts_name_what_is_not_there() -> None:
     assert MADE.search(said + "\n") or "Linux" not in said
 
 
-def test_a_rival_of_the_same_cost_has_the_ratio_one() -> None:
-    def work() -> None:
-        sum(range(300_000))
+@pytest.mark.parametrize("cost_s", [0.001, 0.5, 30.0])
+def test_what_costs_thrice_has_the_ratio_three(
+    monkeypatch: pytest.MonkeyPatch, cost_s: float
+) -> None:
+    """By a clock that works alone move: what else a machine does would count otherwise."""
+    clock = [0.0]
 
-    assert measure(Pair("a", work, "b", work), 5).ratio == pytest.approx(1.0, abs=0.4)
-    assert Spent(2.0, 4.0).ratio == 0.5
+    def work(cost: float) -> Callable[[], None]:
+        return lambda: clock.append(clock[-1] + cost)
+
+    monkeypatch.setattr("benchmarks.timing.time.process_time", lambda: clock[-1])
+    spent = measure(Pair("a", work(3 * cost_s), "b", work(cost_s)), 2)
+    assert spent == pytest.approx((3 * cost_s, cost_s))
+    assert spent.ratio == pytest.approx(3.0)
 
 
 def test_kept_ratios_are_read_and_what_is_slower_is_named(

@@ -58,12 +58,10 @@ def test_what_the_work_raises_ends_the_run_and_all_processes() -> None:
 
 
 def test_closing_ends_all_processes() -> None:
-    running = Processes(2).run(time.sleep, [0.0, 60.0, 60.0, 60.0])
+    running = Processes(2).run(time.sleep, [0.0, 86_400.0, 86_400.0, 86_400.0])
     next(running)
     assert len(children()) == 2
-    begun = time.monotonic()
     running.close()
-    assert time.monotonic() - begun < 5
     assert not children()
 
 

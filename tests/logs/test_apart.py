@@ -14,10 +14,8 @@ from agonic.logs.read import open_log
 def test_what_never_ends_is_stopped(monkeypatch):
     assert apart.call(len, "warm") == 4
     monkeypatch.setattr(apart, "LONGEST_S", 0.5)
-    began = time.monotonic()
     with pytest.raises(LogError, match=r"did not end within 0\.5 s"):
-        apart.call(time.sleep, 60)
-    assert time.monotonic() - began < 10
+        apart.call(time.sleep, 86_400)
     monkeypatch.undo()
     assert apart.call(len, "next") == 4
 

@@ -1,7 +1,5 @@
 """What sketches print and terminals save: labels, units behind, stamps before, several lines."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -89,11 +87,10 @@ def test_what_shimmer_and_its_units_write(tmp_path) -> None:
     assert samples.epoch.year == 2026
 
 
-def test_a_line_of_digits_costs_no_time(tmp_path) -> None:
+def test_a_line_of_digits_ends(tmp_path) -> None:
+    """An expression that goes back over them would take hours."""
     lines = [f"mx={x} my={y} mz={z} uT" for x, y, z in MAG]
-    lines[50] = "mx=" + "9" * 20_000 + "x"
-    lines[60] = "mx: " + "9." * 20_000
-    began = time.process_time()
+    lines[50] = "mx=" + "9" * 900_000 + "x"
+    lines[60] = "mx: " + "9." * 450_000
     samples = read(tmp_path, lines)
-    assert time.process_time() - began < 2.0
     assert len(samples) >= N - 4

@@ -127,16 +127,12 @@ def test_odd_cells_cost_their_row(file: Path) -> None:
     assert read(file).time.tolist() == [0.0, 1.0, 3.0, 4.0, 5.0]
 
 
-def test_a_day_of_seconds_is_quick(file: Path) -> None:
-    from time import perf_counter
-
+def test_a_day_of_seconds_is_read_whole(file: Path) -> None:
     clock = [f"{k // 3600:02d}:{k // 60 % 60:02d}:{k % 60:02d}" for k in range(86_400)]
     head = iaga("XYZF", ROWS[:0])
     row = "  20000.00     10.00  47000.00  51078.00"
     file.write_text(head + "".join(f"2026-03-01 {t}.000 060   {row}\n" for t in clock))
-    start = perf_counter()
     assert len(read(file)) == 86_400
-    assert perf_counter() - start < 5.0  # seconds; measured 0.2
 
 
 def test_damage_of_any_kind_gives_a_log_or_one_clear_sentence(tmp_path: Path) -> None:
