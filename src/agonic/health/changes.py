@@ -14,13 +14,12 @@ from agonic.health.evidence import (
     SHIFT_OVER_NOISE,
     SHIFT_REFUSED,
     Evidence,
-    draw_rows,
 )
 from agonic.health.finding import Finding, figure
 from agonic.health.moments import describe_moments
 from agonic.health.outliers import find_stretches
 from agonic.maths.equation.bias_states import find_bias_states
-from agonic.maths.equation.crowding import find_spread_rows
+from agonic.maths.equation.crowding import choose_evenly, find_spread_rows
 from agonic.maths.estimation.changes.bias_change import (
     find_bias_change,
     find_seen_shift,
@@ -74,7 +73,7 @@ def find_change(e: Evidence, *, attitude_aided: bool = False) -> Changed | None:
     Whether there was a change is asked in three ways; where it was, and how large, then is one
     question for all. An attitude-aided fit is not asked for two sensors.
     """
-    rows = draw_rows(len(e.readings))
+    rows = choose_evenly(len(e.readings), MOST_ROWS)
     pair = None if attitude_aided else _pair(e, rows)
     if pair is not None and (mixed := _mixed(pair)) is not None:
         return Changed(mixed, 0.0)
@@ -107,7 +106,7 @@ def _place(e: Evidence, rough: _Change) -> _Change:
     Where the bias of most rows is known, those rows are searched once more: a second stretch with
     yet another bias stands out then.
     """
-    rows = draw_rows(len(e.readings))
+    rows = choose_evenly(len(e.readings), MOST_ROWS)
     holds = e.noise < HOLDS * e.radius
     if holds:
         points = (e.readings[rows] - e.bias) @ e.shape.T / e.radius

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.health.evidence import draw_rows
+from agonic.health.evidence import MOST_ROWS
 from agonic.health.finding import Finding, figure
+from agonic.maths.equation.crowding import choose_evenly
 
 NEAR = 20
 """Levels on either side of one with which it is compared."""
@@ -44,7 +45,7 @@ def find_dead_zones(field: Array) -> list[DeadZone]:
     >>> [(zone.axis, zone.level) for zone in find_dead_zones(field)]
     [(1, 0.0)]
     """
-    some = field[draw_rows(len(field))]
+    some = field[choose_evenly(len(field), MOST_ROWS)]
     return [zone for axis in range(3) for zone in _find_on_axis(some, axis)]
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.coverage import Coverage
 
 HEADING_REFUSED_DEG = 10.0
@@ -47,10 +45,3 @@ class Evidence:
     known_radius: float | None = None
     unknowns: int = 9
     unit: str = "nT"
-
-
-def draw_rows(n: int) -> Index:
-    """At most twenty thousand of n rows, in order; drawn, for rows may alternate by a pattern."""
-    if n <= MOST_ROWS:
-        return np.arange(n)
-    return np.sort(np.random.default_rng(0).choice(n, MOST_ROWS, replace=False))

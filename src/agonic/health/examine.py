@@ -17,12 +17,11 @@ from agonic.health.evidence import (
     SHIFT_DOUBTFUL,
     SPARE,
     Evidence,
-    draw_rows,
 )
 from agonic.health.finding import Finding, figure
 from agonic.health.outliers import find_outliers
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
-from agonic.maths.equation.crowding import count_orientations, find_spread_rows
+from agonic.maths.equation.crowding import choose_evenly, count_orientations, find_spread_rows
 
 EXPLAINS = 0.5
 """Of what scatters about a fit: a change that leaves less is what makes the heading uncertain."""
@@ -102,9 +101,9 @@ def _gaussian(readings: Array) -> bool:
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
     used = e.readings[(e.weights > 0) | (e.weights == 0).all()]
+    some = (choose_evenly(len(used), MOST_ROWS), find_spread_rows(used))
     thick, normal = max(
-        (measure_thickness(used[rows]) for rows in (draw_rows(len(used)), find_spread_rows(used))),
-        key=lambda measured: measured[0],
+        (measure_thickness(used[rows]) for rows in some), key=lambda measured: measured[0]
     )
     if thick > 0.1:
         return None

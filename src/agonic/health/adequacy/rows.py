@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.equation.crowding import weigh_crowded
+from agonic.maths.equation.crowding import choose_by_weight, weigh_crowded
 
 MOST_ROWS, BLOCK = 20_000, 200
 STAY, THINNED = 0.1, 0.5
@@ -21,7 +21,7 @@ def choose_rows(readings: Array, radius: float) -> Index:
     n = len(readings)
     weights = weigh_crowded(_find_stays(readings, STAY * radius))
     if weights.mean() < THINNED:  # at rest for most of the log
-        spread = np.flatnonzero(np.random.default_rng(0).random(n) < weights)
+        spread = choose_by_weight(weights)
         if len(spread) < MOST_ROWS:
             return spread
     if n <= MOST_ROWS:

@@ -116,7 +116,7 @@ def _alternate(points: Array, second: Mask, seed: int) -> BiasStates | None:
     for k in range(_ROUNDS):
         if not _both(state):
             return None
-        model = _fit(points, state, model, seed)
+        model = _fit(points, state, model)
         off = _distances(points, model)
         own = np.where(state == 1, off[1], off[0])[state != NEITHER]
         noise = max(MAD_TO_SD * float(np.median(np.abs(own))), 1e-9)
@@ -147,7 +147,7 @@ def _start(points: Array, first: Mask, seed: int) -> _Pair:
 
 def _sphere(points: Array, rows: Index, seed: int, quantile: float = 0.5) -> tuple[Array, float]:
     """Centre and gain of a sphere through many of some rows, spread over directions."""
-    rows = _spread(points, rows, seed)
+    rows = _spread(points, rows)
     middle = points[rows].mean(axis=0)
     centre, gain = fit_least_median_sphere(
         points[rows] - middle, np.ones(1), quantile=quantile, subsets=_SUBSETS, seed=seed
@@ -155,13 +155,13 @@ def _sphere(points: Array, rows: Index, seed: int, quantile: float = 0.5) -> tup
     return centre + middle, gain
 
 
-def _fit(points: Array, state: NDArray[np.int8], start: _Pair, seed: int) -> _Pair:
+def _fit(points: Array, state: NDArray[np.int8], start: _Pair) -> _Pair:
     """Both centres, shape and radius: |S (p − c_k)| − ρ by Gauss–Newton, residuals drawn in.
 
     The priors, worth a reading each, hold what few orientations leave open: S near one, the centres
     near each other.
     """
-    rows = np.concatenate([_spread(points, np.flatnonzero(state == k), seed) for k in (0, 1)])
+    rows = np.concatenate([_spread(points, np.flatnonzero(state == k)) for k in (0, 1)])
     p, second = points[rows], state[rows] == 1
     params = np.concatenate([start.centres.ravel(), np.zeros(5), [start.radius]])
     prior = np.zeros((8, 12))
@@ -203,8 +203,8 @@ def _pack(shape: Array) -> Array:
     return np.asarray(shape[[0, 1, 0, 0, 1], [0, 1, 1, 2, 2]] - (1.0, 1.0, 0.0, 0.0, 0.0))
 
 
-def _spread(points: Array, rows: Index, seed: int) -> Index:
-    return rows[find_spread_rows(points[rows], most=_FITTED // 2, seed=seed)]
+def _spread(points: Array, rows: Index) -> Index:
+    return rows[find_spread_rows(points[rows], most=_FITTED // 2)]
 
 
 def _distances(points: Array, model: _Pair) -> Array:

@@ -11,6 +11,7 @@ _FEWEST_CELLS = 12
 _FINEST = 21  # so often cubes are halved at most
 _TABLE_BITS = 20  # a table of a million cubes is sooner filled than a long list sorted
 _THINNED = 0.5  # of the rows; where more are left all stay
+_GOLDEN = (1 + 5**0.5) / 2
 _ROWS = 1000  # a log that turns shows its orientations in the first of them
 
 
@@ -72,19 +73,56 @@ def _number_cubes(points: Array, size: float, halved: int) -> Index:
     return np.asarray((np.cumsum(seen) - 1)[key], dtype=np.intp)
 
 
-def find_spread_rows(points: Array, *, most: int | None = None, seed: int = 0) -> Index:
+def find_spread_rows(points: Array, *, most: int | None = None) -> Index:
     """Rows of points (n, 3), in order, thinned where most of them say the same.
 
-    All rows where none or few would go; at most `most`, drawn.
+    All rows where none or few would go; at most `most`, evenly over those that are left.
     """
-    n, rng = len(points), np.random.default_rng(seed)
     weights = weigh_crowded(find_places(points))
-    rows = np.arange(n)
+    rows = np.arange(len(points))
     if weights.mean() < _THINNED:
-        rows = np.flatnonzero(rng.random(n) < weights)
+        rows = choose_by_weight(weights)
     if most is not None and len(rows) > most:
-        rows = np.sort(rng.choice(rows, most, replace=False))
+        rows = rows[choose_evenly(len(rows), most)]
     return rows
+
+
+def choose_evenly(n: int, most: int) -> Index:
+    """So many of n rows, in order, evenly over all of them: the same ones each time.
+
+    >>> choose_evenly(20, 5).tolist()
+    [2, 4, 11, 13, 16]
+    """
+    return np.arange(n) if n <= most else choose_by_weight(np.full(n, most / n))
+
+
+def choose_by_weight(weights: Array) -> Index:
+    """Of rows with weights (n,) from 0 to 1 so many as they add up to, in order, each as often as
+    its weight says: the same ones each time.
+
+    Those of small weight are picked, of the others some are left out.
+
+    >>> choose_by_weight(np.array([0.1] * 10 + [1.0] * 4)).tolist()
+    [6, 10, 11, 12, 13]
+    """
+    chosen = weights > 0.5
+    more, fewer = np.where(chosen, 0.0, weights), np.where(chosen, 1.0 - weights, 0.0)
+    chosen[_pick(fewer)] = False
+    chosen[_pick(more)] = True
+    return np.flatnonzero(chosen)
+
+
+def _pick(weights: Array) -> Index:
+    """One row out of each part of weight one, k from the first by frac((k + 1) φ) of the part: such
+    shares fill 0…1 evenly and keep no step with rows that alternate by a pattern. Weights (n,) up
+    to a half, so that no row is picked twice: two places are 0.6 apart or more.
+
+    Source: Weyl (1916), with the golden ratio φ; a start of its own in each part (Madow 1949).
+    """
+    reached = np.cumsum(weights)
+    part = np.arange(round(float(reached[-1])))
+    places = part + (part + 1) * _GOLDEN % 1.0
+    return np.asarray(np.searchsorted(reached, places[places < reached[-1]], side="right"))
 
 
 def count_orientations(points: Array, reach: float, most: int) -> int:

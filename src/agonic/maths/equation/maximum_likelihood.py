@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Array, Mask
 from agonic.maths.equation.affine import NO_SHARE, AttitudeShare, split
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.equation.coverage import find_cells
-from agonic.maths.equation.crowding import find_spread_rows, weigh_crowded
+from agonic.maths.equation.crowding import choose_evenly, find_spread_rows, weigh_crowded
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.batch_means import STRETCHES, compute_scatter
@@ -69,9 +69,9 @@ def estimate(
 def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
     """The best minimum of all readings."""
     n = len(problem.points)
-    rows = find_spread_rows(problem.points, most=_ENOUGH, seed=seed)
+    rows = find_spread_rows(problem.points, most=_ENOUGH)
     tried: list[Estimate] = []
-    for chosen in (rows, _draw(n, seed)):
+    for chosen in (rows, choose_evenly(n, _ENOUGH)):
         few = problem if len(chosen) == n else problem.subset(chosen)
         found = _search(few, robust, seed, tried)
         if found is None:
@@ -85,13 +85,6 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
         if agreed or len(rows) == min(n, _ENOUGH):
             break
     return min(tried, key=lambda found: _compute_surprise(problem, found))
-
-
-def _draw(n: int, seed: int) -> Index:
-    """Some thousand of n rows whatever they say, in order."""
-    if n <= _ENOUGH:
-        return np.arange(n)
-    return np.sort(np.random.default_rng(seed).choice(n, _ENOUGH, replace=False))
 
 
 def _search(few: Problem, robust: bool, seed: int, known: Sequence[Estimate]) -> Estimate | None:
