@@ -296,18 +296,16 @@ class Samples(Readable):
         return within.with_columns(second=np.stack(seen, axis=1), second_sensor=other.name)
 
     def with_source(self, source: Input) -> Samples:
-        """The same samples from another input; nothing is checked or copied again.
+        """The same samples from another input.
 
         >>> one = Samples(field=[[1.0, 2.0, 3.0]])
         >>> one.with_source(Input(name="log.csv", sha256="", count=1)).source.name
         'log.csv'
         """
-        other = copy(self)
-        other._put("source", source)
-        return other
+        return self.with_columns(source=source)
 
     def with_columns(self, **changed: Any) -> Samples:
-        """The same samples with some columns or facts replaced.
+        """The same samples with some columns or facts replaced; only columns are checked again.
 
         >>> Samples(field=[[1.0, 2.0, 3.0]]).with_columns(name="MAG2").name
         'MAG2'
@@ -320,9 +318,23 @@ class Samples(Readable):
                 f"no such column: {', '.join(sorted(unknown))}; a new disturber is given with "
                 "disturbers={name: values}"
             )
+        if not others and _FACTS.issuperset(changed):
+            same = copy(self)
+            for name, value in changed.items():
+                same._put(name, value)
+            return same
         if others:
             changed["disturbers"] = dict(self.disturbers) | others | changed.get("disturbers", {})
         return replace(self, **changed)
+
+
+_FACTS = frozenset(
+    {
+        *("name", "frame", "device_id", "second_sensor", "corrected", "logged"),
+        *("heading_estimated", "heading_source", "notes", "source"),
+    }
+)
+"""What is said of the rows as a whole and changes none of them."""
 
 
 def _disturber_name(name: str) -> str:

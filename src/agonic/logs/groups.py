@@ -8,7 +8,7 @@ have no row of the other table near them, it is left out, and a note says so.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -108,25 +108,23 @@ def _read_beside(name: str, table: Table, path: Path) -> _Beside:
     """The columns of a table without a magnetometer; those of its first sensor."""
     found, documented = apply_conventions(identify_columns(table), table, path.stem)
     found = set_angle_unit(found, table)
-    rows = np.arange(len(next(iter(table.values()))))
+    rows = len(next(iter(table.values())))
     numbers = list(dict.fromkeys(n for q, groups in found.items() if q != "time" for n in groups))
     number = numbers[0] if numbers else ""
-    values: Any = np.zeros((len(rows), 3))
-    clocks = find_clocks(table, found, [number])
-    time, epoch, notes = find_time(clocks[number], rows, values)
     part = Part(
-        table=table, found=found, rows=rows, clocks=clocks, unit=None,
-        source=Input(name=name, sha256="", count=len(rows)), remarks=(),
+        table=table, found=found, rows=None, clocks=find_clocks(table, found, [number]), unit=None,
+        source=Input(name=name, sha256="", count=rows), remarks=(),
     )  # fmt: skip
-    every = np.ones(len(rows), dtype=bool)
-    columns, estimated, remarks = read_columns(part, number, time, every & False)
-    disturbers, told = read_disturbers(part, time, every & False)
+    every = np.ones(rows, dtype=bool)
+    time, epoch, notes = find_time(part.clock(number), np.zeros((rows, 3)), every)
+    columns, estimated, remarks = read_columns(part, number, time, ~every)
+    disturbers, told = read_disturbers(part, time, ~every)
     return _Beside(
         name=name,
         time=time,
         epoch=epoch,
         columns={n: values for n, values in columns.items() if values is not None} | disturbers,
-        rows=len(rows),
+        rows=rows,
         estimated=estimated,
         notes=(*documented, *(note for note in notes if time is None), *remarks, *told),
     )
@@ -158,10 +156,10 @@ def _complete(samples: Samples, group: str, beside: Iterable[_Beside]) -> Sample
             columns[name] = values
             estimated = estimated or (name == "heading_deg" and other.estimated)
         notes.extend(note for note in other.notes if note not in notes)
-    disturbers = {name: columns.pop(name) for name in list(columns) if name not in AUXILIARY}
+    if new := {name: columns.pop(name) for name in list(columns) if name not in AUXILIARY}:
+        columns["disturbers"] = {**samples.disturbers, **new}
     return samples.with_columns(
         **columns,
-        disturbers={**samples.disturbers, **disturbers},
         notes=tuple(notes),
         heading_estimated=estimated,
     )
@@ -212,7 +210,7 @@ def _rename(samples: Samples, group: str, count: int) -> Samples:
     if not group:
         return samples
     alone = count == 1 and samples.name == "mag"
-    return replace(samples, name=group if alone else f"{group} {samples.name}")
+    return samples.with_columns(name=group if alone else f"{group} {samples.name}")
 
 
 def _with_own_names(sensors: Iterable[Samples]) -> list[Samples]:
@@ -222,7 +220,8 @@ def _with_own_names(sensors: Iterable[Samples]) -> list[Samples]:
     for samples in sensors:
         known[samples.name] = known.get(samples.name, 0) + 1
         times = known[samples.name]
-        named.append(samples if times == 1 else replace(samples, name=f"{samples.name} #{times}"))
+        numbered = f"{samples.name} #{times}"
+        named.append(samples if times == 1 else samples.with_columns(name=numbered))
     return named
 
 

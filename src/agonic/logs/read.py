@@ -177,7 +177,7 @@ def _tell_apart(sensors: Iterable[Samples]) -> Iterator[Samples]:
         else:
             note = f"named {samples.name!r} in the file, as another is but for capital letters"
             name = f"{samples.name} #{number}"
-            yield replace(samples, name=name, notes=(*samples.notes, note))
+            yield samples.with_columns(name=name, notes=(*samples.notes, note))
 
 
 def _head(file: Path) -> bytes:

@@ -86,7 +86,7 @@ def build_log(
     whole = Part(
         table=table,
         found=found,
-        rows=np.arange(len(next(iter(table.values())))),
+        rows=None,
         clocks=find_clocks(table, found, fields),
         unit=unit,
         source=source,
@@ -152,12 +152,12 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     if len(axes) == 2:
         field = np.column_stack([field, np.zeros(len(field))])
     unit, unit_notes = find_field_unit(axes, part.unit, field)
-    time, epoch, time_notes = find_time(part.clocks[number], part.rows, field)
     readings = find_finite_rows(field)
+    time, epoch, time_notes = find_time(part.clock(number), field, readings)
     columns, estimated, remarks = read_columns(part, number, time, readings)
     disturbers, told = read_disturbers(part, time, readings)
     by_device = (OF_DEVICE.format(axes["x"].header),) if is_corrected(axes) else ()
-    if len(foreign := find_foreign_rows(part, field)):
+    if len(foreign := find_foreign_rows(part, field, readings)):
         keep = np.setdiff1d(np.arange(len(field)), foreign)
         field, time = field[keep], None if time is None else time[keep]
         columns = {n: None if c is None else c[keep] for n, c in columns.items()}
@@ -184,24 +184,26 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
 
 def _put_in_order(part: Part, number: str) -> tuple[Part, tuple[str, ...]]:
     """The part with its rows in the order of their times, where that is easily done; and a note."""
-    time = part.clocks[number][0]
-    if time is None or not leads_back(time[part.rows]):
+    time, _, _ = part.clock(number)
+    if time is None or not leads_back(time):
         return part, ()
     from agonic.logs.rows.order import order_rows
 
-    order, notes = order_rows(time[part.rows])
-    return (part if order is None else replace(part, rows=part.rows[order])), notes
+    order, notes = order_rows(time)
+    if order is None:
+        return part, notes
+    return replace(part, rows=order if part.rows is None else part.rows[order]), notes
 
 
 def _find_frame(part: Part) -> str:
     """The letter in a `frame` column, where all rows agree on one; "m" otherwise."""
     column = pick(part.found.get("frame", {}), "").get("")
-    letters = set() if column is None else set(map(str, part.table[column.header][part.rows]))
+    letters = set() if column is None else set(map(str, part.take(part.table[column.header])))
     letter = letters.pop() if len(letters) == 1 else ""
     return letter if len(letter) == 1 and letter.isalpha() else "m"
 
 
-def _split_rows(whole: Part) -> Iterator[tuple[str, Index]]:
+def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
     """The rows of each sensor that a `sensor` column names, in order of appearance.
 
     A sensor whose own name says that it is an accelerometer or a gyroscope is left out.

@@ -32,6 +32,7 @@ _NONE_READ = "times left out: none could be read"
 NO_ZONE = "times name no zone: taken as UTC"
 TIMES_OF_DAY = "times of day"
 """How the note on a clock without a date begins."""
+_FEW = 1000
 _TIED_SHARE = 0.01
 """Share of rows with an unchanged clock but other readings, above which the clock is coarse."""
 
@@ -46,7 +47,7 @@ def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
         return _of_moments(values)
     if values.dtype.kind in "OUS":
         return _of_texts(values.astype(str).tolist())
-    numbers = values.astype(np.float64)
+    numbers = np.asarray(values, dtype=np.float64)
     if unit_s is None:
         return _without_unit(numbers)
     seconds = numbers / (1 / unit_s)  # 70 000 µs / 1e6 is 0.07 s; times 1e-6 is not
@@ -68,14 +69,20 @@ def _without_unit(numbers: Array) -> Clock:
     if (digits := read_digits_s(numbers)) is not None:
         seconds, dated, note = digits
         return since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
-    steps = np.diff(numbers[np.isfinite(numbers)])
-    if len(steps) and np.median(steps) > 1 and (steps == np.round(steps)).all():
+    finite = numbers[np.isfinite(numbers)]
+    if _are_steps_whole(finite) and (step := np.median(np.diff(finite))) > 1:
         note = (
-            f"times left out: they have no unit and step by {np.median(steps):g}; name the "
+            f"times left out: they have no unit and step by {step:g}; name the "
             "column time_s, time_ms or time_us"
         )
         return None, None, (note,)
     return numbers, None, ("times have no unit: taken as seconds",)
+
+
+def _are_steps_whole(times: Array) -> bool:
+    """Whether times step by whole numbers; most that do not show it among the first."""
+    steps = (np.diff(some) for some in (times[:_FEW], times))
+    return len(times) > 1 and all((some == np.round(some)).all() for some in steps)
 
 
 def _is_unix(seconds: Array) -> bool:

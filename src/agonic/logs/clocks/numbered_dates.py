@@ -37,22 +37,23 @@ def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
     True
     """
     finite = numbers[np.isfinite(numbers)]
-    if len(finite) < _FEWEST or finite.min() < 0.0:
+    low, high = (finite.min(), finite.max()) if len(finite) >= _FEWEST else (-1.0, -1.0)
+    if low < 0.0:
         return None
     for factor, size in _CALENDAR:
-        if size * 0.99 < finite.min() and finite.max() < size * 1.06:
+        if size * 0.99 < low and high < size * 1.06:
             whole = numbers / factor
             day = np.floor(whole / 1e6)
             if _are_times_of_day(whole - day * 1e6, leaps=False):
                 since = _count_days(day) * _DAY_S + _of_day_s(whole - day * 1e6)
                 return since, True, "times are dates by their digits, YYYYMMDDhhmmss"
     for program, (zero, (first, last)) in _DAYS_OF_1970.items():
-        within = first < finite.min() and finite.max() < last
+        within = first < low and high < last
         if within and 0.0 < np.median(np.abs(np.diff(finite))) < _LONGEST_STEP_DAYS:
             unix = np.round((numbers - zero) * _DAY_S, 4)
             counted = "count" if program.endswith("s") else "counts"
             return unix, True, f"times are days as {program} {counted} them"
-    if finite.max() < 24 * _HOUR and _are_times_of_day(numbers, leaps=True):
+    if high < 24 * _HOUR and _are_times_of_day(numbers, leaps=True):
         day_s = _of_day_s(numbers)
         known = np.isfinite(day_s)
         day_s[known] = np.unwrap(day_s[known], period=_DAY_S)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
 from agonic.logs.clocks.clock import Clock
@@ -15,7 +16,6 @@ from agonic.logs.rows.auxiliary import (
     Table,
     convert_column,
     fill_holes,
-    find_finite_rows,
     to_numbers,
 )
 from agonic.logs.rows.times import pick
@@ -32,36 +32,51 @@ YAW = "a heading called yaw was taken for the estimate of a filter, which follow
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """The rows of a table that belong to one sensor, with what is known of all of them."""
+    """The rows of a table that belong to one sensor, with what is known of all of them.
+
+    `rows` are their numbers, in order; `None` where all rows do.
+    """
 
     table: Table
     found: Identified
-    rows: Index
+    rows: Index | None
     clocks: Mapping[str, Clock]
     unit: str | None
     source: Input
     remarks: tuple[str, ...]
 
+    def take(self, column: NDArray[Any]) -> NDArray[Any]:
+        """What a column holds in these rows, not copied where that is all of it."""
+        return column if self.rows is None else column[self.rows]
+
+    def clock(self, number: str) -> Clock:
+        """The clock of a magnetometer in these rows."""
+        time, epoch, notes = self.clocks[number]
+        return None if time is None else self.take(time), epoch, notes
+
     def values(self, axes: Mapping[str, Column]) -> Array:
         """The numbers in the columns of a quantity, (n, k), axes in alphabetical order."""
         columns = (to_numbers(self.table[axes[axis].header]) for axis in sorted(axes))
-        stacked = np.stack([c[self.rows] for c in columns], 1)
+        stacked = np.stack([self.take(c) for c in columns], 1)
         stacked.flags.writeable = False  # `Samples` need not copy it
         return stacked
 
 
-def find_foreign_rows(part: Part, field: Array) -> Index:
-    """Rows without a reading that hold what the readings' rows lack: another sensor's."""
-    empty = ~find_finite_rows(field)
-    if empty.any():
-        empty = np.asarray(np.isnan(field).all(axis=1))
+def find_foreign_rows(part: Part, field: Array, readings: Mask) -> Index:
+    """Rows without a reading that hold what the readings' rows lack: another sensor's.
+
+    `readings` (n,) marks the rows of the field (n, 3) that hold one.
+    """
+    if readings.all():
+        return np.empty(0, np.int64)
+    empty = np.asarray(np.isnan(field).all(axis=1))
     if not empty.any() or empty.all():
         return np.empty(0, np.int64)
     for name, groups in part.found.items():
         for column in (axes[min(axes)] for axes in groups.values() if name != "field"):
             values = part.table[column.header]
             if values.dtype.kind == "f":
-                known = np.isfinite(values[part.rows])
+                known = np.isfinite(part.take(values))
                 if known[empty].mean() > 0.5 > known[~empty].mean():
                     return np.flatnonzero(empty)
     return np.empty(0, np.int64)

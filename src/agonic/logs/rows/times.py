@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Mask
 from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
 from agonic.logs.headers.columns import FRACTION, Column, Identified
 from agonic.logs.headers.words import ZONE
-from agonic.logs.rows.auxiliary import Table, find_finite_rows, to_numbers
+from agonic.logs.rows.auxiliary import Table, to_numbers
 from agonic.logs.rows.resample import find_misplaced
 
 _CLOCK_SHARE = 0.9
@@ -46,6 +46,9 @@ def find_clocks(table: Table, found: Identified, fields: list[str]) -> dict[str,
         header = time[""].header if "" in time else ""
         if header not in known:
             known[header] = _find_clock(table, found, time)
+            own = known[header][0]
+            if own is not None and own is not table.get(header):
+                own.flags.writeable = False  # `Samples` need not copy it
         clocks[number] = known[header]
     return clocks
 
@@ -154,26 +157,40 @@ def _join_clock(seconds: Array, nanoseconds: Array) -> Clock:
 
 def leads_back(time: Array) -> bool:
     """Whether a time is earlier than the one before it."""
-    return bool((np.diff(time[np.isfinite(time)]) < 0).any())
+    return not increases(time) and bool((np.diff(time[np.isfinite(time)]) < 0).any())
+
+
+def increases(time: Array) -> bool:
+    """Whether all times are finite and each is later than the one before it.
+
+    >>> increases(np.array([0.0, 1.0, 2.0])), increases(np.array([0.0, np.nan, 2.0]))
+    (True, False)
+    """
+    return bool(np.isfinite(time[:1]).all() and np.isfinite(time[-1:]).all()) and bool(
+        (time[1:] > time[:-1]).all()
+    )
 
 
 def find_time(
-    clock: Clock, rows: Index, field: Array
+    clock: Clock, field: Array, readings: Mask
 ) -> tuple[Array | None, datetime | None, tuple[str, ...]]:
-    """The times of some rows, single wrong ones marked and a coarse clock spread."""
-    whole, epoch, notes = clock
-    if whole is None:
+    """The times of a clock, single wrong ones marked and a coarse clock spread.
+
+    `field` (n, 3) is what was read at them, `readings` (n,) marks the rows that hold one.
+    """
+    time, epoch, notes = clock
+    if time is None:
         return None, None, notes
-    time = whole[rows]
-    read = find_finite_rows(field)
-    time[find_misplaced(time)] = np.nan
+    if increases(time):
+        return time, epoch, notes
+    time = np.where(find_misplaced(time), np.nan, time)
     restarts: tuple[str, ...] = ()
     if leads_back(time):
         from agonic.logs.rows.order import continue_time
 
         time, restarts = continue_time(time, field)
-    known = time[np.isfinite(time) & read]
-    if len(known) < _CLOCK_SHARE * read.sum() or (len(known) > 1 and np.ptp(known) == 0):
+    known = time[np.isfinite(time) & readings]
+    if len(known) < _CLOCK_SHARE * readings.sum() or (len(known) > 1 and np.ptp(known) == 0):
         return None, None, (*notes, "times left out: the clock stands still or is mostly missing")
     time, remarks = spread_ties(time, field)
     return time, epoch, (*notes, *restarts, *remarks)
