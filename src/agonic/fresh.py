@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.maths.rotations.angles import wrap_deg
 from agonic.samples import Samples
 
 HELD = 1 / 3
@@ -16,6 +17,10 @@ HELD = 1 / 3
 
 FEWEST = 10
 """Changes that show how long a sensor holds its readings: a thing at rest has fewer."""
+
+
+FARTHEST_DEG = 90.0
+"""Between two angles that a slow attitude gives; of more nobody knows which way it went."""
 
 
 def find_fresh(values: Array) -> Mask:
@@ -38,7 +43,14 @@ def find_fresh(values: Array) -> Mask:
 
 
 def without_held(samples: Samples) -> Samples:
-    """The samples with acceleration and rates interpolated over rows that only repeat one."""
+    """The samples with acceleration, rates and angles interpolated over rows that only repeat one.
+
+    >>> i = np.arange(40.0)
+    >>> turning = np.outer(i, [1.0, 1.0, 1.0])
+    >>> slow = Samples(time=i, field=turning, unit="nT", heading_deg=(i // 4 * 20) % 360)
+    >>> without_held(slow).heading_deg[:6].round(9).tolist()
+    [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]
+    """
     time = samples.time
     if time is None:
         return samples
@@ -51,4 +63,40 @@ def without_held(samples: Samples) -> Samples:
         if not fresh.all():
             axes = [np.interp(time, time[fresh], axis[fresh]) for axis in values.T]
             found[name] = np.stack(axes, axis=1)
+    for names in (("roll_deg", "pitch_deg"), ("heading_deg",)):
+        angles = {name: angle for name in names if (angle := getattr(samples, name)) is not None}
+        if not angles:
+            continue
+        fresh = find_fresh(np.stack(list(angles.values()), axis=1))
+        if not fresh.all() and _turns_on(samples.field, fresh):
+            found |= {name: _fill_angle(time, fresh, angle) for name, angle in angles.items()}
     return samples.with_columns(**found) if found else samples
+
+
+def _turns_on(field: Array, fresh: Mask) -> bool:
+    """Whether readings (n, 3) go on changing while angles are held, as beside a slow attitude, or
+    are held too.
+
+    Of a sensor that is held still in one pose after another, they change from pose to pose, but for
+    their noise.
+    """
+    starts = np.flatnonzero(fresh)
+    first, last = starts[:-1], starts[1:] - 1
+    long = last > first
+    within = np.linalg.norm(field[last] - field[first], axis=1)[long]
+    across = np.linalg.norm(field[last + 1] - field[last], axis=1)[long]
+    if not len(within):
+        return False
+    usual = float(np.median(within))
+    return usual == 0.0 or usual > float(np.median(across)) / 2
+
+
+def _fill_angle(time: Array, fresh: Mask, angle_deg: Array) -> Array:
+    """Angles (n,) the short way round between rows of their own; held where that is too far to know
+    the way."""
+    own = np.unwrap(angle_deg[fresh], period=360.0)
+    between = np.interp(time, time[fresh], own)
+    between = between % 360.0 if angle_deg.min() >= 0 else wrap_deg(between)
+    far = np.append(np.abs(np.diff(own)) > FARTHEST_DEG, False)
+    held = far[np.cumsum(fresh) - 1] | fresh
+    return np.where(held, angle_deg, between)

@@ -71,18 +71,34 @@ def test_deviation_comes_before_declination() -> None:
     assert np.abs(off_deg(found.true_deg, found.magnetic_deg + 2.0)).max() < 1e-9
 
 
-@pytest.mark.parametrize("late_s", [0.04, 0.093, -0.02])
-def test_late_readings_are_put_back(late_s) -> None:
+@pytest.mark.parametrize("late_s", [0.04, 0.093, -0.02, -0.1])
+def test_late_readings_are_put_back_and_late_attitudes(late_s) -> None:
+    """Readings that seem early are on time, beside an attitude that came late."""
     made = flight(defects=[delayed(late_s)])
     ignored = each_row(made.samples, setup_for(made.truth))
     found = each_row(made.samples, setup_for(made.truth, latency_s=late_s))
-    truth = truth_of(made.samples)
+    time, truth = made.samples.time, truth_of(made.samples)
+    moved = np.interp(time - min(late_s, 0.0), time, np.unwrap(truth, period=360.0))
+    truth = np.where(found.flags["no reading"], truth, moved % 360.0)
     there = ~found.flags["no reading"]
     assert 2000 - there.sum() <= 12
     assert np.isnan(found.true_deg[~there]).all()
     left = np.abs(off_deg(found.true_deg, truth)[there]).max()
     assert left < 0.1 * np.abs(off_deg(ignored.true_deg, truth)).max()
     assert left < 0.05
+
+
+def test_an_attitude_that_is_held_for_rows_is_filled_in() -> None:
+    """Beside one that is written five times as often as it is known, headings are right between."""
+    made = flight()
+    s, held = made.samples, np.arange(len(made.samples)) // 5 * 5
+    slow = s.with_columns(roll_deg=s.roll_deg[held], pitch_deg=s.pitch_deg[held])
+    found = each_row(slow, setup_for(made.truth)).true_deg[:-5]
+    assert np.abs(off_deg(found, truth_of(s)[:-5])).max() < 0.3
+    noise = 0.01 * np.random.default_rng(1).normal(size=s.field.shape)
+    still = slow.with_columns(field=s.field[held] + noise)  # in each pose: nothing lies between
+    found = each_row(still, setup_for(made.truth))
+    assert np.abs(off_deg(found.true_deg, truth_of(s)[held])).max() < 1e-3
 
 
 def test_a_two_axis_compass_needs_no_vertical_axis() -> None:

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Slerp
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.maths.latency import runs
 from agonic.calibration.base import Calibration
@@ -25,6 +25,7 @@ RATE_S = 0.2
 """Over which recorded attitudes tell a rate: from row to row their noise would."""
 _READ = ("field", "second")  # two magnetometers on one bus are late together
 _ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
+_FELT = ("acceleration", "rotation_rate")
 _Found = TypeVar("_Found", bound=Fit)
 _Known = TypeVar("_Known", Reference, Reference | None)
 
@@ -99,6 +100,29 @@ def remove_delay(calibration: Calibration, samples: Samples) -> Samples:
     if not latency_s or samples.time is None or len(samples) < 2:
         return samples
     return undelayed(samples, latency_s)
+
+
+def bring_forward(samples: Samples, late_s: float) -> tuple[Samples, Mask]:
+    """The samples beside the attitude of their own moments, where that was recorded `late_s` later;
+    and the rows (n,) of whose moment no attitude was recorded (ends, gaps).
+
+    Nothing is recorded before it was measured: readings that seem early beside the attitude
+    show that the attitude, the accelerometer or the gyro is late.
+
+    >>> s = Samples(time=[0, 1, 2], field=np.eye(3), roll_deg=[0, 2, 8], pitch_deg=[0, 0, 0])
+    >>> forward, unknown = bring_forward(s, 0.5)
+    >>> forward.roll_deg.round(9).tolist(), unknown.tolist()
+    ([1.0, 5.0, 8.0], [False, False, True])
+    """
+    time = samples.time
+    if time is None:
+        raise AgonicError("a latency needs the times of the readings; this log has none")
+    unknown = np.zeros(len(time), dtype=bool)
+    for run in runs(time):
+        unknown[run] = time[run] + late_s > time[run[-1]] + 1e-9
+    at = np.clip(time + late_s, time[0], time[-1])
+    felt = {name: _at(at, time, c) for name, c in samples.columns().items() if name in _FELT}
+    return samples.with_columns(**felt, **_turned(samples, time, at)), unknown
 
 
 def advance(field: Array, samples: Samples, calibration: Calibration) -> Array:

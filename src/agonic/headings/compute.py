@@ -12,10 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Index, Mask
+from agonic.attitude.delay import bring_forward
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicWarning, LogError
 from agonic.headings.attitude import Attitude
-from agonic.headings.compass_heading import UNKNOWN_SD_DEG, Indication, interpolate_readings
+from agonic.headings.compass_heading import (
+    UNKNOWN_SD_DEG,
+    Indication,
+    Readings,
+    interpolate_readings,
+)
 from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
 from agonic.headings.expected_field import Surroundings, find_surroundings
 from agonic.headings.rates import find_wrong_gyro
@@ -26,6 +32,8 @@ from agonic.headings.smoothing.smooth import SmoothedHeading
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import RAW, WEAKEST_HORIZONTAL
+
+_Pairs = tuple[tuple[Compass, Samples], ...]
 
 
 def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool = True) -> Heading:
@@ -75,8 +83,10 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     ([93.0], [0.286])
     """
     pairs = match_sensors((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
+    pairs, unknown = _undo_late_attitude(pairs)
     first = pairs[0][1]
     read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
+    read = [_leave_out(readings, unknown) for readings in read]
     around = find_surroundings(first, setup)
     wrong = find_wrong_gyro(first, setup, pairs[0][0].calibration)
     if wrong is not None:
@@ -99,9 +109,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     return replace(found, notes=(*said, *found.notes, *why))
 
 
-def match_sensors(
-    samples: tuple[Samples, ...], setup: Setup
-) -> tuple[tuple[Compass, Samples], ...]:
+def match_sensors(samples: tuple[Samples, ...], setup: Setup) -> _Pairs:
     """Each compass with the samples of its sensor; one of each go together whatever their names."""
     if len(samples) == 1 == len(setup.compasses):
         return ((setup.compasses[0], samples[0]),)
@@ -113,6 +121,26 @@ def match_sensors(
             f"{', '.join(by_name) or 'no sensor'}; give those samples, or a setup without it"
         )
     return tuple((compass, by_name[compass.sensor]) for compass in setup.compasses)
+
+
+def _undo_late_attitude(pairs: _Pairs) -> tuple[_Pairs, Mask | None]:
+    """Compasses and samples with the attitude brought forward by as much as the earliest readings
+    seem early beside it, and the rows of the first that have none then."""
+    late_s = -min(compass.latency_s for compass, _ in pairs)
+    if late_s <= 0 or any(samples.time is None for _, samples in pairs):
+        return pairs, None
+    forward = [bring_forward(samples, late_s) for _, samples in pairs]
+    own = [replace(compass, latency_s=compass.latency_s + late_s) for compass, _ in pairs]
+    moved = [samples for samples, _ in forward]
+    return tuple(zip(own, moved, strict=True)), forward[0][1]
+
+
+def _leave_out(readings: Readings, unknown: Mask | None) -> Readings:
+    """The readings without rows (n,) whose attitude is not known."""
+    if unknown is None or not unknown.any():
+        return readings
+    missing = unknown if readings.missing is None else readings.missing | unknown
+    return readings._replace(missing=missing)
 
 
 def _on_the_clock_of(first: Samples, other: Samples) -> Samples:

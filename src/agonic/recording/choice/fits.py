@@ -74,9 +74,11 @@ class Choice:
 
 def describe_latency(latency: LatencyFit) -> str:
     """What is done about a latency, in a sentence."""
-    late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms"
-    way = "late" if latency.latency_s > 0 else "early"
-    return f"The readings came {late} {way} beside the attitude; the calibration keeps it."
+    late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms late"
+    what = f"readings came {late} beside the attitude"
+    if latency.latency_s < 0:
+        what = f"attitude came {late} beside the readings"
+    return f"The {what}; the calibration keeps it."
 
 
 def fit_magnitude(
