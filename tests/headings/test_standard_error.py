@@ -16,7 +16,9 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
+from agonic.calibration.mounting import turn_calibration
 from agonic.ellipsoid import fit_ellipsoid
+from agonic.files.calibration import load, save
 from agonic.headings.propagation import apply_steps, list_steps, propagate
 from agonic.reference import Reference
 from agonic.simulation import simulate
@@ -75,6 +77,26 @@ def test_the_part_that_lasts_is_honest_by_itself() -> None:
         row = rng.integers(len(s))
         assert found.random_sd_deg[row] == 0.0
         return float(off_deg(found.true_deg, truth_of(s))[row] / found.sd_deg[row])
+
+    assert_standard_normal(scores(draw))
+
+
+def test_a_bias_that_residuals_do_not_show_counts_in_every_row(tmp_path) -> None:
+    """Also of a calibration that was saved, and is used in other axes than it was made in."""
+    root = np.array([[200.0, 0, 0], [50, 300, 0], [-80, 40, 250]])
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+    def draw(seed, rng) -> float:
+        made = flight(seed + 500, n=60)
+        off = made.truth.bias + root @ rng.standard_normal(3)
+        off = replace(made.truth, bias=off, covariance=np.zeros((9, 9)), hidden_bias=root @ root.T)
+        saved = load(save(turn_calibration(off, turn), tmp_path / "mag.json"))
+        s = made.samples.with_columns(field=made.samples.field @ turn)
+        found = each_row(s, setup_for(saved, tilt_sd_deg=0.0))
+        again = each_row(made.samples, setup_for(off, tilt_sd_deg=0.0))
+        np.testing.assert_allclose(found.sd_deg, again.sd_deg, rtol=1e-6)
+        row = rng.integers(len(s))
+        return float(off_deg(again.true_deg, truth_of(s))[row] / found.sd_deg[row])
 
     assert_standard_normal(scores(draw))
 

@@ -50,8 +50,10 @@ def compute_composed_covariance(calibration: Calibration) -> Array | None:
 
 def _find_roots(step: Calibration) -> Array | None:
     """Rows whose outer products add up to a step's covariance: of its twelve numbers, or turn."""
-    covariance = getattr(step, "covariance", None)
-    if covariance is None or not isinstance(step, Affine | Alignment):
+    if not isinstance(step, Affine | Alignment):
+        return None
+    covariance = step.whole_covariance if isinstance(step, Affine) else step.covariance
+    if covariance is None:
         return None
     if isinstance(step, Affine):
         basis = model_basis("full", step.gauge)

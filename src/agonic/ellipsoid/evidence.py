@@ -127,12 +127,11 @@ def assess(
     inclination_deg: float,
     *,
     attitude_aided: bool = False,
-    beside: Array | None = None,
 ) -> Fit:
     """The fit: residuals of every row, coverage, findings and remarks.
 
     `found` gives noise, in the unit of the readings, weights and the solver's numbers, of the rows
-    `usable` (n,); `beside` is what directions are uncertain by beside the covariance of `affine`.
+    `usable` (n,).
     """
     residuals, normals = compute_distances(
         samples.field, affine.bias, affine.matrix, wanted_magnitude(affine, reference, len(samples))
@@ -140,10 +139,7 @@ def assess(
     weights = np.zeros(len(samples))
     weights[rows_of(usable)] = 1.0 if found.weights is None else found.weights
     field = affine.correct(samples.field)
-    whole = affine
-    if beside is not None and affine.covariance is not None:
-        whole = replace(affine, covariance=affine.covariance + beside)
-    coverage = compute_coverage(whole, count_visits(field[rows_of(weights > 0)]), inclination_deg)
+    coverage = compute_coverage(affine, count_visits(field[rows_of(weights > 0)]), inclination_deg)
     fit = Fit(
         calibration=affine,
         n=int(usable.sum()),
@@ -189,7 +185,9 @@ def name_uncertainty(fit: Fit, plain: Array | None, errors: Sequence[ModelError]
     found = next((finding for finding in fit.findings if finding.name == "coverage"), None)
     if found is None or any(one.cause == "prior" for one in errors):
         return fit
-    at = fit.calibration if plain is None else replace(fit.calibration, covariance=plain)
+    at = replace(fit.calibration, hidden_bias=None)
+    if plain is not None:
+        at = replace(at, covariance=plain)
     heading = compute_coverage(at, fit.coverage.cells, fit.coverage.inclination_deg).heading_sd_deg
     if heading >= HEADING_DOUBTFUL_DEG:
         return fit

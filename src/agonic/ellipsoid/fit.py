@@ -36,7 +36,6 @@ from agonic.health import (
     Fitted,
     describe_model_errors,
     examine_model,
-    find_beside,
     find_rounding,
     find_usable_rows,
     inspect,
@@ -116,8 +115,7 @@ def fit_ellipsoid(
     found, affine, usable, tests = _solve(samples, reference, settings)
     errors = _find_model_errors(found, affine, samples, reference, usable, settings)
     wider = widen(affine, errors, found.plain)
-    dip, beside = settings.inclination_deg, find_beside(errors)
-    fit = assess(found, wider, samples, reference, usable, tests, dip, beside=beside)
+    fit = assess(found, wider, samples, reference, usable, tests, settings.inclination_deg)
     fit = fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
     return name_uncertainty(fit, found.plain, errors)
 

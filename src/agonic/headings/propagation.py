@@ -49,9 +49,10 @@ def _known(step: Calibration) -> Affine | Thermal | Alignment:
 
 def _root(step: Affine | Thermal | Alignment) -> Array | None:
     """L with L Lᵀ the covariance of what `_row` multiplies: local numbers, or the turn."""
-    if step.covariance is None:
+    known = step.whole_covariance if isinstance(step, Affine) else step.covariance
+    if known is None:
         return None
-    covariance = np.asarray(step.covariance)
+    covariance = np.asarray(known)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     size = np.where(sd > 0, sd, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))

@@ -1,6 +1,6 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
-from agonic.health.adequacy import Fitted, describe_model_errors, examine_model, find_beside, widen
+from agonic.health.adequacy import Fitted, describe_model_errors, examine_model, widen
 from agonic.health.evidence import RECORD_LONGER, Evidence
 from agonic.health.examine import check_bias_drift, check_coverage, examine
 from agonic.health.finding import (
@@ -48,7 +48,6 @@ __all__ = [
     "examine",
     "examine_model",
     "figure",
-    "find_beside",
     "find_mounting",
     "find_quantisation",
     "find_rounding",

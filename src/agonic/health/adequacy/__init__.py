@@ -7,7 +7,7 @@ covers it: by δθ δθᵀ for the move of the estimate, and by the error itself
 cannot take it out.
 """
 
-from agonic.health.adequacy.examine import describe_model_errors, examine_model, find_beside, widen
+from agonic.health.adequacy.examine import describe_model_errors, examine_model, widen
 from agonic.health.adequacy.fitted import Fitted, ModelError, Residuals, View, Views
 
 __all__ = [
@@ -18,6 +18,5 @@ __all__ = [
     "Views",
     "describe_model_errors",
     "examine_model",
-    "find_beside",
     "widen",
 ]

@@ -98,19 +98,17 @@ def widen(calibration: Affine, errors: Sequence[ModelError], plain: Array | None
 
     `plain` is its covariance without what noise with memory adds, where that is in it: an error of
     the model that comes and goes is such noise, and counts once. What lasts and may be noise is in
-    it as noise; it counts beside it for the heading alone (`find_beside`).
+    it as noise; it counts beside it for field and heading, as a hidden bias.
     """
-    own, errors = calibration.covariance, [one for one in errors if one.cause != "lasting"]
+    own = calibration.covariance
+    lasting = next((error for error in errors if error.cause == "lasting"), None)
+    errors = [one for one in errors if one is not lasting]
+    if lasting is not None:
+        calibration = replace(calibration, hidden_bias=lasting.growth[:3, :3])
     if not errors or own is None:
         return calibration
     grown = (own if plain is None else plain) + sum(error.growth for error in errors)
     return replace(calibration, covariance=grown if plain is None else _cover(own, grown))
-
-
-def find_beside(errors: Sequence[ModelError]) -> Array | None:
-    """What a heading's covariance (p, p) holds beside that of the calibration: errors that last and
-    may go with how the sensor is turned, which nothing tells from noise with memory."""
-    return next((error.growth for error in errors if error.cause == "lasting"), None)
 
 
 def _cover(one: Array, other: Array) -> Array:
