@@ -55,8 +55,9 @@ def fit_recording(
 
     The first pass draws some 100 000 readings evenly and, for the adjusted fit, adds up moments,
     which is all that it needs. For maximum likelihood the fit to the readings drawn is the start,
-    and each iteration is one pass that adds up the normal equations of all readings; two are the
-    rule. Noise, losses, correlation and standard errors are those of all readings.
+    and each iteration is one pass that adds up the normal equations of all readings; one is the
+    rule, two where outliers are down-weighted. Noise, losses, correlation and standard errors are
+    those of all readings.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.ellipsoid.calibration import Scale
 from agonic.ellipsoid.large_scan import Progress, Recording, Scan, read_segments
-from agonic.ellipsoid.maths import block_sums
+from agonic.ellipsoid.maths import block_sums, sweep
 from agonic.ellipsoid.maths.block_sums import Assumed, Frame, Sums
 from agonic.ellipsoid.settings import Fixed
 from agonic.ellipsoid.solve import Found
@@ -22,14 +22,10 @@ from agonic.maths.estimation.loss import elasticity, expected_square
 from agonic.maths.estimation.noise import batch_means
 
 MOST_PASSES = 12
-NEAR = 0.3
-"""Standard errors. From so near one more step, taken without looking, leaves nothing: it errs by
-the square of what it moves, over the size of the ellipsoid."""
-SETTLED = 3e-3
-"""Standard errors by which a change of the noise may still move the result."""
+SETTLED = 0.03
+"""Standard errors by which the result may be off for steps that were taken without looking."""
 
-
-COMPILE_FROM = 10_000_000
+COMPILE_FROM = 5_000_000
 """Rows for which numba is worth loading."""
 
 
@@ -56,9 +52,9 @@ def maximise(
 ) -> Whole:
     """The minimum over all readings, from that over some of them.
 
-    Each pass adds up normal equations, the noise, and the scores of stretches of time; Newton's
-    step goes to the minimum. The noise, whether any reading stands out, and how long errors last
-    are those of all readings in the pass before.
+    Each pass adds up normal equations, the noise, and the scores of stretches of time, and how
+    they all change; Newton's step goes to the minimum. From the rows in memory it is so short
+    that what the next pass would see is known without it; where it is not, there is one.
     """
     change = block_sums.reduction(model)
     prior = make_prior(model, soft_iron_sd)
@@ -68,25 +64,23 @@ def maximise(
     assumed = Assumed(noise.sd, bool(outliers_count_nothing))
     for number in range(1, MOST_PASSES + 1):
         sums = _sum_pass(recording, scan, scale, change @ params, assumed, number, report)
-        normal = sums.normal(assumed.sd, change)
-        prior_information, pull = _prior_terms(prior, params)
-        curved = (
-            normal.information * (normal.curvature / normal.weight / correlation)
-            + prior_information
-        )
-        step = -leastsq.inverse(curved) @ (normal.gradient / correlation + pull)
-        params = params + step
-        scores, white = (
-            sums.score @ change / assumed.sd,
-            _scatter_of_white_noise(normal, len(params)),
-        )
-        scatter = batch_means.compute_scatter(scores, white)
-        correlation = scatter.correlation
         seen = _estimate_noise(sums, assumed, robust, len(params))
-        # noise moves the result by its effect on a curved surface, σ²/F, over σ/√n
-        shifts = 2 * abs(seen.sd / assumed.sd - 1) * seen.sd * np.sqrt(normal.total)
-        near = float(np.sqrt(step @ curved @ step)) < NEAR
-        converged = near and shifts < SETTLED and seen.robust == assumed.robust
+        growth = float(np.log(seen.sd / assumed.sd))
+        sums = sums.with_noise(growth)
+        normal = sums.normal(seen.sd, change)
+        white = _scatter_of_white_noise(normal, len(params))
+        prior_information, pull = _prior_terms(prior, params)
+        for _ in range(2):  # how long errors last is seen in the scores after the step
+            information = normal.information * (normal.curvature / normal.weight / correlation)
+            step = -leastsq.inverse(information + prior_information) @ (
+                normal.gradient / correlation + pull
+            )
+            scores = sums.after(change @ step, seen.sd) @ change / seen.sd
+            scatter = batch_means.compute_scatter(scores, white)
+            correlation = scatter.correlation
+        params = params + step
+        left = _find_error_of_step(step, normal, change, seen, growth)
+        converged = left < SETTLED and seen.robust == assumed.robust
         if converged:
             break
         assumed = seen
@@ -124,11 +118,25 @@ def _sum_pass(
 ) -> Sums:
     """One pass."""
     sums = Sums.empty(batch_means.STRETCHES)
-    compiled = scan.rows >= COMPILE_FROM
+    compiled = scan.rows >= COMPILE_FROM or sweep.compile_sweep.cache_info().currsize > 0
     for part in read_segments(recording, scan, lambda done: report(f"iteration {number}", done)):
         frame = Frame(scale.centre, scale.size, part.factor)
         block_sums.add(sums, part.stretch, part.columns, frame, params, assumed, compiled=compiled)
-    return sums._replace(score=sums.score[: -(-scan.rows // scan.stretch)])
+    return sums.first(-(-scan.rows // scan.stretch))
+
+
+def _find_error_of_step(
+    step: Array, normal: leastsq.Normal, change: Array, noise: Assumed, growth: float
+) -> float:
+    """How far the result may still be off, in standard errors, by what is of second order.
+
+    A step errs by its square over the size of the ellipsoid, noise by its effect on a curved
+    surface, σ²/F, a loss that bends by the square of what residuals move; each over σ/√n.
+    """
+    whole = change @ step
+    moved = float(step @ normal.information @ step) / normal.total + growth**2
+    off = float(whole @ whole) / noise.sd + noise.sd * growth**2 + noise.robust * moved
+    return float(np.sqrt(normal.total)) * off
 
 
 def _prior_terms(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Array]:

@@ -1,33 +1,31 @@
 """The sums of one pass of a magnitude fit over readings that are not kept.
 
 What `leastsq.accumulate` adds up over the blocks of `equation.channels`, for the full model, in
-one sweep over the columns; the other models are linear in it (`reduced`). Where numba is installed
-the sweep is compiled and lets other threads run; without it NumPy does the same by blocks.
+one sweep over the columns; the other models are linear in it (`reduced`). Sums are kept by
+stretches of time, with how they change with parameters and noise, so that what another pass would
+see is known without it. Where numba is installed the sweep is compiled and lets other threads run;
+without it NumPy does the same by blocks.
 """
 
 from __future__ import annotations
 
-import functools
-import importlib
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.ellipsoid.maths import sweep
 from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import Loss, squares, tukey
 
 Columns = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
-Kernel = Callable[..., None]
 
 TUKEY = 6.0
 """The reach of `tukey`, in standard deviations."""
 
 _ROWS = 4096
-_TILE = 256  # rows whose ten columns stay in the nearest cache
 _BASIS = model_basis("full")
 
 
@@ -54,22 +52,44 @@ class Assumed(NamedTuple):
 
 class Sums(NamedTuple):
     """What a pass adds up, in units of the noise: `facts` holds Σρ, Σw, Σρ'', Σw²z², Σwz², the
-    number of readings, how many of them weigh nothing, and the largest |z|; `curved` Σ ρ'' J Jᵀ, by
-    which Newton's step goes; `score` (k, 9) Σ w z J of each of k stretches."""
+    number of readings, how many of them weigh nothing, and the largest |z|. Of each of k stretches:
+    `curved` (k, 9, 9) Σ ρ'' J Jᵀ, by which Newton's step goes; `score` (k, 9) Σ w z J; `grown`
+    (k, 9) Σ ρ'' (∂z/∂ln σ) J, what the score gains for a noise greater by so much."""
 
     facts: Array
     curved: Array
     score: Array
+    grown: Array
 
     @classmethod
     def empty(cls, stretches: int) -> Sums:
         """Nothing added up yet."""
-        return cls(np.zeros(8), np.zeros((9, 9)), np.zeros((stretches, 9)))
+        one = np.zeros((stretches, 9))
+        return cls(np.zeros(8), np.zeros((stretches, 9, 9)), one, one.copy())
+
+    def first(self, stretches: int) -> Sums:
+        """The same without the stretches behind the last reading."""
+        return self._replace(
+            curved=self.curved[:stretches],
+            score=self.score[:stretches],
+            grown=self.grown[:stretches],
+        )
+
+    def with_noise(self, growth: float) -> Sums:
+        """As another pass would see it, by first order, with ln σ greater by `growth`."""
+        facts = self.facts.copy()
+        facts[[0, 3, 4]] *= np.exp(-2.0 * growth)
+        return self._replace(facts=facts, score=self.score + growth * self.grown)
+
+    def after(self, step: Array, sd: float) -> Array:
+        """The score (k, 9) after a step (9,) of the parameters, by first order."""
+        return np.asarray(self.score + self.curved @ step / sd)
 
     def normal(self, sd: float, reduction: Array) -> leastsq.Normal:
         """The same as the solver takes it, for the model that a reduction (9, m) makes."""
         cost, weight, curvature, scatter, _, total, _, _ = self.facts.tolist()
-        information = reduction.T @ self.curved @ reduction * (weight / curvature / sd**2)
+        curved = self.curved.sum(axis=0)
+        information = reduction.T @ curved @ reduction * (weight / curvature / sd**2)
         return leastsq.Normal(
             cost,
             self.score.sum(axis=0) @ reduction / sd,
@@ -106,8 +126,8 @@ def add(
     Parameters: columns x, y, z (n,) of readings; params (9,) of the full model, and noise, both of
     the points; compiled asks for numba, used where it is installed.
     """
-    sweep = (_compiled() if compiled else None) or _by_blocks
-    sweep(
+    run = (sweep.compile_sweep() if compiled else None) or _by_blocks
+    run(
         *columns,
         frame.factor,
         frame.centre,
@@ -116,8 +136,9 @@ def add(
         noise.sd,
         TUKEY if noise.robust else 0.0,
         sums.facts,
-        sums.curved,
+        sums.curved[stretch],
         sums.score[stretch],
+        sums.grown[stretch],
     )
 
 
@@ -134,159 +155,34 @@ def _by_blocks(
     facts: Array,
     curved: Array,
     score: Array,
+    grown: Array,
 ) -> None:
     bias, matrix = split(_BASIS @ params)
     loss = tukey(reach) if reach else squares()
-
-    def pieces(_: Array) -> object:
-        for start in range(0, len(x), _ROWS):
-            rows = slice(start, start + _ROWS)
-            points = np.stack([x[rows], y[rows], z[rows]]).T * factor
-            r, jacobian = magnitude_residual((points - centre) / size, bias, matrix, 1.0, sd)
-            q = (r / sd) ** 2
-            weights = loss.weight(q)
-            facts[4] += float(weights @ q)
-            facts[6] += np.count_nonzero(weights == 0.0)
-            facts[7] = max(facts[7], float(np.sqrt(q.max(initial=0.0))))
-            full = jacobian @ _BASIS
-            curved[...] += (full * loss.curvature(q)[:, None]).T @ full
-            yield r, full
-
-    normal = leastsq.accumulate(pieces, params, loss, sd, keep=False)  # type: ignore[arg-type]
-    facts[[0, 1, 2, 3, 5]] += (
-        normal.cost,
-        normal.weight,
-        normal.curvature,
-        normal.scatter,
-        normal.total,
-    )
-    score += normal.gradient * sd
+    for start in range(0, len(x), _ROWS):
+        rows = slice(start, start + _ROWS)
+        points = np.stack([x[rows], y[rows], z[rows]]).T * factor
+        points = (points - centre) / size
+        r, jacobian = magnitude_residual(points, bias, matrix, 1.0, sd)
+        full = _BASIS.T @ jacobian.T
+        pull = r / sd
+        q = pull * pull
+        weights, bends = loss.weight(q), loss.curvature(q)
+        # what r is less than the distance goes with σ²: ∂z/∂ln σ = (r − 2 distance)/σ
+        growing = (r - 2.0 * _find_distance(points, bias, matrix)) / sd
+        scatter, power = float(weights * weights @ q), float(weights @ q)
+        plain = loss.value(q).sum(), weights.sum(), bends.sum(), scatter, power, len(r)
+        facts[:6] += np.array(plain)
+        facts[6] += np.count_nonzero(weights == 0.0)
+        facts[7] = max(facts[7], float(np.sqrt(q.max(initial=0.0))))
+        bent = full * bends
+        curved += bent @ full.T
+        score += full @ (weights * pull)
+        grown += bent @ growing
 
 
-def _sweep(
-    x: Array,
-    y: Array,
-    z: Array,
-    factor: float,
-    centre: Array,
-    size: float,
-    params: Array,
-    sd: float,
-    reach: float,
-    facts: Array,
-    curved: Array,
-    score: Array,
-) -> None:
-    """`magnitude_residual`, its weights and the sums, tile by tile, for the compiler.
-
-    The names are those of `magnitude_residual`; the matrix is symmetric.
-    """
-    bx, by, bz, wxx, wyy, wzz, wxy, wxz, wyz = params
-    square = wxx * wxx + wyy * wyy + wzz * wzz + 2 * (wxy * wxy + wxz * wxz + wyz * wyz)
-    scale, half = factor / size, sd * sd / 2
-    cx, cy, cz = centre[0] / size + bx, centre[1] / size + by, centre[2] / size + bz
-    j, weighted = np.empty((9, _TILE)), np.empty((9, _TILE))
-    pulls, bends = np.empty(_TILE), np.empty(_TILE)
-    outer = 1.0 / (reach * reach) if reach > 0 else 0.0
-    cost = weight = curvature = scatter = power = outliers = largest = 0.0
-    for start in range(0, len(x), _TILE):
-        n = min(_TILE, len(x) - start)
-        for i in range(n):
-            dx = x[start + i] * scale - cx
-            dy = y[start + i] * scale - cy
-            dz = z[start + i] * scale - cz
-            ux = wxx * dx + wxy * dy + wxz * dz
-            uy = wxy * dx + wyy * dy + wyz * dz
-            uz = wxz * dx + wyz * dy + wzz * dz
-            f = np.sqrt(ux * ux + uy * uy + uz * uz)
-            inverse = 1.0 / f
-            ex, ey, ez = ux * inverse, uy * inverse, uz * inverse
-            sx = wxx * ex + wxy * ey + wxz * ez
-            sy = wxy * ex + wyy * ey + wyz * ez
-            sz = wxz * ex + wyz * ey + wzz * ez
-            s2 = sx * sx + sy * sy + sz * sz
-            g = 1.0 / np.sqrt(s2)
-            nx, ny, nz = sx * g, sy * g, sz * g
-            tx = wxx * nx + wxy * ny + wxz * nz
-            ty = wxy * nx + wyy * ny + wyz * nz
-            tz = wxz * nx + wyz * ny + wzz * nz
-            along = ex * tx + ey * ty + ez * tz
-            px, py, pz = (
-                (tx - ex * along) * inverse,
-                (ty - ey * along) * inverse,
-                (tz - ez * along) * inverse,
-            )
-            r = (f - 1.0) * g
-            ax, ay, az = (ex - px * r) * g, (ey - py * r) * g, (ez - pz * r) * g
-            t = r * g
-            hx, hy, hz = ex * t, ey * t, ez * t
-            j[0, i] = -(wxx * ax + wxy * ay + wxz * az)
-            j[1, i] = -(wxy * ax + wyy * ay + wyz * az)
-            j[2, i] = -(wxz * ax + wyz * ay + wzz * az)
-            j[3, i] = ax * dx - hx * nx
-            j[4, i] = ay * dy - hy * ny
-            j[5, i] = az * dz - hz * nz
-            j[6, i] = ax * dy + ay * dx - hx * ny - hy * nx
-            j[7, i] = ax * dz + az * dx - hx * nz - hz * nx
-            j[8, i] = ay * dz + az * dy - hy * nz - hz * ny
-            bend = (square - s2) * inverse - 4.0 * (tx * px + ty * py + tz * pz)
-            pulls[i] = (r - half * bend * g) / sd
-        for i in range(n):
-            q = pulls[i] * pulls[i]
-            left = max(1.0 - q * outer, 0.0)
-            w = left * left
-            pulls[i] *= w
-            weight += w
-            scatter += w * w * q
-            power += w * q
-            if reach > 0:
-                cost += (1.0 - left * left * left) / (6.0 * outer)
-                bends[i] = left * (1.0 - 5.0 * q * outer)
-            else:
-                cost += q / 2
-                bends[i] = 1.0
-            curvature += bends[i]
-            outliers += w == 0.0
-            largest = max(largest, q)
-        for a in range(9):
-            total = 0.0
-            for i in range(n):
-                weighted[a, i] = j[a, i] * bends[i]
-                total += j[a, i] * pulls[i]
-            score[a] += total
-            for b in range(a + 1):
-                product = 0.0
-                for i in range(n):
-                    product += weighted[a, i] * j[b, i]
-                curved[a, b] += product
-                if b < a:
-                    curved[b, a] += product
-    facts[0] += cost
-    facts[1] += weight
-    facts[2] += curvature
-    facts[3] += scatter
-    facts[4] += power
-    facts[5] += len(x)
-    facts[6] += outliers
-    facts[7] = max(facts[7], np.sqrt(largest))
-
-
-@functools.cache
-def _compiled() -> Kernel | None:
-    """`_sweep` compiled by numba, or `None` without it."""
-    try:
-        numba = importlib.import_module("numba")
-    except ImportError:
-        return None
-    # sums may be taken in any order, so that they go several at a time; NaN stays NaN
-    options = {
-        "nogil": True,
-        "fastmath": {"reassoc", "contract", "nsz", "arcp"},
-        "error_model": "numpy",
-    }
-    kernel: Kernel
-    try:
-        kernel = numba.njit(cache=True, **options)(_sweep)
-    except RuntimeError:  # no folder that numba may write to
-        kernel = numba.njit(**options)(_sweep)
-    return kernel
+def _find_distance(points: Array, bias: Array, matrix: Array) -> Array:
+    """The residual (n,) of points (n, 3) without what noise does to it: (|u| − 1)/|s|."""
+    u = matrix @ (points - bias).T
+    size = np.sqrt((u * u).sum(axis=0))
+    return np.asarray((size - 1.0) * size / np.linalg.norm(matrix.T @ u, axis=0))
