@@ -12,8 +12,8 @@ MISTAKES = {
     "in degrees a second": lambda s: {"rotation_rate": np.degrees(s.rotation_rate)},
     "in radians a second": lambda s: {"rotation_rate": np.radians(s.rotation_rate)},
     "of the opposite sign": lambda s: {"rotation_rate": -s.rotation_rate},
-    "lies along y, −x, z": lambda s: {"rotation_rate": s.rotation_rate @ QUARTER.T},
-    "lies along −y, x, z": lambda s: {"field": s.field @ QUARTER.T},
+    "lies along −y, x, z": lambda s: {"rotation_rate": s.rotation_rate @ QUARTER.T},
+    "lies along y, −x, z": lambda s: {"field": s.field @ QUARTER.T},
     "x and z are reversed": lambda s: {"field": s.field * [1, -1, 1]},
 }
 

@@ -14,7 +14,7 @@ from agonic.calibration.setup import LATENCY_SD_S
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fresh import find_fresh, without_held
 from agonic.health import Finding, sentences
-from agonic.health.turning import check_turning
+from agonic.health.inertial_unit import find_faults
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.readable import Readable
 from agonic.samples import Samples
@@ -131,9 +131,9 @@ def fit_latency(
     if limit_s is not None and not limit_s > 0:
         raise AgonicError(f"limit_s is {limit_s}; the search needs it above zero")
     chosen, samples = _method(samples, method), without_held(find_telling(samples))
-    wrong = None if chosen == "attitude" else check_turning(samples)
-    if wrong is not None:  # beside such a gyro any delay would fit as well
-        raise AgonicError(wrong.sentence)
+    for fault in () if chosen == "attitude" else find_faults(samples):
+        if fault.column == "rotation_rate" and fault.finding.severity == "refuse":
+            raise AgonicError(fault.finding.sentence)  # beside it any delay would fit as well
     first, *wider = SEARCHES_S if limit_s is None else (limit_s,)
     found, limit = _estimate(samples, chosen, first, stretch_s), first
     for beyond in wider:

@@ -9,7 +9,7 @@ from agonic.calibration.base import Calibration, correct_field, has_two_axes
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
 from agonic.headings.attitude import find_mounting
-from agonic.health.turning import leave_out_wrong_gyro
+from agonic.health.inertial_unit import find_faults
 from agonic.samples import Samples
 
 
@@ -31,7 +31,9 @@ def find_wrong_gyro(samples: Samples, setup: Setup, calibration: Calibration) ->
     turn = find_rate_mounting(samples, setup, calibration)
     field, rate = correct_field(calibration, samples), samples.rotation_rate @ turn.T
     there = Samples(time=samples.time, field=field, rotation_rate=rate)
-    _, found = leave_out_wrong_gyro(there)
-    if found is not None and setup.tilt == "gyro":
-        raise LogError(f"{found.what.removesuffix('; it was left out')}; {found.move}")
-    return None if found is None else found.sentence
+    found = [one.finding for one in find_faults(there) if one.finding.severity == "refuse"]
+    if not found:
+        return None
+    if setup.tilt == "gyro":
+        raise LogError(found[0].sentence)
+    return f"{found[0].what}; it was left out; {found[0].move}"

@@ -1,129 +1,125 @@
-"""Whether magnetometer and gyro turn together, and what would make them.
+"""Whether magnetometer, gyro and accelerometer turn together, and what would make them.
 
 A field that stands still turns in the sensor by dv/dt = (v − b) × ω, whatever the calibration does
-to its length. With the axes of the gyro renamed, or its unit another one, the same holds for s T ω;
-so every renaming T and unit s is tried, the bias b free in each.
+to its length, and so does gravity in the accelerometer. With the axes of the gyro renamed, or its
+unit another one, the same holds for s T ω; so every renaming T and unit s is tried, the bias b free
+in each. Of three sensors, the one that goes with neither of the others is the wrong one.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health import Finding, figure
-from agonic.maths.rotations.low_pass import low_pass
+from agonic.health import Finding
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
-from agonic.maths.rotations.vectors import skew
+from agonic.maths.rotations.turning import measure_left, sum_products
 from agonic.samples import Samples
 
 FAR_BETTER = 0.25
 """Of the square that is left: another naming of axes or unit is believed where it leaves less."""
 EXPLAINED = 0.5
 """Of the square of the change: what a right naming leaves at most."""
-PINNED = 0.02
-"""Of the rows at the largest rate: fewer are chance."""
 FEWEST = 50
 """Readings that can show a turn."""
 _SMOOTHED_S = (0.3, 1.0, 3.0)
 """A slow turn is seen above the noise by its longer means only."""
 _LENGTHS = 20
 """A log is so many times as long at least: fewer means agree by chance."""
-_MOST = 4000
 _FARTHEST = 20.0
-"""Of the size of the readings: a bias about their mean so far off is none. Without that, a bias of
-57 fields would explain any small turns by a gyro in the wrong unit."""
-_LEVI_CIVITA = skew(np.eye(3)).swapaxes(1, 2)
+"""Of the size of the readings: a bias about their mean so far off is none."""
+_ACCELEROMETER_BIAS = 0.5
+"""m/s²: more than an accelerometer reads too much."""
 _UNITS = ((1.0, ""), (np.pi / 180, "degrees"), (180 / np.pi, "radians"))
+
+
+class Renaming(NamedTuple):
+    """The turn (3, 3) from the axes of the gyro to those of another sensor, and the gyro's unit;
+    `left` of the change, a share, and as named `own`."""
+
+    left: float
+    turn: Array
+    unit: str
+    own: float
 
 
 def check_turning(samples: Samples) -> Finding | None:
     """The finding that the gyro turns otherwise than the magnetometer, with what it looks like."""
-    time, rate = samples.time, samples.rotation_rate
-    if time is None or rate is None or len(time) < FEWEST:
+    found = find_renaming(samples, _sum_of_field(samples), _UNITS) if _can_tell(samples) else None
+    if found is None:
         return None
-    turns = np.concatenate([right_angles(), -right_angles()])
-    size, found = _measure_size(samples), []
-    for smoothed_s in _SMOOTHED_S:
-        if smoothed_s > _SMOOTHED_S[0] and _LENGTHS * smoothed_s > time[-1] - time[0]:
-            break
-        products = _sum_products(samples, smoothed_s)
-        tried = [
-            (_measure_left(products, unit[0] * turn, size), turn, unit)
-            for unit in _UNITS
-            for turn in turns
-        ]
-        best, turn, unit = min(tried, key=lambda one: one[0])
-        if best <= min(EXPLAINED, FAR_BETTER * tried[0][0]):
-            found.append((best, turn, unit))
-    if not found:
-        return None
-    _, turn, unit = min(found, key=lambda one: one[0])
     looks = []
-    if unit[1]:
-        looks.append(f"in {unit[1]} a second")
-    if np.array_equal(turn, -np.eye(3)):
+    if found.unit:
+        looks.append(f"in {found.unit} a second")
+    if np.array_equal(found.turn, -np.eye(3)):
         looks.append("of the opposite sign")
-    elif not np.array_equal(turn, np.eye(3)):
-        looks.append(f"of other axes ({describe_renaming(turn.T)})")
+    elif not np.array_equal(found.turn, np.eye(3)):
+        looks.append(f"of other axes ({describe_renaming(found.turn)})")
     return Finding(
         "inertial unit",
         "refuse",
         "the gyro does not turn as the magnetometer does; it would if the gyro were "
         + " and ".join(looks),
-        "name units and axes of gyro and magnetometer alike, and look which of the two is wrong",
+        "name units and axes of gyro and magnetometer alike, " + _tell_which(samples, found),
     )
 
 
-def check_clipping(samples: Samples) -> Finding | None:
-    """The finding that the gyro reads one largest rate again and again: it turned faster.
+def check_gravity_turning(samples: Samples) -> Finding | None:
+    """The finding that gravity turns in the accelerometer otherwise than by the gyro.
 
-    Not where readings repeat anyway, as those of a coarse gyro do.
-
-    >>> time = np.arange(200) / 10
-    >>> rate = np.clip(np.stack([0.0 * time, 0.0 * time, 2.0 * np.sin(time)], axis=1), -1.0, 1.0)
-    >>> clipped = Samples(time=time, field=np.ones((200, 3)), rotation_rate=rate)
-    >>> check_clipping(clipped).what
-    'the gyro never reads more than 57°/s about z, and just that in 66 % of the rows: it clips'
+    The opposite sign of gravity turns alike: of P and −P, which cannot be told apart, the one that
+    reverses fewer axes is told first.
     """
-    rate = samples.rotation_rate
-    if rate is None or len(rate) < FEWEST:
+    if samples.acceleration is None or not _can_tell(samples):
         return None
-    for name, axis in zip("xyz", np.abs(rate).T, strict=True):
-        most, pinned = float(axis.max()), axis == axis.max()
-        free = axis[~pinned]
-        share = float(pinned.mean())
-        if share < PINNED or len(free) < FEWEST or (np.diff(free) == 0).mean() > PINNED:
-            continue
-        top = figure(float(np.degrees(most)))
-        return Finding(
-            "inertial unit",
-            "check",
-            f"the gyro never reads more than {top}°/s about {name}, and just that in "
-            f"{100 * share:.0f} % of the rows: it clips",
-            "set a wider range of the gyro, or turn more slowly",
-        )
-    return None
-
-
-def leave_out_wrong_gyro(samples: Samples) -> tuple[Samples, Finding | None]:
-    """The samples without a gyro that turns otherwise than the magnetometer, and the finding.
-
-    A fit that needs no gyro goes on without it; a delay beside it would be any.
-
-    >>> turning = np.radians(np.linspace(0, 360, 100))
-    >>> field = np.stack([np.cos(turning), -np.sin(turning), np.ones(100)], axis=1)
-    >>> rate_deg_s = [[0, 0, 3.6]] * 100
-    >>> s = Samples(time=np.linspace(0, 100, 100), field=field, rotation_rate=rate_deg_s)
-    >>> leave_out_wrong_gyro(s)[0].rotation_rate is None
-    True
-    """
-    found = check_turning(samples)
+    found = find_renaming(samples, _sum_of_gravity(samples), _UNITS[:1])
     if found is None:
-        return samples, None
-    told = replace(found, severity="check", what=f"{found.what}; it was left out")
-    return samples.with_columns(rotation_rate=None), told
+        return None
+    back = found.turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
+    one, other = sorted((back, -back), key=lambda turn: int(np.count_nonzero(turn < 0)))
+    return Finding(
+        "inertial unit",
+        "refuse",
+        "gravity does not turn in the accelerometer as the gyro does; it would if the "
+        f"accelerometer were of other axes ({describe_renaming(one)}, or with gravity's sign the "
+        f"other way {describe_renaming(other)})",
+        "name the axes of accelerometer and gyro alike, and look which of the two is wrong",
+    )
+
+
+def find_renaming(
+    samples: Samples,
+    sum_of: Callable[[float], tuple[Array, float]],
+    units: tuple[tuple[float, str], ...],
+) -> Renaming | None:
+    """What the gyro has to be renamed by to turn as another sensor does; `None` where it does, or
+    nothing else comes far nearer.
+
+    Parameters: `sum_of` the seconds over which it is smoothed gives the products of
+    `sum_products`, and how far off a bias may be.
+    """
+    time = samples.time
+    assert time is not None
+    turns, found = np.concatenate([right_angles(), -right_angles()]), []
+    for smoothed_s in _SMOOTHED_S:
+        if smoothed_s > _SMOOTHED_S[0] and _LENGTHS * smoothed_s > time[-1] - time[0]:
+            break
+        products, farthest = sum_of(smoothed_s)
+        own = measure_left(products, np.eye(3), farthest)
+        best = min(
+            (
+                Renaming(measure_left(products, factor * turn, farthest), turn, unit, own)
+                for factor, unit in units
+                for turn in turns
+            ),
+            key=lambda one: one.left,
+        )
+        if best.left <= min(EXPLAINED, FAR_BETTER * own):
+            found.append(best)
+    return min(found, key=lambda one: one.left) if found else None
 
 
 def explains_change(samples: Samples) -> bool:
@@ -131,52 +127,51 @@ def explains_change(samples: Samples) -> bool:
 
     False too where hardly anything turns, or the field itself changes more.
     """
-    if samples.time is None or samples.rotation_rate is None or len(samples) < FEWEST:
+    if not _can_tell(samples):
         return False
-    products = _sum_products(samples, _SMOOTHED_S[0])
-    return _measure_left(products, np.eye(3), _measure_size(samples)) < EXPLAINED
+    products, farthest = _sum_of_field(samples)(_SMOOTHED_S[0])
+    return measure_left(products, np.eye(3), farthest) < EXPLAINED
 
 
-def _measure_size(samples: Samples) -> float:
-    return max(float(np.sqrt((samples.field**2).sum(axis=1).mean())), 1e-300)
+def _tell_which(samples: Samples, found: Renaming) -> str:
+    """Which of gyro and magnetometer is wrong, where the accelerometer goes with one of them."""
+    if samples.acceleration is not None:
+        for smoothed_s in _SMOOTHED_S[:2]:
+            products, farthest = _sum_of_gravity(samples)(smoothed_s)
+            factor = next(factor for factor, unit in _UNITS if unit == found.unit)
+            own = measure_left(products, np.eye(3), farthest)
+            renamed = measure_left(products, factor * found.turn, farthest)
+            if own <= min(EXPLAINED, FAR_BETTER * renamed):
+                return "those of the magnetometer first: gyro and accelerometer go together"
+            if renamed <= min(EXPLAINED, FAR_BETTER * own):
+                return "those of the gyro first: magnetometer and accelerometer go together"
+    return "and look which of the two is wrong"
 
 
-def _sum_products(samples: Samples, smoothed_s: float) -> Array:
-    """Sums over the rows of products of what the residual of any renaming is made of, (19, 19).
+def _can_tell(samples: Samples) -> bool:
+    time, rate = samples.time, samples.rotation_rate
+    return time is not None and rate is not None and len(time) >= FEWEST
 
-    With f the field about its mean, the change c − f × ω' − ω' × b of a row under a rate ω' = s T ω
-    is a sum of the change c itself, of the nine f × e_k ω_j, times s T_kj, and of the nine e_c ω_j:
-    all renamings have their squares and best biases from these sums, and no row is seen again.
-    """
+
+def _sum_of_field(samples: Samples) -> Callable[[float], tuple[Array, float]]:
+    """`sum_products` of the readings."""
     time, rate = samples.time, samples.rotation_rate
     assert time is not None
     assert rate is not None
-    step = float(np.median(np.diff(time)))
-    every = max(1, len(time) // _MOST)
-    field, rate = (low_pass(v, step, smoothed_s) for v in (samples.field, rate))
-    # no rate is larger than noise where nothing turns; a gap's change is not that of a row
-    change = np.gradient(field, time, axis=0)[::every]
-    size = np.sqrt((change**2).sum(axis=1))
-    usual = size < 10 * np.median(size) + 1e-12
-    field, rate, change = field[::every][usual], rate[::every][usual], change[usual]
-    crossed = skew(field - field.mean(axis=0)).swapaxes(1, 2)  # (n, k, 3): f × e_k
-    turned = (crossed[:, :, None] * rate[:, None, :, None]).reshape(-1, 9, 3)
-    moved = (np.eye(3)[:, None] * rate[:, None, :, None]).reshape(-1, 9, 3)
-    parts = np.concatenate([change[:, None], turned, moved], axis=1).swapaxes(1, 2).reshape(-1, 19)
-    return np.asarray(parts.T @ parts)
+    size = max(float(np.sqrt((samples.field**2).sum(axis=1).mean())), 1e-300)
+    return lambda smoothed_s: (
+        sum_products(samples.field, rate, time, smoothed_s),
+        _FARTHEST * size,
+    )
 
 
-def _measure_left(products: Array, turn: Array, size: float) -> float:
-    """What is left of the change of the field with a turn and unit (3, 3) of the gyro, as a share.
-
-    Parameters: the sums of `_sum_products`, and the size of the readings.
-    """
-    wanted = np.r_[1.0, -turn.ravel(), np.zeros(9)]
-    by_bias = np.zeros((3, 19))  # ω' × e_b, of which e_c holds ε_kbc ω'_k
-    by_bias[:, 10:] = np.einsum("kbc,kj->bcj", _LEVI_CIVITA, turn).reshape(3, 9)
-    gram, along = by_bias @ products @ by_bias.T, by_bias @ products @ wanted
-    gram = gram + products[0, 0] / (_FARTHEST * size) ** 2 * np.eye(3)
-    bias = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ along
-    left = wanted - bias @ by_bias
-    far = float(bias @ bias) / (_FARTHEST * size) ** 2
-    return far + float(left @ products @ left) / max(float(products[0, 0]), 1e-300)
+def _sum_of_gravity(samples: Samples) -> Callable[[float], tuple[Array, float]]:
+    """`sum_products` of the acceleration."""
+    time, rate, force = samples.time, samples.rotation_rate, samples.acceleration
+    assert time is not None
+    assert rate is not None
+    assert force is not None
+    return lambda smoothed_s: (
+        sum_products(force, rate, time, smoothed_s, centred=True),
+        _ACCELEROMETER_BIAS,
+    )

@@ -12,9 +12,10 @@ from agonic.attitude.delay import find_and_undo, keep_latency
 from agonic.attitude.fit import make_fit
 from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
+from agonic.errors import LogError
 from agonic.fit import Fit
 from agonic.fresh import without_held
-from agonic.health.turning import check_clipping, check_turning
+from agonic.health.inertial_unit import check_clipping, mend
 from agonic.inertial.evidence import (
     check_contradiction,
     check_gravity,
@@ -85,8 +86,8 @@ def fit_inertial(
         `None`: its gain is one, but for gravity's own 0.3 % from place to place.
     latency : find how late the readings are beside the gyro, as `fit_latency` does, and undo it.
 
-    Returns an `InertialFit`. Raises `LogError` without acceleration, and `CoverageError` where
-    nothing can be fitted at all.
+    Returns an `InertialFit`. Raises `LogError` without acceleration that can be used, and
+    `CoverageError` where nothing can be fitted at all.
 
     Source: maximum likelihood with Huber's sandwich covariance (Huber 1981); the joint model after
     Huang, Hendeby & Skog, arXiv 2505.16662 (2025); variable projection (Golub & Pereyra 1973).
@@ -118,9 +119,10 @@ def fit_inertial(
         seed=seed,
     )
     samples, late = without_held(samples), None
-    wrong, clipped = check_turning(samples), check_clipping(samples)
-    if wrong is not None:  # nothing can be solved beside it; without it the rest is judged
-        samples = samples.with_columns(rotation_rate=None)
+    clipped, recorded = check_clipping(samples), samples.acceleration is not None
+    samples, wrong = mend(samples)  # nothing can be solved beside it; without it the rest is judged
+    if recorded and samples.acceleration is None:
+        raise LogError("; ".join(one.sentence for one in wrong))
     if latency:
         samples, reference, late = find_and_undo(samples, reference)
     solved = solve(samples, reference, settings)
@@ -138,7 +140,7 @@ def fit_inertial(
         "inertial",
     )
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
-    told = (check_gyro(fit, solved), wrong, check_inclination(solved), doubt)
+    told = (check_gyro(fit, solved), *wrong, check_inclination(solved), doubt)
     fit = fit.with_findings(*told, check_speed(fit, solved), clipped)
     refuted = check_contradiction(solved)
     opposite = check_gravity(fit.with_findings(refuted), samples, reference, settings)

@@ -10,10 +10,11 @@ from agonic.attitude.heading_source import check_heading_source
 from agonic.attitude.known_heading import is_known
 from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.attitude.vertical_turn import tell_turn
-from agonic.errors import AgonicError, CoverageError, check_choice
+from agonic.errors import AgonicError, CoverageError, LogError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
 from agonic.health import Finding
+from agonic.health.inertial_unit import find_stopped_readings
 from agonic.recording.choice.fits import (
     Choice,
     fit_alone,
@@ -55,8 +56,21 @@ ASK_FOR_ATTITUDE = (
 def choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Choice:
-    """The fit that a log allows, or the one that was asked for."""
+    """The fit that a log allows, or the one that was asked for; without readings of a sensor that
+    had stopped."""
     check_choice("kind", kind, get_args(Kind))
+    stopped = find_stopped_readings(samples)
+    if stopped is not None:
+        rows, finding = stopped
+        reference = None if reference is None else reference.select(~rows)
+        chosen = _choose(samples.select(~rows), reference, kind, settings)
+        return replace(chosen, fit=chosen.fit.with_findings(finding))
+    return _choose(samples, reference, kind, settings)
+
+
+def _choose(
+    samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
+) -> Choice:
     method, reason = (
         _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     )
@@ -148,6 +162,9 @@ def _choose_surer(
     except CoverageError:
         if alone is None:
             raise failed from None
+    except LogError:  # what is wrong with the acceleration, as the other fit says too
+        if alone is None:
+            raise
     if aided is None or (alone is not None and not _is_surer(aided.fit, alone.fit)):
         assert alone is not None
         if aided is not None and aided.fit.verdict == "refused":

@@ -31,7 +31,8 @@ from agonic.ellipsoid import (
 )
 from agonic.fit import Fit
 from agonic.fresh import find_fresh
-from agonic.health.turning import leave_out_wrong_gyro
+from agonic.health import Finding
+from agonic.health.inertial_unit import leave_out_faulty, mend
 from agonic.inertial.fit import fit_inertial, fit_part
 from agonic.inertial.result import InertialFit
 from agonic.maths.equation.coverage import heading_sd_deg
@@ -85,10 +86,12 @@ def fit_magnitude(
     samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
     """The fit to the magnitude, and what it does not see but matters to a heading: its axes, its
-    latency, a gyro that turns otherwise."""
-    samples, wrong = leave_out_wrong_gyro(samples)
+    latency, what is wrong with accelerometer and gyro."""
+    recorded, (samples, wrong) = samples, leave_out_faulty(samples)
     fit = check_by_gravity(fit_ellipsoid(samples, reference, **settings), samples, reference)
-    fit = fit.with_findings(wrong)
+    if fit.verdict == "refused":  # then what was recorded wrongly is the first thing to know
+        wrong = mend(recorded)[1]
+    fit = fit.with_findings(*wrong)
     same = {**settings, "model": fit.calibration.model}
     again = partial(fit_some, partial(fit_ellipsoid_alone, **same, near=fit.calibration))
     return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
@@ -153,9 +156,9 @@ def fit_beside_attitude(
         known = np.flatnonzero(samples.heading_known)
         samples = samples.select(known)
         reference = None if reference is None else reference.select(known)
-    wrong = None
-    if method != "inertial":  # which needs the gyro, and refuses a wrong one
-        samples, wrong = leave_out_wrong_gyro(samples)
+    wrong: tuple[Finding, ...] = ()
+    if method != "inertial":  # which needs them, and says itself what is wrong
+        samples, wrong = leave_out_faulty(samples)
     samples, reference, latency = find_and_undo(samples, reference)
     if method in BESIDE_EACH_ROW:
         own = np.flatnonzero(find_fresh(samples.field))
@@ -185,7 +188,7 @@ def fit_beside_attitude(
     if not list_sources(fit):  # what follows a source slowly has to be seen row by row
         again = partial(fit_some, again)
     return Choice(
-        samples, reference, fit.with_findings(wrong), method, reason, again, latency, tried
+        samples, reference, fit.with_findings(*wrong), method, reason, again, latency, tried
     )
 
 

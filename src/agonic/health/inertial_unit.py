@@ -1,0 +1,266 @@
+"""What is wrong with accelerometer and gyro, seen from what they read, before any fit.
+
+A unit, an axis that is dead or stands still, a stream that has stopped, axes and units that do not
+go with those of the other sensors: each is a `Fault`, with what mends it where something does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.health import Finding, figure
+from agonic.health.readings import find_stuck_rows
+from agonic.health.turning import FEWEST, check_gravity_turning, check_turning
+from agonic.maths.rotations.low_pass import low_pass
+from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+PINNED = 0.02
+"""Of the rows at the largest rate: fewer are chance."""
+SCALE = 2.0
+"""An acceleration that is so many times gravity, or so small a part of it, has another unit."""
+_NEAR = 0.2
+"""Of gravity: so near to it an acceleration in another unit is."""
+_NOTHING = 0.05
+"""Of gravity: less is felt by what floats in space, or by nothing at all."""
+_ACCELERATION_UNITS = (
+    (STANDARD_GRAVITY_M_S2, "g"),
+    (STANDARD_GRAVITY_M_S2 / 1000, "thousandths of g"),
+)
+_STUCK = 0.1
+"""Of the rows: an axis that stands still for longer is named."""
+_SMOOTHED_S = 0.3
+_ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
+_SENSORS = (("acceleration", "accelerometer"), ("rotation_rate", "gyro"))
+
+
+class Fault(NamedTuple):
+    """What is wrong with a column of the samples; `mended` (n, 3) where the fault can be undone."""
+
+    column: str
+    finding: Finding
+    mended: Array | None = None
+
+
+def mend(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The samples without what cannot be mended of accelerometer and gyro, and the findings.
+
+    >>> still = Samples(field=np.eye(3), acceleration=[[0.0, 0.0, -1.0]] * 3)
+    >>> samples, (finding,) = mend(still)
+    >>> samples.acceleration[0].tolist(), finding.what
+    ([0.0, 0.0, -9.80665], 'the acceleration is 1 in size where gravity is 9.8 m/s²: it is in g')
+    """
+    faults = find_faults(samples)
+    mended = samples.with_columns(**{fault.column: fault.mended for fault in faults})
+    return mended, tuple(fault.finding for fault in faults)
+
+
+def leave_out_faulty(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The same for a fit that needs neither: what was left out is to be looked at.
+
+    >>> turning = np.radians(np.linspace(0, 360, 100))
+    >>> field = np.stack([np.cos(turning), -np.sin(turning), np.ones(100)], axis=1)
+    >>> rate_deg_s = [[0, 0, 3.6]] * 100
+    >>> s = Samples(time=np.linspace(0, 100, 100), field=field, rotation_rate=rate_deg_s)
+    >>> leave_out_faulty(s)[0].rotation_rate is None
+    True
+    """
+    clipped = check_clipping(samples)  # which matters to a delay beside it only
+    samples, found = mend(samples)
+    noted: tuple[Finding, ...] = () if clipped is None else (replace(clipped, severity="note"),)
+    told = tuple(
+        replace(one, severity="check", what=f"{one.what}; it was left out")
+        if one.severity == "refuse"
+        else one
+        for one in found
+    )
+    return samples, (*told, *(noted if samples.rotation_rate is not None else ()))
+
+
+def find_faults(samples: Samples) -> tuple[Fault, ...]:
+    """The faults of accelerometer and gyro, one of each at most."""
+    found: dict[str, Fault] = {}
+    for check in (_check_nothing, _check_scale, _check_still, _check_turning, _check_gravity):
+        for fault in check(samples):
+            found.setdefault(fault.column, fault)
+            samples = samples.with_columns(**{fault.column: fault.mended})
+    return tuple(found.values())
+
+
+def _check_turning(samples: Samples) -> Iterator[Fault]:
+    if (finding := check_turning(samples)) is not None:
+        yield Fault("rotation_rate", finding)
+
+
+def _check_gravity(samples: Samples) -> Iterator[Fault]:
+    if (finding := check_gravity_turning(samples)) is not None:
+        yield Fault("acceleration", finding)
+
+
+def _check_nothing(samples: Samples) -> Iterator[Fault]:
+    """A device without an accelerometer or a gyro may send zeros for it."""
+    for column, sensor in _SENSORS:
+        values: Array | None = getattr(samples, column)
+        if values is not None and not values.any():
+            told = f"the {sensor} reads nothing but zeros; it was left out"
+            yield Fault(column, Finding("inertial unit", "note", told))
+
+
+def _check_scale(samples: Samples) -> Iterator[Fault]:
+    """An acceleration in another unit: what it is at rest is not gravity.
+
+    Its direction is all that a fit takes, so one of unknown unit is scaled to gravity.
+    """
+    force = samples.acceleration
+    if force is None:
+        return
+    size = _measure_size(samples.time, force)
+    share = size / STANDARD_GRAVITY_M_S2
+    factor, unit = 1 / share, ""
+    for known, name in _ACCELERATION_UNITS:
+        if abs(share * known - 1) < _NEAR:
+            factor, unit = known, name
+    if 1 / SCALE < share < SCALE or (share < _NOTHING and not unit):
+        return
+    looks = f"it is in {unit}" if unit else "its unit is another one"
+    yield Fault(
+        "acceleration",
+        Finding(
+            "inertial unit",
+            "check",
+            f"the acceleration is {figure(size)} in size where gravity is 9.8 m/s²: {looks}",
+            f"name its unit; it was taken times {figure(factor, 3)}",
+        ),
+        factor * force,
+    )
+
+
+def _measure_size(time: Array | None, force: Array) -> float:
+    """The usual size of the acceleration, m/s²; vibration adds to it, unless it is smoothed out,
+    and turning takes from it where it is: of both that which is nearer to gravity."""
+    sizes = [float(np.median(np.linalg.norm(force, axis=1)))]
+    if time is not None and len(time) >= FEWEST:
+        smooth = low_pass(force, float(np.median(np.diff(time))), _SMOOTHED_S)
+        sizes.append(float(np.median(np.linalg.norm(smooth, axis=1))))
+    return min(sizes, key=lambda size: abs(np.log(max(size, 1e-300) / STANDARD_GRAVITY_M_S2)))
+
+
+def _check_still(samples: Samples) -> Iterator[Fault]:
+    """Axes that stand still while the others move, and streams that stop while the field moves."""
+    for column, sensor in _SENSORS:
+        values: Array | None = getattr(samples, column)
+        if values is None or len(values) < FEWEST or not _is_noisy(values):
+            continue
+        found = _check_axes_still(values, sensor) or _check_stopped(samples, values, sensor)
+        if found is not None:
+            yield Fault(column, found)
+
+
+def _is_noisy(values: Array) -> bool:
+    """Whether the readings (n, 3) flicker, so that an axis that does not is no axis at rest.
+
+    Third differences of a smooth motion, as a computer makes it, go on alike; those of noise go to
+    and fro.
+    """
+    jerk = np.diff(values, n=3, axis=0)
+    to_and_fro = (jerk[1:] * jerk[:-1]).sum(axis=0) < 0
+    return bool((to_and_fro & (np.median(np.abs(jerk), axis=0) > 0)).any())
+
+
+def _check_axes_still(values: Array, sensor: str) -> Finding | None:
+    for axis, name in enumerate("xyz"):
+        stuck = find_stuck_rows(values, axis)
+        if stuck.mean() < _STUCK:
+            continue
+        level = figure(float(values[np.argmax(stuck), axis]))
+        share = "all rows" if stuck.all() else f"{100 * stuck.mean():.0f} % of the rows"
+        unit = "rad/s" if sensor == "gyro" else "m/s²"
+        return Finding(
+            "inertial unit",
+            "refuse",
+            f"axis {name} of the {sensor} reads {level} {unit} in {share} while its other axes "
+            "move: it is dead or at the end of its range",
+            f"check the {sensor}, its range and its wiring, and record again",
+        )
+    return None
+
+
+def _check_stopped(samples: Samples, values: Array, sensor: str) -> Finding | None:
+    stopped = find_stopped_rows(values, samples.field)
+    if stopped.mean() < _STUCK:
+        return None
+    assert samples.time is not None
+    since = figure(float(samples.time[np.argmax(stopped)]), 4)
+    return Finding(
+        "inertial unit",
+        "refuse",
+        f"the {sensor} repeats one reading in {100 * stopped.mean():.0f} % of the rows while the "
+        f"magnetometer moves, from t = {since} s on: it stopped",
+        f"record again with the {sensor} running throughout, or use the part of the log before",
+    )
+
+
+def find_stopped_readings(samples: Samples) -> tuple[Mask, Finding] | None:
+    """The rows (n,) in which the magnetometer had stopped, for something else turned; and the
+    finding. `None` where there are few, or nothing tells."""
+    columns = [getattr(samples, name) for name in ("rotation_rate", "acceleration", *_ANGLES)]
+    others = [column for column in columns if column is not None]
+    if samples.time is None or len(samples.time) < FEWEST or not others:
+        return None
+    stopped = find_stopped_rows(samples.field, np.column_stack(others))
+    if stopped.mean() < _STUCK:
+        return None
+    since = figure(float(samples.time[np.argmax(stopped)]), 4)
+    return stopped, Finding(
+        "stopped",
+        "check",
+        f"the magnetometer repeats one reading in {100 * stopped.mean():.0f} % of the rows while "
+        f"other sensors move, from t = {since} s on: it had stopped, and they were left out",
+        "check the sensor and its wiring, and whether it can fail in use",
+    )
+
+
+def find_stopped_rows(values: Array, others: Array) -> Mask:
+    """Rows (n,) of long stretches in which a sensor (n, 3) repeats one reading while others (n, k)
+    move; none of a sensor that hardly ever reads anything new."""
+    fresh = np.concatenate([[True], (values[1:] != values[:-1]).any(axis=1)])
+    if fresh.sum() < FEWEST:
+        return np.zeros(len(values), dtype=bool)
+    number = np.cumsum(fresh).astype(np.float64)
+    return find_stuck_rows(np.column_stack([number, others]), 0)
+
+
+def check_clipping(samples: Samples) -> Finding | None:
+    """The finding that the gyro reads one largest rate again and again: it turned faster.
+
+    Not where readings repeat anyway, as those of a coarse gyro do.
+
+    >>> time = np.arange(200) / 10
+    >>> rate = np.clip(np.stack([0.0 * time, 0.0 * time, 2.0 * np.sin(time)], axis=1), -1.0, 1.0)
+    >>> clipped = Samples(time=time, field=np.ones((200, 3)), rotation_rate=rate)
+    >>> check_clipping(clipped).what
+    'the gyro never reads more than 57°/s about z, and just that in 66 % of the rows: it clips'
+    """
+    rate = samples.rotation_rate
+    if rate is None or len(rate) < FEWEST:
+        return None
+    for name, axis in zip("xyz", np.abs(rate).T, strict=True):
+        most, pinned = float(axis.max()), axis == axis.max()
+        free = axis[~pinned]
+        share = float(pinned.mean())
+        if share < PINNED or len(free) < FEWEST or (np.diff(free) == 0).mean() > PINNED:
+            continue
+        top = figure(float(np.degrees(most)))
+        return Finding(
+            "inertial unit",
+            "check",
+            f"the gyro never reads more than {top}°/s about {name}, and just that in "
+            f"{100 * share:.0f} % of the rows: it clips",
+            "set a wider range of the gyro, or turn more slowly",
+        )
+    return None
