@@ -10,6 +10,7 @@ import numpy as np
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
+from agonic.inflight.fit.orbit_errors import judge_swing_with_orbit, swings_with_orbit
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.torquers import list_torquer_findings
 from agonic.maths.equation.coverage import find_nearest_axis
@@ -36,6 +37,7 @@ def examine(fit: InflightFit, problem: Problem, samples: Samples) -> InflightFit
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
+        *judge_swing_with_orbit(fit, samples),
         *_scale(fit),
         *_axes(samples),
         *_undetermined(fit, problem.magnitude),
@@ -53,7 +55,8 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> list[Fin
     if impossible is not None:
         return [Finding("track", "refuse", *impossible)]
     mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
-    if fit.noise < SUSPICIOUS * problem.magnitude and not mostly_lasting:
+    small = fit.noise < SUSPICIOUS * problem.magnitude
+    if small and not mostly_lasting and not swings_with_orbit(fit, samples):
         return []
     cause = find_likely_cause(fit, problem, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"

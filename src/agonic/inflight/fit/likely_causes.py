@@ -30,6 +30,10 @@ FLAT2 = (1.0 - FLATTENING) ** 2
 SOME = 400
 FAR_BETTER = 0.5
 """A cause is named when it would leave less than this share of what is unexplained."""
+BETTER = 0.75
+"""The same for a clock's error, which is found to the second: chance does not make it."""
+CLOCK_OFF_S = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
+"""Errors of a clock, or along a track of old elements, that are tried before the nearest second."""
 
 
 class Cause(NamedTuple):
@@ -66,7 +70,10 @@ def find_likely_cause(fit: InflightFit, problem: Problem, samples: Samples) -> C
         return None
     now = _misfit(some)
     best, found = FAR_BETTER * now, None
-    for cause, change in _mistakes(some):
+    off = _find_clock_mistake(some, samples)
+    if off is not None and (left := _misfit(off[1](some))) < BETTER * now:
+        best, found = min(left, best), off[0]
+    for cause, change in _mistakes(some, samples):
         try:
             left = _misfit(change(some))
         except (AgonicError, ValueError):
@@ -95,15 +102,17 @@ def _misfit(samples: Samples) -> float:
     return left / max(float(square.std()), 1e-12)
 
 
-def _mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+def _mistakes(
+    samples: Samples, track: Samples
+) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     """The usual mistakes, each with the change that would undo it."""
-    yield from _time_mistakes()
+    yield from _time_mistakes(track)
     yield from _place_mistakes(samples)
     yield from _altitude_mistakes(samples)
     yield from _date_mistakes(samples)
 
 
-def _time_mistakes() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+def _time_mistakes(track: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     for seconds, words in (
         (18.0, "18 s (GPS time taken for UTC)"),
         (-18.0, "−18 s (UTC taken for GPS time)"),
@@ -115,8 +124,34 @@ def _time_mistakes() -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
     ):
         yield (
             Cause(f"positions {words} off in time would explain it", "check the time scale"),
-            _shift_time(seconds),
+            _shift_time(seconds, track),
         )
+
+
+def _find_clock_mistake(
+    samples: Samples, track: Samples
+) -> tuple[Cause, Callable[[Samples], Samples]] | None:
+    """The clock's error that leaves least: near the best of a few, by parabolas."""
+
+    def measure(seconds: float) -> float:
+        try:
+            return _misfit(_shift_time(seconds, track)(samples))
+        except (AgonicError, ValueError):
+            return float("inf")
+
+    best = min((sign * off for off in CLOCK_OFF_S for sign in (-1.0, 1.0)), key=measure)
+    step = abs(best) / 2
+    for _ in range(3):
+        left = np.square([measure(one) for one in (best - step, best, best + step)])
+        bend = left[0] - 2 * left[1] + left[2]
+        if np.isfinite(bend) and bend > 0:
+            best += float(np.clip((left[0] - left[2]) / bend / 2, -1.0, 1.0)) * step
+        step /= 2
+    if abs(best) < 1.0 or not np.isfinite(measure(best)):
+        return None
+    words = f"positions {best:.0f} s off in time would explain it".replace("-", "−")
+    move = "check the clock of the log, and the age of two-line elements"
+    return Cause(words, move), _shift_time(best, track)
 
 
 def _place_mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
@@ -169,19 +204,20 @@ def _from_inertial(samples: Samples) -> Samples:
     return samples.with_columns(longitude_deg=(samples.longitude_deg - turned + 180) % 360 - 180)
 
 
-def _shift_time(seconds: float) -> Callable[[Samples], Samples]:
-    """The track as it would be if the positions were recorded so many seconds later."""
+def _shift_time(seconds: float, track: Samples) -> Callable[[Samples], Samples]:
+    """The samples as they would be if their track was recorded so many seconds later."""
 
     def change(samples: Samples) -> Samples:
         assert samples.time is not None
+        assert track.time is not None
         then = samples.time + seconds
-        within = (then >= samples.time[0]) & (then <= samples.time[-1])
+        within = (then >= track.time[0]) & (then <= track.time[-1])
         if within.sum() < 0.3 * len(then):
             raise ValueError("moving the times leaves too little of the track")
         moved = {
-            name: np.interp(then, samples.time, np.unwrap(values, period=360.0))
+            name: np.interp(then, track.time, np.unwrap(values, period=360.0))
             for name in ("latitude_deg", "longitude_deg", "altitude_m")
-            if (values := getattr(samples, name)) is not None
+            if (values := getattr(track, name)) is not None
         }
         moved["longitude_deg"] = wrap_deg(moved["longitude_deg"])
         return samples.with_columns(**moved).select(within)
