@@ -170,3 +170,31 @@ def test_talk_between_axes_of_a_level_vehicle_is_no_other_mounting() -> None:
     assert check_mounting(level, down) is find_mounting(level, down) is None
     naming = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     assert check_mounting(level @ naming, down) is not None
+
+
+@pytest.mark.parametrize(
+    ("mirror", "told"),
+    [
+        (np.diag([-1.0, 1.0, 1.0]), "pitch seems counted"),
+        (np.diag([1.0, -1.0, 1.0]), "roll seems counted"),
+        (np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, 1]]), "roll and pitch seem exchanged in"),
+    ],
+)
+def test_roll_or_pitch_of_a_boat_counted_the_wrong_way_round(mirror, told) -> None:
+    """Tilts of some degrees beside soft iron of 5 %; a sensor upside down looks the same but for
+    the sign of the vertical."""
+    rng = np.random.default_rng(5)
+    heading, pitch, roll = np.cumsum(rng.normal(size=1000)), *rng.normal(size=(2, 1000)) * 0.08
+    down = np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], 1)
+    north = np.stack([np.cos(heading), -np.sin(heading), np.zeros(1000)], axis=1)
+    north -= down * np.sum(north * down, axis=1)[:, None]
+    north /= np.linalg.norm(north, axis=1)[:, None]
+    iron = np.array([[1.03, 0.02, -0.03], [0.02, 0.98, 0.02], [-0.03, 0.02, 1.0]])
+    readings = (0.44 * north + 0.9 * down + 0.003 * rng.normal(size=down.shape)) @ iron + 0.1
+    assert check_mounting(readings, down, 0.9) is None
+    found = check_mounting(readings, down @ mirror, 0.9)
+    assert found is not None
+    assert found.name == "attitude"
+    assert told in found.what
+    upside_down = check_mounting(-readings, down @ mirror, 0.9)
+    assert upside_down is None or upside_down.name == "mounting"

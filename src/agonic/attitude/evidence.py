@@ -96,7 +96,8 @@ def assess(
     own = replace(coverage, heading_sd_deg=mounted.own_sd_deg)
     found = _findings(samples, replace(evidence, coverage=own), problem, cleaned, channels, tilt_sd)
     told = check_turned_sensor(mounted, turned) if "dip" in channels else None
-    column = _check_heading(plain, cleaned, samples, problem, weights > 0)
+    bent = {f.name for f in found if f.severity == "refuse"} & {"mounting", "attitude"}
+    column = None if bent else _check_heading(plain, cleaned, samples, problem, weights > 0)
     if column is not None:
         found = tuple(f for f in found if f.name != column.name)
     felt, doubted = problem.shared is not None, told is not None and told.severity != "note"
@@ -239,9 +240,10 @@ def _findings(
     seen = inspect(samples)
     if any(finding.severity == "refuse" for finding in seen):
         return seen
-    misplaced = None if problem.dip is None else check_mounting(cleaned, problem.dip.down)
-    if misplaced is not None:
-        return (misplaced, *seen)
+    if (by_dip := problem.dip) is not None:  # a felt tilt has the signs of its accelerometer
+        vertical = None if problem.shared is not None else float(np.mean(by_dip.vertical))
+        if (misplaced := check_mounting(cleaned, by_dip.down, vertical)) is not None:
+            return (misplaced, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
     examined = examine(evidence, attitude_aided=True)

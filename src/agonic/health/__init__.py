@@ -13,7 +13,7 @@ from agonic.health.finding import (
     sort_findings,
     verdict_of,
 )
-from agonic.health.mounting import check_axes, check_mounting, find_mounting
+from agonic.health.mounting import check_axes, check_mounting, find_mounting, find_side
 from agonic.health.outliers import check_outliers
 from agonic.health.readings import (
     FEWEST,
@@ -51,6 +51,7 @@ __all__ = [
     "find_mounting",
     "find_quantisation",
     "find_rounding",
+    "find_side",
     "find_usable_rows",
     "inspect",
     "sentences",

@@ -28,6 +28,21 @@ NEAR_GRAVITY = 0.1
 """Acceleration further off gravity, by this share of it, tells no vertical."""
 UPRIGHT_SD = 0.03
 """How well an accelerometer at rest knows the vertical, in radians."""
+STEEP = 0.3
+"""Of the readings: a vertical that is less may have its sign from iron."""
+TALK = 0.1
+"""Attitudes good to 0.3° beside axes that talk to each other by 5 %: noise over talk."""
+MIRRORED = 0.015
+"""Of the field: a vertical that varies by less shows nothing, or does not matter."""
+MIRRORS = (
+    ("pitch seems counted the other way round", np.diag([-1.0, 1.0, 1.0])),
+    ("roll seems counted the other way round", np.diag([1.0, -1.0, 1.0])),
+    ("roll and pitch seem exchanged", np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, 1]])),
+    (
+        "roll and pitch seem exchanged and both counted the other way round",
+        np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]),
+    ),
+)
 FEWEST_TILTS = 8
 """So many directions of gravity, in steps of about 15°, tell the 48 namings of axes apart."""
 _MOST = 20_000  # readings that are enough to tell axes apart
@@ -45,11 +60,15 @@ def find_mounting(readings: Array, down: Array) -> Array | None:
     return turns[best] if clear and misfit[0] > _find_crosstalk(readings) else None
 
 
-def check_mounting(readings: Array, down: Array) -> Finding | None:
+def check_mounting(readings: Array, down: Array, vertical: float | None = None) -> Finding | None:
     """The finding that the sensor sits in the vehicle by another right angle than its axes say.
 
-    Parameters: readings (n, 3) and the direction of down in body axes (n, 3).
+    Parameters: readings (n, 3) and the direction of down in body axes (n, 3); `vertical` field of
+    the place where roll and pitch were recorded, which may be counted the wrong way round.
     """
+    mirrored = None if vertical is None else _check_mirrored(readings, down, vertical)
+    if mirrored is not None:
+        return mirrored
     turns = right_angles()
     misfit = vertical_misfit(readings, down, turns)
     best = int(np.argmin(misfit))
@@ -110,6 +129,43 @@ def check_axes(
         f"name the axes of the magnetometer, or those of {beside}, rightly and calibrate again: "
         "the calibration holds for the axes as named, a heading from both would be wrong",
     )
+
+
+def _check_mirrored(readings: Array, down: Array, vertical: float) -> Finding | None:
+    """The finding that roll or pitch is counted the wrong way round, or the two are exchanged.
+
+    Each is a mirror image of the attitude, which no mounting of a sensor is. Soft iron and a
+    misalignment are allowed for: a vehicle that tilts by a few degrees shows no more than they do.
+
+    The vertical field's sign tells a mirror image from a sensor upside down.
+    """
+    size = float(np.median(np.linalg.norm(readings, axis=1)))
+    turns = right_angles()
+    misfit = vertical_misfit(readings / max(size, 1e-300), down, turns, talk=TALK)
+    best, rival = np.argsort(misfit)[:2]
+    looks = next((said for said, mirror in MIRRORS if np.array_equal(-turns[best], mirror)), None)
+    clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
+    if looks is None or not clear or misfit[0] < MIRRORED:
+        return None
+    if find_side(readings, down, -turns[best], vertical) <= 0:
+        return None
+    return Finding(
+        "attitude",
+        "refuse",
+        f"{looks} in the attitude beside these readings, or an axis of the magnetometer is "
+        f"reversed: the vertical field is then constant to {figure(100 * misfit[best])} %, as "
+        f"recorded to {figure(100 * misfit[0])} %",
+        "correct roll and pitch (right wing down and nose up are positive), or name the axes of "
+        "the magnetometer rightly, and calibrate again",
+    )
+
+
+def find_side(readings: Array, down: Array, turn: Array, vertical: float) -> int:
+    """Whether turned readings (n, 3) show a vertical of the sign of that of the place: 1, −1 where
+    they show the other, 0 where it is small enough for iron to have made it."""
+    shown = np.einsum("ni,ij,nj->n", down, turn, readings) * np.sign(vertical)
+    share = float(np.mean(shown) / np.median(np.linalg.norm(readings, axis=1)))
+    return int(np.sign(share)) if abs(share) > STEEP else 0
 
 
 def _find_crosstalk(readings: Array) -> float:

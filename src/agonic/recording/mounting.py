@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.mounting import turn_calibration
 from agonic.errors import AgonicError
-from agonic.health import FEWEST, Finding, find_mounting, find_usable_rows, sentences
+from agonic.health import (
+    FEWEST,
+    Finding,
+    find_mounting,
+    find_side,
+    find_usable_rows,
+    sentences,
+)
 from agonic.inertial.attitude import feel_attitude
 from agonic.logs.natural import Given, as_samples
 from agonic.maths.rotations.attitude import down_b
@@ -87,7 +94,12 @@ def find_turn(samples: Samples, reference: Reference | None) -> Array | None:
     else:
         return None
     rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)
-    return find_mounting(samples.field[rows], down[rows]) if rows.sum() >= FEWEST else None
+    if rows.sum() < FEWEST:
+        return None
+    readings, down = samples.field[rows], down[rows]
+    turn = find_mounting(readings, down)
+    upside_down = turn is not None and find_side(readings, down, turn, dip) < 0
+    return None if upside_down else turn
 
 
 def _tell_turn(result: Calibrated, turn: Array) -> Calibrated:

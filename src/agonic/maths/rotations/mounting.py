@@ -33,6 +33,7 @@ def vertical_misfit(
     weights: Array | None = None,
     *,
     centred: bool = False,
+    talk: float = 0.0,
 ) -> Array:
     """How badly the vertical field is constant for each mounting, (k,), rms over all readings.
 
@@ -45,7 +46,9 @@ def vertical_misfit(
     of Z is free.
 
     Parameters: readings (n, 3), down (n, 3) in body axes, turns (k, 3, 3) from sensor to body axes,
-    weights (n,) of the readings; `centred` where they are calibrated, so that b is 0.
+    weights (n,) of the readings; `centred` where they are calibrated, so that b is 0. With `talk`,
+    which belongs to readings of unit size, W may differ from g: the misfit is the least of
+    (misfit² with R + A) + talk² |A|², where |A| is the root of the sum of squares.
     """
     n = len(readings)
     weights = np.ones(n) if weights is None else weights
@@ -56,6 +59,8 @@ def vertical_misfit(
     gram = (table * weights[:, None]).T @ table / weights.sum()
     among, across, known = gram[:9, :9], gram[:9, 9:], gram[9:, 9:]
     left = among - across @ np.linalg.pinv(known, rcond=1e-12, hermitian=True) @ across.T
+    if talk:  # the minimum over A, in closed form
+        left = talk**2 * np.linalg.solve(left + talk**2 * np.eye(9), left)
     forms = turns.reshape(-1, 9)
     squares = np.einsum("ki,ij,kj->k", forms, left, forms)
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))

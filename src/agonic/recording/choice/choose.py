@@ -260,11 +260,11 @@ def _tell(choice: Choice, refused: Choice) -> Choice:
     """A choice with what refused the fit before it: the log's attitude has to be looked at.
 
     What the choice says itself is not told again, nor, where it names axes, a mounting by right
-    angles, nor what a gyro in another unit or of other axes made of the fit beside it.
+    angles or an attitude, nor what a gyro of another unit or axes made of the fit beside it.
     """
     grave = [finding for finding in refused.fit.findings if finding.severity == "refuse"]
     said = {finding.name for finding in choice.fit.findings}
-    said |= {"mounting"} if "axes" in said else set()
+    said |= {"mounting", "attitude"} if "axes" in said else set()
     if "inertial unit" in said:
         said |= {finding.name for finding in refused.fit.findings}
     told = [replace(one, severity="check") for one in grave if one.name not in said]
