@@ -10,7 +10,11 @@ import numpy as np
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
-from agonic.inflight.fit.orbit_errors import judge_swing_with_orbit, swings_with_orbit
+from agonic.inflight.fit.orbit_errors import (
+    judge_sunlight,
+    judge_swing_with_orbit,
+    swings_with_orbit,
+)
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.torquers import list_torquer_findings
 from agonic.maths.equation.coverage import find_nearest_axis
@@ -18,6 +22,7 @@ from agonic.samples import Samples
 
 if TYPE_CHECKING:
     from agonic.inflight.fit.problem import Problem
+    from agonic.inflight.fit.sunlight import Sunlight
 
 
 SUSPICIOUS = 0.003
@@ -32,12 +37,15 @@ OUTLIERS_DOUBTFUL = 0.1
 ATTITUDE_DOUBTFUL_DEG = 5.0
 
 
-def examine(fit: InflightFit, problem: Problem, samples: Samples) -> InflightFit:
+def examine(
+    fit: InflightFit, problem: Problem, samples: Samples, sunlight: Sunlight | None = None
+) -> InflightFit:
     """The fit with findings, refusals first, and remarks."""
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
         *judge_swing_with_orbit(fit, samples),
+        *judge_sunlight(sunlight),
         *_scale(fit),
         *_axes(samples),
         *_undetermined(fit, problem.magnitude),

@@ -25,6 +25,7 @@ from agonic.inflight.fit.problem import (
 )
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import find_estimate
+from agonic.inflight.fit.sunlight import allow_for_sunlight
 from agonic.inflight.fit.torquers import (
     leave_out_unmodelled,
     measure_since_switch,
@@ -133,7 +134,8 @@ def fit_inflight(
     if settled is not problem:
         problem, estimate = find_estimate(settled)
     estimate = allow_for_unseen_drift(problem, estimate)
-    return evidence.examine(build_result(problem, estimate, samples), problem, samples)
+    estimate, sunlight = allow_for_sunlight(problem, estimate)
+    return evidence.examine(build_result(problem, estimate, samples), problem, samples, sunlight)
 
 
 def _pose_problem(

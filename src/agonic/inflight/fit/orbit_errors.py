@@ -12,6 +12,7 @@ from agonic.samples import Samples
 
 if TYPE_CHECKING:
     from agonic.inflight.fit.result import InflightFit
+    from agonic.inflight.fit.sunlight import Sunlight
 
 GRAVITY_M3_S2 = 3.986004418e14
 WITHIN = 0.5
@@ -38,6 +39,22 @@ def judge_swing_with_orbit(fit: InflightFit, samples: Samples) -> list[Finding]:
             "of the clock or the track, sunlight, or heat, and its standard errors do not hold",
             "check clock, date and heights; fit with the temperature and the currents on board "
             "(--temperature, --with), and where the bias changes but slowly give --knots",
+        )
+    ]
+
+
+def judge_sunlight(sunlight: Sunlight | None) -> list[Finding]:
+    """A bias that is another in sunlight than in the shadow of the Earth."""
+    if sunlight is None or not sunlight.sure:
+        return []
+    return [
+        Finding(
+            "sunlight",
+            "check",
+            f"the bias goes with the sunlight, by {figure(sunlight.size)} nT (rms over the "
+            "record), which is in its standard error now",
+            "record the currents of the solar panels and the temperature beside the sensor, and "
+            "fit with them (--with, --temperature); beside an attitude, check that as well",
         )
     ]
 

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, LogError
 from agonic.inflight.fit.problem import Attitude, ExpectedDirection
-from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad
+from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.eclipse import find_eclipsed
 from agonic.maths.earth.geodesy import (
     directions,
@@ -110,6 +110,15 @@ def find_eclipse(samples: Samples) -> Mask | None:
     if track is None or np.median(track[2]) < LOWEST_ORBIT_M:
         return None
     return find_eclipsed(*track, _unix(samples))
+
+
+def find_sun_height(samples: Samples) -> Array | None:
+    """The sine of the Sun's height above the horizon of each row, (n,); None as for the eclipse."""
+    position = _position_i(samples)
+    if position is None:
+        return None
+    up = position[0] / np.linalg.norm(position[0], axis=0)
+    return np.asarray((up * sun_i(_unix(samples))).sum(axis=0))
 
 
 def _position_i(samples: Samples) -> tuple[Array, Array] | None:
