@@ -103,6 +103,12 @@ class TrackerState:
     external_time_s: float = 600.0
     gyro_unused: str = ""
 
+    def moved(self, **changed: object) -> TrackerState:
+        """The state with some facts replaced: as `replace`, at a fraction of its time."""
+        other = object.__new__(TrackerState)
+        other.__dict__.update(self.__dict__, **changed)
+        return other
+
     def settle_params(self, params: TrackerParams) -> TrackerParams:
         """The settings with what was found of errors with memory, where it was not given."""
         if params.external_sd is not None or not self.external_sd:

@@ -253,8 +253,7 @@ def _step(
         rows = np.concatenate([recent.rows, taken])
         recent = Recent(before=recent.before, middle=recent.middle, rows=rows)
         recent = recent if jumped else keep_recent(recent, estimate)
-    after = replace(
-        state,
+    after = state.moved(
         estimate=estimate,
         opening=opening,
         recent=recent,

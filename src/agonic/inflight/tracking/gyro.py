@@ -104,8 +104,7 @@ def step(
     model = _find_model(state, params)
     estimate, seen, jumped = turning.advance(before, model, rows, compiled=fast)
     taken = rows[: len(seen.used)]
-    after = replace(
-        state,
+    after = state.moved(
         estimate=estimate,
         n=state.n + len(taken),
         refused=state.refused + int(np.count_nonzero(~seen.used)),

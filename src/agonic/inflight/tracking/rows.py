@@ -23,9 +23,9 @@ def make_rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
         raise AgonicError(f"time, raw and magnitude differ in length ({error})") from None
     if not len(rows):
         raise AgonicError("no readings were given")
-    if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
+    if not isfinite(np.add.reduce(rows, axis=None)):  # quicker than to ask each of the numbers
         raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
-    if rows[:, 4].min() <= 0:
+    if np.minimum.reduce(rows[:, 4]) <= 0:
         raise UnitError("a reference magnitude must be above zero, in nT")
     return rows
 

@@ -28,7 +28,7 @@ def prior(m: int = 10, bias_sd: float = 500.0, external: float = 20.0) -> kalman
 
 def test_the_jacobian_is_that_of_the_distance_residual() -> None:
     row, h = rows_of(1)[0], [0.0] * 10
-    r, steepness = ud_filter._residual(STATE.tolist(), row.tolist(), 100.0, h)
+    r, steepness = ud_filter._residual(STATE.tolist(), row.tolist(), 100.0, h, 10)
     expected, jacobian = magnitude_residual(
         row[None, 1:4], WHOLE[:3], WHOLE[3:].reshape(3, 3), row[4] + STATE[0], 100.0
     )
@@ -38,7 +38,9 @@ def test_the_jacobian_is_that_of_the_distance_residual() -> None:
         step = np.zeros(10)
         step[k] = 1e-3 if k < 4 else 1e-7
         ahead, behind = (
-            ud_filter._residual((STATE + sign * step).tolist(), row.tolist(), 0.0, [0.0] * 10)[0]
+            ud_filter._residual((STATE + sign * step).tolist(), row.tolist(), 0.0, [0.0] * 10, 10)[
+                0
+            ]
             for sign in (1, -1)
         )
         assert h[k] == pytest.approx((ahead - behind) / (2 * step[k]), rel=1e-5, abs=1e-5)
@@ -60,7 +62,7 @@ def test_updates_are_those_of_the_textbook(m: int) -> None:
         walked = [400 * (1 - decay[0, 0] ** 2), *[9.0] * 3, *[model.matrix_walk**2] * 6][:m]
         p = decay @ p @ decay.T + np.diag(walked)
         last, h = row[0], [0.0] * 10
-        r, _ = ud_filter._residual(x.tolist(), row.tolist(), 100.0, h)
+        r, _ = ud_filter._residual(x.tolist(), row.tolist(), 100.0, h, 10)
         jacobian = np.array(h[:m])
         gain = p @ jacobian / (jacobian @ p @ jacobian + 1e4)
         x[:m] -= gain * r

@@ -200,8 +200,8 @@ def advance(
         done, jump = run(np.ascontiguousarray(rows), *parts, tuple(model), about, fixed, seen, room)
     table = np.array(seen[:done]).reshape(-1, ud_filter.SEEN)
     found = Seen(table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3], table[:, 4:])
-    white = (found.residual / found.sd)[found.used]
-    sums = running_batch_means.add(sums, found.jacobian[found.used], white)
+    taken = table if np.logical_and.reduce(found.used) else table[found.used]
+    sums = running_batch_means.add(sums, taken[:, 4:], taken[:, 0] / taken[:, 1])
     x, columns, diagonal, watch = (np.asarray(part) for part in parts)
     return FilterState(x, columns, diagonal, watch, sums), found, bool(jump)
 

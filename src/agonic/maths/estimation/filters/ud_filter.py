@@ -50,7 +50,7 @@ def run(
         row, out = rows[done], seen[done]
         pass_time(row[0] - watch[TIME], model, x, columns, diagonal, f)
         watch[TIME] = row[0]
-        r, steepness = _residual(about if linearised else x, row, noise, h)
+        r, steepness = _residual(about if linearised else x, row, noise, h, m)
         if linearised:
             for i in range(m):
                 r += h[i] * (x[i] - about[i])
@@ -61,7 +61,7 @@ def run(
         out[0], out[1], out[2] = r * steepness, sd * steepness, 1.0 if used else 0.0
         clipped = min(max(z, -_CLIP), _CLIP)
         out[3] = clipped
-        for i in range(10):
+        for i in range(m):
             out[4 + i] = h[i] / sd
         if used:
             absorb(noise, columns, diagonal, f, gain)
@@ -76,8 +76,8 @@ def run(
     return len(rows), False
 
 
-def _residual(x: Any, row: Any, noise: float, h: Any) -> tuple[float, float]:
-    """r and its Jacobian by the ten numbers (into h), and |s|; see `affine.magnitude_residual`."""
+def _residual(x: Any, row: Any, noise: float, h: Any, m: int) -> tuple[float, float]:
+    """r and its Jacobian by the first m numbers (into h), and |s|; see `magnitude_residual`."""
     xx, yy, zz, xy, xz, yz = x[4], x[5], x[6], x[7], x[8], x[9]
     dx, dy, dz = row[1] - x[1], row[2] - x[2], row[3] - x[3]
     ux, uy, uz = (
@@ -104,18 +104,19 @@ def _residual(x: Any, row: Any, noise: float, h: Any) -> tuple[float, float]:
     px, py, pz = (tx - ex * along) / size, (ty - ey * along) / size, (tz - ez * along) / size
     r = (size - row[4] - x[0]) / steep
     ax, ay, az = (ex - px * r) / steep, (ey - py * r) / steep, (ez - pz * r) / steep
-    q = r / steep
-    ex, ey, ez = ex * q, ey * q, ez * q
     h[0] = -1.0 / steep
     h[1] = -(xx * ax + xy * ay + xz * az)
     h[2] = -(xy * ax + yy * ay + yz * az)
     h[3] = -(xz * ax + yz * ay + zz * az)
-    h[4] = ax * dx - ex * nx
-    h[5] = ay * dy - ey * ny
-    h[6] = az * dz - ez * nz
-    h[7] = ax * dy + ay * dx - ex * ny - ey * nx
-    h[8] = ax * dz + az * dx - ex * nz - ez * nx
-    h[9] = ay * dz + az * dy - ey * nz - ez * ny
+    if m > 4:
+        q = r / steep
+        ex, ey, ez = ex * q, ey * q, ez * q
+        h[4] = ax * dx - ex * nx
+        h[5] = ay * dy - ey * ny
+        h[6] = az * dz - ez * nz
+        h[7] = ax * dy + ay * dx - ex * ny - ey * nx
+        h[8] = ax * dz + az * dx - ex * nz - ez * nx
+        h[9] = ay * dz + az * dy - ey * nz - ez * ny
     whole = xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz)
     bend = (whole - square) / size - 4.0 * (tx * px + ty * py + tz * pz)
     return r - noise * noise * 0.5 * bend / steep, steep
@@ -146,15 +147,16 @@ def add_variance(i: int, variance: float, columns: Any, diagonal: Any, a: Any) -
         a[j] = 0.0
     a[i] = 1.0
     for k in range(i, -1, -1):
-        known = diagonal[k]
-        total = known + variance * a[k] * a[k]
+        known, part = diagonal[k], a[k]
+        total = known + variance * part * part
         if total > 0.0:
             diagonal[k] = total
-            share = variance * a[k] / total
+            share = variance * part / total
             column = columns[k]
             for j in range(k):
-                a[j] -= a[k] * column[j]
-                column[j] += share * a[j]
+                entry = column[j]
+                rest = a[j] - part * entry
+                a[j], column[j] = rest, entry + share * rest
             variance *= known / total
 
 

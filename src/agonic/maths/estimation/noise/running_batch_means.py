@@ -70,11 +70,8 @@ def add(before: RunningBatchMeans, jacobian: Array, innovation: Array) -> Runnin
     while done < len(innovation):
         rows = slice(done, done + SHORTEST - before.rows)
         w, z = jacobian[rows], innovation[rows]
-        before = before._replace(
-            score=before.score + z @ w,
-            pending=before.pending + w.T @ w,
-            rows=before.rows + len(z),
-        )
+        score, pending = before.score + z @ w, before.pending + w.T @ w
+        before = RunningBatchMeans(score, pending, before.rows + len(z), *before[3:])
         done += len(z)
         if before.rows == SHORTEST:
             before = _finish(before)
