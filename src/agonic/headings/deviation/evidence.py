@@ -29,6 +29,7 @@ THIRD_DOUBTFUL_DEG = 1.0
 SIGNIFICANT = 0.01
 DRIFT_SIGNIFICANT = 0.001
 DRIFT_LEAST_DEG = 0.5
+DRIFT_LIKELY = 0.36  # one in a hundred swings without drift
 
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 
@@ -38,7 +39,7 @@ class Evidence:
     """The readings (n,), their rows (n, k), the solution, and the card made of it.
 
     `level` (5,) and `chosen` (9,) mark the terms that were fitted; `weighted` says whether the
-    robust loss was free to leave out outliers.
+    robust loss was free to leave out outliers, `drifting` how likely the reference drifted.
     """
 
     compass_deg: Array
@@ -50,6 +51,7 @@ class Evidence:
     stated_noise_deg: float | None
     left_out: int
     weighted: bool
+    drifting: float = 0.0
 
 
 def examine(evidence: Evidence) -> tuple[Finding, ...]:
@@ -233,13 +235,19 @@ def _drift(evidence: Evidence) -> Finding | None:
     variance = float(w @ left**2) / (n - k) * correlation_length(left, w)
     size = abs(float(found[-1]))
     t = size / np.sqrt(max(variance * inverse[-1, -1], 1e-24))
-    if size < DRIFT_LEAST_DEG or 2 * stdtr(n - k, -t) > DRIFT_SIGNIFICANT:
+    if size >= DRIFT_LEAST_DEG and 2 * stdtr(n - k, -t) <= DRIFT_SIGNIFICANT:
+        what = (
+            f"the deviation changes by {figure(size)}° from the first reading to the last, beside "
+        )
+        what += "what the heading explains"
+    elif evidence.drifting > DRIFT_LIKELY:
+        what = "the readings wander in the order they were taken, beside what the heading explains"
+    else:
         return None
     return Finding(
         "drift",
         "check",
-        f"the deviation changes by {figure(size)}° from the first reading to the last, beside what "
-        "the heading explains",
+        what,
         "steer the first heading again: if it reads otherwise the reference drifts; let it settle, "
         "or swing once more the other way round",
     )

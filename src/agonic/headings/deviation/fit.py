@@ -17,6 +17,7 @@ from agonic.fit import Estimated
 from agonic.headings.deviation.evidence import Evidence, examine
 from agonic.headings.deviation.readings import SwingReadings, select_complete
 from agonic.headings.maths import swing_plan
+from agonic.headings.maths.reference_drift import ReferenceDrift, average_over_drift
 from agonic.health import Finding, figure
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrap_deg
@@ -118,6 +119,8 @@ def fit_deviation(
     rows = readings.rows[:, chosen]
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
     solved, as_stated = _solved(rows, readings.difference, weighted, noise_deg)
+    drift = _average_over_drift(rows, solved, weighted, as_stated)
+    solved = solved._replace(covariance=drift.covariance)
     asked = {
         "terms": terms,
         "robust": robust,
@@ -150,6 +153,7 @@ def fit_deviation(
         stated_noise_deg=noise_deg,
         left_out=readings.left_out,
         weighted=weighted,
+        drifting=drift.probability,
     )
     return _finished(evidence, _classical(readings))
 
@@ -202,6 +206,17 @@ def _solved(
     if freedom < 1 or chdtrc(freedom, freedom * (solved.noise / noise_deg) ** 2) > 0.01:
         return solved, True
     return kernel.solve(rows, difference, robust=robust), False
+
+
+def _average_over_drift(
+    rows: Array, solved: kernel.DeviationSolution, weighted: bool, as_stated: bool
+) -> ReferenceDrift:
+    """With what a drift of the reference may add, unless a stated noise holds or correlated
+    residuals have told it."""
+    if as_stated or solved.correlation > 1.0:
+        return ReferenceDrift(solved.covariance, 0.0)
+    used = solved.weights > 0 if weighted else np.ones(len(rows), dtype=bool)
+    return average_over_drift(rows[used], solved.residuals[used], solved.covariance)
 
 
 def _noise(solved: kernel.DeviationSolution, stated: float | None) -> float | None:

@@ -150,6 +150,7 @@ def make_form(compass_deg: ArrayLike, *, roll_deg: ArrayLike | None = None) -> s
     head = [
         "# Steer each heading in turn until the compass is at rest. Write what the compass reads",
         "# and the magnetic heading from a better source (call the column true_deg if it is true).",
+        "# At the end steer the first heading again: if it reads otherwise, the reference drifts.",
         *(f"# {name}: {f'({hint})' if hint else ''}".rstrip() for name, hint in REMARKS.items()),
     ]
     if roll_deg is None:

@@ -1,0 +1,80 @@
+"""A reference that may drift over a swing, averaged over instead of tested for.
+
+A gyro or a bearing that drifts while the vehicle goes round once looks like A to E: what is left of
+it in the residuals of eight or twelve headings is too little for a test to see.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.maths.estimation.leastsq import inverse
+
+DRIFTING = 0.06
+"""How likely a reference that drifts is before the swing is seen: with it, intervals of 95 % of
+swings without drift still hold 93 to 98 %."""
+RATIOS = (1.0, 4.0, 16.0, 64.0)
+"""Variances of the drift, in those of a reading."""
+LENGTH = 0.5
+"""Share of the swing over which the drift keeps to itself."""
+MOST = 100
+"""With more readings their own correlation tells."""
+
+
+class ReferenceDrift(NamedTuple):
+    """Covariance (k, k) averaged over drift, and how likely a drift is."""
+
+    covariance: Array
+    probability: float
+
+
+def average_over_drift(rows: Array, residuals: Array, covariance: Array) -> ReferenceDrift:
+    """The covariance of least squares whose errors may be correlated in the order of the readings.
+
+    Errors with the covariance s² R, R = I + r exp(−|i − j|/l), have the restricted likelihood
+
+        |R|^(−1/2) |XᵀR⁻¹X|^(−1/2) (eᵀR⁻¹e)^(−(n − k)/2)
+
+    with s² = eᵀR⁻¹e/(n − k). By it the covariances H s²R Hᵀ, H = (XᵀX)⁻¹Xᵀ, of all r are averaged
+    (Hoeting et al. 1999).
+
+    Parameters: rows X (n, k) and residuals (n,) in the order they were taken, and the covariance
+    (k, k) without drift.
+
+    >>> turn = np.radians(np.arange(0.0, 360.0, 30.0))
+    >>> rows = np.column_stack([np.ones(12), np.sin(turn), np.cos(turn)])
+    >>> left = np.resize([1.0, -1.0], 12)
+    >>> bool(average_over_drift(rows, left, np.eye(3)).probability < DRIFTING)
+    True
+    """
+    n, k = rows.shape
+    if n <= k or n > MOST:
+        return ReferenceDrift(covariance, 0.0)
+    place = np.arange(n)
+    slow = np.exp(-np.abs(place[:, None] - place) / (LENGTH * n))
+    onto = np.linalg.pinv(rows)
+    scores, spreads = [], []
+    for ratio in (0.0, *RATIOS):
+        spread = np.eye(n) + ratio * slow
+        score, variance = _score(rows, residuals, spread)
+        scores.append(score)
+        spreads.append(covariance if ratio == 0.0 else variance * onto @ spread @ onto.T)
+    prior = np.array([1 - DRIFTING, *[DRIFTING / len(RATIOS)] * len(RATIOS)])
+    likely = prior * np.exp(np.array(scores) - max(scores))
+    likely /= likely.sum()
+    averaged = np.einsum("r,rij->ij", likely, np.array(spreads))
+    return ReferenceDrift(averaged, float(1 - likely[0]))
+
+
+def _score(rows: Array, residuals: Array, spread: Array) -> tuple[float, float]:
+    """Logarithm of the restricted likelihood, and the variance s² of a reading."""
+    freedom = len(rows) - rows.shape[1]
+    weight = inverse(spread)
+    information = rows.T @ weight @ rows
+    left = residuals - rows @ (inverse(information) @ (rows.T @ weight @ residuals))
+    squares = max(float(left @ weight @ left), 1e-24)
+    size = float(np.linalg.slogdet(spread)[1] + np.linalg.slogdet(information)[1])
+    return -size / 2 - freedom / 2 * float(np.log(squares)), squares / freedom
