@@ -14,7 +14,7 @@ from agonic.errors import AgonicError, CoverageError, LogError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
 from agonic.health import Finding
-from agonic.health.inertial_unit import find_stopped_readings
+from agonic.health.inertial_unit import find_stopped_readings, leave_out_faulty
 from agonic.recording.choice.fits import (
     Choice,
     fit_alone,
@@ -79,16 +79,15 @@ def _choose(
         if kind != "auto" or reference is None:
             return alone
         return join_disturbers(alone, samples, reference, reason, settings)
-    if method == "inertial" and (reference is None or reference.values.ndim == 1):
-        plain = {"sources": (), **settings}  # what disturbs on board is chosen by a known field
-        return fit_beside_attitude(samples, reference, method, reason, plain)
+    if kind == "auto" and method == "inertial":
+        return _choose_surer(samples, reference, reason, settings)
+    if method == "inertial":
+        return _fit_inertial(samples, reference, reason, settings)
     if reference is None:
         raise AgonicError(
             f"{method}: this fit needs the field of the place: give it (--at LAT,LON, --date), or "
             "a reference with horizontal and vertical intensity"
         )
-    if kind == "auto" and method == "inertial":
-        return _choose_surer(samples, reference, reason, settings)
     if method == "vector" and (doubt := check_heading_source(samples, reference)) is not None:
         return _without_heading(samples, reference, kind, settings, doubt)
     aided = fit_beside_attitude(samples, reference, method, reason, settings)
@@ -127,10 +126,12 @@ def _without_heading(
 
 def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
     """The word of the method, and why."""
-    if reference is None:
-        lacks = describe_missing(samples)
-        return "ellipsoid", f"{lacks}, so only the steadiness of the magnitude counts"
-    if reference.kind not in ("vector", "horizontal-vertical"):
+    if reference is None or reference.kind not in ("vector", "horizontal-vertical"):
+        if samples.roll_deg is None and _has_unit(samples):
+            return "inertial", "accelerometer and gyro tell how the sensor turned, and the dip"
+        if reference is None:
+            lacks = describe_missing(samples)
+            return "ellipsoid", f"{lacks}, so only the steadiness of the magnitude counts"
         return "ellipsoid", "no reference but the magnitude of the field is known"
     if samples.roll_deg is None or samples.pitch_deg is None:
         if samples.acceleration is None:
@@ -145,8 +146,28 @@ def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, 
     return "vector", "the whole attitude was recorded and the field of the place is known"
 
 
+def _has_unit(samples: Samples) -> bool:
+    """Whether the samples hold accelerometer and gyro, and nothing is wrong with either."""
+    if samples.time is None or samples.acceleration is None or samples.rotation_rate is None:
+        return False
+    usable = leave_out_faulty(samples)[0]
+    return usable.acceleration is not None and usable.rotation_rate is not None
+
+
+def _lacks_dip(reference: Reference | None) -> bool:
+    return reference is None or reference.values.ndim == 1
+
+
+def _fit_inertial(
+    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
+) -> Choice:
+    """The fit beside accelerometer and gyro; what disturbs on board is chosen by a known field."""
+    given = {"sources": (), **settings} if _lacks_dip(reference) else settings
+    return fit_beside_attitude(samples, reference, "inertial", reason, given)
+
+
 def _choose_surer(
-    samples: Samples, reference: Reference, reason: str, settings: Mapping[str, Any]
+    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
     """The fit beside accelerometer and gyro, or that by the magnitude alone where it is as sure."""
     alone = aided = None
@@ -158,7 +179,10 @@ def _choose_surer(
     if alone is not None and _is_sure(alone.fit):
         return replace(alone, reason=enough)
     try:
-        aided = fit_beside_attitude(samples, reference, "inertial", reason, settings)
+        aided = _fit_inertial(samples, reference, reason, settings)
+        if alone is not None and _lacks_dip(reference) and settings.get("inclination_deg") is None:
+            found = {"inclination_deg": aided.fit.coverage.inclination_deg}
+            alone = fit_alone(samples, reference, {**settings, **found})  # heading by heading
     except CoverageError:
         if alone is None:
             raise failed from None
