@@ -22,6 +22,7 @@ from agonic.units import find_unit
 
 METADATA = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
+_LONG = 1_000_000  # bytes from which a checksum takes longer than the start of a thread
 
 
 def open_log(
@@ -79,10 +80,12 @@ def _unpack(file: Path) -> AbstractContextManager[tuple[Path, tuple[str, ...]]]:
 def _open_plain(plain: Path, file: Path, unit: str | None) -> Log:
     """The log of a file that lies unpacked at `plain`, with the name and the hash of itself."""
     kind = _identify(plain)
+    source = Input(name=file.name, sha256="", count=0)
+    if file.is_file() and file.stat().st_size < _LONG:
+        return _sign(_read(kind, plain, source, unit), _hash(file))
     with ThreadPoolExecutor(1) as beside:
         hashed = beside.submit(_hash, file)  # a tenth of the time, on another core
-        log = _read(kind, plain, Input(name=file.name, sha256="", count=0), unit)
-        return _sign(log, hashed.result())
+        return _sign(_read(kind, plain, source, unit), hashed.result())
 
 
 def _open_remote(file: Remote, *, unit: str | None, columns: str | Mapping[str, str] | None) -> Log:
