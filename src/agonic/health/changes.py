@@ -19,7 +19,7 @@ from agonic.health.finding import Finding, figure
 from agonic.health.moments import describe_moments
 from agonic.health.outliers import find_stretches
 from agonic.maths.equation.bias_states import find_bias_states
-from agonic.maths.equation.crowding import choose_evenly, find_spread_rows
+from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows
 from agonic.maths.estimation.changes.bias_change import (
     find_bias_change,
     find_seen_shift,
@@ -155,7 +155,7 @@ def _bridge(edges: Index, n: int) -> Index:
 
 def _stretch_of_its_own(e: Evidence) -> _Change | None:
     """A bias that was another for a while, by more than the noise can hide."""
-    rows = find_spread_rows(e.readings, most=MOST_ROWS)
+    rows = choose_spread_rows(e.crowding, most=MOST_ROWS)
     residuals, normals, places = _on_the_surface(e, rows)
     found = _find_stretch(residuals / e.radius, normals, places)
     if found is None:

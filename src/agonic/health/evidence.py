@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from agonic.arrays import Array
 from agonic.coverage import Coverage
+from agonic.maths.equation.crowding import weigh_places
 
 HEADING_REFUSED_DEG = 10.0
 HEADING_DOUBTFUL_DEG = 2.0
@@ -45,3 +47,8 @@ class Evidence:
     known_radius: float | None = None
     unknowns: int = 9
     unit: str = "nT"
+
+    @cached_property
+    def crowding(self) -> Array:
+        """Weights (n,) of the readings, less where many say the same."""
+        return weigh_places(self.readings)

@@ -21,7 +21,7 @@ from agonic.health.evidence import (
 from agonic.health.finding import Finding, figure
 from agonic.health.outliers import find_outliers
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
-from agonic.maths.equation.crowding import choose_evenly, count_orientations, find_spread_rows
+from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows, count_orientations
 
 EXPLAINS = 0.5
 """Of what scatters about a fit: a change that leaves less is what makes the heading uncertain."""
@@ -53,7 +53,7 @@ def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Findin
 
 def _static(e: Evidence) -> Finding | None:
     """Readings that hardly move: far less than the field would move them, or a ball of noise."""
-    some = e.readings[find_spread_rows(e.readings, most=MOST_ROWS)]
+    some = e.readings[choose_spread_rows(e.crowding, most=MOST_ROWS)]
     low, high = np.percentile(some, (2, 98), axis=0)
     spread = float((high - low).max() / 2)
     at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius
@@ -100,8 +100,9 @@ def _gaussian(readings: Array) -> bool:
 
 def _flat(e: Evidence) -> Finding | None:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
-    used = e.readings[(e.weights > 0) | (e.weights == 0).all()]
-    some = (choose_evenly(len(used), MOST_ROWS), find_spread_rows(used))
+    counted = (e.weights > 0) | (e.weights == 0).all()
+    used, crowding = e.readings[counted], e.crowding[counted]
+    some = choose_evenly(len(used), MOST_ROWS), choose_spread_rows(crowding, most=MOST_ROWS)
     thick, normal = max(
         (measure_thickness(used[rows]) for rows in some), key=lambda measured: measured[0]
     )

@@ -13,7 +13,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
 from agonic.maths.equation.coverage import field_covariance
-from agonic.maths.equation.crowding import count_orientations, find_places, weigh_crowded
+from agonic.maths.equation.crowding import count_orientations, weigh_places
 from agonic.maths.rotations.angles import angle_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -68,7 +68,7 @@ def fit_folds(
 
 def cut_blocks(samples: Samples) -> tuple[Index, Array]:
     """The block of time of each row (n,), and what each row counts (n,)."""
-    weights = weigh_crowded(find_places(samples.field))
+    weights = weigh_places(samples.field)
     told = np.cumsum(weights)
     return np.minimum((told * (BLOCKS / told[-1])).astype(int), BLOCKS - 1), weights
 

@@ -12,11 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation.affine import NO_SHARE, AttitudeShare, split
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.equation.coverage import find_cells
-from agonic.maths.equation.crowding import choose_evenly, find_spread_rows, weigh_crowded
+from agonic.maths.equation.crowding import (
+    choose_evenly,
+    choose_spread_rows,
+    weigh_crowded,
+    weigh_places,
+)
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.batch_means import STRETCHES, compute_scatter
@@ -69,7 +74,9 @@ def estimate(
 def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
     """The best minimum of all readings."""
     n = len(problem.points)
-    rows = find_spread_rows(problem.points, most=_ENOUGH)
+    weights = weigh_places(problem.points)
+    spread = choose_spread_rows(weights)
+    rows = choose_spread_rows(weights, most=_ENOUGH)
     tried: list[Estimate] = []
     for chosen in (rows, choose_evenly(n, _ENOUGH)):
         few = problem if len(chosen) == n else problem.subset(chosen)
@@ -81,9 +88,16 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
         if not again:
             tried.append(found)
         elif not any(_leads_to(found.solution.params, one) for one in tried):
-            tried.append(refine(problem, found.solution.params, robust))
+            tried.append(refine(problem, found.solution.params, robust, spread))
         if agreed or len(rows) == min(n, _ENOUGH):
             break
+    return _choose_likeliest(problem, tried)
+
+
+def _choose_likeliest(problem: Problem, tried: Sequence[Estimate]) -> Estimate:
+    """The minimum about which the readings are the least unlikely; the only one as it is."""
+    if len(tried) == 1:
+        return tried[0]
     return min(tried, key=lambda found: _compute_surprise(problem, found))
 
 
@@ -93,21 +107,22 @@ def _search(few: Problem, robust: bool, seed: int, known: Sequence[Estimate]) ->
     Nothing where all starts lead to minima that are known.
     """
     algebraic = fit_algebraic(few)
+    spread = choose_spread_rows(weigh_places(few.points))
     tried: list[Estimate] = []
     if algebraic is not None:
-        found = refine(few, algebraic, robust)
+        found = refine(few, algebraic, robust, spread)
         if _agrees(few, found):
             return found
     for start in find_starts(few, algebraic, robust, seed):
         if any(_leads_to(start, one) for one in (*known, *tried)):
             continue
-        anew = _refine_anew(few, start, robust, (*known, *tried))
+        anew = _refine_anew(few, start, robust, spread, (*known, *tried))
         if anew is None:
             continue
         tried.append(anew)
         if _agrees(few, anew):
             break
-    return min(tried, key=lambda found: _compute_surprise(few, found)) if tried else None
+    return _choose_likeliest(few, tried) if tried else None
 
 
 def _leads_to(start: Array, found: Estimate) -> bool:
@@ -117,22 +132,23 @@ def _leads_to(start: Array, found: Estimate) -> bool:
     return bool(apart @ leastsq.inverse(found.solution.covariance) @ apart < 1.0)
 
 
-def refine(problem: Problem, params: Array, robust: bool) -> Estimate:
+def refine(problem: Problem, params: Array, robust: bool, spread: Index | None = None) -> Estimate:
     """The minimum on all readings that count, from a near start; noise level and correlation of
-    each channel are taken from its residuals."""
-    found = _refine_anew(problem, params, robust, ())
+    each channel are taken from its residuals, its size from those of rows `spread` over all that
+    was seen, where these are known."""
+    rows = choose_spread_rows(weigh_places(problem.points)) if spread is None else spread
+    found = _refine_anew(problem, params, robust, rows, ())
     assert found is not None
     return found
 
 
 def _refine_anew(
-    problem: Problem, params: Array, robust: bool, known: Sequence[Estimate]
+    problem: Problem, params: Array, robust: bool, rows: Index, known: Sequence[Estimate]
 ) -> Estimate | None:
     """The same, or nothing as soon as the way leads to a minimum that is known."""
     prior = problem.prior(problem.soft_iron_sd)
     channels, count = problem.channels, len(params)
     residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
-    rows = find_spread_rows(problem.points)
     typical = None if len(rows) == len(problem.points) else rows
     least = max(problem.rounding, 1e-9)
     unknowns = {channel: count + problem.eliminated.get(channel, 0) for channel in channels}
