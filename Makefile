@@ -17,8 +17,9 @@ help:  ## show this list
 demo: $(VENV)/.core  ## set up and run the main job on a simulated log
 	$(BIN)/agonic demo -o demo
 
+# Bytecode is kept, or every process that a test starts compiles the code anew.
 test: $(VENV)/.dev  ## set up and run every test
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.dev  ## lint, types, layers, formatting
 	$(BIN)/ruff check .

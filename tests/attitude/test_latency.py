@@ -77,14 +77,14 @@ def late(
 )
 def test_latency_is_unbiased_and_its_standard_error_honest(kind, methods, settings) -> None:
     settings = {"late_ms": 3, **settings}
-    logs = [late(kind, seed=seed, **settings) for seed in range(16)]
+    logs = [late(kind, seed=seed, **settings) for seed in range(8)]
     for method in methods:
         fits = [fit_latency(log, method=method) for log in logs]
         assert all(fit.known and fit.method == method for fit in fits)
         errors = [1000 * fit.latency_s - settings["late_ms"] for fit in fits]
         told = [1000 * fit.sd_s for fit in fits]
         z = np.array(errors) / np.array(told)
-        assert abs(z.mean()) < 0.85  # 3.4 standard errors of the mean of sixteen
+        assert abs(z.mean()) < 0.85  # 2.4 standard errors of the mean of eight
         assert 0.2 < np.sqrt(np.mean(z**2)) < 1.55  # 10 Hz hardly resolves a hand: told so
         assert np.median(told) < (2.0 if kind == "flight" else 0.6)
 
@@ -241,7 +241,7 @@ def test_fitted_and_undone_nothing_is_left() -> None:
 def test_on_time_is_not_called_late(kind: str, attitude_deg: float) -> None:
     """A car's few gentle turns, and attitudes whose errors last for seconds."""
     z = []
-    for seed in range(12):
+    for seed in range(8):
         samples = simulate(kind, n=2500, seed=seed).samples
         noise = np.random.default_rng(seed).standard_normal((3000, 3))
         error = attitude_deg * lfilter([np.sqrt(1 - 0.99**2)], [1, -0.99], noise, axis=0)[500:]

@@ -240,7 +240,7 @@ def test_files_units_and_clocks_are_those_of_the_samples(write, tmp_path) -> Non
 def test_memory_stays(write, monkeypatch) -> None:
     monkeypatch.setattr(large_scan, "MOST", 5000)
     peaks = []
-    for n in (100_000, 400_000):
+    for n in (50_000, 200_000):
         mission = replace(write(readings(n, 1)), strip=8192)
         tracemalloc.start()
         ag.fit_recording(mission, REFERENCE)

@@ -24,7 +24,7 @@ from agonic.reference import Reference
 from agonic.simulation import simulate
 from tests.headings.flights import FIELD, each_row, flight, off_deg, plain, setup_for, truth_of
 
-DRAWS = 200
+DRAWS = 120
 SD_WITHIN = 3 / np.sqrt(2 * DRAWS)
 MEAN_WITHIN = 3 / np.sqrt(DRAWS)
 

@@ -24,7 +24,7 @@ from agonic.simulation import (
 )
 
 FIELD = 50_000.0
-SEEDS = range(4)
+SEEDS = range(3)
 Make = Callable[[int, int], ag.Samples]  # of the number of readings and the seed
 
 

@@ -70,7 +70,7 @@ def test_acceleration_of_the_opposite_sign_is_named() -> None:
 
 def test_sensors_that_no_attitude_fits_are_refused_and_named() -> None:
     """The joint estimate has no minimum there: its steps leave every possible calibration."""
-    _, logged, place = drive("boat", n=2000)
+    _, logged, place = drive("boat", n=800)
     fit = ag.fit_inertial(logged.with_columns(acceleration=-logged.acceleration), place)
     assert fit.verdict == "refused"
     assert "no attitude fits all three; check their units, signs" in fit.status

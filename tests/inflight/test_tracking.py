@@ -73,7 +73,7 @@ def batch(samples: ag.Samples, magnitude: float, at: np.ndarray) -> leastsq.Solu
 @pytest.mark.parametrize("n", [300, 5000])
 def test_without_walk_it_equals_the_batch_fit(n: int) -> None:
     """From no knowledge at all, with a bias larger than the field."""
-    for seed in range(6):
+    for seed in range(3):
         made = simulate("tumble", n=n, noise=NOISE, seed=seed)
         assert made.samples.time is not None
         state, _ = update(
@@ -86,10 +86,9 @@ def test_without_walk_it_equals_the_batch_fit(n: int) -> None:
         assert np.sqrt(np.diag(state.estimate.covariance)[1:]) == pytest.approx(sd, rel=0.08)
 
 
-@pytest.mark.parametrize("kind", ["held still", "walking", "external", "all"])
+@pytest.mark.parametrize("kind", ["held still", "all"])
 def test_error_over_sd_is_standard_normal(kind: str) -> None:
-    walk = 3.0 if kind in ("walking", "all") else 0.0
-    external = 60.0 if kind in ("external", "all") else 0.0
+    walk, external = (3.0, 60.0) if kind == "all" else (0.0, 0.0)
     params = replace(PARAMS, walk=walk, external_sd=external, bias_sd=2000.0)
     sd = np.array([300.0] * 3 + [0.003] * 6)
     z = []
@@ -209,7 +208,7 @@ def test_one_reading_at_a_time_is_the_same() -> None:
 def test_jumps_are_found_dated_and_measured() -> None:
     """3 µT: within two minutes, dated to seconds, as large as it was; and nothing else is."""
     z = []
-    for seed in range(12):
+    for seed in range(7):
         jump = np.random.default_rng(70 + seed).standard_normal(3)
         jump *= 3000 / np.linalg.norm(jump)
         samples, reference, bias, _ = orbiting(seed, walk=1.0, jump=jump)
@@ -231,7 +230,7 @@ def test_a_start_from_nothing_knows_how_little_it_knows() -> None:
     """One side to the Earth, the field turns once an orbit: for half of one several biases fit."""
     params = TrackerParams(walk=0.4, external_sd=20.0, history_s=0.0)
     moments, errors = (16, 64, 100, 512, 1000, 2048, 4200, 6000), []
-    for seed in range(1, 9):
+    for seed in range(1, 6):
         made = simulate_orbit(n=6000, seed=seed, thermal=0.0, pointing="nadir")
         known = ag.igrf().along(made.samples).magnitudes(6000)
         state, done = start(None, params), 0
@@ -257,7 +256,7 @@ def test_a_jump_before_the_bias_has_settled_is_found() -> None:
 
 
 def test_no_jump_is_found_where_there_is_none() -> None:
-    samples, reference, _, _ = orbiting(4, n=100_000, walk=0.3, external=60.0, strays=0.01)
+    samples, reference, _, _ = orbiting(4, n=60_000, walk=0.3, external=60.0, strays=0.01)
     tracker = Tracker(params=replace(PARAMS, walk=0.3, external_sd=60.0))
     tracker.update(samples, reference)
     assert tracker.jumps == ()
@@ -267,7 +266,7 @@ def test_no_jump_is_found_where_there_is_none() -> None:
 def test_noise_with_memory_is_no_jump_and_is_in_the_standard_error(kept: float) -> None:
     """As much of it as of white noise; a white model says 2.4 and 7.6, and sees jumps."""
     z = []
-    for seed in range(10):
+    for seed in range(6):
         samples, reference, bias, _ = orbiting(seed)
         rng = np.random.default_rng(7000 + seed)
         stirred = NOISE * np.sqrt(1 - kept**2) * rng.standard_normal((len(samples) + 200, 3))
@@ -286,7 +285,7 @@ def test_a_slow_error_of_the_reference_that_nobody_stated_is_no_jump_and_is_told
 ) -> None:
     """By the first readings alone errors are up to 27 standard errors, in silence."""
     decay, told = np.exp(-1 / time_s), 0
-    for seed in range(8):
+    for seed in range(6):
         samples, reference, bias, _ = orbiting(seed)
         rng = np.random.default_rng(7000 + seed)
         warm = int(10 * time_s)
@@ -302,7 +301,7 @@ def test_a_slow_error_of_the_reference_that_nobody_stated_is_no_jump_and_is_told
 
 
 def test_white_noise_is_not_called_correlated() -> None:
-    for seed in range(12):
+    for seed in range(8):
         samples, reference, _, _ = orbiting(100 + seed)
         tracker = Tracker()
         tracker.update(samples, reference)
@@ -388,11 +387,11 @@ def test_only_what_is_asked_for_moves(solve, moved: int) -> None:
 
 
 def test_the_walk_is_chosen_by_prediction() -> None:
-    samples, reference, _, _ = orbiting(10, walk=10.0)
+    samples, reference, _, _ = orbiting(10, n=1500, walk=10.0)
     choice = choose_walk(samples, reference, params=PARAMS)
     assert 3.0 < choice.walk < 35.0
     assert choice.residual_rms.min() < 0.9 * choice.residual_rms[0]
-    still, reference, _, _ = orbiting(10)
+    still, reference, _, _ = orbiting(10, n=1500)
     assert choose_walk(still, reference, params=PARAMS).walk <= 0.32
 
 

@@ -37,7 +37,7 @@ def draws() -> dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
         "known": [],
         "off by 1°": [],
     }
-    for seed in range(16):
+    for seed in range(12):
         for kind, found in made.items():
             drawn = campaign(seed, fixture_deg=1.0 if kind == "off by 1°" else 0.0)
             stations = "unknown" if kind == "unknown" else "known"
@@ -53,10 +53,10 @@ def draws() -> dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
 @pytest.mark.parametrize("kind", ["unknown", "known", "off by 1°"])
 def test_error_over_sd_is_standard_normal_at_every_temperature(draws, kind: str) -> None:
     z = np.array([error / sd for error, sd, _ in draws[kind]])
-    # nine coefficients of 16 campaigns, mildly correlated: a scatter of 0.07 or so
+    # nine coefficients of 12 campaigns, mildly correlated: a scatter of 0.08 or so
     assert np.sqrt(np.mean(z**2, axis=(0, 2))) == pytest.approx(np.ones(13), abs=0.25)
     assert rms(z) == pytest.approx(1.0, abs=0.13)
-    assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(16)
+    assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(12)
 
 
 @pytest.mark.parametrize("kind", ["unknown", "known"])
@@ -130,7 +130,7 @@ def test_without_a_magnitude_the_mean_gain_is_one() -> None:
     assert free.calibration.magnitude == pytest.approx(FIELD / gain, rel=1e-6)
     assert "mean gain" in free.status
     z = []
-    for seed in range(8):
+    for seed in range(5):
         made = campaign(200 + seed)
         fit = fit_thermal(made.samples, **WIDE)
         scale = np.trace(made.truth.matrix_at(fit.calibration.centre_C)) / 3
