@@ -130,3 +130,19 @@ def test_few_orientations_state_an_error_that_holds(orientations: int) -> None:
         off = Rotation.from_matrix(fit.rot_bm @ made.rot_bm.T).as_rotvec(degrees=True)
         z.append(off / fit.sd_deg)
     assert np.mean(np.abs(z) < 1.96) > 0.92
+
+
+def test_a_mirrored_axis_is_named() -> None:
+    """It fits as well as a turn; the field then dips up, which it does in the south only."""
+    made = simulate_gravity(rate_Hz=10.0, seed=5).samples
+    mirrored = made.with_columns(field=made.field * [1.0, 1.0, -1.0])
+    assert [f.name for f in fit_gravity(mirrored).findings] == ["dips the wrong way"]
+    swapped = made.with_columns(field=made.field[:, [1, 0, 2]])
+    assert fit_gravity(swapped).verdict == "check"
+    south = simulate_gravity(field_n=(18_870.0, 1_390.0, -45_750.0), rate_Hz=10.0, seed=5).samples
+    assert fit_gravity(south).ok
+    at = np.full(len(south.field), -33.0)
+    turned = south.with_columns(field=south.field * [-1.0, -1.0, 1.0], latitude_deg=at)
+    assert fit_gravity(turned).ok
+    mirrored_south = south.with_columns(field=south.field * [1.0, -1.0, 1.0], latitude_deg=at)
+    assert fit_gravity(mirrored_south).verdict == "check"

@@ -186,6 +186,12 @@ def test_findings_of_a_sheet() -> None:
     assert fit_di_flux(short, magnitude=48_800.0).ok
     with pytest.raises(CoverageError, match="level and"):
         fit_di_flux(replace(short, zenith_deg=np.full(16, 90.0)))
+    order = np.arange(18)
+    order[[8, 9, 14, 15]] = [14, 15, 8, 9]  # the first of the inclination now looks south
+    circles = {n: getattr(made.sheet, n)[order] for n in ("horizontal_deg", "zenith_deg")}
+    assert "reads backwards" in {
+        f.name for f in fit_di_flux(replace(made.sheet, **circles)).findings
+    }
 
 
 @pytest.mark.parametrize("drift_arcsec", [5.0, 20.0])

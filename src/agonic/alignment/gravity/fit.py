@@ -27,6 +27,10 @@ OPEN_DEG, LOOSE_DEG = 5.0, 1.0
 MISFIT = 0.02
 """Share of the field that the vertical component may scatter by."""
 ODD_GRAVITY = 0.03
+TURNED_DEG = 90.0
+"""A turn as large may stand for an axis of the wrong sign, with the field turned round."""
+EQUATOR_DEG = 25.0
+"""Beyond this latitude the field dips down in the north and up in the south everywhere."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +132,8 @@ def fit_gravity(
         field=means,
         magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
     )
-    judged = replace(fit, findings=tuple(_findings(fit, gravity)))
+    dips = _dips_wrong(fit, samples.latitude_deg)
+    judged = replace(fit, findings=(*_findings(fit, gravity), *dips))
     return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(fit))
 
 
@@ -225,6 +230,28 @@ def _findings(fit: GravityFit, gravity: Array) -> list[Finding]:
             )
         )
     return said
+
+
+def _dips_wrong(fit: GravityFit, latitude_deg: Array | None) -> list[Finding]:
+    """An axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
+    where M mirrors, and the field then dips the other way. Only the hemisphere tells."""
+    dip = fit.inclination_deg
+    north = float("nan") if latitude_deg is None else float(np.nanmedian(latitude_deg))
+    known = abs(north) > EQUATOR_DEG
+    if (known and dip * north >= 0) or (not known and (dip >= 0 or fit.angle_deg < TURNED_DEG)):
+        return []
+    way = "up" if dip < 0 else "down"
+    here = f"at latitude {north:.0f}° it does not" if known else "it does so in the south only"
+    return [
+        Finding(
+            "dips the wrong way",
+            "check",
+            f"by this fit the field dips {way} by {abs(dip):.0f}°, and {here}: an axis of the "
+            "magnetometer or accelerometer with the wrong sign, or two exchanged, fits as well",
+            "compare the axes with the data sheets"
+            + ("" if known else ", or log latitude_deg if this is south of the magnetic equator"),
+        )
+    ]
 
 
 def _axis(fit: GravityFit) -> str:

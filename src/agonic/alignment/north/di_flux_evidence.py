@@ -21,6 +21,7 @@ def examine(fit: DiFluxFit, at: Settings) -> tuple[Finding, ...]:
         _mark(fit),
         _off_meridian(fit, at),
         _no_scale(fit),
+        _backwards(fit),
         _disagree(fit),
         _collimation(fit),
     )
@@ -57,6 +58,17 @@ def _no_scale(fit: DiFluxFit) -> Finding | None:
         "neither the total field nor a reading of known tilt tells what a unit of the fluxgate is"
     )
     return Finding("no scale", "check", what, "give --field")
+
+
+def _backwards(fit: DiFluxFit) -> Finding | None:
+    """The field turned round with a fluxgate turned round reads the same at all settings."""
+    if fit.estimate.params[-1] > 0:
+        return None
+    what = (
+        "the fluxgate reads less where the field along it is more: its sign is reversed, or the "
+        "first setting of the inclination does not look north and the field dips the other way"
+    )
+    return Finding("reads backwards", "check", what, "look for settings that were exchanged")
 
 
 def _disagree(fit: DiFluxFit) -> Finding | None:

@@ -112,4 +112,4 @@ class DiFluxFit(Judged):
     @property
     def noise_arcsec(self) -> float:
         """What is left of a setting, as an angle of the field."""
-        return self.estimate.noise / self.scale / ARCSEC_RAD
+        return abs(self.estimate.noise / self.scale) / ARCSEC_RAD
