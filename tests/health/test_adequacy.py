@@ -151,6 +151,15 @@ def test_a_field_that_differs_by_attitude_is_seen_by_what_lasts_on_one_side_or_a
     assert np.median(over) > 0.2
 
 
+def test_where_most_of_the_error_is_for_what_may_be_noise_a_note_says_so() -> None:
+    for faults, told in (((coloured(0.9, 200.0),), True), ((), False)):
+        _, fit = fitted(3, *faults, n=2000)
+        notes = [f for f in fit.findings if f.name == "noise with memory"]
+        assert [f.severity for f in notes] == ["note"] * told
+        assert (fit.calibration.hidden_bias is not None) == told
+        assert fit.verdict == "good"
+
+
 def test_what_lasts_may_go_with_the_turning_and_counts_for_the_heading() -> None:
     """Noise with memory and a field that differs by place look alike: the standard errors are those
     of noise, the heading's holds what a bias may have of the other."""

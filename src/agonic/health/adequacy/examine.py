@@ -18,6 +18,9 @@ from agonic.health.finding import Finding, figure
 DOUBTFUL_DEG = 0.5
 """Of heading: what the model leaves open beyond this asks for a look."""
 
+SEEN_DEG = 0.2
+"""Of heading: nobody looks for what is less."""
+
 CAUSES: dict[str, tuple[str, str]] = {
     "non-linear": (
         "the sensor is not linear: its readings bend",
@@ -124,22 +127,44 @@ def describe_model_errors(
 ) -> tuple[Finding, ...]:
     """A finding for each cause, none where another finding already names it.
 
-    A check where it matters beside what was stated without it, else a note; nothing of what only
-    may be there.
+    A check where it matters beside what was stated without it, else a note; of what only may be
+    there nothing, but for what lasts: it is said where it is most of a heading's doubtful error.
     """
     if any(finding.severity == "refuse" for finding in others):
         return ()
     told = any(finding.name in ("field changed", "two sensors mixed") for finding in others)
-    return tuple(
+    shown = tuple(
         _finding(error, unit)
         for error in errors
         if error.probability == 1.0 and not (told and error.cause in _MOVING_CAUSES)
     )
+    lasting = (error for error in errors if error.cause == "lasting" and _leads(error))
+    return (*shown, *(_say_what_lasts(error, unit) for error in lasting))
+
+
+def _say_what_lasts(error: ModelError, unit: str) -> Finding:
+    return Finding(
+        "noise with memory",
+        "note",
+        f"residuals of {figure(error.size)} {unit} rms last while the sensor turns: noise with "
+        "memory, which averages out, or a field that differs from place to place, which does not "
+        f"and would leave the heading open by {figure(error.heading_deg)}°; turned on the spot, "
+        "away from iron, it is noise",
+    )
+
+
+def _leads(error: ModelError) -> bool:
+    """Whether a heading's error is most of all this one, and can be seen."""
+    return error.heading_deg > max(SEEN_DEG, error.stated_deg)
+
+
+def _matters(error: ModelError) -> bool:
+    return error.heading_deg > max(DOUBTFUL_DEG, error.stated_deg)
 
 
 def _finding(error: ModelError, unit: str) -> Finding:
     what, move = CAUSES[error.cause]
-    matters = error.heading_deg > max(DOUBTFUL_DEG, error.stated_deg)
+    matters = _matters(error)
     size = f", by {figure(error.size)} {unit} rms" if error.size else ""
     return Finding(
         error.cause,
