@@ -102,6 +102,21 @@ def test_without_a_place_it_is_asked_for():
     assert not told.done
 
 
+def test_what_is_saved_of_a_level_vehicle_gives_the_same_calibration_again(tmp_path):
+    """Acceleration and rates are saved with the readings, also where no place told their use."""
+    samples = drive(LEVEL, *(stand(0, pitch=tilt) for tilt in (8.0, -8.0)), turn(0, 720, 5.0))
+    live = LiveFit(magnitude=50_000.0)
+    live.add(samples.time, samples.field, get_motion(samples))
+    kept = ag.calibrate(live.samples)
+    saved = ag.read(ag.write_csv(live.samples, tmp_path / "readings.csv"))
+    assert saved.acceleration is not None
+    assert saved.rotation_rate is not None
+    again = ag.calibrate(saved)
+    assert again.method == kept.method == "inertial"
+    assert again.verdict == kept.verdict
+    np.testing.assert_allclose(again.calibration.bias, kept.calibration.bias)
+
+
 def test_what_is_turned_over_is_fitted_by_the_magnitude_as_before():
     made = ag.simulate("tumble", n=1500, noise=150.0).samples
     bare = LiveFit(magnitude=50_000.0)

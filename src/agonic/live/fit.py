@@ -16,12 +16,13 @@ from agonic.ellipsoid.calibration import Scale, make_calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding
-from agonic.live.aided import Aided, fit_aided, get_samples, plan_drive
+from agonic.live.aided import FEWEST, Aided, fit_aided, get_samples, plan_drive
 from agonic.live.files import load_state, save_state
 from agonic.live.guidance import Guidance, make_guidance, make_way
-from agonic.live.level import Level, see_level
+from agonic.live.level import Level, find_down, see_level
 from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
+from agonic.live.track import Track
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
 from agonic.recording.calibrated import calibrate_as_named, list_failed
@@ -176,9 +177,11 @@ class LiveFit:
     @property
     def samples(self) -> Samples:
         """The readings for the final calibration, in the order of their times: the first of every
-        direction, or the way that was driven where accelerometer and gyro tell more."""
+        direction, or the way that was driven, with acceleration and rates, where these tell more or
+        the vehicle stays level."""
         track, aided = self.state.track, self.aided
-        if track is not None and aided is not None and aided.chosen:
+        told = aided is not None and aided.chosen
+        if track is not None and (told or self._keeps_level(track)):
             return get_samples(self.params, track)
         kept = np.concatenate([self.state.kept, self.state.waiting])
         kept = kept[np.argsort(kept[:, 0], kind="stable")]
@@ -189,6 +192,9 @@ class LiveFit:
             name=self.params.name,
             device_id=self.params.device_id,
         )
+
+    def _keeps_level(self, track: Track) -> bool:
+        return len(track.slots) >= FEWEST and find_down(track) is not None
 
     def save(self, path: Path | str, *, origin: str = "") -> Path:
         """Write all that `resume` needs to go on, in one step; `origin` says where readings are

@@ -81,7 +81,7 @@ _PLACE_MISSING = Finding(
     "place",
     "check",
     "the vehicle stays level and the field of the place is not known, so accelerometer and gyro "
-    "are of no use",
+    "count only in what is accepted",
     "give the place (--at LAT,LON)",
 )
 
