@@ -6,12 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from agonic.calibration.base import select_columns
 from agonic.health import Finding, figure, inspect, sort_findings
 from agonic.network.fit.result import WORTH, NetworkFit
 from agonic.samples import Samples
 
 OUTLIERS_DOUBTFUL = 0.1
 FEW_PER_WEIGHT = 5.0
+LARGE = 0.03
+"""Residual over the field from which the reference is doubted: no sensor scatters by so much."""
+SOME = 500
 
 
 def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
@@ -19,6 +23,7 @@ def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_compared(fit),
+        *_targets(fit, samples),
         *_outliers(fit),
         *_few(fit),
         *_unfinished(fit),
@@ -37,6 +42,26 @@ def _compared(fit: NetworkFit) -> list[Finding]:
             "check" if comparison.ratio > 1 / WORTH else "note",
             f"{comparison.sentence}",
             "use the base; give the network what else changes (temperature, current), or none",
+        )
+    ]
+
+
+def _targets(fit: NetworkFit, samples: Samples) -> list[Finding]:
+    """Targets that have little to do with the readings."""
+    rows = np.flatnonzero(np.isfinite(fit.residuals[:, 0]))
+    rows = rows[:: max(len(rows) // SOME, 1)]
+    part = samples.select(rows)
+    seen, _ = fit.calibration.evaluated(part.field, select_columns(fit.calibration, part))
+    field = float(np.median(np.linalg.norm(seen, axis=1)))
+    if fit.noise < LARGE * field:
+        return []
+    return [
+        Finding(
+            "targets",
+            "check",
+            f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % of "
+            "the field: the reference hardly goes with the readings",
+            "check the times, axes, signs and unit of the reference, and of the attitude with it",
         )
     ]
 

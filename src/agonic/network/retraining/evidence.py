@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+from scipy.special import stdtrit
+
 from agonic.calibration.retraining import RetrainerState, Retraining
-from agonic.health import Finding
+from agonic.health import Finding, figure
+from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.network.fit.problem import compute_errors
+from agonic.network.retraining.candidates import correct
+
+BATCHES, FEWEST = 10, 10
+"""Batches of the window, and the fewest readings of one."""
+RARE = 1e-5
+LARGE = 2.0
+"""Standard deviations of a reading by which the residual must have moved to matter."""
 
 
 def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
@@ -34,6 +46,7 @@ def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
                 "pass on more readings",
             )
         )
+    found += _judge_drift(state)
     last = state.retrainings[-1] if state.retrainings else None
     if last is not None and last.poisoned:
         found.append(
@@ -47,6 +60,39 @@ def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
     if state.changes:
         found.append(_describe_changes(state.changes))
     return tuple(found)
+
+
+def _judge_drift(state: RetrainerState) -> list[Finding]:
+    """A residual that moves steadily through the window, by means of batches of it."""
+    rows = state.window
+    if state.running is None or state.onset is not None or len(rows) < FEWEST * BATCHES:
+        return []
+    left = compute_errors(correct(state.running, rows), rows.wanted)
+    means = np.array([np.median(part, axis=0) for part in np.array_split(left, BATCHES)])
+    pace = np.linspace(-0.5, 0.5, BATCHES)
+    slope = pace @ means / (pace @ pace)
+    rest = means - means.mean(axis=0) - np.outer(pace, slope)
+    sd = np.sqrt((rest**2).sum(axis=0) / (BATCHES - 2) / (pace @ pace))
+    limit = float(stdtrit(BATCHES - 2, 1.0 - RARE / 2))
+    moved = float(np.abs(slope).max())
+    scatter = robust_scale((left - np.repeat(means, _count_rows(len(left)), axis=0)).ravel())
+    if not (np.abs(slope) > limit * sd).any() or moved < LARGE * scatter:
+        return []
+    return [
+        Finding(
+            "residual drifts",
+            "check",
+            f"what is running errs steadily more: its residual moved by {figure(moved)} nT on an "
+            "axis through the window",
+            "train on a shorter window, for one that drifts is learned as its mean; look for what "
+            "warms up",
+        )
+    ]
+
+
+def _count_rows(n: int) -> list[int]:
+    """How many rows are in each batch."""
+    return [len(part) for part in np.array_split(np.arange(n), BATCHES)]
 
 
 def _describe_changes(changes: tuple[Retraining, ...]) -> Finding:
