@@ -229,3 +229,18 @@ def test_a_misread_turning_point_outweighs_the_stated_noise(blunder_arcsec: floa
         assert fit.verdict == "check"
         assert "readings scatter" in [finding.name for finding in fit.findings]
         assert abs(fit.north_deg - made.north_deg) * 3600 < 3.0 * fit.sd_arcsec
+
+
+def test_transits_whose_zero_moves_outweigh_the_stated_noise() -> None:
+    """A zero that moves by 60″ over four transits was good at up to four standard errors."""
+    z = []
+    for seed in range(8):
+        made = simulate_north(seed=seed, orientations=0)
+        session = replace(made.session, turning_deg=None, swing=None)
+        assert fit_north(session).ok
+        transits = session.transits
+        moved = transits.setting_deg + np.linspace(-30, 30, 4) / 3600
+        fit = fit_north(replace(session, transits=replace(transits, setting_deg=moved)))
+        assert [finding.name for finding in fit.findings] == ["readings scatter"]
+        z.append(3600 * (fit.north_deg - made.north_deg) / fit.sd_arcsec)
+    assert np.abs(z).max() < 2.0

@@ -127,7 +127,8 @@ def fit_transits(
 
     Where c is not given it comes from the settings: a Δt = (N − N′)/c is a straight line in N′,
     and N where it crosses zero; of two settings that is `fit_transit_constant`. The noise is that
-    of a Δt, `product_sd`; where it is NaN, that of the spread about the line.
+    of a Δt, `product_sd`, unless transits scatter by more; where it is NaN, that of the spread
+    about the line.
     """
     if constant is not None:
         return _with_constant(setting_deg, product, product_sd, constant, constant_sd)
@@ -135,14 +136,13 @@ def fit_transits(
     design = np.stack([np.ones(len(product)), setting_deg - middle], axis=1)
     line, *_ = np.linalg.lstsq(design, product, rcond=None)
     freedom = len(product) - 2
-    spread = np.linalg.inv(design.T @ design) * _variance(
-        product - design @ line, product_sd, freedom
-    )
+    variance, excess = _variance(product - design @ line, product_sd, freedom)
+    spread = np.linalg.inv(design.T @ design) * variance
     away = -line[0] / line[1]
     slope = np.array([-1 / line[1], line[0] / line[1] ** 2])
     sd = float(np.sqrt(slope @ spread @ slope))
     constant_sd = float(np.sqrt(spread[1, 1])) / line[1] ** 2
-    return North(middle + float(away), sd, freedom), float(-1 / line[1]), constant_sd
+    return North(middle + float(away), sd, freedom, excess), float(-1 / line[1]), constant_sd
 
 
 def _with_constant(
@@ -150,18 +150,20 @@ def _with_constant(
 ) -> tuple[North, float, float]:
     each = setting_deg + constant * product
     freedom = len(each) - 1
-    variance = _variance(each - each.mean(), constant * product_sd, freedom) / len(each)
-    sd = float(np.sqrt(variance + (constant_sd * product.mean()) ** 2))
-    return North(float(each.mean()), sd, freedom), constant, constant_sd
+    variance, excess = _variance(each - each.mean(), constant * product_sd, freedom)
+    sd = float(np.sqrt(variance / len(each) + (constant_sd * product.mean()) ** 2))
+    return North(float(each.mean()), sd, freedom, excess), constant, constant_sd
 
 
-def _variance(residuals: Array, stated_sd: Array, freedom: int) -> float:
-    """Of one transit: what is stated, or else the spread; NaN with neither."""
+def _variance(residuals: Array, stated_sd: Array, freedom: int) -> tuple[float, float]:
+    """Of one transit, and how many times the stated noise they scatter: what is stated, widened
+    where a zero that moves shows in them, or else the spread; NaN with neither."""
     if np.isfinite(stated_sd).all():
-        return float((stated_sd**2).mean())
+        excess = exceed_stated(float(((residuals / stated_sd) ** 2).sum()), freedom, 1.0)
+        return float((stated_sd**2).mean()) * excess**2, excess
     if not freedom > 0:
-        return float("nan")
-    return float((residuals**2).sum() / freedom) * compute_widening(freedom) ** 2
+        return float("nan"), 1.0
+    return float((residuals**2).sum() / freedom) * compute_widening(freedom) ** 2, 1.0
 
 
 def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
