@@ -208,4 +208,5 @@ def name_uncertainty(fit: Fit, plain: Array | None, errors: Sequence[ModelError]
         f"errors of the readings last, some as long as the log: they {leaves}",
         "let the sensor warm up, keep iron and currents as they are, and record longer",
     )
+    others = tuple(finding for finding in others if finding.name != memory.name)  # a note of it
     return replace(fit, findings=others).with_findings(memory)
