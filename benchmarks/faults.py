@@ -704,6 +704,60 @@ def another_vehicle(d: Draft) -> None:
     d.columns |= {"roll_deg": roll, "pitch_deg": pitch}
 
 
+def mirrored(name: str) -> Fault:
+    """Roll or pitch counted the wrong way round."""
+
+    def fault(d: Draft) -> None:
+        with_attitude(0.3)(d)
+        d.columns[name] = -d.columns[name]
+
+    return fault
+
+
+def held_attitude(rows: int) -> Fault:
+    """Attitude and heading of a slow unit, each held for so many rows."""
+
+    def fault(d: Draft) -> None:
+        with_attitude(0.3, heading=True, memory=0.9)(d)
+        held = np.arange(d.n) // rows * rows
+        d.columns |= {name: angle[held] for name, angle in d.columns.items()}
+
+    return fault
+
+
+def late_attitude(seconds: float) -> Fault:
+    """Attitude and heading that a slow link delivers late."""
+
+    def fault(d: Draft) -> None:
+        with_attitude(0.3, heading=True, memory=0.9)(d)
+        for name, angle in d.columns.items():
+            turning = np.unwrap(angle, period=360.0)
+            d.columns[name] = np.interp(d.time - seconds, d.time, turning)
+        d.columns["heading_deg"] %= 360
+
+    return fault
+
+
+def near_rebar(depth: float, strength: float = 2500.0) -> Fault:
+    """Carried on an arm, by hand, over four pieces of magnetised iron in the ground so many metres
+    below (dipoles; `strength`, nT at a metre)."""
+
+    def fault(d: Draft) -> None:
+        wander = [_smooth(d.n, d.rng, 0.15, 0.995) for _ in range(3)]
+        place = 0.25 * d.rot_nm.apply([1.0, 0.0, 0.0]) + np.stack(wander, axis=1)
+        change_n = np.zeros((d.n, 3))
+        for _ in range(4):
+            at, moment = np.array([*d.rng.normal(size=2) * 0.6, depth]), d.rng.normal(size=3)
+            moment /= np.linalg.norm(moment)
+            away = place - at
+            far = np.linalg.norm(away, axis=1, keepdims=True)
+            along = (away / far) @ moment
+            change_n += strength * (3 * away / far * along[:, None] - moment) / far**3
+        d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
+
+    return fault
+
+
 # --- the kinds -------------------------------------------------------------------------------
 
 
@@ -1017,6 +1071,11 @@ def _later() -> list[Kind]:
         Kind("gain switches by 1 % at 40 µT", tumble, (gain_switches(0.01),)),
         Kind("y wraps at 50 µT", tumble, (wraps(50_000.0),)),
         Kind("axes sampled 0.2 rows apart", tumble, (axes_apart(0.2),)),
+        Kind("pitch negated, tilts of 8°", tilts(8), (mirrored("pitch_deg"),)),
+        Kind("roll negated, tilts of 8°", tilts(8), (mirrored("roll_deg"),)),
+        Kind("attitude held for five rows", tilts(30), (held_attitude(5),)),
+        Kind("attitude 0.3 s late", tilts(30), (late_attitude(0.3),)),
+        *(Kind(f"tumbled {h:g} m above rebar", tumble, (near_rebar(h),)) for h in (1.0, 1.8)),
     ]
 
 

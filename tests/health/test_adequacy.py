@@ -15,6 +15,7 @@ from benchmarks.faults import (
     follows_pitch,
     follows_turns,
     mixed_sensors,
+    near_rebar,
     outliers,
     record,
     saturation_across,
@@ -288,3 +289,11 @@ def test_what_only_the_prior_knows_is_not_stated_as_known() -> None:
     stated, alone = fit.coverage.heading_sd_deg, without.coverage.heading_sd_deg
     assert fit.verdict != "good"
     assert stated > 0.5 * alone or stated > 10.0
+
+
+def test_what_lasts_is_not_hidden_behind_its_own_correlation() -> None:
+    """Tumbled above magnetised iron: residuals that last are nearly all there is."""
+    recording = record(9, tumble, (near_rebar(1.8),))
+    fit = ag.fit_ellipsoid(recording.samples, ag.Reference.constant(MAGNITUDE))
+    error = heading_error_deg(fit.calibration, recording)
+    assert 0.9 < error < fit.coverage.heading_sd_deg

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from benchmarks.faults import (
     FIELD_N,
+    MAGNITUDE,
     axis_copied,
     axis_dead,
     follows_pitch,
@@ -18,6 +19,7 @@ import agonic as ag
 from agonic.calibration.interference import Interference
 from agonic.maths.rotations.attitude import down_b
 from agonic.recording.calibrated import calibrate_as_named, judge
+from agonic.recording.choice.choose import knows_bias
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)
@@ -186,3 +188,12 @@ def test_the_dip_at_which_the_heading_is_stated_is_that_of_the_place() -> None:
     ratio = np.cos(np.radians(60)) / np.cos(np.radians(78.463))
     told = fit.coverage.heading_sd_deg / flat.coverage.heading_sd_deg
     assert told == pytest.approx(ratio, rel=0.35)  # soft iron's part grows otherwise
+
+
+def test_a_bias_that_the_magnitude_hardly_knows_makes_it_no_surer() -> None:
+    """A level heading does not ask for the vertical bias; that of a tilted vehicle does."""
+    samples = record(3, tilts(12), (with_attitude(),)).samples
+    alone = ag.fit_ellipsoid(samples, ag.Reference.constant(MAGNITUDE))
+    aided = ag.fit_levelled(samples, ag.Reference.vector(FIELD_N, frame="n"))
+    assert not knows_bias(alone, aided)
+    assert knows_bias(aided, alone)

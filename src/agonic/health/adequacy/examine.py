@@ -36,8 +36,10 @@ CAUSES: dict[str, tuple[str, str]] = {
         "turn it slowly, or take the delay out (agonic fit latency)",
     ),
     "memory": (
-        "readings depend on those before them (hysteresis, or iron that is magnetised)",
-        "take soft iron away from the sensor, or demagnetise it",
+        "readings depend on those before them (a filter, rows interpolated between readings, axes "
+        "read one after another, or iron that is magnetised)",
+        "turn it slowly; if that changes nothing, take soft iron away from the sensor, or "
+        "demagnetise it",
     ),
     "bias drift": (
         "the bias moved during the log",

@@ -66,14 +66,16 @@ def find_lasting(work: Work, found: list[ModelError]) -> list[ModelError]:
     Of a field that differs by g over the way the sensor is carried, the magnitude shows what lies
     across the field, and a bias takes up what lies along it (`MEAN` and as much again for what the
     fit takes up): no residual tells it from noise with memory. With m the mean of n_i·n_j over rows
-    as far apart as the sensor takes to turn, its variance is E[r_i r_j]/m.
+    as far apart as the sensor takes to turn, its variance is E[r_i r_j]/m. Where nothing lasts, the
+    products do not go together for longer than that: a longer window, as the residuals' own
+    correlation asks for, would hide what lasts behind what lasts.
     """
     fit, normals, lag = work.linear, work.normals, _find_turned(work.normals)
     first = np.flatnonzero((fit.weights[lag:] > 0) & (fit.weights[:-lag] > 0))
     first = first[work.rows[first + lag] - work.rows[first] == lag]
     product = fit.residuals[first] * fit.residuals[first + lag]
     alike = float(np.sum(normals[first] * normals[first + lag]))
-    windows = _count_windows(product, max(work.fitted.correlation, 2.0 * lag))
+    windows = _count_windows(product, 2.0 * lag)
     if windows < FEWEST_WINDOWS / 2 or alike <= 0:
         return []
     sums = np.bincount(np.arange(len(product)) * windows // len(product), product)

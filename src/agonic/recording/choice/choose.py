@@ -31,6 +31,8 @@ Kind = Literal["auto", "ellipsoid", "levelled", "vector", "inertial", "interfere
 
 SURER = 0.8
 """Of the heading's standard error: a fit that knows more has to be better by this much."""
+BIAS_LOOSER = 3.0
+"""A bias that is known so many times less well makes no fit surer."""
 SURE_DEG = 0.3
 """A heading that is known to this by the magnitude alone needs nothing else."""
 OF_THE_RECORDING = {"attitude", "heading", "mounting", "inertial unit"}
@@ -241,11 +243,19 @@ def _leave_attitude(
         alone = fit_alone(samples, reference, settings)
     except CoverageError:
         return aided
-    surer = alone.fit.coverage.heading_sd_deg < wanted_deg
+    surer = alone.fit.coverage.heading_sd_deg < wanted_deg and knows_bias(alone.fit, aided.fit)
     if not surer or _rank(alone.fit) > _rank(aided.fit) or _sees_less(alone.fit, aided.fit):
         return aided
     why = "the magnitude alone tells the calibration more surely than with the attitude"
     return replace(alone, reason=why)
+
+
+def knows_bias(alone: Fit, aided: Fit) -> bool:
+    """Whether a fit knows the bias along all axes about as well as another.
+
+    A level heading hardly asks for the vertical one, but that of a tilted vehicle does.
+    """
+    return float(alone.sd[:3].max()) < BIAS_LOOSER * float(aided.sd[:3].max())
 
 
 def _sees_less(alone: Fit, aided: Fit) -> bool:
