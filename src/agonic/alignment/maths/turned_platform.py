@@ -73,6 +73,16 @@ def fit_harmonics(
     )
 
 
+def widen(found: Harmonics, amplitude: Array) -> Harmonics:
+    """With an ambient field that may go round by an amplitude (3,) on each axis, in covariances."""
+    more = (np.asarray(amplitude) ** 2)[:, None, None] * np.eye(2)
+    twice = found.twice_covariance
+    return found._replace(
+        once_covariance=found.once_covariance + more,
+        twice_covariance=None if twice is None else twice + more / 4.0,
+    )
+
+
 def compute_size(parts: Array, covariance: Array) -> tuple[float, float, float]:
     """The size of a harmonic, its standard error, and how often chance makes one as large.
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import chdtri
 
-from agonic.alignment.maths.turned_platform import Harmonics, compute_size, fit_harmonics
+from agonic.alignment.maths.turned_platform import Harmonics, compute_size, fit_harmonics, widen
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
 from agonic.health import Finding, Judged, figure
@@ -19,6 +20,7 @@ FEWEST, FOR_TWICE = 6, 10
 """Settings of the platform: for a magnet on it, and for what the field induces in it as well."""
 WIDEST_GAP_DEG = 130.0
 SAME_DEG = 0.05
+FEWEST_RESTING = 5
 RARE = 1e-3
 
 
@@ -106,6 +108,8 @@ def fit_remanence(
     beside = _beside(samples, reference, visits)
     twice = len(visits) >= FOR_TWICE + beside.shape[1] - 2
     found = fit_harmonics(np.radians(angle), field, noise, beside, twice=twice)
+    if reference is None:
+        found = widen(found, _measure_unrest(samples, visits))
     size, sd, chance = compute_size(found.once, found.once_covariance)
     fit = RemanenceFit(
         samples=samples,
@@ -176,6 +180,33 @@ def _beside(samples: Samples, reference: Samples | None, visits: list[Index]) ->
         for rows in visits
     ]
     return np.asarray(np.array(means) - np.mean(means, axis=0))
+
+
+def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
+    """By how much the ambient field may go round in the time of the turn, nT on each axis.
+
+    While the platform rests only the ambient field moves: by its rates, less their noise and a
+    parabola's, an oscillation of the turn's period T has the amplitude √2 rate T / 2π.
+    """
+    if samples.time is None or min(len(rows) for rows in visits) < FEWEST_RESTING:
+        return np.zeros(3)
+    rates, variances, middles = [], [], []
+    for rows in visits:
+        away = samples.time[rows] - samples.time[rows].mean()
+        power = float(away @ away)
+        rate = away @ samples.field[rows] / power
+        left = samples.field[rows] - samples.field[rows].mean(axis=0) - np.outer(away, rate)
+        rates.append(rate)
+        variances.append((left**2).sum(axis=0) / (len(rows) - 2) / power)
+        middles.append(samples.time[rows].mean())
+    time = np.array(middles) - np.mean(middles)
+    design = np.stack([np.ones(len(time)), time / max(float(np.abs(time).max()), 1e-9)], axis=1)
+    rest = np.array(rates) - design @ np.linalg.lstsq(design, np.array(rates), rcond=None)[0]
+    freedom, chance = len(time) - 2, np.mean(variances, axis=0)
+    surplus = (rest**2).sum(axis=0) / freedom - chance
+    sure = (rest**2).sum(axis=0) > chdtri(freedom, RARE) * chance
+    turn_s = float(np.ptp(middles)) * len(time) / (len(time) - 1)
+    return np.where(sure, np.sqrt(2.0 * np.maximum(surplus, 0.0)) * turn_s / (2 * np.pi), 0.0)
 
 
 def _ahead(samples: Samples, reference: Samples) -> float:
