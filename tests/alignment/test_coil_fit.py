@@ -39,7 +39,7 @@ def test_the_axis_is_known_to_an_arcsecond_and_says_so() -> None:
 def test_the_whole_chain_is_honest() -> None:
     q = {"b": [], "n": []}
     z = []
-    for seed in range(120):
+    for seed in range(80):
         made = simulate_coil(seed=seed)
         fit = fit_coil(made.session)
         n = fit.directions["n"]

@@ -17,7 +17,7 @@ from agonic.maths.rotations.frames import ARCSEC_RAD
 
 def test_every_method_is_honest_and_the_sinusoid_best() -> None:
     z = {"swing": [], "reversal": [], "transit": [], "mark": [], "turn": []}
-    for seed in range(60):
+    for seed in range(40):
         made = simulate_north(seed=seed, constant_sd_arcsec=1e-9)
         fit = fit_north(made.session)
         assert fit.method == "swing"

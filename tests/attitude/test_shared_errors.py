@@ -41,14 +41,14 @@ def test_a_turn_that_no_test_sees_is_in_the_standard_errors() -> None:
     """0.06° about y, in flights that rarely show it; without it the bias is off by 2 σ."""
     turn = Rotation.from_euler("y", 0.06, degrees=True)
     z, seen = [], 0
-    for seed in range(15):
+    for seed in range(10):
         made = flown(seed, noise=50.0)
         added = turn.apply(made.field_b) - made.field_b
         field = made.samples.field + added @ np.linalg.inv(made.truth.matrix).T
         fit = fit_levelled(rough(made.samples.with_columns(field=field), 0.5, seed), PLACE)
         seen += fit.tests[0].p_value < 1e-4
         z.append((fit.calibration.bias - made.truth.bias) / fit.sd[:3])
-    assert seen < 5
+    assert seen < 4
     assert np.sqrt(np.mean(np.square(z))) < 1.3
 
 
@@ -56,7 +56,7 @@ def test_a_turn_that_no_test_sees_is_in_the_standard_errors() -> None:
 def test_the_error_of_the_reference_reaches_dip_and_azimuth(fit) -> None:
     """The field of the place is wrong by what its source states."""
     z = []
-    for seed in range(12):
+    for seed in range(8):
         made = flown(seed, noise=50.0)
         wrong = made.field_n + 150.0 * np.random.default_rng(seed + 50).standard_normal(3)
         reference = ag.Reference.vector(wrong, frame="n", sd=150.0)

@@ -185,7 +185,7 @@ def test_following_the_arrow_saves_half_the_turns():
 
 def test_the_standard_error_at_the_stop_is_honest():
     z = []
-    for seed in range(12):
+    for seed in range(8):
         _, live = obeyed(np.random.default_rng(100 + seed), 0.5)
         z.append((live.calibration.bias - BIAS) / live.calibration.sd[:3])
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4
