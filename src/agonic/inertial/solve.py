@@ -127,6 +127,7 @@ def _estimate(solved: Solved, felt: Inertial) -> Joint:
         solved.usable.astype(np.float64),
         noise.sd,
         noise.loss,
+        solved.settings.robust,
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.inertial.maths.factors import Felt, compare_readings
+from agonic.inertial.maths.factors import Felt, choose_free, compare_readings
 from agonic.inertial.maths.step import Step, reduce_to_params
 from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
@@ -97,7 +97,7 @@ def find_lasting_errors(
         after = np.minimum(before + 1, len(by_params) - 1)
         moved = (1.0 - share) * by_params[before] + share * by_params[after]
         whole = ((direct + by_state @ moved) @ root) / noise_sd
-        out = _choose_free(by_state)
+        out = choose_free(by_state)
         seen = np.einsum("ni,ni->n", out, left) / noise_sd
         told = np.einsum("ni,nip->np", out, whole)
         along.append(Stretches.of(seen, told, weights[rows], out, each))
@@ -109,11 +109,3 @@ def find_lasting_errors(
         return None
     scatter = sum_scatter(np.concatenate(holds), memory.each)
     return memory.white, np.asarray(root @ scatter @ root.T)
-
-
-def _choose_free(by_state: Array) -> Array:
-    """The directions (n, 3) of residuals that no turn of the attitude makes, by_state (n, 3, 3)."""
-    across = np.cross(by_state, np.roll(by_state, -1, axis=2), axis=1)
-    longest = np.argmax((across**2).sum(axis=1), axis=1)
-    chosen = np.take_along_axis(across, longest[:, None, None], axis=2)[:, :, 0]
-    return np.asarray(chosen / np.sqrt((chosen**2).sum(axis=1, keepdims=True)))

@@ -36,8 +36,9 @@ from agonic.units import STANDARD_GRAVITY_M_S2
 
 GRAVITY_SD = 0.003
 """Of gravity from place to place, over the standard one."""
+UP_AT_REST = np.array([0.0, 0.0, -STANDARD_GRAVITY_M_S2])
+"""The force that is felt at rest, in level axes."""
 _ROWS = 16384  # a block whose Jacobian stays small
-_UP = np.array([0.0, 0.0, -STANDARD_GRAVITY_M_S2])
 
 
 class Log(NamedTuple):
@@ -61,6 +62,11 @@ class Log(NamedTuple):
     gains: Array
     settling_s: float
     headings: Headings | None = None
+
+    @property
+    def step_s(self) -> float:
+        """From row to row."""
+        return float(np.median(np.diff(self.time)))
 
     @property
     def extra(self) -> int:
@@ -100,17 +106,27 @@ def take_out(log: Log, params: Array) -> Felt:
 
 def sum_readings(
     problem: Problem, felt: Felt, attitudes: Array, params: Array, weights: Array
-) -> tuple[Sums, Array]:
-    """The sums of the readings, and the squares of their residuals (n,)."""
-    squares = np.empty(len(attitudes))
+) -> tuple[Sums, Array, Array]:
+    """The sums of the readings, the squares of their residuals (n,), and what of these no turn of
+    the attitude makes (n,)."""
+    squares, along = np.empty(len(attitudes)), np.empty(len(attitudes))
 
     def add(rows: slice, track: Track) -> Sums:
         part = problem.subset(rows)
         sides = compare_readings(part, attitudes[rows], felt.rate[rows], params, felt)
         squares[rows] = (sides[0] ** 2).sum(axis=1)
+        along[rows] = np.einsum("ni,ni->n", choose_free(sides[1]), sides[0])
         return sum_rows(track, *sides, weights[rows])
 
-    return _by_blocks(felt.track, add), squares
+    return _by_blocks(felt.track, add), squares, along
+
+
+def choose_free(by_state: Array) -> Array:
+    """The directions (n, 3) of residuals that no turn of the attitude makes, by_state (n, 3, 3)."""
+    across = np.cross(by_state, np.roll(by_state, -1, axis=2), axis=1)
+    longest = np.argmax((across**2).sum(axis=1), axis=1)
+    chosen = np.take_along_axis(across, longest[:, None, None], axis=2)[:, :, 0]
+    return np.asarray(chosen / np.sqrt((chosen**2).sum(axis=1, keepdims=True)))
 
 
 def compare_readings(
@@ -162,7 +178,7 @@ def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
     should be there: stretching the one that was read would make its noise the smaller the larger
     the gain.
     """
-    level, axes, turning, stretched = _steady_force(log, felt, attitudes)
+    level, axes, turning, stretched = steady_force(log, felt, attitudes)
 
     def add(rows: slice, track: Track) -> Sums:
         n = len(track.interval)
@@ -171,17 +187,17 @@ def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
         by_params[:, :, first : first + 3] = -axes[rows] * log.sds[:3]
         by_params[:, :, first + 9 : first + 12] = -turning[rows] * log.sds[9:12]
         by_params[:, :, felt.gain : felt.gain + len(log.gains)] = -stretched[rows]
-        by_state = np.broadcast_to(-skew(_UP), (n, 3, 3))
-        return sum_rows(track, level[rows] - _UP, by_state, by_params, np.ones(n))
+        by_state = np.broadcast_to(-skew(UP_AT_REST), (n, 3, 3))
+        return sum_rows(track, level[rows] - UP_AT_REST, by_state, by_params, np.ones(n))
 
     return _by_blocks(felt.track, add)
 
 
-def _steady_force(log: Log, felt: Felt, attitudes: Array) -> tuple[Array, Array, Array, Array]:
+def steady_force(log: Log, felt: Felt, attitudes: Array) -> tuple[Array, Array, Array, Array]:
     """The force in the level axes without the speed's and the gain's share, and what a bias, a
     speed and the gains are felt as there: (n, 3), twice (n, 3, 3) and (n, 3, g), all smoothed."""
     n, g = len(attitudes), len(log.gains)
-    rest = attitudes[:, 2] * _UP[2]
+    rest = attitudes[:, 2] * UP_AT_REST[2]
     level = np.einsum("nij,nj->ni", attitudes, felt.force)
     stretched = attitudes @ np.einsum("gij,nj->nig", log.gains, rest)
     columns = [attitudes, attitudes @ skew(felt.rate), stretched]
@@ -196,8 +212,11 @@ def _steady_force(log: Log, felt: Felt, attitudes: Array) -> tuple[Array, Array,
     return level, axes.reshape(n, 3, 3), turning, stretched
 
 
-def sum_rate(log: Log, felt: Felt, states: Array, attitudes: Array) -> Sums:
-    """The sums of the rates, whose errors turn D by ∫ R δω dt; in units of a row's noise.
+def sum_rate(
+    log: Log, felt: Felt, states: Array, attitudes: Array, counts: Array
+) -> tuple[Sums, Array]:
+    """The sums of the rates, whose errors turn D by ∫ R δω dt, in units of a row's noise; and the
+    squares of what is left of each turn, as `sum_slips` has them.
 
     What a scale stretches is the rate at which the states turn, for the noise of the gyro's own
     would go together with the residuals.
@@ -210,8 +229,8 @@ def sum_rate(log: Log, felt: Felt, states: Array, attitudes: Array) -> Sums:
     by_params = np.zeros((len(states) - 1, 3, felt.total))
     turned = integrate_over_steps(track, by_errors, log.time, log.parts)
     by_params[:, :, felt.unit + 3 : felt.unit + 9] = turned * log.sds[3:9]
-    step = float(np.median(np.diff(log.time)))
-    return sum_slips(track, slips, by_params, log.time).scale(1.0 / step)
+    sums, squares = sum_slips(track, slips, by_params, log.time, counts)
+    return sums.scale(1.0 / log.step_s), squares / log.step_s
 
 
 def _by_blocks(track: Track, add: Callable[[slice, Track], Sums]) -> Sums:

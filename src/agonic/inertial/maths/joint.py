@@ -17,24 +17,24 @@ from agonic.arrays import Array
 from agonic.inertial.maths.correlation import allow_for_correlation
 from agonic.inertial.maths.factors import Log, sum_force, sum_rate, sum_readings, take_out
 from agonic.inertial.maths.headings import sum_headings
-from agonic.inertial.maths.noise import is_white, measure_force, update_variances
+from agonic.inertial.maths.noise import (
+    SETTLED,
+    expect_noise,
+    find_memory,
+    is_white,
+    settle,
+    start_variances,
+    weigh_slips,
+)
 from agonic.inertial.maths.step import solve_step
 from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
 from agonic.maths.estimation.loss import Loss, squares
-from agonic.maths.rotations.low_pass import find_passed
-from agonic.maths.rotations.track import Sums, Track, find_attitudes
+from agonic.maths.rotations.track import Track, find_attitudes
 
 _ROUNDS = 15
-_SETTLING = 6  # steps of the variances in a round
-_SETTLED = 0.02  # of a standard error, or of a variance
-_LEAST_FORCE = 1e-3  # m/s²: no accelerometer's row is better
-_LEAST_RATE = 1e-5  # rad/s: nor a gyro's
-_USUAL_RATE = 1e-3  # rad/s/√Hz, of a gyro
-_SMALLEST = 1e-3  # of the variance that a gyro shows
-_TUKEY = 0.961  # Σ w q / Σ w of Gaussian vectors under Tukey's loss, q = r²/3
-_FARTHEST = 1e3  # of the size of a parameter: a step so long leads out of all calibrations
+_NEAR = 5  # after so many what is left tells the noise, not the way
 
 
 class Joint(NamedTuple):
@@ -63,70 +63,53 @@ def estimate_jointly(
     usable: Array,
     noise_sd: float,
     loss: Loss,
+    robust: bool = True,
 ) -> Joint:
     """The estimate from near parameters and attitudes.
 
-    The noise of readings and rates is that of what is left of them, over its own share of the
-    freedom; that of the force what pulls for long, for a vehicle that brakes or slips leans its
-    level for seconds.
+    The noise of rates is that of what is left of them, over its own share of the freedom; that of
+    readings and force what pulls for long: beside iron the field is wrong for as long as the
+    vehicle is there, and one that brakes or slips leans its level for seconds. A moment in which
+    the gyro lost its turn (clipped, shaken, read too seldom) counts little.
 
     Parameters: a problem with `shared` errors of the unit, of all rows of the log; its parameters;
     attitudes (n, 3, 3) from the sensor's axes to magnetic north, east and down; weights (n,) of the
-    readings, and their noise and loss.
+    readings, and their noise and loss; whether the turns of the gyro are weighed as well.
     """
     params = np.concatenate([params, np.zeros(log.extra)])
     prior = _add_gains(problem, log.extra)
-    least = np.array([1e-9, max(log.force_sd, _LEAST_FORCE), max(log.rate_sd, _LEAST_RATE)]) ** 2
-    variances = np.maximum(least, [noise_sd**2, 0.0, 0.0])
-    starts = least * [0.0, 1.0, log.rate_sd > _LEAST_RATE]  # rates between rows show no noise
-    step_s = float(np.median(np.diff(log.time)))
-    variances[2] = max(variances[2], _USUAL_RATE**2 / step_s)  # too stiff a gyro would stay so
-    passed = np.array([1.0, find_passed(step_s, log.settling_s), 1.0])
-    by_headings: tuple[Sums, ...] = ()
-    if log.headings is not None:
-        variances = np.append(variances, 1.0)
-    weights, states = usable, start[take_out(log, params).track.nodes]
-    expected = 1.0 if loss is squares() else _TUKEY
+    expected = expect_noise(log, loss is not squares(), robust)
+    variances = start_variances(log, expected, noise_sd)
+    memory, weights, states = 1.0, usable, start[take_out(log, params).track.nodes]
+    counts, change, near = np.ones(len(states) - 1), np.inf, False
     for turn in range(_ROUNDS):
         felt = take_out(log, params)
         attitudes = find_attitudes(felt.track, states)
-        readings, distances = sum_readings(problem, felt, attitudes, params, weights)
-        force = sum_force(log, felt, attitudes)
+        readings, distances, along = sum_readings(problem, felt, attitudes, params, weights)
+        if near:
+            before, memory = memory, find_memory(along, weights, felt.track.interval)
+            variances = variances * ([memory / before] + [1.0] * (len(variances) - 1))
         if turn > 1 and log.settling_s and is_white(log, felt, attitudes, variances[1]):
-            log, passed = log._replace(settling_s=0.0), np.ones(3)
-            force = sum_force(log, felt, attitudes)
-        groups = (readings, force, sum_rate(log, felt, states, attitudes))
+            log, expected = log._replace(settling_s=0.0), expected._replace(passed=np.ones(3))
+        rates, slips = sum_rate(log, felt, states, attitudes, counts)
+        groups, scatter = [readings, sum_force(log, felt, attitudes), rates], None
         if log.headings is not None:
             headings, scatter = sum_headings(log.headings, felt.track, attitudes, params)
-            by_headings = (headings,)
-        before = variances
-        for _ in range(_SETTLING if turn else 1):
-            step = solve_step((*groups, *by_headings), variances, prior, params)
-            if not np.abs(step.params).max() < _FARTHEST:
-                raise np.linalg.LinAlgError("the steps leave every possible calibration")
-            if not turn:
-                break
-            updated = update_variances(groups, variances, starts, passed, step) / [
-                expected,
-                1.0,
-                1.0,
-            ]
-            updated[1] = measure_force(force, updated[1])
-            updated = np.maximum(updated, least * [1.0, 0.0, _SMALLEST])
-            if by_headings:
-                updated = np.append(updated, scatter)
-            change = np.abs(np.log(updated / variances)).max()
-            variances = updated
-            if change < _SETTLED:
-                break
+            groups.append(headings)
+        if turn:
+            step, settled = settle(groups, variances, expected, memory, scatter, prior, params)
+            change, variances = np.abs(np.log(settled / variances)).max(), settled
+        else:
+            step = solve_step(groups, variances, prior, params)
         params = params + step.params
         states = Rotation.from_rotvec(step.states).as_matrix() @ states
         if turn:
-            weights = usable * loss.weight(distances / (3 * variances[0]))
-            change = np.abs(np.log(variances / before)).max()
-            sd = np.sqrt(np.diag(step.covariance))
-            if max(change, np.abs(step.params / sd).max()) < _SETTLED:
+            weights = usable * loss.weight(distances * memory / (3 * variances[0]))
+            counts = weigh_slips(slips, variances[2]) if robust and near else counts
+            done = max(change, np.abs(step.params / step.sds).max()) < SETTLED
+            if done and near:
                 break
+            near = near or done or turn == _NEAR
     return Joint(
         params,
         allow_for_correlation(
@@ -143,7 +126,7 @@ def estimate_jointly(
         step.information,
         states,
         felt.track,
-        np.sqrt(variances),
+        np.sqrt(variances / ([memory] + [1.0] * (len(variances) - 1))),
         weights,
         np.eye(3) + np.tensordot(params[len(params) - log.extra :][: len(log.gains)], log.gains, 1),
         0.0 if log.headings is None else float(params[-1] * log.headings.offset_sd),

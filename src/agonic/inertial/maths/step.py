@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal, inver
 from agonic.maths.rotations.track import Sums
 
 _FAR = 0.05  # rad: the square of a turn is no longer small
+_FARTHEST = 1e3  # of the size of a parameter
 _LOOSE = 1e-6  # what is known of a state beforehand, over 1/rad²
 
 
@@ -26,11 +28,19 @@ class Step(NamedTuple):
     scores: Array
     by_params: Array
 
+    @property
+    def sds(self) -> Array:
+        """Standard errors of the parameters."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
 
 def solve_step(
-    groups: tuple[Sums, ...], variances: Array, prior: leastsq.Prior, params: Array
+    groups: Sequence[Sums], variances: Array, prior: leastsq.Prior, params: Array
 ) -> Step:
-    """One step of Gauss and Newton, the states eliminated."""
+    """One step of Gauss and Newton, the states eliminated.
+
+    Raises `LinAlgError` where it leads out of all calibrations.
+    """
     first, *others = (g.scale(1.0 / v) for g, v in zip(groups, variances, strict=True))
     total = first
     for group in others:
@@ -44,6 +54,8 @@ def solve_step(
     pull = total.own.sum(axis=0) + np.einsum("nip,ni->p", total.mixed, alone)
     covariance = leastsq.inverse(information + jacobian.T @ jacobian)
     step = -covariance @ (pull + jacobian.T @ residuals)
+    if not np.abs(step).max() < _FARTHEST:
+        raise np.linalg.LinAlgError("the steps leave every possible calibration")
     before = np.einsum("nip,ni->np", by_params, total.before)
     after = np.einsum("nip,ni->np", np.roll(by_params, -1, axis=0), total.after)
     scores = total.own + before + after

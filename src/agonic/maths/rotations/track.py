@@ -171,29 +171,36 @@ def sum_rows(
     )
 
 
-def sum_slips(track: Track, slips: Array, by_params: Array, time: Array) -> Sums:
-    """The sums of what the gyro disagrees with the states, a random walk of one in a second.
+def sum_slips(
+    track: Track, slips: Array, by_params: Array, time: Array, counts: Array
+) -> tuple[Sums, Array]:
+    """The sums of what the gyro disagrees with the states, a random walk of one in a second, and
+    the squares (N − 1,) of its steps, of which a Gaussian walk makes three.
 
-    Parameters: slips (N − 1, 3), what parameters add to them (N − 1, 3, p), and times (n,).
+    Parameters: slips (N − 1, 3), what parameters add to them (N − 1, 3, p), times (n,), and how
+    much each step counts (N − 1,).
     """
     span = np.diff(time[track.nodes])
     weights = np.where(track.joined, 1.0 / np.maximum(span, 1e-9), 0.0)
+    squares = weights * (slips**2).sum(axis=1)
+    weights = weights * counts
     square = weights[:, None, None] * np.eye(3)
     last = np.zeros((1, 3, 3))
     diagonal = np.concatenate([square, last]) + np.concatenate([last, square])
     moved, end = by_params * weights[:, None, None], np.zeros((1, 3, by_params.shape[2]))
     pull = np.concatenate([slips * weights[:, None], np.zeros((1, 3))])
     own = np.einsum("kip,ki->kp", moved, slips)
-    return Sums(
+    sums = Sums(
         Tridiagonal(diagonal, -square),
         np.concatenate([end, moved]) - np.concatenate([moved, end]),
         np.tensordot(moved, by_params, axes=([0, 1], [0, 1])),
         -pull,
         pull,
         np.concatenate([own, np.zeros((1, own.shape[1]))]),
-        float(weights @ (slips**2).sum(axis=1)),
-        3.0 * float(np.count_nonzero(track.joined)),
+        float(counts @ squares),
+        3.0 * float(counts[track.joined].sum()),
     )
+    return sums, squares
 
 
 def integrate_over_steps(track: Track, values: Array, time: Array, parts: list[Index]) -> Array:
