@@ -65,3 +65,12 @@ def test_however_a_board_is_mounted_its_level_heading_is_known_alike() -> None:
             whole.fit.coverage.heading_sd_deg, rel=1e-3
         )
         assert turned.fit.coverage.turns == whole.fit.coverage.turns
+
+
+def test_a_boat_whose_field_changed_is_refused_without_a_place_too() -> None:
+    made, logged, _ = drive("boat", 1, n=600, rate_Hz=10.0)
+    late = (logged.time > logged.time[-1] / 2)[:, None]
+    moved = logged.with_columns(field=made.samples.field + late * [8000.0, 5000.0, 0.0])
+    result = ag.calibrate(moved)
+    assert (result.method, result.verdict) == ("inertial", "refused")
+    assert "field changed" in {finding.name for finding in result.fit.findings}

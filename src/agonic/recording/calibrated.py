@@ -114,7 +114,6 @@ def calibrate_as_named(
     made = _verify(_keep_latency(choice))
     if kind != "auto" or made.verdict != "refused" or choice.method == "ellipsoid":
         return made
-    assert reference is not None
     other = fall_back(replace(choice, fit=made.fit), meant, reference, settings)
     if other.method == choice.method:
         return made
@@ -156,7 +155,8 @@ def calibrate_recording(
 def _verify(choice: Choice) -> Calibrated:
     """A choice with its checks on held-out parts."""
     samples, reference, fit = choice.samples, choice.reference, choice.fit
-    folds = fit_folds(samples, reference, fit.calibration, choice.again)
+    refused = fit.verdict == "refused"
+    folds = fit_folds(samples, reference, fit.calibration, choice.again, refused=refused)
     gain = float(np.trace(fit.calibration.matrix) / 3)
     used = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
     noise = fit.noise * gain
@@ -169,7 +169,7 @@ def _verify(choice: Choice) -> Calibrated:
         held_out=used if used.any() else None,
     )
     checks = (*verification.checks, compare_folds(folds))
-    if fit.verdict != "refused":
+    if not refused:
         choice = replace(choice, fit=fit.with_findings(check_unseen_dip(checks)))
     return replace(_conclude(choice, replace(verification, checks=checks)), folds=folds)
 

@@ -47,15 +47,19 @@ def fit_folds(
     reference: Reference | None,
     calibration: Calibration,
     again: Callable[..., Calibration],
+    *,
+    refused: bool = False,
 ) -> Folds | None:
     """Fits without the odd and without the even blocks of time, each applied to its unseen rows.
 
     Where these state that half of the log leaves directions uncertain, there is a fit without each
-    single block instead. Blocks hold as much of what rows say each, so that a sensor that lay still
-    for most of the log is not held out at rest only.
+    single block instead, unless the calibration is `refused` anyway. Blocks hold as much of what
+    rows say each, so that a sensor that lay still for most of the log is not held out at rest only.
     """
     block, weights = cut_blocks(samples)
     halves = partial(predict, samples, reference, again, block % 2, weights)
+    if refused:
+        return halves()
     field = correct_field(calibration, samples)
     reach = 0.03 * float(np.median(np.linalg.norm(field, axis=1)))
     several = all(count_orientations(field[block % 2 == k], reach, 12) == 12 for k in (0, 1))

@@ -175,6 +175,8 @@ def _choose_surer(
     alone = aided = None
     try:
         alone = fit_alone(samples, reference, settings)
+        if reference is not None and _lacks_dip(reference):
+            alone = join_disturbers(alone, samples, reference, alone.reason, settings)
     except CoverageError as error:
         failed = error
     enough = "the magnitude alone tells the calibration as surely as with the attitude"
@@ -184,7 +186,8 @@ def _choose_surer(
         aided = _fit_inertial(samples, reference, reason, settings)
         if alone is not None and _lacks_dip(reference) and settings.get("inclination_deg") is None:
             found = {"inclination_deg": aided.fit.coverage.inclination_deg}
-            alone = fit_alone(samples, reference, {**settings, **found})  # heading by heading
+            if not list_sources(alone.fit):
+                alone = fit_alone(samples, reference, {**settings, **found})  # heading by heading
     except CoverageError:
         if alone is None:
             raise failed from None
@@ -265,14 +268,19 @@ def _sees_less(alone: Fit, aided: Fit) -> bool:
 
 
 def fall_back(
-    aided: Choice, samples: Samples, reference: Reference, settings: Mapping[str, Any]
+    aided: Choice, samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
 ) -> Choice:
     """A fit without what was recorded wrongly: without the heading, then without roll and pitch.
 
     Where anything else refuses a fit, one that knows less would be refused too, or should be.
     """
     recorded = samples.roll_deg is not None and samples.pitch_deg is not None
-    if recorded and "heading" in _causes(aided) and _causes(aided) <= NOT_OF_THE_MAGNETOMETER:
+    if (
+        reference is not None
+        and recorded
+        and "heading" in _causes(aided)
+        and _causes(aided) <= NOT_OF_THE_MAGNETOMETER
+    ):
         levelled = fit_beside_attitude(samples, reference, "levelled", "", settings)
         aided = _tell(levelled, aided)
     causes = _causes(aided)
