@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from agonic.inflight.fit.sunlight import Sunlight
 
 GRAVITY_M3_S2 = 3.986004418e14
-WITHIN = 0.5
-"""Share of an orbit below which an interval of the bias follows the orbit."""
+WITHIN = 1 / 3
+"""Share of an orbit below which an interval of the bias follows the orbit: a spline needs four for
+what goes round once, and two hold slow heat too."""
 
 
 def swings_with_orbit(fit: InflightFit, samples: Samples) -> bool:
-    """Whether the spline of the bias has more than two intervals in an orbit."""
+    """Whether the spline of the bias has more than three intervals in an orbit."""
     period = find_period_s(samples)
     return period is not None and 0.0 < _interval_s(fit) < WITHIN * period
 
