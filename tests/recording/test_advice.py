@@ -105,7 +105,7 @@ def test_a_rover_s_log_without_its_place_is_asked_for_it(capsys) -> None:
     """Beside a gyro it is not needed: the dip is found with the rest."""
     rover = simulate("circle", tilt_deg=5.0, n=1500, seed=1)
     whole = with_inertial_unit()(rover.samples)
-    assert "--at LAT" not in say(whole, capsys)
+    assert "give the place" not in say(whole, capsys)
     samples = whole.with_columns(rotation_rate=None)
     said = say(samples, capsys)
     assert "give the place (--at LAT,LON)" in said
