@@ -19,7 +19,7 @@ import agonic as ag
 from agonic.calibration.interference import Interference
 from agonic.maths.rotations.attitude import down_b
 from agonic.recording.calibrated import calibrate_as_named, judge
-from agonic.recording.choice.choose import knows_bias
+from agonic.recording.choice.surer import knows_bias
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)

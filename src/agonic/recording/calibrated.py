@@ -27,7 +27,8 @@ from agonic.health import Finding, figure, sentences, verdict_of
 from agonic.logs.natural import Given, as_samples
 from agonic.readable import Readable
 from agonic.recording.advice import suit_advice
-from agonic.recording.choice.choose import Kind, choose, fall_back
+from agonic.recording.choice.choose import Kind, choose
+from agonic.recording.choice.fallback import fall_back
 from agonic.recording.choice.fits import Choice, describe_latency
 from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
 from agonic.recording.ladder import Rung, climb
