@@ -50,12 +50,16 @@ class Fault(NamedTuple):
 def mend(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     """The samples without what cannot be mended of accelerometer and gyro, and the findings.
 
+    Samples without a fault are returned themselves: what was found of them is kept with them.
+
     >>> still = Samples(field=np.eye(3), acceleration=[[0.0, 0.0, -1.0]] * 3)
     >>> samples, (finding,) = mend(still)
     >>> samples.acceleration[0].tolist(), finding.what
     ([0.0, 0.0, -9.80665], 'the acceleration is 1 in size where gravity is 9.8 m/s²: it is in g')
     """
     faults = find_faults(samples)
+    if not faults:
+        return samples, ()
     mended = samples.with_columns(**{fault.column: fault.mended for fault in faults})
     return mended, tuple(fault.finding for fault in faults)
 

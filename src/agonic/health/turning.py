@@ -109,6 +109,8 @@ def find_renaming(
             break
         products, farthest = sum_of(smoothed_s)
         own = measure_left(products, np.eye(3), farthest)
+        if own < FAR_BETTER * EXPLAINED:
+            continue  # as named it is right
         best = min(
             (
                 Renaming(measure_left(products, factor * turn, farthest), turn, unit, own)
