@@ -17,8 +17,6 @@ HELD = 1 / 3
 
 FEWEST = 10
 """Changes that show how long a sensor holds its readings: a thing at rest has fewer."""
-
-
 FARTHEST_DEG = 90.0
 """Between two angles that a slow attitude gives; of more nobody knows which way it went."""
 

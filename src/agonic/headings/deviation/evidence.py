@@ -236,18 +236,15 @@ def _drift(evidence: Evidence) -> Finding | None:
     size = abs(float(found[-1]))
     t = size / np.sqrt(max(variance * inverse[-1, -1], 1e-24))
     if size >= DRIFT_LEAST_DEG and 2 * stdtr(n - k, -t) <= DRIFT_SIGNIFICANT:
-        what = (
-            f"the deviation changes by {figure(size)}° from the first reading to the last, beside "
-        )
-        what += "what the heading explains"
+        what = f"the deviation changes by {figure(size)}° from the first reading to the last"
     elif evidence.drifting > DRIFT_LIKELY:
-        what = "the readings wander in the order they were taken, beside what the heading explains"
+        what = "the readings wander in the order they were taken"
     else:
         return None
     return Finding(
         "drift",
         "check",
-        what,
+        f"{what}, beside what the heading explains",
         "steer the first heading again: if it reads otherwise the reference drifts; let it settle, "
         "or swing once more the other way round",
     )
