@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -45,6 +46,9 @@ class Fault(NamedTuple):
     column: str
     finding: Finding
     mended: Array | None = None
+
+
+_FOUND: WeakKeyDictionary[Samples, tuple[Fault, ...]] = WeakKeyDictionary()
 
 
 def mend(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
@@ -87,7 +91,16 @@ def leave_out_faulty(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
 
 
 def find_faults(samples: Samples) -> tuple[Fault, ...]:
-    """The faults of accelerometer and gyro, one of each at most."""
+    """The faults of accelerometer and gyro, one of each at most.
+
+    Several fits to one log ask for them: as long as the samples live they are found once.
+    """
+    if samples not in _FOUND:
+        _FOUND[samples] = _find_faults(samples)
+    return _FOUND[samples]
+
+
+def _find_faults(samples: Samples) -> tuple[Fault, ...]:
     found: dict[str, Fault] = {}
     for check in (_check_nothing, _check_scale, _check_still, _check_turning, _check_gravity):
         for fault in check(samples):
