@@ -66,6 +66,19 @@ def test_one_damaged_time_is_found_and_no_other(row: int, wrong: float) -> None:
     assert np.flatnonzero(find_misplaced(t)).tolist() == [row]
 
 
+@pytest.mark.parametrize("row", [0, 20, 49])
+def test_a_time_centuries_away_is_damage_on_any_row(row: int) -> None:
+    t = np.arange(50.0)
+    t[row] = 1e308
+    assert np.flatnonzero(find_misplaced(t)).tolist() == [row]
+
+
+def test_a_first_time_from_before_the_clock_was_set_costs_one_row() -> None:
+    t = np.arange(50.0)
+    t[0] = 1e9
+    assert np.flatnonzero(find_misplaced(t)).tolist() == [0]
+
+
 def test_a_jump_of_the_clock_is_no_damage() -> None:
     assert not find_misplaced([0.0, 1.0, 2.0, 1000.0, 1001.0]).any()
 

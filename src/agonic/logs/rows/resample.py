@@ -11,6 +11,9 @@ ESTIMATED_ATTITUDE = (
     "roll, pitch and heading are the autopilot's own estimate, which itself follows its compasses"
 )
 
+LONGEST_LOG_S = 1e10
+"""Three centuries: a time farther than this from the others is damaged."""
+
 
 def resample(
     time_from: ArrayLike, values: ArrayLike, time_to: ArrayLike, *, period: float | None = None
@@ -45,15 +48,24 @@ def resample(
 def find_misplaced(time: ArrayLike) -> Mask:
     """Rows whose time lies outside that of both neighbours although those are in order.
 
-    One damaged time would otherwise cost every row after it, since times must increase.
+    Of the first row: later than the two after it, which are in order. Farther than
+    `LONGEST_LOG_S` from the median is misplaced anywhere. One damaged time would otherwise cost
+    every row after it, since times must increase.
 
     >>> find_misplaced([0.0, 1.0, 900.0, 3.0, 4.0])
     array([False, False,  True, False, False])
+    >>> find_misplaced([900.0, 1.0, 2.0, 1e300])
+    array([ True, False, False,  True])
     """
     t = np.asarray(time, dtype=np.float64)
-    wrong = np.zeros(len(t), dtype=bool)
+    known = t[np.isfinite(t)]
+    if not len(known):
+        return np.zeros(len(t), dtype=bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        wrong = np.abs(t - np.median(known)) > LONGEST_LOG_S
     before, here, after = t[:-2], t[1:-1], t[2:]
-    wrong[1:-1] = (before <= after) & ((here < before) | (here > after))
+    wrong[1:-1] |= (before <= after) & ((here < before) | (here > after))
+    wrong[:1] |= t[:1] > t[2:3] if len(t) > 2 and t[1] < t[2] else False
     return wrong
 
 

@@ -15,7 +15,7 @@ from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, read_cl
 from agonic.logs.headers.columns import FRACTION, Column, Identified
 from agonic.logs.headers.words import ZONE
 from agonic.logs.rows.auxiliary import Table, to_numbers
-from agonic.logs.rows.resample import find_misplaced
+from agonic.logs.rows.resample import LONGEST_LOG_S, find_misplaced
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
@@ -181,7 +181,7 @@ def find_time(
     time, epoch, notes = clock
     if time is None:
         return None, None, notes
-    if increases(time):
+    if increases(time) and not time[-1] - time[0] > LONGEST_LOG_S:
         return time, epoch, notes
     time = np.where(find_misplaced(time), np.nan, time)
     restarts: tuple[str, ...] = ()
