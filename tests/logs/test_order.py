@@ -85,3 +85,20 @@ def test_a_clock_that_leaps_to_and_fro_is_not_put_in_line(tmp_path) -> None:
     samples = read(tmp_path, np.random.default_rng(1).permutation(TIME))
     assert "anew" not in " ".join(samples.notes)
     assert sum(samples.rejected.values()) > N / 2 or samples.time is None
+
+
+@pytest.mark.parametrize(
+    ("rows", "wrong"),
+    [
+        (slice(0, 1), 1e308),
+        (slice(0, 3), 1e6),
+        (slice(0, 3), 1e6 + TIME[:3]),
+        (slice(200, 205), 1e6 + TIME[:5]),
+        (slice(200, 205), 0.0),
+        (slice(N - 1, N), 1e12),
+    ],
+)
+def test_damaged_times_cost_their_rows_alone(tmp_path, rows, wrong) -> None:
+    time = TIME.copy()
+    time[rows] = wrong
+    np.testing.assert_allclose(read(tmp_path, time).time, np.delete(TIME, rows), atol=1e-9)

@@ -7,9 +7,11 @@ and counts from zero.
 
 from __future__ import annotations
 
+from bisect import bisect_right
+
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Index, Mask
 from agonic.logs.rows.resample import find_misplaced
 
 _MOSTLY = 0.9
@@ -20,6 +22,8 @@ _SHARE = 0.01
 """Share of the rows at which a clock may begin anew; more often it is broken."""
 _LEAST = 10
 """Rows that a part after a restart has at least."""
+_FILLED = 0.5
+"""Share of the time of the rows left out that the times beside them leave for them."""
 _WRAPS_S = {
     "16 bits of ms": 65.536, "32 bits of µs": 4294.967296, "32 bits of ms": 4294967.296,
     "31 bits of µs": 2147.483648, "24 bits of ms": 16777.216, "16 bits of µs": 0.065536,
@@ -57,6 +61,55 @@ def _rank(values: Array) -> Index:
     ranks = np.empty(len(values), np.int64)
     ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
     return ranks
+
+
+def find_strays(time: Array) -> Mask:
+    """The few rows (n,) whose times are damaged: without them the others are in order.
+
+    Those in no longest sequence of times that do not fall, where they are a hundredth of the rows
+    or ten, and where the others leave about the time that they took: where the clock stepped back,
+    the times on both sides are right and leave none.
+
+    >>> find_strays(np.r_[9e5, 9e5, 0:50, 9e6, 9e6, 52:90]).nonzero()[0]
+    array([ 0,  1, 52, 53])
+    >>> int(find_strays(np.r_[0:50, 40:90]).sum())
+    0
+    """
+    known = np.flatnonzero(np.isfinite(time))
+    t = time[known]
+    kept = _longest_rise(t)
+    strays = np.zeros(len(time), dtype=bool)
+    if len(t) - len(kept) > max(_SHARE * len(t), _LEAST) or len(kept) < 2 * _LEAST:
+        return strays
+    missing, spans = np.diff(kept) - 1, np.diff(t[kept])
+    if (spans < _FILLED * missing * np.median(spans)).any():
+        return strays
+    strays[np.delete(known, kept)] = True
+    return strays
+
+
+def _longest_rise(values: Array) -> Index:
+    """The places of the longest sequence in which none is less than the one before it.
+
+    Source: Fredman 1975, by patience sorting.
+
+    >>> _longest_rise(np.array([5.0, 1.0, 2.0, 9.0, 3.0])).tolist()
+    [1, 2, 4]
+    """
+    tails: list[float] = []
+    ends: list[int] = []
+    before = np.full(len(values), -1)
+    for i, value in enumerate(values.tolist()):
+        length = bisect_right(tails, value)
+        before[i] = ends[length - 1] if length else -1
+        tails[length : length + 1] = [value]
+        ends[length : length + 1] = [i]
+    chain = []
+    at = ends[-1] if ends else -1
+    while at >= 0:
+        chain.append(at)
+        at = int(before[at])
+    return np.array(chain[::-1], dtype=np.int64)
 
 
 def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:

@@ -186,8 +186,9 @@ def find_time(
     time = np.where(find_misplaced(time), np.nan, time)
     restarts: tuple[str, ...] = ()
     if leads_back(time):
-        from agonic.logs.rows.order import continue_time
+        from agonic.logs.rows.order import continue_time, find_strays
 
+        time = np.where(find_strays(time), np.nan, time)
         time, restarts = continue_time(time, field)
     known = time[np.isfinite(time) & readings]
     if len(known) < _CLOCK_SHARE * readings.sum() or (len(known) > 1 and np.ptp(known) == 0):
