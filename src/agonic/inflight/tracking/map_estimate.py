@@ -16,6 +16,8 @@ from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
+_SAME = 1.0  # standard error: ways that come so near each other end in one place
+_ROUGH = 0.1  # standard errors to which a solution is found that only serves the next
 
 
 def find_most_probable(
@@ -26,20 +28,24 @@ def find_most_probable(
     another component of the noise, whose sum of squares over n readings differs by so much."""
     m = len(prior.diagonal) - 1
     gaussian = GaussianPrior(prior)
-    found = []
+    found: list[tuple[float, Array]] = []
     for first in _starts(state, prior, rows):
         scale = max(_scale(state, params, rows, first, m), robust_scale(residuals_at(rows, first)))
-        for loss in (cauchy(), cauchy(), tukey()):
+        for k, loss in enumerate((cauchy(), cauchy(), tukey())):
             solution = leastsq.solve(
                 _pieces(rows, first, m, state.noise),
                 first[1 : m + 1],
                 scale=scale,
                 loss=loss,
                 prior=gaussian,
+                tolerance=_ROUGH if k < 2 else 1e-3,
             )
+            if found and _is_near(solution, found[0][1][1 : m + 1]):
+                break
             first = _with_params(first, solution.params)
             scale = _scale(state, params, rows, first, m)
-        found.append((scale, first))
+        else:
+            found.append((scale, first))
     common = min(scale for scale, _ in found)
     costs = [_cost(rows, about, gaussian, common) for _, about in found]
     best = found[int(np.argmin(costs))][1]
@@ -53,6 +59,12 @@ def find_most_probable(
     if not state.noise_known:
         noise = _scale(state, params, rows, best, m)
     return best, noise, apart
+
+
+def _is_near(solution: leastsq.Solution, params: Array) -> bool:
+    """Whether a solution is within its standard errors of the parameters."""
+    away = solution.params - params
+    return float(away @ leastsq.inverse(solution.covariance) @ away) < _SAME**2
 
 
 def compute_total_sd(params: TrackerParams, noise: float, about: Array) -> float:
