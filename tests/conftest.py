@@ -20,14 +20,24 @@ settings.load_profile("steady")
 gc.disable()  # collecting tests makes much that lasts and no garbage: a third of its time
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than cores: pages, devices and servers are waited for a tenth of the time."""
+    return (os.cpu_count() or 1) + 1
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The one long file first and the doctests last, so that all workers end together."""
     items.sort(key=lambda item: item.path.name != "test_site.py")
 
 
 def pytest_collection_finish() -> None:
-    """What was made until now lasts to the end: do not look through it again and again."""
+    """What was made until now lasts to the end: do not look through it again and again.
+
+    Nor look often through what is made later: little of it is in cycles.
+    """
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
     gc.enable()
 
 

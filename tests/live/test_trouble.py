@@ -62,17 +62,24 @@ def begin(tmp_path):
         session.stop()
 
 
+@pytest.fixture(scope="module")
+def clean():
+    """The fit to good readings only."""
+    live = LiveFit(magnitude=50_000.0)
+    live.add(MADE.time, MADE.field)
+    assert live.guidance.done
+    return live
+
+
 @pytest.mark.parametrize("at", [0, 57, 700])
 @pytest.mark.parametrize("reading", GARBLED, ids=str)
-def test_a_reading_that_no_sensor_gives_changes_nothing(reading, at):
-    clean, live = LiveFit(magnitude=50_000.0), LiveFit(magnitude=50_000.0)
-    clean.add(MADE.time, MADE.field)
+def test_a_reading_that_no_sensor_gives_changes_nothing(reading, at, clean):
+    live = LiveFit(magnitude=50_000.0)
     field = MADE.field.copy()
     field[at] = reading
     live.add(MADE.time, field)
     assert live.left_out == 1
     assert live.guidance.done
-    assert clean.guidance.done
     moved = live.calibration.bias - clean.calibration.bias
     assert (np.abs(moved) < clean.calibration.sd[:3]).all()
     halves = LiveFit(magnitude=50_000.0)
