@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -27,6 +27,7 @@ from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
 from agonic.maths.equation.noisy_terms import calm_terms
+from agonic.maths.equation.parts import estimate_part, restate
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.equation.row_scatter import compute_row_covariance
 from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
@@ -77,6 +78,37 @@ def fit_channels_alone(
     with _name_missing_hold():
         found, _, _ = _state_errors(found, _select(problem, usable), scale, settings)
         return make_calibration(found, problem, scale, samples, settings, "part")
+
+
+def open_channels_parts(
+    samples: Samples,
+    reference: Reference,
+    channels: tuple[str, ...],
+    settings: Settings,
+    near: Affine | None = None,
+) -> Callable[[Mask], Affine]:
+    """What gives the calibration by some of the rows (n,), as `fit_channels_alone` of them does.
+
+    The noise is that of all rows, and the minimum is sought from theirs; a part that has another is
+    fitted by itself.
+    """
+    problem, scale, usable = _pose(samples, reference, channels, settings)
+    start = None if near is None else find_parameters(near, problem, scale)
+    found = estimate_usable(problem, usable, settings, start)
+    with _name_missing_hold():
+        calm, found, own = _state_own_errors(found, _select(problem, usable), settings)
+        stated = _state_shared_errors(own, calm, scale)[0]
+    shared = stated.solution.covariance - own.solution.covariance
+
+    def fit(rows: Mask) -> Affine:
+        part = estimate_part(calm, found, np.flatnonzero(rows[usable]))
+        if part is None:
+            own_rows = samples.select(rows), reference.select(rows)
+            return fit_channels_alone(*own_rows, channels, settings, near)
+        restated = restate(part, found, own, shared)
+        return make_calibration(restated, problem, scale, samples, settings, "part")
+
+    return fit
 
 
 def _pose(
@@ -180,16 +212,33 @@ def _state_errors(
 ) -> tuple[Estimate, Problem, Array | None]:
     """The estimate with the covariance that rows and shared errors give it, the problem with terms
     less their noise, and what a turn moves."""
-    turn = None
-    if part.shared is None:  # beside an inertial unit batches have told it
-        growth = np.zeros_like(found.solution.covariance)
-        if "second" not in settings.sources:  # a mix of sensors is to weigh the noise of both
-            part, found, growth = calm_terms(part, found, _is_robust(part, settings))
-        found, by_axes = correct_for_unequal_noise(part, found)
-        covariance = compute_row_covariance(part, found) + growth + by_axes
-        found = found._replace(solution=found.solution._replace(covariance=covariance))
-        turn = find_turn_move(found, part)
-    return add_shared_errors(found, part, scale, turn), part, turn
+    part, _, own = _state_own_errors(found, part, settings)
+    stated, turn = _state_shared_errors(own, part, scale)
+    return stated, part, turn
+
+
+def _state_own_errors(
+    found: Estimate, part: Problem, settings: Settings
+) -> tuple[Problem, Estimate, Estimate]:
+    """The problem with terms less their noise, its estimate, and the same with the covariance that
+    its rows give it."""
+    if part.shared is not None:  # beside an inertial unit batches have told it
+        return part, found, found
+    growth = np.zeros_like(found.solution.covariance)
+    if "second" not in settings.sources:  # a mix of sensors is to weigh the noise of both
+        part, found, growth = calm_terms(part, found, _is_robust(part, settings))
+    moved, by_axes = correct_for_unequal_noise(part, found)
+    covariance = compute_row_covariance(part, moved) + growth + by_axes
+    own = moved._replace(solution=moved.solution._replace(covariance=covariance))
+    return part, found, own
+
+
+def _state_shared_errors(
+    own: Estimate, part: Problem, scale: Scale
+) -> tuple[Estimate, Array | None]:
+    """The estimate with the covariance that shared errors give it too, and what a turn moves."""
+    turn = find_turn_move(own, part) if part.shared is None else None
+    return add_shared_errors(own, part, scale, turn), turn
 
 
 def _is_robust(part: Problem, settings: Settings) -> bool:

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.ellipsoid.calibration import Scale, make_calibration
+from agonic.ellipsoid.calibration import make_calibration
 from agonic.ellipsoid.evidence import assess, name_uncertainty, rows_of, wanted_magnitude
+from agonic.ellipsoid.problem import normalise_start, pose
 from agonic.ellipsoid.settings import (
     CITATIONS,
     STATED_DIP_DEG,
@@ -29,22 +30,18 @@ from agonic.ellipsoid.solve import (
     solve_algebraic,
     solve_likelihood,
 )
-from agonic.errors import AgonicError, CoverageError
+from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
 from agonic.health import (
-    FEWEST,
     Fitted,
     describe_model_errors,
     examine_model,
-    find_rounding,
-    find_usable_rows,
     inspect,
     widen,
 )
 from agonic.health.adequacy import ModelError
 from agonic.logs.natural import Given, as_samples
 from agonic.maths.equation import moments
-from agonic.maths.equation.channels import Problem
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -153,18 +150,15 @@ def _solve(
     """What was found, its noise in the unit of the readings, as a calibration too; the rows that
     could be used; the tests of models."""
     method = settings.method
-    usable = find_usable_rows(samples.field)
-    scale, magnitude = normalise(samples, reference, usable, method)
-    points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
-    rounding = find_rounding(samples.field) / scale.size
-    start = None if near is None else _normalise_start(near, scale)
+    posed = pose(samples, reference, method)
+    scale, points = posed.scale, posed.points
+    start = None if near is None else normalise_start(near, scale)
 
     def attempt(model: Fixed) -> Found:
         if method != "likelihood":
             return solve_algebraic(moments.accumulate(points, np.zeros(3), 1.0), model, method)
-        problem = Problem(points, magnitude, model, settings.soft_iron_sd, rounding=rounding)
-        enough = len(points) >= 2 * FEWEST  # to tell an outlier from the rest
-        return solve_likelihood(problem, model, settings.robust and enough, settings.seed, start)
+        problem = posed.problem(model, settings.soft_iron_sd)
+        return solve_likelihood(problem, model, posed.robust(settings), settings.seed, start)
 
     try:
         found, tests = choose_model(attempt, settings.model, len(points), method)
@@ -188,13 +182,7 @@ def _solve(
     if plain is not None:
         alone = found._replace(covariance=plain)
         plain = make_calibration(alone, scale, samples.unit, settings.gauge).covariance
-    return found._replace(noise=affine.noise, plain=plain), affine, usable, tests
-
-
-def _normalise_start(near: Affine, scale: Scale) -> tuple[Array, Array]:
-    """Bias and matrix of a calibration for readings of size one about their centre."""
-    assert near.magnitude is not None
-    return (near.bias - scale.centre) / scale.size, near.matrix * (scale.size / near.magnitude)
+    return found._replace(noise=affine.noise, plain=plain), affine, posed.usable, tests
 
 
 def _find_model_errors(
@@ -234,30 +222,3 @@ def _without_hold(samples: Samples) -> CoverageError:
     refused = (found for found in inspect(samples) if found.severity == "refuse")
     cause = next(refused, None)
     return no_ellipsoid() if cause is None else CoverageError(cause.what, turns=cause.move)
-
-
-def normalise(
-    samples: Samples, reference: Reference | None, usable: Mask, method: str
-) -> tuple[Scale, Array]:
-    """Centre and size of the readings, and magnitudes scaled to mean one, (1,) or (n,)."""
-    readings = samples.field[rows_of(usable)]
-    centre = np.ones(len(readings)) @ readings / len(readings)
-    size = float(np.linalg.norm(readings - centre) / np.sqrt(len(readings)))
-    if size <= 1e-9 * float(np.linalg.norm(centre)):
-        raise CoverageError(
-            "there is one usable reading only"
-            if len(readings) == 1
-            else "the readings never change: the sensor did not turn, or it is stuck",
-            turns="turn it about all three axes while recording",
-        )
-    if reference is None:
-        return Scale(centre, size, None), np.ones(1)
-    magnitudes = reference.magnitudes(len(samples))
-    if len(magnitudes) > 1:
-        if method != "likelihood":
-            raise AgonicError(
-                f"method {method!r} needs a constant magnitude; use method='likelihood'"
-            )
-        magnitudes = magnitudes[usable]
-    mean = float(magnitudes.mean())
-    return Scale(centre, size, mean, reference.sd), magnitudes / mean

@@ -17,7 +17,7 @@ from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.covariance import add_up, compute_covariance, predict_unseen
-from agonic.maths.equation.maximum_likelihood import estimate
+from agonic.maths.equation.maximum_likelihood import Estimate, estimate
 from agonic.maths.equation.starting_values import nearest_parameters
 from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
 
@@ -62,6 +62,16 @@ class Found(NamedTuple):
     unseen: Array | None = None
 
 
+class Stated(NamedTuple):
+    """An estimate with the covariance that residuals give it; the covariance for equal noise with
+    one correlation length; the mean square of residuals of each block of time by the fit without
+    it."""
+
+    estimate: Estimate
+    plain: Array
+    unseen: Array
+
+
 def solve_likelihood(
     problem: Problem,
     model: Fixed,
@@ -71,26 +81,44 @@ def solve_likelihood(
 ) -> Found:
     """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model; the minimum
     near the bias and matrix of `start`, where given."""
+    found = seek(problem, robust, seed, start)
+    stated = state_errors(problem, found)
+    plain = gauge.expand_model_covariance(model, stated.plain)
+    return list_numbers(stated.estimate, model)._replace(plain=plain, unseen=stated.unseen)
+
+
+def seek(problem: Problem, robust: bool, seed: int, start: tuple[Array, Array] | None) -> Estimate:
+    """The estimate of one model, before residuals tell how it scatters."""
     near = None if start is None else nearest_parameters(*start, problem.basis)
-    found = estimate(problem, robust=robust, seed=seed, start=near)
+    return estimate(problem, robust=robust, seed=seed, start=near)
+
+
+def state_errors(problem: Problem, found: Estimate) -> Stated:
+    """The estimate by a magnitude as its residuals tell how it scatters, corrected for axes whose
+    noise is unequal."""
     found, growth = correct_for_unequal_noise(problem, found)
-    solution, noise = found.solution, found.noise["magnitude"]
+    sums, plain = add_up(problem, found), found.solution.covariance + growth
+    covariance = compute_covariance(problem, found, sums) + growth
+    stated = found._replace(solution=found.solution._replace(covariance=covariance))
+    return Stated(stated, plain, predict_unseen(problem, found, sums))
+
+
+def list_numbers(estimate: Estimate, model: Fixed) -> Found:
+    """What was found of one model."""
+    solution, noise = estimate.solution, estimate.noise["magnitude"]
     bias, matrix = split(model_basis(model) @ solution.params)
-    sums = add_up(problem, found)
     return Found(
         model,
         bias,
         matrix,
-        gauge.expand_model_covariance(model, compute_covariance(problem, found, sums) + growth),
+        gauge.expand_model_covariance(model, solution.covariance),
         noise.sd,
         noise.correlation,
-        found.residuals["magnitude"],
-        found.weights,
+        estimate.residuals["magnitude"],
+        estimate.weights,
         solution.condition,
         solution.iterations,
         solution.converged,
-        gauge.expand_model_covariance(model, solution.covariance + growth),
-        predict_unseen(problem, found, sums),
     )
 
 

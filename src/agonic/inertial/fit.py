@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 
+from agonic.arrays import Mask
 from agonic.attitude.calibration import make_calibration
 from agonic.attitude.delay import find_and_undo, keep_latency
 from agonic.attitude.fit import make_fit
@@ -166,26 +167,34 @@ def fit_inertial(
     )
 
 
-def fit_part(whole: InertialFit, samples: Samples, reference: Reference) -> Affine:
-    """The calibration by some of the readings of a fit; acceleration and rates count in all rows.
+def open_inertial_parts(
+    whole: InertialFit, samples: Samples, reference: Reference | None
+) -> Callable[[Mask], Affine]:
+    """What gives the calibration by some of the rows (n,) of readings of a fit; acceleration and
+    rates count in all rows.
 
     Readings that the fit does not have are fitted anew.
     """
-    rows = whole.find_rows(samples)
-    if rows is None:
-        found = solve(samples, reference, whole.settings)
-    else:
-        among = np.zeros(len(whole.samples), dtype=bool)
-        among[rows] = True
-        found = solve_beside(
-            whole.samples,
-            whole.reference,
-            whole.inertial_errors,
-            whole.settings,
-            among,
-            whole.minimum,
-            whole.headings,
+    numbers = whole.find_rows(samples)
+
+    def fit(rows: Mask) -> Affine:
+        if numbers is None:
+            known = None if reference is None else reference.select(rows)
+            found = solve(samples.select(rows), known, whole.settings)
+        else:
+            among = np.zeros(len(whole.samples), dtype=bool)
+            among[numbers[rows]] = True
+            found = solve_beside(
+                whole.samples,
+                whole.reference,
+                whole.inertial_errors,
+                whole.settings,
+                among,
+                whole.minimum,
+                whole.headings,
+            )
+        return make_calibration(
+            found.found, found.problem, found.scale, found.samples, whole.settings, "inertial"
         )
-    return make_calibration(
-        found.found, found.problem, found.scale, found.samples, whole.settings, "inertial"
-    )
+
+    return fit

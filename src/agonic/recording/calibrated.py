@@ -19,7 +19,12 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, correct_field, select_columns
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
-from agonic.ellipsoid import Recording, evaluate, fit_ellipsoid_alone, fit_recording_and_rows
+from agonic.ellipsoid import (
+    Recording,
+    evaluate,
+    fit_recording_and_rows,
+    open_ellipsoid_parts,
+)
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.fresh import without_held
@@ -144,20 +149,20 @@ def calibrate_recording(
     """
     fit, samples = fit_recording_and_rows(recording, reference, **settings)
     kept = ("method", "robust", "soft_iron_sd", "gauge", "seed")
-    again = partial(
-        fit_ellipsoid_alone,
+    open_parts = partial(
+        open_ellipsoid_parts,
         **{name: settings[name] for name in kept if name in settings},
         model=fit.calibration.model,
     )
     why = "the recording is longer than memory: it was read piece by piece"
-    return _verify(Choice(samples, reference, fit, "ellipsoid", why, again))
+    return _verify(Choice(samples, reference, fit, "ellipsoid", why, open_parts))
 
 
 def _verify(choice: Choice) -> Calibrated:
     """A choice with its checks on held-out parts."""
     samples, reference, fit = choice.samples, choice.reference, choice.fit
     refused = fit.verdict == "refused"
-    folds = fit_folds(samples, reference, fit.calibration, choice.again, refused=refused)
+    folds = fit_folds(samples, reference, fit.calibration, choice.open_parts, refused=refused)
     gain = float(np.trace(fit.calibration.matrix) / 3)
     used = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
     noise = fit.noise * gain
@@ -213,7 +218,7 @@ def judge(
     fit = _evidence(calibration, samples, reference, settings)
     known = reference if calibration.unit_out == "nT" else None
     why = "the calibration was made before"
-    given = Choice(samples, reference, fit, method, why, fit_ellipsoid_alone)
+    given = Choice(samples, reference, fit, method, why, open_ellipsoid_parts)
     return _conclude(given, verify(calibration, samples, known))
 
 

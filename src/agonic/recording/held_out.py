@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
@@ -19,6 +19,10 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Check
 
+FitPart = Callable[[Mask], Calibration]
+"""The calibration by some of the rows (n,) of a log."""
+OpenParts = Callable[[Samples, Reference | None], FitPart]
+"""The same from samples and their reference."""
 BLOCKS = 8
 AGREEMENT_LIMIT_DEG = 2.0
 CHANCE = 2.0
@@ -46,7 +50,7 @@ def fit_folds(
     samples: Samples,
     reference: Reference | None,
     calibration: Calibration,
-    again: Callable[..., Calibration],
+    open_parts: OpenParts,
     *,
     refused: bool = False,
 ) -> Folds | None:
@@ -57,7 +61,11 @@ def fit_folds(
     rows say each, so that a sensor that lay still for most of the log is not held out at rest only.
     """
     block, weights = cut_blocks(samples)
-    halves = partial(predict, samples, reference, again, block % 2, weights)
+    try:
+        fit_part = open_parts(samples, reference)
+    except AgonicError:
+        return None
+    halves = partial(predict, samples, fit_part, block % 2, weights)
     if refused:
         return halves()
     field = correct_field(calibration, samples)
@@ -66,7 +74,7 @@ def fit_folds(
     half = halves(AGREEMENT_LIMIT_DEG / 2) if several else None
     if half is not None:
         return half
-    single = predict(samples, reference, again, block, weights)
+    single = predict(samples, fit_part, block, weights)
     return halves() if single is None else replace(single, seen=field, single=True)
 
 
@@ -79,8 +87,7 @@ def cut_blocks(samples: Samples) -> tuple[Index, Array]:
 
 def predict(
     samples: Samples,
-    reference: Reference | None,
-    again: Callable[..., Calibration],
+    fit_part: FitPart,
     fold: Index,
     weights: Array,
     most_deg: float = np.inf,
@@ -92,7 +99,7 @@ def predict(
     for k in range(count):
         out = fold == k
         try:
-            part = again(samples.select(~out), reference.select(~out) if reference else None)
+            part = fit_part(~out)
             field = correct_field(part, samples)
         except AgonicError:
             return None

@@ -5,27 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Index
 from agonic.attitude.disturbers.names import name_sources
-from agonic.attitude.fit import CHANNELS, fit_channels_alone
+from agonic.attitude.fit import CHANNELS, fit_channels_alone, open_channels_parts
 from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
-from agonic.ellipsoid import fit_ellipsoid_alone
+from agonic.ellipsoid import fit_ellipsoid_alone, open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.coverage import heading_jacobian_deg, level_directions, make_level_axes
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
-from agonic.recording.held_out import cut_blocks, predict
+from agonic.recording.held_out import FitPart, cut_blocks, predict
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
@@ -89,12 +89,13 @@ def climb(
     heading = compare(_identity(chosen))
     before = verification.spread_before
     rungs = [_rung("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
-    for name, again, why in _list_others(samples, reference, fit, method):
+    for name, way, why in _list_others(samples, reference, fit, method):
         try:
-            found = again(*most, near=near)
+            found = way.fit(*most, near=near)
+            fit_part = way.open_parts(some, known, near=found)
         except AgonicError:
             continue
-        folds = predict(some, known, partial(again, near=found), fold, weights)
+        folds = predict(some, fit_part, fold, weights)
         if folds is None:
             held_out = (np.nan, np.nan)
         else:
@@ -140,16 +141,31 @@ def _rung(
     )
 
 
+class _Way(NamedTuple):
+    """What makes a fit, and opens the same for parts of a log."""
+
+    fit: Callable[..., Affine]
+    open_parts: Callable[..., FitPart]
+
+    def given(self, **settings: Any) -> _Way:
+        """The same with settings."""
+        return _Way(partial(self.fit, **settings), partial(self.open_parts, **settings))
+
+
+_BY_MAGNITUDE = _Way(fit_ellipsoid_alone, open_ellipsoid_parts)
+_BY_CHANNELS = _Way(fit_channels_alone, open_channels_parts)
+
+
 def _list_others(
     samples: Samples, reference: Reference | None, fit: Fit, method: str
-) -> Iterator[tuple[str, Callable[..., Affine], str]]:
+) -> Iterator[tuple[str, _Way, str]]:
     """Name of each fit beside the chosen one, what makes it, and why it was not chosen."""
     chosen = fit.calibration
     alone = method == "ellipsoid"
     said = {test.smaller: test.sentence for test in fit.tests if alone}
     for model, name in NAMES.items():
         if not alone or chosen.model != model:
-            yield name, partial(fit_ellipsoid_alone, model=model), said.get(model, "")
+            yield name, _BY_MAGNITUDE.given(model=model), said.get(model, "")
     if alone and reference is not None and _varies(samples.current_A):
         yield "full + current_A", _join("magnitude", sources=("current_A",)), ""
     if chosen.needs and method in CHANNELS:
@@ -167,10 +183,9 @@ def _start_near(chosen: Affine, samples: Samples) -> Affine:
     return Affine(bias=plain.bias, matrix=polar(plain.matrix)[1], magnitude=plain.magnitude)
 
 
-def _join(*channels: str, sources: tuple[str, ...] = ()) -> Callable[..., Affine]:
+def _join(*channels: str, sources: tuple[str, ...] = ()) -> _Way:
     """The fit by those channels, with what sources add."""
-    settings = Settings(sources=sources)
-    return partial(fit_channels_alone, channels=channels, settings=settings)
+    return _BY_CHANNELS.given(channels=channels, settings=Settings(sources=sources))
 
 
 def _varies(current: Array | None) -> bool:

@@ -16,27 +16,28 @@ from agonic.attitude.disturbers.choice import (
     list_moving,
 )
 from agonic.attitude.disturbers.names import describe_sources
-from agonic.attitude.fit import CHANNELS, fit_channels_alone
+from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.settings import Settings
 from agonic.attitude.vector import fit_vector
-from agonic.calibration.base import Calibration
 from agonic.ellipsoid import (
     check_by_gravity,
     find_inclination_deg,
     fit_ellipsoid,
     fit_ellipsoid_alone,
+    open_ellipsoid_parts,
 )
 from agonic.fit import Fit
 from agonic.fresh import find_fresh
 from agonic.health import Finding
 from agonic.health.inertial_unit import leave_out_faulty, mend
-from agonic.inertial.fit import fit_inertial, fit_part
+from agonic.inertial.fit import fit_inertial, open_inertial_parts
 from agonic.inertial.result import InertialFit
 from agonic.maths.equation.coverage import heading_sd_deg
 from agonic.recording.choice.sources import add_choice, fit_with_sources, keep_common, list_sources
+from agonic.recording.held_out import FitPart, OpenParts
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -50,8 +51,8 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 BESIDE_EACH_ROW = ("levelled", "vector")
 """Fits that compare a reading with the attitude of its row: one that is only held is late there."""
 
-ENOUGH = 5_000
-"""Rows that a fit to a part of a log is made to."""
+ENOUGH = 10_000
+"""Rows that parts of a log are fitted to, together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +60,8 @@ class Choice:
     """A fit with the word for its method and the reason for choosing it.
 
     `samples` are those that were fitted, with a `latency` that is significant undone beside an
-    attitude, and `reference` is that of their rows; `again` calibrates others with the same
-    choices; `disturbers` is what was tried of them, where any were.
+    attitude, and `reference` is that of their rows; `open_parts` gives what calibrates parts of a
+    log with the same choices; `disturbers` is what was tried of them, where any were.
     """
 
     samples: Samples
@@ -68,7 +69,7 @@ class Choice:
     fit: Fit
     method: str
     reason: str
-    again: Callable[..., Calibration]
+    open_parts: OpenParts
     latency: LatencyFit | None = None
     disturbers: SourceChoice | None = None
 
@@ -93,8 +94,8 @@ def fit_magnitude(
         wrong = mend(recorded)[1]
     fit = fit.with_findings(*wrong)
     same = {**settings, "model": fit.calibration.model}
-    again = partial(fit_some, partial(fit_ellipsoid_alone, **same, near=fit.calibration))
-    return Choice(samples, reference, fit, "ellipsoid", reason, again, find_latency(samples))
+    parts = partial(open_some, partial(open_ellipsoid_parts, **same, near=fit.calibration))
+    return Choice(samples, reference, fit, "ellipsoid", reason, parts, find_latency(samples))
 
 
 def fit_alone(samples: Samples, reference: Reference | None, settings: Mapping[str, Any]) -> Choice:
@@ -175,27 +176,28 @@ def fit_beside_attitude(
     if isinstance(fit, InertialFit):
         if fit.heading_source is not None:
             reason += f", and {fit.heading_source} the heading beside the gyro"
-        part = partial(fit_part, fit)
-        return Choice(fit.samples, fit.reference, fit, method, reason, part, latency)
+        parts: OpenParts = partial(open_inertial_parts, fit)
+        return Choice(fit.samples, fit.reference, fit, method, reason, parts, latency)
     assert reference is not None  # any other fit has asked for it
     same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}
-    again: Callable[..., Calibration] = partial(
-        fit_channels_alone,
+    parts = partial(
+        open_channels_parts,
         channels=CHANNELS.get(method) or find_channels(samples, reference),
         settings=Settings(**same),
         near=fit.calibration,
     )
     if not list_sources(fit):  # what follows a source slowly has to be seen row by row
-        again = partial(fit_some, again)
+        parts = partial(open_some, parts)
     return Choice(
-        samples, reference, fit.with_findings(*wrong), method, reason, again, latency, tried
+        samples, reference, fit.with_findings(*wrong), method, reason, parts, latency, tried
     )
 
 
-def fit_some(
-    again: Callable[..., Calibration], samples: Samples, reference: Reference | None
-) -> Calibration:
-    """A calibration of evenly spaced rows, of no more than suffice to judge rows it has not seen:
-    its own error is then far below their noise."""
-    rows = np.arange(0, len(samples), max(-(-len(samples) // ENOUGH), 1))
-    return again(samples.select(rows), None if reference is None else reference.select(rows))
+def open_some(open_parts: OpenParts, samples: Samples, reference: Reference | None) -> FitPart:
+    """The calibrations by evenly spaced rows, of no more than suffice to judge rows that they have
+    not seen: their own error is then far below the noise of these."""
+    some = np.arange(0, len(samples), max(-(-len(samples) // ENOUGH), 1))
+    fit_part = open_parts(
+        samples.select(some), None if reference is None else reference.select(some)
+    )
+    return lambda rows: fit_part(rows[some])
