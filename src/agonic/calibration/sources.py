@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,7 @@ class Source(NamedTuple):
         return np.asarray(x > self.value, dtype=np.float64) if self.form == ">" else x
 
 
+@lru_cache(maxsize=256)
 def parse_source(text: str) -> Source:
     """The source that a text spells: a column or a sum of some, to a power, or above a value.
 

@@ -104,23 +104,18 @@ def find_renaming(
     time = samples.time
     assert time is not None
     turns, found = np.concatenate([right_angles(), -right_angles()]), []
+    tried = np.concatenate([factor * turns for factor, _ in units])
     for smoothed_s in _SMOOTHED_S:
         if smoothed_s > _SMOOTHED_S[0] and _LENGTHS * smoothed_s > time[-1] - time[0]:
             break
         products, farthest = sum_of(smoothed_s)
-        own = measure_left(products, np.eye(3), farthest)
+        own = float(measure_left(products, np.eye(3), farthest))
         if own < FAR_BETTER * EXPLAINED:
             continue  # as named it is right
-        best = min(
-            (
-                Renaming(measure_left(products, factor * turn, farthest), turn, unit, own)
-                for factor, unit in units
-                for turn in turns
-            ),
-            key=lambda one: one.left,
-        )
-        if best.left <= min(EXPLAINED, FAR_BETTER * own):
-            found.append(best)
+        left = measure_left(products, tried, farthest)
+        unit, turn = divmod(int(np.argmin(left)), len(turns))
+        if left.min() <= min(EXPLAINED, FAR_BETTER * own):
+            found.append(Renaming(float(left.min()), turns[turn], units[unit][1], own))
     return min(found, key=lambda one: one.left) if found else None
 
 
@@ -132,7 +127,7 @@ def explains_change(samples: Samples) -> bool:
     if not _can_tell(samples):
         return False
     products, farthest = _sum_of_field(samples)(_SMOOTHED_S[0])
-    return measure_left(products, np.eye(3), farthest) < EXPLAINED
+    return bool(measure_left(products, np.eye(3), farthest) < EXPLAINED)
 
 
 def _tell_which(samples: Samples, found: Renaming) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg import polar
@@ -32,6 +33,9 @@ _ENTRIES = {
     "zx": (2, 0),
     "zy": (2, 1),
 }
+
+
+_MOVED: WeakKeyDictionary[Affine, list[tuple[Affine, Affine]]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,9 +178,8 @@ def _group(
 def propagate_sd(calibration: Affine, view: Callable[[Affine], Array]) -> Array:
     """Standard errors of numbers that follow from a calibration: sd² = diag(J C Jᵀ)."""
     assert calibration.covariance is not None, "a fit always carries a covariance"
-    steps = np.eye(len(calibration.covariance)) * _steps(calibration)
-    there = [view(_moved(calibration, step)) - view(_moved(calibration, -step)) for step in steps]
-    jacobian = np.array(there).T / (2 * np.diag(steps))
+    there = [view(ahead) - view(behind) for ahead, behind in _move_each(calibration)]
+    jacobian = np.array(there).T / (2 * _steps(calibration))
     spread = jacobian @ calibration.covariance @ jacobian.T
     return np.asarray(np.sqrt(np.maximum(np.diag(spread), 0.0)))
 
@@ -190,6 +193,15 @@ def _steps(calibration: Affine) -> Array:
     if isinstance(calibration, Interference):
         steps[size:] = 1e-6 * max(float(np.linalg.norm(calibration.coefficients)), 1e-6)
     return steps
+
+
+def _move_each(calibration: Affine) -> list[tuple[Affine, Affine]]:
+    """The calibration with each parameter moved to and fro; made once for all that is shown."""
+    if calibration not in _MOVED:
+        steps = np.diag(_steps(calibration))
+        pairs = [(_moved(calibration, by), _moved(calibration, -by)) for by in steps]
+        _MOVED[calibration] = pairs
+    return _MOVED[calibration]
 
 
 def _moved(calibration: Affine, by: Array) -> Affine:

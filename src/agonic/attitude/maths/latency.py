@@ -11,12 +11,11 @@ interpolated noise is smaller between rows than on them, which would draw τ awa
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Index, Mask
 from agonic.attitude.maths.path import Path, attitude_path, gyro_path
 from agonic.attitude.maths.score_variance import compute_score_variance
 from agonic.maths.estimation.loss import tukey
@@ -45,10 +44,6 @@ class Record(NamedTuple):
     time: Array
     raw: Array
     edges: Index
-
-    def stretches(self) -> list[slice]:
-        """The rows of each stretch."""
-        return [slice(start, stop) for start, stop in pairwise(self.edges.tolist())]
 
     def thin(self, most: int) -> Record:
         """Every so many rows, that about so many are left."""
@@ -166,7 +161,8 @@ def _concluded(record: Record, path: Path, latency: float, weights: Array) -> Es
     curvature = (scores[0] - scores[1]) / (2 * half)
     scatter = compute_score_variance(z, fall, trust)
     sd = np.sqrt(scatter) / curvature if curvature > 0 else np.inf
-    none = _projected(record, path, 0.0, weights).residuals
+    at_once = _fit_stretches(record, path, 0.0, weights)
+    none = at_once.residuals[at_once.inside]
     counted = int((weights * trust[:, 0] > 0).sum())
     cost = 3 * float(np.log(noise).sum())
     return Estimate(latency, float(sd), _size(none), _size(seen.residuals), counted, cost)
@@ -185,16 +181,17 @@ def _trusted(z: Array, fall: Array) -> Array:
 
     A block's score g = Σ J z over √h, h = Σ J², is judged by the scatter of those of all blocks.
     """
-    blocks = np.array_split(np.arange(len(z)), _BLOCKS)
-    g = np.array([(z[rows] * fall[rows]).sum() for rows in blocks])
-    h = np.array([(fall[rows] ** 2).sum() for rows in blocks])
+    each, more = divmod(len(z), _BLOCKS)  # the first blocks have a row more
+    starts = np.arange(_BLOCKS) * each + np.minimum(np.arange(_BLOCKS), more)
+    g = np.add.reduceat((z * fall).sum(axis=1), starts)
+    h = np.add.reduceat((fall**2).sum(axis=1), starts)
     h += 1e-3 * h.max() + 1e-300
     weights, far = np.ones(len(g)), g
     for _ in range(20):
         far = (g - h * (weights @ g) / (weights @ h)) / np.sqrt(h)
         spread = max(MAD_TO_SD * float(np.median(np.abs(far))), 1e-300)
         weights = np.maximum(tukey().weight((far / spread) ** 2), 1e-9)
-    return np.repeat(weights, [len(rows) for rows in blocks])[:, None]
+    return np.repeat(weights, np.diff(starts, append=len(z)))[:, None]
 
 
 def _scanned(record: Record, path: Path, limit_s: float) -> float:
@@ -204,39 +201,73 @@ def _scanned(record: Record, path: Path, limit_s: float) -> float:
     grid = np.linspace(-1, 1, 2 * max(1, round(limit_s / _SCAN_S)) + 1) * limit_s
     costs = []
     for latency in grid:
-        residuals = _projected(some, path, latency, weights).residuals
+        found = _fit_stretches(some, path, latency, weights)
+        residuals = found.residuals[found.inside]
         costs.append(np.log(_weighed(some, residuals)[1]).sum())
     return float(grid[np.argmin(costs)])
+
+
+class _Fitted(NamedTuple):
+    """The weighted least squares of all stretches, each filled up with rows that do not count: the
+    numbers of the `rows` (s, l), which are `inside`; what projects (s, l, 10) and what makes that
+    of the regressors (s, 10, 10); weights (s, l, 1), numbers found (s, 10, 3), residuals."""
+
+    rows: Index
+    inside: Mask
+    basis: Array
+    scaled: Array
+    weights: Array
+    found: Array
+    residuals: Array
+
+
+def _fit_stretches(record: Record, path: Path, latency: float, weights: Array) -> _Fitted:
+    """The readings of every stretch beside the attitude as late as that."""
+    at = record.time - latency
+    entries = np.column_stack([np.ones(len(at)), path.entries(at)])
+    rows, inside = _fill_up(record.edges)
+    x, w, raw = entries[rows], (weights[rows] * inside)[..., None], record.raw[rows]
+    power, axes = np.linalg.eigh(x.swapaxes(1, 2) @ (w * x))
+    seen = power > _SUPPORTED * power[:, -1:]
+    scaled = axes * (seen / np.sqrt(np.where(seen, power, 1.0)))[:, None]
+    basis = x @ scaled
+    found = basis.swapaxes(1, 2) @ (w * raw)
+    return _Fitted(rows, inside, basis, scaled, w, found, raw - basis @ found)
+
+
+def _fill_up(edges: Index) -> tuple[Index, Mask]:
+    """The rows of stretches, filled up to the longest, (s, l), and which of them are theirs."""
+    lengths = np.diff(edges)
+    places = np.arange(lengths.max())
+    inside = places < lengths[:, None]
+    return np.where(inside, edges[:-1, None] + places, edges[:-1, None]), inside
 
 
 def _projected(record: Record, path: Path, latency: float, weights: Array) -> _Projected:
     """Residuals of the weighted least squares of every stretch, and Kaufman's slopes."""
     at = record.time - latency
-    entries = np.column_stack([np.ones(len(at)), path.entries(at)])
     changes = np.stack([-path.entries(at, 1), *(drift(at) for drift in path.drifts)])
-    residuals, slopes = np.empty_like(record.raw), np.empty((len(changes), len(at), 3))
-    for rows in record.stretches():
-        x, w, raw = entries[rows], weights[rows, None], record.raw[rows]
-        power, axes = np.linalg.eigh(x.T @ (w * x))
-        seen = power > _SUPPORTED * power[-1]
-        scaled = axes[:, seen] / np.sqrt(power[seen])
-        basis = x @ scaled
-        found = basis.T @ (w * raw)
-        residuals[rows] = raw - basis @ found
-        noise = (w * residuals[rows] ** 2).sum() / max(w.sum() - len(found), 1.0)
-        size = np.maximum((found**2).sum(axis=1, keepdims=True), 1e-300)
-        clear = np.maximum(1.0 - _SHRUNK * noise / size, 0.0)
-        moved = changes[:, rows] @ (scaled @ (clear * found))[1:]
-        slopes[:, rows] = moved - basis @ (basis.T @ (w * moved))
-    return _Projected(residuals, slopes)
+    rows, inside, basis, scaled, w, found, residuals = _fit_stretches(
+        record, path, latency, weights
+    )
+    freedom = w.sum(axis=(1, 2)) - np.count_nonzero(scaled.any(axis=1), axis=1)
+    noise = (w * residuals**2).sum(axis=(1, 2)) / np.maximum(freedom, 1.0)
+    size = np.maximum((found**2).sum(axis=2), 1e-300)
+    clear = np.maximum(1.0 - _SHRUNK * noise[:, None] / size, 0.0)
+    moved = changes[:, rows] @ (scaled @ (clear[..., None] * found))[:, 1:]
+    slopes = moved - basis @ (basis.swapaxes(1, 2) @ (w * moved))
+    return _Projected(residuals[inside], slopes[:, inside])
 
 
 def _weighed(record: Record, residuals: Array) -> tuple[Array, Array]:
     """Tukey weight and standard deviation (n,) of each row, from the residuals of its stretch."""
     far = np.linalg.norm(residuals, axis=1)
-    noise = np.empty(len(far))
-    for rows in record.stretches():
-        noise[rows] = np.median(far[rows]) / _MEDIAN_NORM
+    rows, inside = _fill_up(record.edges)
+    ordered = np.sort(np.where(inside, far[rows], np.inf), axis=1)
+    lengths = np.diff(record.edges)
+    middle = np.stack([(lengths - 1) // 2, lengths // 2], axis=1)
+    medians = np.take_along_axis(ordered, middle, axis=1).mean(axis=1)
+    noise = np.repeat(medians / _MEDIAN_NORM, lengths)
     noise = np.maximum(noise, max(1e-9 * float(np.abs(record.raw).max()), 1e-150))
     return tukey().weight((far / noise) ** 2 / 3), noise
 

@@ -46,18 +46,22 @@ def sum_products(
     return np.asarray(parts.T @ parts)
 
 
-def measure_left(products: Array, turn: Array, farthest: float) -> float:
-    """What is left of the change of a vector with a turn and unit (3, 3) of the gyro, as a share.
+def measure_left(products: Array, turns: Array, farthest: float) -> Array:
+    """What is left of the change of a vector with turns and units (…, 3, 3) of the gyro, as shares.
 
     Parameters: the sums of `sum_products`; a bias `farthest` off costs as much as all the change.
     Without that, a bias of 57 fields would explain small turns by a gyro in the wrong unit.
     """
-    wanted = np.r_[1.0, -turn.ravel(), np.zeros(9)]
-    by_bias = np.zeros((3, 19))  # ω' × e_b, of which e_c holds ε_kbc ω'_k
-    by_bias[:, 10:] = np.einsum("kbc,kj->bcj", _LEVI_CIVITA, turn).reshape(3, 9)
-    gram, along = by_bias @ products @ by_bias.T, by_bias @ products @ wanted
+    shape = turns.shape[:-2]
+    wanted = np.zeros((*shape, 19))
+    wanted[..., 0], wanted[..., 1:10] = 1.0, -turns.reshape(*shape, 9)
+    by_bias = np.zeros((*shape, 3, 19))  # ω' × e_b, of which e_c holds ε_kbc ω'_k
+    by_bias[..., 10:] = np.einsum("kbc,...kj->...bcj", _LEVI_CIVITA, turns).reshape(*shape, 3, 9)
+    taken = by_bias @ products
+    gram, along = taken @ by_bias.swapaxes(-1, -2), taken @ wanted[..., None]
     gram = gram + products[0, 0] / farthest**2 * np.eye(3)
-    bias = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ along
-    left = wanted - bias @ by_bias
-    far = float(bias @ bias) / farthest**2
-    return far + float(left @ products @ left) / max(float(products[0, 0]), 1e-300)
+    bias = (np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ along)[..., 0]
+    left = wanted - (bias[..., None, :] @ by_bias)[..., 0, :]
+    far = (bias**2).sum(axis=-1) / farthest**2
+    square = ((left @ products) * left).sum(axis=-1)
+    return np.asarray(far + square / max(float(products[0, 0]), 1e-300))
