@@ -34,19 +34,20 @@ def _compare(way, samples, reference, rows):
     fit, open_parts, settings = WAYS[way]
     apart = fit(samples.select(rows), reference.select(rows), **settings)
     part = open_parts(samples, reference, **settings)(rows)
+    assert (part.sensor, part.frame_in, part.unit_out) == (apart.sensor, apart.frame_in, "nT")
     sds = [np.sqrt(np.diag(one.covariance)) for one in (apart, part)]
     return np.abs(part.bias - apart.bias) / sds[0][:3], sds[1] / sds[0]
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_parts_are_fitted_as_by_themselves(way):
-    """Noise and correlation are those of all rows; where coverage is poor and a prior counts, what
-    half of a log says of these moves its own fit by half a standard error."""
+    """A vehicle that hardly tilts is moved by what half of a log says of the noise of each axis,
+    which all rows tell better: half a standard error."""
     samples, reference = _record(way)
     block, _ = cut_blocks(samples)
     for rows in (block % 2 == 0, block != 3):
         moved, wider = _compare(way, samples, reference, rows)
-        assert moved.max() < (0.6 if way == "with a current" else 0.1)
+        assert moved.max() < (0.6 if way == "with a current" else 0.02)
         assert 0.8 < wider.min() <= wider.max() < 1.25
 
 
@@ -58,18 +59,17 @@ def test_outliers_count_no_more_in_a_part():
     moved, _ = _compare(
         "by magnitude", samples.with_columns(field=field), reference, block % 2 == 1
     )
-    assert moved.max() < 0.1
+    assert moved.max() < 0.02
 
 
 @pytest.mark.parametrize("way", ["by magnitude", "levelled"])
-def test_a_part_with_another_field_is_fitted_by_itself(way):
+def test_a_part_with_another_field_has_its_own_minimum(way):
     """A magnet came: what all rows agree on is not where a part of them has its minimum."""
     samples, reference = _record(way)
     later = np.arange(len(samples)) >= 1500
     samples = samples.with_columns(field=samples.field + 30_000.0 * later[:, None])
-    moved, wider = _compare(way, samples, reference, later)
-    assert np.array_equal(moved, np.zeros(3))
-    assert np.array_equal(wider, np.ones(len(wider)))
+    moved, _ = _compare(way, samples, reference, later)
+    assert moved.max() < 0.02
 
 
 def test_a_part_in_which_a_source_never_changes_tells_nothing_of_it():

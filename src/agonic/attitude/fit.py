@@ -101,7 +101,8 @@ def open_channels_parts(
     shared = stated.solution.covariance - own.solution.covariance
 
     def fit(rows: Mask) -> Affine:
-        part = estimate_part(calm, found, np.flatnonzero(rows[usable]))
+        robust = settings.robust and int(rows[usable].sum()) >= 2 * FEWEST
+        part = estimate_part(calm, found, np.flatnonzero(rows[usable]), robust=robust)
         if part is None:
             own_rows = samples.select(rows), reference.select(rows)
             return fit_channels_alone(*own_rows, channels, settings, near)

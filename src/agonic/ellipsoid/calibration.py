@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from agonic.calibration.affine import Affine
+from agonic.calibration.base import Validity
 from agonic.coverage import Coverage
 from agonic.ellipsoid.settings import Gauge
 from agonic.ellipsoid.solve import Found
 from agonic.fit import Accuracy, ModelTest
 from agonic.health import figure
 from agonic.maths.equation import gauge as gauges
+from agonic.samples import Samples
 
 Scale = gauges.Units
 
@@ -28,6 +32,18 @@ def make_calibration(found: Found, scale: Scale, unit: str, gauge: Gauge) -> Aff
         model=found.model,
         magnitude=float(magnitude),
         noise=found.noise * scale.size,
+    )
+
+
+def make_calibration_of(samples: Samples, found: Found, scale: Scale, gauge: Gauge) -> Affine:
+    """The same with whose readings it is of."""
+    return replace(
+        make_calibration(found, scale, samples.unit, gauge),
+        sensor=samples.name,
+        device_id=samples.device_id,
+        frame_in=samples.frame,
+        frame_out=samples.frame,
+        validity=Validity.of(samples),
     )
 
 

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Validity
-from agonic.ellipsoid.calibration import make_calibration
+from agonic.ellipsoid.calibration import make_calibration, make_calibration_of
 from agonic.ellipsoid.evidence import assess, name_uncertainty, rows_of, wanted_magnitude
 from agonic.ellipsoid.problem import normalise_start, pose
 from agonic.ellipsoid.settings import (
@@ -165,12 +164,7 @@ def _solve(
     except OverflowError:  # an axis that never moves leaves the fit without any hold
         raise _without_hold(samples) from None
     affine = replace(
-        make_calibration(found, scale, samples.unit, settings.gauge),
-        sensor=samples.name,
-        device_id=samples.device_id,
-        frame_in=samples.frame,
-        frame_out=samples.frame,
-        validity=Validity.of(samples),
+        make_calibration_of(samples, found, scale, settings.gauge),
         provenance=Provenance(
             inputs=(samples.origin,),
             settings=settings.recorded(reference),

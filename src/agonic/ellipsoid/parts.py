@@ -9,11 +9,12 @@ import numpy as np
 
 from agonic.arrays import Mask
 from agonic.calibration.affine import Affine
-from agonic.ellipsoid.calibration import make_calibration
+from agonic.ellipsoid.calibration import make_calibration_of
 from agonic.ellipsoid.fit import fit_ellipsoid_alone
 from agonic.ellipsoid.problem import normalise_start, pose
 from agonic.ellipsoid.settings import Settings
 from agonic.ellipsoid.solve import list_numbers, seek, state_errors
+from agonic.health import FEWEST
 from agonic.maths.equation.parts import estimate_part, restate
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -54,10 +55,12 @@ def open_ellipsoid_parts(
         return fit_alone
 
     def fit(rows: Mask) -> Affine:
-        part = estimate_part(problem, found, np.flatnonzero(rows[posed.usable]))
+        some = np.flatnonzero(rows[posed.usable])
+        robust = chosen.robust and len(some) >= 2 * FEWEST
+        part = estimate_part(problem, found, some, robust=robust)
         if part is None:
             return fit_alone(rows)
         numbers = list_numbers(restate(part, found, stated), model)
-        return make_calibration(numbers, posed.scale, samples.unit, chosen.gauge)
+        return make_calibration_of(samples, numbers, posed.scale, chosen.gauge)
 
     return fit

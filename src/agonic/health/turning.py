@@ -136,8 +136,8 @@ def _tell_which(samples: Samples, found: Renaming) -> str:
         for smoothed_s in _SMOOTHED_S[:2]:
             products, farthest = _sum_of_gravity(samples)(smoothed_s)
             factor = next(factor for factor, unit in _UNITS if unit == found.unit)
-            own = measure_left(products, np.eye(3), farthest)
-            renamed = measure_left(products, factor * found.turn, farthest)
+            either = np.stack([np.eye(3), factor * found.turn])
+            own, renamed = measure_left(products, either, farthest).tolist()
             if own <= min(EXPLAINED, FAR_BETTER * renamed):
                 return "those of the magnetometer first: gyro and accelerometer go together"
             if renamed <= min(EXPLAINED, FAR_BETTER * own):

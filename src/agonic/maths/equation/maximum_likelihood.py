@@ -7,7 +7,6 @@ by what its own residuals say. Start, relax, refine: `starting_values`, then `es
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +31,7 @@ _ENOUGH = 3000  # readings for the search; the refinement uses all
 _CROWD = 0.2  # of the readings
 _MOST = 0.5  # of the readings: fewer than that are no measure of the others
 _NO_NOISE = 0.5  # of the field: what scatters by more is misfit, whose square corrects nothing
-FEW = 0.05  # of the readings: so many may be wrong where there is no doubt about a minimum
+_FEW = 0.05  # of the readings: so many may be wrong where there is no doubt about a minimum
 _ALONE = 0.5  # leverage by which a reading decides more than all others together
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 _FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
@@ -62,13 +61,22 @@ def estimate(
     noise's own effect on the curved surface out (`affine.magnitude_residual`). Where parameters to
     `start` from are given, theirs is the minimum if nearly all readings agree with it.
     """
+    near = None if start is None else find_near(problem, start, robust)
+    if near is not None:
+        return near
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # where nothing holds them
-        if start is not None:
-            with suppress(np.linalg.LinAlgError):  # so far off that numbers overflow
-                near = refine(problem, start, robust)
-                if np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < FEW:
-                    return near
         return _find_minimum(problem, robust, seed)
+
+
+def find_near(problem: Problem, start: Array, robust: bool) -> Estimate | None:
+    """The minimum near parameters; none where not nearly all readings agree with one."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        try:
+            near = refine(problem, start, robust)
+        except np.linalg.LinAlgError:  # so far off that numbers overflow
+            return None
+    agrees = np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < _FEW
+    return near if agrees else None
 
 
 def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
@@ -146,6 +154,7 @@ def _refine_anew(
     problem: Problem, params: Array, robust: bool, rows: Index, known: Sequence[Estimate]
 ) -> Estimate | None:
     """The same, or nothing as soon as the way leads to a minimum that is known."""
+    prior = problem.prior(problem.soft_iron_sd)
     channels, count = problem.channels, len(params)
     residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
     typical = None if len(rows) == len(problem.points) else rows
@@ -157,7 +166,18 @@ def _refine_anew(
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
-        solution = minimise(part, noise, params)
+        sd = min(noise["magnitude"].sd, _NO_NOISE)
+        shares = find_attitude_shares(part, noise, params)
+        solution = leastsq.solve_together(
+            [
+                leastsq.Channel(pieces(part, c, sd, shares[c]), of.sd, of.loss, of.correlation)
+                for c, of in noise.items()
+            ],
+            params,
+            prior=prior,
+            tolerance=1e-2,
+            move=problem.move,
+        )
         params, assumed = solution.params, noise
         if any(_leads_to(params, one) for one in known):
             return None
@@ -170,13 +190,13 @@ def _refine_anew(
         residuals = left
         if part is not problem:
             residuals = {c: compute_residuals(problem, c, params) for c in channels}
-        weights = weigh(residuals, assumed)
+        weights = _weigh(residuals, assumed)
         used = counted
         settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
         if problem.magnitude_only:
-            of = assumed["magnitude"]
-            sd = min(of.sd, _NO_NOISE) * float(np.sqrt(of.correlation))
-            fewer = counted & find_corroborated(problem, solution, weights, sd)
+            fewer = counted & find_corroborated(
+                problem, solution, weights, sd * np.sqrt(assumed["magnitude"].correlation)
+            )
             counted = fewer if fewer.any() else counted
         elif settled:
             fewer = counted & ~find_bad_readings(residuals, assumed)
@@ -186,18 +206,6 @@ def _refine_anew(
     return Estimate(solution, noise, residuals, weights * used)
 
 
-def minimise(problem: Problem, noise: dict[str, Noise], params: Array) -> leastsq.Solution:
-    """The minimum near parameters, where the noise of each channel is known."""
-    sd = min(noise["magnitude"].sd, _NO_NOISE)
-    shares = find_attitude_shares(problem, noise, params)
-    channels = [
-        leastsq.Channel(pieces(problem, c, sd, shares[c]), of.sd, of.loss, of.correlation)
-        for c, of in noise.items()
-    ]
-    prior = problem.prior(problem.soft_iron_sd)
-    return leastsq.solve_together(channels, params, prior=prior, tolerance=1e-2, move=problem.move)
-
-
 def find_bad_readings(residuals: dict[str, Array], noise: dict[str, Noise]) -> Mask:
     """Which readings (n,) are no measurement of the field at all: they count in no channel.
 
@@ -205,7 +213,7 @@ def find_bad_readings(residuals: dict[str, Array], noise: dict[str, Noise]) -> M
     alone is a wrong attitude, or a reading with the right magnitude by chance; the latter are few
     beside those that their magnitude gives away.
     """
-    out = {c: weigh({c: residuals[c]}, noise) == 0.0 for c in residuals}
+    out = {c: _weigh({c: residuals[c]}, noise) == 0.0 for c in residuals}
     bad = out["magnitude"]
     if "dip" in out and np.count_nonzero(out["dip"] & ~bad) <= np.count_nonzero(bad):
         bad = bad | out["dip"]
@@ -296,7 +304,7 @@ def find_corroborated(
     return np.asarray((2 * outliers < readings)[cells] & (leverage < alone))
 
 
-def weigh(residuals: dict[str, Array], noise: dict[str, Noise]) -> Array:
+def _weigh(residuals: dict[str, Array], noise: dict[str, Noise]) -> Array:
     """What the robust losses leave of each reading, the least of its channels."""
     weights = [noise[c].loss.weight((r / noise[c].sd) ** 2) for c, r in residuals.items()]
     return np.asarray(np.minimum.reduce(weights))

@@ -1,10 +1,8 @@
 """Estimates by some of the readings of an estimate, from where that is.
 
-What a part of a log says of bias and matrix is asked to judge the rest of the log by it. Noise,
-correlation and losses are known from all readings, and the minimum lies a few of its own standard
-errors from theirs: two or three Gauss–Newton steps lead there (of leaving rows out: R. D. Cook,
-S. Weisberg, Residuals and Influence in Regression, 1982, takes the first of them only). Where the
-part disagrees with all of that, this says so, and a fit of its own has to be made.
+What a part of a log says of bias and matrix is asked to judge the rest of the log by it. Its
+minimum lies a few of its own standard errors from that of all readings, and what its residuals do
+to its standard errors is what all residuals did.
 """
 
 from __future__ import annotations
@@ -13,34 +11,25 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import FEW, Estimate, minimise, weigh
+from agonic.maths.equation.maximum_likelihood import Estimate, find_near
 
 _NEVER = 1e-9  # of its standard deviation: a term that changes by less in a part is still there
 
 
-def estimate_part(problem: Problem, whole: Estimate, rows: Index) -> Estimate | None:
+def estimate_part(
+    problem: Problem, whole: Estimate, rows: Index, *, robust: bool = True
+) -> Estimate | None:
     """The estimate by rows (k,) of the problem that the `whole` is of.
 
-    None where nearly all of the rows do not agree with a minimum near that of the whole, or do not
-    tell all of its unknowns.
+    None where not nearly all of the rows agree with a minimum near that of the whole, or they do
+    not tell all of its unknowns.
     """
-    counted = rows[whole.weights[rows] > 0]
-    if len(counted) < len(whole.solution.params) or len(counted) < (1 - FEW) * len(rows):
+    if len(rows) < len(whole.solution.params):
         return None
-    part = problem.subset(counted)
+    part = problem.subset(rows)
     if part.terms is not None and (np.ptp(part.terms, axis=0) < _NEVER).any():
         return None
-    try:
-        solution = minimise(part, whole.noise, whole.solution.params)
-    except np.linalg.LinAlgError:  # so far off that numbers overflow
-        return None
-    left = np.split(solution.residuals, len(whole.noise))
-    residuals = dict(zip(whole.noise, left, strict=True))
-    weights = weigh(residuals, whole.noise)
-    agrees = np.count_nonzero(weights) > (1 - FEW) * len(rows)
-    if not (agrees and solution.converged and np.isfinite(solution.cost)):
-        return None
-    return Estimate(solution, whole.noise, residuals, weights)
+    return find_near(part, whole.solution.params, robust)
 
 
 def restate(
