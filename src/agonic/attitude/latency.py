@@ -15,6 +15,7 @@ from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fresh import find_fresh, without_held
 from agonic.health import Finding, sentences
 from agonic.health.inertial_unit import find_faults
+from agonic.health.turning import find_telling
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.readable import Readable
 from agonic.samples import Samples
@@ -30,11 +31,6 @@ KNOWN_S = 0.03
 FEWEST = 100
 """Readings away from ends and gaps that a latency needs at least."""
 
-MOST_ROWS = 60_000
-"""Of a longer log the stretch of so many rows in which the readings move most: a delay is the same
-throughout, and their number would tell it no better than the attitude's own errors allow."""
-
-_PIECE = 500  # rows, in which a motion shows
 _SIGNIFICANT = 3.0  # standard errors
 _CLOSE_S = LATENCY_SD_S / 2  # a standard error above it needs as many times more of them
 _ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
@@ -101,7 +97,7 @@ def fit_latency(
 
     Γ (3, 9) and b (3,) are free in every stretch of time, so that neither a calibration nor the
     field need be known. Readings that only repeat the one before are left out. Of more than
-    `MOST_ROWS` rows those are taken in which most moves.
+    60 000 rows those are taken in which most moves.
 
     Parameters
     ----------
@@ -159,26 +155,6 @@ def fit_latency(
         unit=samples.unit,
         findings=(_finding(found, chosen, known, significant, at_limit),),
     )
-
-
-def find_telling(samples: Samples) -> Samples:
-    """The samples, or the stretch of `MOST_ROWS` of them in which most of the time most moves.
-
-    >>> turning = np.sin(np.arange(150_000) / 50) * (np.arange(150_000) > 90_000)
-    >>> moved = Samples(time=np.arange(150_000.0), field=np.outer(turning, np.ones(3)))
-    >>> find_telling(moved).time[[0, -1]].tolist()
-    [90000.0, 149999.0]
-    """
-    n = len(samples)
-    if n <= MOST_ROWS:
-        return samples
-    starts = np.linspace(0, n - MOST_ROWS, -(-n // MOST_ROWS)).astype(int)
-    moves = []
-    for start in starts:
-        pieces = samples.field[start : start + MOST_ROWS].reshape(-1, _PIECE, 3)
-        moves.append(float(np.median(pieces.std(axis=1).max(axis=1))))
-    start = int(starts[int(np.argmax(moves))])
-    return samples.select(np.arange(start, start + MOST_ROWS))
 
 
 def find_latency(samples: Samples) -> LatencyFit | None:

@@ -157,12 +157,12 @@ def _scatter(rows: Array, z: Array, weights: Array, noise: float, spread: Array)
 def _choose_rows(samples: Samples, latency: LatencyFit | None) -> Samples | None:
     """Rows with a reading of their own at the moment of their attitude, evenly spaced."""
     own = np.flatnonzero(find_fresh(samples.field) & find_usable_rows(samples.field))
-    samples = samples.select(own)
-    if len(samples) and latency is not None and latency.significant:
-        samples = undelayed(samples, latency.latency_s)
-    if len(samples) < FEWEST:
+    if len(own) and latency is not None and latency.significant:
+        samples = undelayed(samples.select(own), latency.latency_s)
+        own = np.arange(len(samples))
+    if len(own) < FEWEST:
         return None
-    return samples.select(np.arange(0, len(samples), max(1, len(samples) // _MOST)))
+    return samples.select(own[:: max(1, len(own) // _MOST)])
 
 
 def _equations(fit: Fit, samples: Samples) -> tuple[Array, Array]:

@@ -16,7 +16,12 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.health import Finding, figure
 from agonic.health.readings import find_stuck_rows
-from agonic.health.turning import FEWEST, check_gravity_turning, check_turning
+from agonic.health.turning import (
+    FEWEST,
+    check_gravity_turning,
+    check_turning,
+    find_telling,
+)
 from agonic.maths.rotations.low_pass import low_pass
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -136,7 +141,9 @@ def _check_scale(samples: Samples) -> Iterator[Fault]:
     force = samples.acceleration
     if force is None:
         return
-    size = _measure_size(samples.time, force)
+    telling = find_telling(samples)
+    assert telling.acceleration is not None
+    size = _measure_size(telling.time, telling.acceleration)
     share = size / STANDARD_GRAVITY_M_S2
     factor, unit = 1 / share, ""
     for known, name in _ACCELERATION_UNITS:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -36,6 +37,14 @@ _ACCELEROMETER_BIAS = 0.5
 _UNITS = ((1.0, ""), (np.pi / 180, "degrees"), (180 / np.pi, "radians"))
 
 
+MOST_ROWS = 60_000
+"""Of a longer log the stretch of so many rows in which the readings move most: a delay, and
+the names of axes, are the same throughout, and so many rows tell them as surely as all."""
+
+_PIECE = 500  # rows, in which a motion shows
+_TELLING: WeakKeyDictionary[Samples, Samples] = WeakKeyDictionary()
+
+
 class Renaming(NamedTuple):
     """The turn (3, 3) from the axes of the gyro to those of another sensor, and the gyro's unit;
     `left` of the change, a share, and as named `own`."""
@@ -48,7 +57,10 @@ class Renaming(NamedTuple):
 
 def check_turning(samples: Samples) -> Finding | None:
     """The finding that the gyro turns otherwise than the magnetometer, with what it looks like."""
-    found = find_renaming(samples, _sum_of_field(samples), _UNITS) if _can_tell(samples) else None
+    if not _can_tell(samples):
+        return None
+    samples = find_telling(samples)
+    found = find_renaming(samples, _sum_of_field(samples), _UNITS)
     if found is None:
         return None
     looks = []
@@ -75,6 +87,7 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
     """
     if samples.acceleration is None or not _can_tell(samples):
         return None
+    samples = find_telling(samples)
     found = find_renaming(samples, _sum_of_gravity(samples), _UNITS[:1])
     if found is None:
         return None
@@ -88,6 +101,28 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
         f"other way {describe_renaming(other)})",
         "name the axes of accelerometer and gyro alike, and look which of the two is wrong",
     )
+
+
+def find_telling(samples: Samples) -> Samples:
+    """The samples, or the stretch of `MOST_ROWS` of them in which most of the time most moves.
+
+    >>> turning = np.sin(np.arange(150_000) / 50) * (np.arange(150_000) > 90_000)
+    >>> moved = Samples(time=np.arange(150_000.0), field=np.outer(turning, np.ones(3)))
+    >>> find_telling(moved).time[[0, -1]].tolist()
+    [90000.0, 149999.0]
+    """
+    n = len(samples)
+    if n <= MOST_ROWS:
+        return samples
+    if samples not in _TELLING:
+        starts = np.linspace(0, n - MOST_ROWS, -(-n // MOST_ROWS)).astype(int)
+        moves = []
+        for start in starts:
+            pieces = samples.field[start : start + MOST_ROWS].reshape(-1, _PIECE, 3)
+            moves.append(float(np.median(pieces.std(axis=1).max(axis=1))))
+        start = int(starts[int(np.argmax(moves))])
+        _TELLING[samples] = samples.select(np.arange(start, start + MOST_ROWS))
+    return _TELLING[samples]
 
 
 def find_renaming(
@@ -126,7 +161,7 @@ def explains_change(samples: Samples) -> bool:
     """
     if not _can_tell(samples):
         return False
-    products, farthest = _sum_of_field(samples)(_SMOOTHED_S[0])
+    products, farthest = _sum_of_field(find_telling(samples))(_SMOOTHED_S[0])
     return bool(measure_left(products, np.eye(3), farthest) < EXPLAINED)
 
 

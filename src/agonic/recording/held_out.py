@@ -96,6 +96,7 @@ def predict(
     as soon as they state that the field may be turned by `most_deg`."""
     unseen, seen = np.empty((2, len(samples), 3))
     along, turned, count = 0.0, 0.0, int(fold.max()) + 1
+    anywhere = _draw(weights)
     for k in range(count):
         out = fold == k
         try:
@@ -103,9 +104,10 @@ def predict(
             field = correct_field(part, samples)
         except AgonicError:
             return None
-        unseen[out], seen[~out] = field[out], field[~out]
-        for rows, of_turn in ((out, False), (np.ones_like(out), True)):
-            variances = _state_errors(part, field[rows], weights[rows])
+        np.copyto(unseen, field, where=out[:, None])
+        np.copyto(seen, field, where=~out[:, None])
+        for rows, of_turn in ((_draw(weights * out), False), (anywhere, True)):
+            variances = _state_errors(part, field[rows])
             along += 0.0 if of_turn else variances[0] / count
             turned += variances[1] * min(2 / count, 1.0) if of_turn else 0.0
         if np.degrees(np.sqrt(turned)) >= most_deg:
@@ -114,12 +116,17 @@ def predict(
     return Folds(unseen, seen, float(sd), float(np.degrees(turn)))
 
 
-def _state_errors(part: Calibration, field: Array, weights: Array) -> tuple[float, float]:
+def _draw(weights: Array) -> Index:
+    """Some rows, drawn by their weights (n,), the same ones each time."""
+    told = np.cumsum(weights)
+    drawn = np.random.default_rng(0).random(_SOME) * told[-1]
+    return np.asarray(np.minimum(np.searchsorted(told, drawn, side="right"), len(told) - 1))
+
+
+def _state_errors(part: Calibration, some: Array) -> tuple[float, float]:
     """Variance of the magnitude of the field (n, 3) by a fit, and of its direction, rad²."""
-    if not isinstance(part, Affine) or part.covariance is None or not len(field):
+    if not isinstance(part, Affine) or part.covariance is None or not len(some):
         return 0.0, 0.0
-    rng = np.random.default_rng(0)
-    some = field[rng.choice(len(field), _SOME, p=weights / weights.sum())]
     size = np.maximum(np.linalg.norm(some, axis=1), np.finfo(float).tiny)
     spread = field_covariance(
         some / size[:, None], size[:, None], part.bias, part.matrix, part.covariance, part.gauge
