@@ -11,6 +11,7 @@ from agonic.alignment.maths.session import GROUPS
 from agonic.alignment.maths.session import find_unit_sizes as units_of
 from agonic.alignment.session import load_earth_rotation
 from agonic.alignment.star_sensor.likely_causes import compute_misfit, find_likely_mistakes
+from agonic.alignment.star_sensor.misfit import find_explanations
 from agonic.alignment.star_sensor.orientations import (
     choose_additions,
     compute_information,
@@ -181,16 +182,25 @@ def _doubts(fit: AlignmentFit) -> list[Finding]:
             )
         ]
     if bad:
-        return [
-            Finding(
-                "session misfit",
-                "check",
-                f"{seen}; none of the usual mistakes explains it",
-                "look at the residuals of each orientation; solve for the magnetometer's bias and "
-                "matrix, or for the pier",
-            )
-        ]
+        return [_misfit(fit, seen)]
     return [Finding("nominal mounting", "check", seen, "check the nominal angles and the axes")]
+
+
+def _misfit(fit: AlignmentFit, seen: str) -> Finding:
+    """Residuals that no usual mistake explains, with what else would."""
+    found = find_explanations(fit.observed, fit.solution, fit.session.site)
+    if found:
+        others = " or ".join(one.words for one in found[1:])
+        also = f"; so would {others}" if others else ""
+        said = f"{seen}; {found[0].words} would explain it{also}"
+        return Finding("session misfit", "check", said, found[0].move)
+    return Finding(
+        "session misfit",
+        "check",
+        f"{seen}; none of the usual mistakes explains it",
+        "look at the residuals of each orientation; solve for the magnetometer's bias and "
+        "matrix, or for the pier",
+    )
 
 
 def _from_nominal(fit: AlignmentFit) -> tuple[float, float] | None:

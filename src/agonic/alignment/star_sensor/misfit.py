@@ -1,0 +1,186 @@
+"""What explains a misfit that no usual mistake does: each likely cause as a few unknowns more.
+
+A clock, a platform that moved, an orientation with wrong readings, a magnetometer that is not quite
+calibrated: the residuals are linear in all of them, so that what each leaves needs no new solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import fdtrc
+
+from agonic.alignment.maths import session as kernel
+from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.session import Observed, Site
+from agonic.alignment.star_sensor.solve import Solution
+from agonic.arrays import Array, Index
+from agonic.health import figure
+from agonic.maths.estimation import leastsq
+from agonic.maths.rotations.frames import ARCSEC_RAD
+
+EXPLAINED = 0.5
+"""A cause is named where it leaves less than this share of the misfit."""
+AS_GOOD = 1.5
+"""Others are named beside the best that leave no more than this many times what it leaves."""
+NAMED = 3
+"""Explanations that are named at most."""
+EARTH_RATE_RAD_S = 7.292115e-5
+BY_CHANCE = 0.01
+"""How often any of those tried would explain as much by chance (Bonferroni)."""
+
+
+class Explanation(NamedTuple):
+    """A cause in words, what to do, the misfit χ² over freedom that it leaves, and its unknowns."""
+
+    words: str
+    move: str
+    left: float
+    unknowns: int
+
+
+class _Cause(NamedTuple):
+    """Columns (k, 3, j): what its j unknowns do to the residuals; words and move for their size.
+
+    Of those of one `kind` the best is named.
+    """
+
+    kind: str
+    columns: Array
+    words: Callable[[Array], str]
+    move: str
+
+
+def find_explanations(observed: Observed, solution: Solution, site: Site) -> list[Explanation]:
+    """What would explain the misfit, the simplest first of those that explain it as well.
+
+    The whitened residuals r and the Jacobian J of the unknowns are joined by columns D of a cause:
+    it leaves χ² = |r − J a − D d|² of the best a and d, on j freedoms fewer.
+    """
+    residuals, jacobian = kernel.compute_residual(solution.unknowns, solution.given)
+    white = kernel.compute_whitener(kernel.compute_covariance(solution.unknowns, solution.given))
+    left = (white @ residuals[:, :, None]).ravel()
+    moved = (white @ jacobian[:, :, solution.free]).reshape(len(left), -1)
+    moved = moved / np.maximum(np.linalg.norm(moved, axis=0), 1e-300)
+    basis = np.linalg.svd(moved, full_matrices=False)[0]
+    found: dict[str, Explanation] = {}
+    causes = list(_list_causes(observed, solution, site, jacobian))
+    for cause in causes:
+        columns = (white @ cause.columns).reshape(len(left), -1)
+        columns = columns - basis @ (basis.T @ columns)
+        size = leastsq.inverse(columns.T @ columns) @ (columns.T @ left)
+        told, more = float(size @ columns.T @ left), columns.shape[1]
+        freedom = solution.freedom - more
+        rest = (solution.chi2 - told) / max(freedom, 1)
+        chance = fdtrc(more, freedom, told / more / rest) if freedom > 0 else 1.0
+        likely = len(causes) * chance < BY_CHANCE
+        best = found[cause.kind].left if cause.kind in found else np.inf
+        if likely and rest < min(EXPLAINED * solution.chi2 / solution.freedom, best):
+            found[cause.kind] = Explanation(cause.words(size), cause.move, rest, more)
+    least = min((one.left for one in found.values()), default=np.inf)
+    good = [one for one in found.values() if one.left <= AS_GOOD * least]
+    return sorted(good, key=lambda one: (one.unknowns, one.left))[:NAMED]
+
+
+def _list_causes(
+    observed: Observed, solution: Solution, site: Site, jacobian: Array
+) -> Iterator[_Cause]:
+    yield _clock(solution, site)
+    yield from _unsolved(solution, jacobian)
+    turns, shifts = jacobian[:, :, GROUPS["alignment"]], jacobian[:, :, GROUPS["pier"]]
+    steadily = (observed.time - observed.time.mean()) / max(float(np.ptp(observed.time)), 1e-9)
+    yield _Cause(
+        "turns",
+        turns * steadily[:, None, None],
+        lambda size: f"an alignment that turns by {_arcsec(size)} from first to last",
+        "keep the platform at one temperature, or take the readings in less time",
+    )
+    yield _Cause(
+        "drifts",
+        shifts * steadily[:, None, None],
+        lambda size: f"a reference that drifts by {_nanotesla(size)} from first to last",
+        "look at the base line of the reference",
+    )
+    order = np.argsort(observed.time, kind="stable")
+    numbers = observed.orientation
+    yield from (_step(turns, observed, order[:k]) for k in range(2, len(order) - 1))
+    yield from (_one(k, int(number), solution) for k, number in enumerate(numbers))
+
+
+def _clock(solution: Solution, site: Site) -> _Cause:
+    """The Earth turns on with the time: ∂v_c/∂t = R_cn (Ω × v_n), Ω towards the pole."""
+    at, given = solution.unknowns, solution.given
+    latitude = np.radians(site.latitude_deg)
+    pole = EARTH_RATE_RAD_S * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    beside = (given.reference + at.offset) @ at.rot_nr.T
+    moved = at.rot_mc @ given.rot_cn @ np.cross(pole, beside)[:, :, None]
+
+    def words(size: Array) -> str:
+        late = "behind" if size[0] > 0 else "ahead"
+        return f"a clock of the star sensor {figure(abs(float(size[0])))} s {late}"
+
+    return _Cause("clock", moved, words, "correct the times of the star sensor")
+
+
+def _unsolved(solution: Solution, jacobian: Array) -> Iterator[_Cause]:
+    """What could be solved for and was not."""
+    for groups, what, solved in (
+        (("reference",), "axes of the reference", "the axes of the reference"),
+        (("pier",), "the field between the piers", "the pier"),
+        (("bias",), "the bias of the magnetometer", "the magnetometer's bias"),
+        (("matrix",), "gains and angles of the magnetometer", "the magnetometer's matrix"),
+        (("bias", "matrix"), "the magnetometer", "the magnetometer's bias and matrix"),
+    ):
+        if not set(groups) & set(solution.groups):
+            columns = np.concatenate([jacobian[:, :, GROUPS[one]] for one in groups], axis=2)
+            yield _Cause(
+                " ".join(groups),
+                columns,
+                partial(_say_moved, what, columns),
+                f"solve for {solved} as well, or calibrate before",
+            )
+
+
+def _say_moved(what: str, columns: Array, size: Array) -> str:
+    """By what it moves the field: its own size may be that of what nothing shows."""
+    moved = np.sqrt(np.mean(np.sum((columns @ size) ** 2, axis=1)))
+    return f"{what} (off by {figure(float(moved))} nT of field)"
+
+
+def _step(turns: Array, observed: Observed, before: Index) -> _Cause:
+    """An alignment that changed after the orientations `before`."""
+    after = np.ones(len(turns))
+    after[before] = 0.0
+    last = int(observed.orientation[before[-1]])
+    return _Cause(
+        "moved",
+        turns * after[:, None, None],
+        lambda size: f"a platform that moved by {_arcsec(size)} after orientation {last}",
+        "fit the orientations before and after by themselves",
+    )
+
+
+def _one(k: int, number: int, solution: Solution) -> _Cause:
+    """One orientation with readings or attitudes of their own."""
+    columns = np.zeros((len(solution.given.field), 3, 3))
+    columns[k] = np.eye(3)
+    return _Cause(
+        "one",
+        columns,
+        lambda size: (
+            f"orientation {number}, off by {_nanotesla(size)} or "
+            f"{_arcsec(size / solution.magnitude)},"
+        ),
+        f"look whether the platform stood still in orientation {number}, or leave it out",
+    )
+
+
+def _arcsec(size: Array) -> str:
+    return f"{figure(float(np.linalg.norm(size)) / ARCSEC_RAD)}″"
+
+
+def _nanotesla(size: Array) -> str:
+    return f"{figure(float(np.linalg.norm(size)))} nT"
