@@ -25,11 +25,18 @@ HYSTERESIS_DOUBTFUL = 2e-3
 
 
 def judge_fit(
-    fit: ThermalFit, readings: ChamberReadings, sums: Binned, orientations: Orientations | None
+    fit: ThermalFit,
+    readings: ChamberReadings,
+    sums: Binned,
+    orientations: Orientations | None,
+    faulty: bool = False,
 ) -> list[Finding]:
-    """What the fit says: what is not determined, turns, drift, scatter, hysteresis, anomalies."""
+    """What the fit says: what is not determined, turns, drift, scatter, hysteresis, anomalies.
+
+    `faulty` is whether the sensor was not the same at all stations.
+    """
     found = [
-        _judge_undetermined(fit),
+        _judge_undetermined(fit, faulty),
         *find_narrow_range(readings.scale.low_C, readings.scale.high_C, "cool and heat"),
         _judge_orientations(orientations),
         _judge_odd(fit),
@@ -69,7 +76,7 @@ _SCATTER_FIRST = (
 )
 
 
-def _judge_undetermined(fit: ThermalFit) -> Finding | None:
+def _judge_undetermined(fit: ThermalFit, faulty: bool) -> Finding | None:
     relative = compute_relative_sd(fit.calibration)
     poor = [name for name, sd in zip(PARAMETERS, relative, strict=True) if sd > UNKNOWN]
     if not poor:
@@ -82,10 +89,17 @@ def _judge_undetermined(fit: ThermalFit) -> Finding | None:
         f"{', '.join(poor)} {'are' if len(poor) > 1 else 'is'} known to {figure(100 * worst)} % of "
         f"the field only; {', '.join(determined) or 'nothing'} "
         f"remain{'s' if len(determined) == 1 else ''} determined",
-        _SCATTER_FIRST
-        if _measure_scatter(fit) > EXCESS_DOUBTFUL
-        else "record the missing stations, or describe how the stations stood (stations='known')",
+        _name_remedy(fit, faulty),
     )
+
+
+def _name_remedy(fit: ThermalFit, faulty: bool) -> str:
+    """What would determine the rest."""
+    if faulty:
+        return "first see to what was not the same at all stations; the standard error contains it"
+    if _measure_scatter(fit) > EXCESS_DOUBTFUL:
+        return _SCATTER_FIRST
+    return "record the missing stations, or describe how the stations stood (stations='known')"
 
 
 def _measure_scatter(fit: ThermalFit) -> float:

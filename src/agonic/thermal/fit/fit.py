@@ -24,6 +24,7 @@ from agonic.thermal.fit.result import Anomaly, Fixture, ThermalFit
 from agonic.thermal.fit.settings import Settings
 from agonic.thermal.fit.solve import Solution, solve
 from agonic.thermal.fit.spread import compute_spread
+from agonic.thermal.fit.station_faults import judge_faults
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.estimate import UNREST
 
@@ -130,7 +131,8 @@ def fit_binned(
     findings = [
         *found,
         *recordings.judge_recordings(sums, left_out, chosen),
-        *evidence.judge_fit(fit, readings, sums, result.orientations),
+        *evidence.judge_fit(fit, readings, sums, result.orientations, faulty=bool(result.faults)),
+        *judge_faults(result, readings),
     ]
     fit = replace(fit, findings=sort_findings(findings))
     return fit if fit.verdict == "refused" else replace(fit, remarks=_make_remarks(fit, reference))

@@ -238,6 +238,16 @@ def _renew(problem: StationProblem, state: State, solution: leastsq.Solution) ->
     return new._replace(fixture_sd=max(state.fixture_sd * sd, _LEAST_ANGLE))
 
 
+def _add_half(covariance: Array, aged: Array, ageing: slice, p: int) -> Array:
+    """The covariance with half of what the bias aged by (3,) in that of the bias.
+
+    The coefficients are those of the middle, and the sensor is used at the end.
+    """
+    constant, added = [0, p, 2 * p], covariance.copy()
+    added[np.ix_(constant, constant)] += (np.outer(aged, aged) + covariance[ageing, ageing]) / 4
+    return added
+
+
 def _summarise(
     problem: StationProblem,
     state: State,
@@ -254,6 +264,7 @@ def _summarise(
         likely = LIKELY if state.slow.gain > UNREST else RARE
         if len(state.ageing):
             found, covariance, _ = average_over_term(found, covariance, ageing, AGED)
+            covariance = _add_half(covariance, found[ageing], ageing, problem.degree + 1)
         if not problem.drifting:
             found, covariance, _ = average_over_term(found, covariance, drift, likely)
         state, _ = _renew_slow_changes(problem, _move(problem, state, found), (state.slow.kind,))

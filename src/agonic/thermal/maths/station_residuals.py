@@ -191,7 +191,7 @@ def project_changes(problem: StationProblem, state: State) -> gaussian_process.S
     return gaussian_process.project_on_stations(by_field, problem.course, problem.station)
 
 
-def _make_whitener(problem: StationProblem, state: State) -> Callable[[Array], Array]:
+def make_whitener(problem: StationProblem, state: State) -> Callable[[Array], Array]:
     """What whitens residuals and Jacobians with the slow changes of the state."""
     if state.slow.sd == 0.0:
         return lambda values: values
@@ -226,7 +226,7 @@ def _make_magnitude_pieces(problem: StationProblem, state: State) -> leastsq.Pie
     bias, matrix = _evaluate(problem, state.coefficients, state.ageing)
     unit, _ = _find_directions_and_variance(problem, bias, matrix)
     weight, clock = _weigh_magnitudes(problem, state, bias, matrix), problem.clock
-    calmed = _make_whitener(problem, state)
+    calmed = make_whitener(problem, state)
     wanted = _expect_magnitude(problem, matrix, unit)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
@@ -247,7 +247,7 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
     a, width, after = onto.shape[1], len(state.drift), onto.shape[1] + state.trends
     m, tangent = len(problem.points), fixture.find_tangents(poses.directions)
     white = _make_noise_whitener(problem, state)
-    calmed = _make_whitener(problem, state)
+    calmed = make_whitener(problem, state)
     turning, clock = _rotate_to_sensor(problem, poses), problem.clock
     places = np.arange(m)
 

@@ -1,0 +1,115 @@
+"""What is said of a sensor that was not the same at all stations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agonic.health import Finding, figure
+from agonic.thermal.fit.problem import ChamberReadings
+from agonic.thermal.fit.solve import Solution
+from agonic.thermal.maths.estimate import UNREST
+from agonic.thermal.maths.gaussian_process import STEADY
+from agonic.thermal.maths.station_faults import ODD, SETTLING, STEP, Fault
+
+_HOUR = 3600.0
+
+
+def judge_faults(result: Solution, readings: ChamberReadings) -> list[Finding]:
+    """Each fault with its place, its time, its size, and what to do."""
+    return [
+        *(_judge(fault, readings) for fault in result.faults),
+        *_find_differing(result, readings),
+    ]
+
+
+def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding]:
+    """Stations that differ, where the magnitude alone cannot tell why.
+
+    Nine numbers and a step have as many unknowns as there are twelve stations.
+    """
+    slow = result.estimate.slow
+    if result.estimate.poses is not None or slow.kind != STEADY or slow.gain < UNREST:
+        return []
+    amount = figure(slow.sd * (readings.scale.magnitude or readings.scale.size))
+    return [
+        Finding(
+            "stations differ",
+            "check",
+            f"the field seems to differ by {amount} nT from station to station; by the magnitude "
+            "alone a sensor that was knocked looks the same, which the standard error does not "
+            "contain",
+            "describe how the stations stood (stations='known'), or record the first one again at "
+            "the end",
+        )
+    ]
+
+
+def _judge(fault: Fault, readings: ChamberReadings) -> Finding:
+    scale, candidate = readings.scale, fault.candidate
+    size = float(np.linalg.norm(fault.size))
+    station = f"station {readings.numbers[candidate.station]}"
+    if candidate.kind not in (ODD, STEP, SETTLING):
+        return _judge_temperature(fault, station, size * scale.half_C, readings)
+    amount = f"{figure(size * scale.size)} {readings.unit}"
+    if candidate.kind == ODD:
+        return Finding(
+            "odd station",
+            "check",
+            f"at {station}{_tell_span(fault, readings)} the bias is {amount} away from that of "
+            "the other stations, which the standard error contains",
+            "see whether iron, a cable or another sensor was there, and record it again or leave "
+            "it out",
+        )
+    if candidate.kind == STEP:
+        return Finding(
+            "bias step",
+            "check",
+            f"the bias changed at once by {amount} {_tell_moment(fault, readings)}; the "
+            "calibration lies between both, which the standard error contains",
+            "see what moved or magnetised the sensor then, and calibrate the parts by themselves",
+        )
+    return Finding(
+        "settling",
+        "check",
+        f"the bias began {amount} off and settled over {_tell_hours(candidate.time)}, which the "
+        "standard error contains",
+        "let the sensor settle before the first station, or leave the first stations out",
+    )
+
+
+def _judge_temperature(
+    fault: Fault, station: str, away_C: float, readings: ChamberReadings
+) -> Finding:
+    early = " at first" if fault.candidate.kind == "unsettled" else ""
+    return Finding(
+        "odd temperature",
+        "check",
+        f"at {station}{_tell_span(fault, readings)} the sensor was{early} {figure(away_C)} °C "
+        "away from what its thermometer said, which the standard error contains",
+        "hold the temperature longer before recording, and see that the thermometer touches the "
+        "sensor; record the station again or leave it out",
+    )
+
+
+def _tell_span(fault: Fault, readings: ChamberReadings) -> str:
+    """When a station was recorded, in hours since the first reading."""
+    time = readings.cells.time
+    if not np.isfinite(time).all():
+        return ""
+    own = time[readings.station == fault.candidate.station] - time.min()
+    return f" ({own.min() / _HOUR:.1f} to {own.max() / _HOUR:.1f} h)"
+
+
+def _tell_moment(fault: Fault, readings: ChamberReadings) -> str:
+    """Between or in which stations, and when."""
+    time, place = readings.cells.time, readings.station
+    before, at = time < fault.candidate.time, fault.candidate.station
+    after = f"{_tell_hours(fault.candidate.time - float(time.min()))} after the first reading"
+    if (before & (place == at)).any():
+        return f"in station {readings.numbers[at]}, about {after}"
+    last = int(place[before][np.argmax(time[before])])
+    return f"between stations {readings.numbers[last]} and {readings.numbers[at]}, {after}"
+
+
+def _tell_hours(seconds: float) -> str:
+    return f"{seconds / _HOUR:.1f} h"
