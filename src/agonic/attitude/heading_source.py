@@ -24,7 +24,7 @@ follows, and it does not matter either."""
 NEARER, FOLLOWS_DEG = 0.5, 12.0
 """A heading follows what it scatters about by less than half as much as about the other, and by no
 more than a filter does; one in other units or axes follows neither."""
-ENOUGH = 10_000
+ENOUGH = 3_000
 """Rows, evenly spaced, that tell the calibrated field well enough to compare a heading with."""
 STRETCH_S, LEAST_ROWS = 20.0, 10
 CONTRADICTS = 5.0

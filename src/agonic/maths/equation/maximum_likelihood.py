@@ -11,28 +11,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Array, Index
 from agonic.maths.equation.affine import NO_SHARE, AttitudeShare, split
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
-from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.crowding import (
     choose_evenly,
     choose_spread_rows,
-    weigh_crowded,
     weigh_places,
+)
+from agonic.maths.equation.outliers import (
+    compute_surprise,
+    find_bad_readings,
+    find_corroborated,
+    weigh,
 )
 from agonic.maths.equation.starting_values import find_starts, fit_algebraic
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.batch_means import STRETCHES, compute_scatter
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, is_like_gaussian
 
-_LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _ENOUGH = 3000  # readings for the search; the refinement uses all
-_CROWD = 0.2  # of the readings
+_MANY = 10_000  # readings that settle noises
+_SAME = 4.0  # variances of each unknown by which the minimum of few readings is off that of all
+_HOPELESS = 1.0  # by which readings are less likely: a start is no nearer to a better minimum
 _MOST = 0.5  # of the readings: fewer than that are no measure of the others
 _NO_NOISE = 0.5  # of the field: what scatters by more is misfit, whose square corrects nothing
 _FEW = 0.05  # of the readings: so many may be wrong where there is no doubt about a minimum
-_ALONE = 0.5  # leverage by which a reading decides more than all others together
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 _FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
 _TOLD = 1e-6  # of the information along the best known direction
@@ -95,18 +99,38 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
         again = few is not problem or (problem.magnitude_only and not agreed)
         if not again:
             tried.append(found)
-        elif not any(_leads_to(found.solution.params, one) for one in tried):
-            tried.append(refine(problem, found.solution.params, robust, spread))
+        elif not any(_is_same(found, one) for one in tried):
+            start = _refine_some(problem, found.solution.params, robust)
+            tried.append(refine(problem, start, robust, spread))
         if agreed or len(rows) == min(n, _ENOUGH):
             break
     return _choose_likeliest(problem, tried)
+
+
+def _refine_some(problem: Problem, params: Array, robust: bool) -> Array:
+    """Parameters at the minimum of some of many readings: there noises settle as well as on all."""
+    n = len(problem.points)
+    if n < 2 * _MANY:
+        return params
+    return refine(problem.subset(choose_evenly(n, _MANY)), params, robust).solution.params
+
+
+def _is_same(found: Estimate, known: Estimate) -> bool:
+    """Whether the minimum of few readings is that which is known of all, as far as few tell."""
+    apart = found.solution.params - known.solution.params
+    far = float(apart @ leastsq.inverse(found.solution.covariance) @ apart)
+    return far < _SAME * len(apart) or _leads_to(found.solution.params, known)
 
 
 def _choose_likeliest(problem: Problem, tried: Sequence[Estimate]) -> Estimate:
     """The minimum about which the readings are the least unlikely; the only one as it is."""
     if len(tried) == 1:
         return tried[0]
-    return min(tried, key=lambda found: _compute_surprise(problem, found))
+    return min(tried, key=lambda found: compute_surprise(problem, *_list_parts(found)))
+
+
+def _list_parts(found: Estimate) -> tuple[Array, dict[str, Noise], dict[str, Array]]:
+    return found.solution.params, found.noise, found.residuals
 
 
 def _search(few: Problem, robust: bool, seed: int, known: Sequence[Estimate]) -> Estimate | None:
@@ -153,7 +177,8 @@ def refine(problem: Problem, params: Array, robust: bool, spread: Index | None =
 def _refine_anew(
     problem: Problem, params: Array, robust: bool, rows: Index, known: Sequence[Estimate]
 ) -> Estimate | None:
-    """The same, or nothing as soon as the way leads to a minimum that is known."""
+    """The same, or nothing as soon as the way leads to a minimum that is known, or where readings
+    are so much less likely from the start that it leads to none that is better."""
     prior = problem.prior(problem.soft_iron_sd)
     channels, count = problem.channels, len(params)
     residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
@@ -163,6 +188,11 @@ def _refine_anew(
     noise = {
         c: estimate_noise(r, robust, unknowns[c], typical, least) for c, r in residuals.items()
     }
+    alike = [_list_parts(one) for one in known if len(one.weights) == len(problem.points)]
+    if alike:
+        least_known = min(compute_surprise(problem, *one) for one in alike)
+        if compute_surprise(problem, params, noise, residuals) > least_known + _HOPELESS:
+            return None
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
@@ -190,7 +220,7 @@ def _refine_anew(
         residuals = left
         if part is not problem:
             residuals = {c: compute_residuals(problem, c, params) for c in channels}
-        weights = _weigh(residuals, assumed)
+        weights = weigh(residuals, assumed)
         used = counted
         settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
         if problem.magnitude_only:
@@ -204,20 +234,6 @@ def _refine_anew(
         if settled and np.array_equal(used, counted):
             break
     return Estimate(solution, noise, residuals, weights * used)
-
-
-def find_bad_readings(residuals: dict[str, Array], noise: dict[str, Noise]) -> Mask:
-    """Which readings (n,) are no measurement of the field at all: they count in no channel.
-
-    An outlier by its magnitude may have the right dip by chance, and pull there. One by its dip
-    alone is a wrong attitude, or a reading with the right magnitude by chance; the latter are few
-    beside those that their magnitude gives away.
-    """
-    out = {c: _weigh({c: residuals[c]}, noise) == 0.0 for c in residuals}
-    bad = out["magnitude"]
-    if "dip" in out and np.count_nonzero(out["dip"] & ~bad) <= np.count_nonzero(bad):
-        bad = bad | out["dip"]
-    return np.asarray(bad)
 
 
 def find_attitude_shares(
@@ -271,65 +287,6 @@ def _correlate(part: Problem, noise: dict[str, Noise], params: Array) -> dict[st
         length = compute_scatter(sums, np.eye(int(known.sum())), fewest=_FEWEST).correlation
         found[channel] = of._replace(correlation=max(of.correlation, length))
     return found
-
-
-def find_corroborated(
-    problem: Problem, solution: leastsq.Solution, weights: Array, sd: float
-) -> Mask:
-    """Which readings other readings speak for, (n,), where only the magnitude is known.
-
-    An outlier can fall near the ellipsoid by chance, in a direction that was never visited;
-    nothing there contradicts it, and it or a handful of them decide the result. So where some
-    readings are outliers (weight zero), none counts in a cell of directions where outliers are
-    the majority. Readings of unusual leverage J C Jᵀ/σ² are a cell of their own, for just off the
-    visited directions outliers hide among honest readings; and none counts that decides alone.
-    `sd` is that of a reading as it was weighed, times the root of the correlation length.
-    """
-    outlier = weights == 0.0
-    if not outlier.any() or outlier.all():
-        return np.ones(len(weights), dtype=bool)
-    bias, matrix = split(problem.basis @ solution.params)
-    cells = find_cells((problem.points - bias) @ matrix.T)
-    leverage = np.concatenate(
-        [
-            np.einsum("ij,jk,ik->i", jacobian, solution.covariance / sd**2, jacobian)
-            for _, jacobian in pieces(problem, "magnitude")(solution.params)
-        ]
-    )
-    unusual = 25 * float(np.median(leverage[~outlier]))
-    if outlier.mean() < _CROWD:  # more are no outliers but another population
-        cells[leverage > unusual] = 80
-    readings, outliers = np.bincount(cells, minlength=81), np.bincount(cells[outlier], minlength=81)
-    alone = min(max(1 / 3, unusual), _ALONE)
-    return np.asarray((2 * outliers < readings)[cells] & (leverage < alone))
-
-
-def _weigh(residuals: dict[str, Array], noise: dict[str, Noise]) -> Array:
-    """What the robust losses leave of each reading, the least of its channels."""
-    weights = [noise[c].loss.weight((r / noise[c].sd) ** 2) for c, r in residuals.items()]
-    return np.asarray(np.minimum.reduce(weights))
-
-
-def _compute_surprise(problem: Problem, found: Estimate) -> float:
-    """How unlikely the readings are about a minimum: Σ mean min(log σ + z²/2 + log √2π, 0) over the
-    channels, z the residual over its noise σ; a reading that does not fit is one that may lie
-    anywhere within the field.
-
-    A minimum that holds for fewer of the readings has to hold for them by so much better. Where the
-    magnitude is alone the mean is over directions rather than readings.
-    """
-    n = len(problem.points)
-    weights = np.full(n, 1.0 / n)
-    if problem.magnitude_only:
-        bias, matrix = split(problem.basis @ found.solution.params)
-        weights = weigh_crowded(find_cells((problem.points - bias) @ matrix.T))
-        weights = weights / weights.sum()
-    surprise = 0.0
-    for channel, noise in found.noise.items():
-        sd = max(noise.sd, np.finfo(float).tiny)
-        fits = np.log(sd) + (found.residuals[channel] / sd) ** 2 / 2 + _LOG_ROOT_2_PI
-        surprise += float(weights @ np.minimum(fits, 0.0))
-    return surprise
 
 
 def _agrees(problem: Problem, found: Estimate) -> bool:
