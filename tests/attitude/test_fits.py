@@ -10,8 +10,12 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.problem import normalise
+from agonic.attitude.settings import Settings
 from agonic.attitude.vector import fit_vector
 from agonic.field.place import field_along
+from agonic.maths.equation.channels import compute_residuals
+from agonic.maths.equation.starting_values import fit_at_once
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
@@ -34,6 +38,21 @@ def flown(seed: int = 0, *, stray=(0.0, 0.0, 0.0), tilt_sd_deg: float = 0.0, n=3
             roll_deg=samples.roll_deg + wrong[:, 0], pitch_deg=samples.pitch_deg + wrong[:, 1]
         )
     return made, samples
+
+
+def test_the_whole_field_is_linear_in_what_starts_a_fit_with_it() -> None:
+    """Without noise nothing is left at the start; where the field never turns there is none."""
+    made = simulate("flight", n=3000, noise=0.0, stray_nT_A=STRAY)
+    settings = Settings(sources=("current_A",))
+    reference = ag.Reference.vector(made.field_n, frame="n")
+    channels = ("magnitude", "dip", "azimuth")
+    problem, scale = normalise(made.samples, reference, channels, "free", settings)
+    start = fit_at_once(problem)
+    assert start is not None
+    for channel in channels:
+        assert np.abs(compute_residuals(problem, channel, start) * scale.size).max() < 1e-3
+    level = problem._replace(dip=problem.dip._replace(down=np.tile([0.0, 0.0, 1.0], (3000, 1))))
+    assert fit_at_once(level) is None
 
 
 def error_deg(samples: ag.Samples, field: np.ndarray, declination_deg: float = 0.0) -> np.ndarray:

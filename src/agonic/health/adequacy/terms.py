@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,8 @@ from agonic.maths.equation.coverage import level_directions
 from agonic.maths.estimation.inference.score_test import (
     Linearised,
     Score,
-    score_test,
+    Terms,
+    score_tests,
     with_batches_beside,
     with_columns,
 )
@@ -92,7 +93,12 @@ def find_terms(work: Work) -> list[ModelError]:
     fits = [fit for k, fit in enumerate(fits) if not any(fit is other for other in fits[:k])]
     family = sum(not cause.alone for cause in causes)  # fits to the same readings say the same
     while causes and len(found) < MOST_CAUSES:
-        scores = [(_test(fit, c), c, fit.square) for c in causes for fit in fits]
+        by_fit = [_test_all(fit, causes) for fit in fits]
+        scores = [
+            (tested[k], cause, fit.square)
+            for k, cause in enumerate(causes)
+            for tested, fit in zip(by_fit, fits, strict=True)
+        ]
         telling = [
             (s, c, square)
             for s, c, square in scores
@@ -140,14 +146,26 @@ def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list
     return [error.weigh(odds / total * left) for error, odds, left in found]
 
 
-def _test(fit: Linearised, cause: _Cause) -> Score | None:
-    """The score test. What lasts is not to hide as noise with a long memory; errors of the attitude
-    may last as long as the log."""
+def _test_all(fit: Linearised, causes: Sequence[_Cause]) -> list[Score | None]:
+    """The score tests. What lasts is not to hide as noise with a long memory; errors of the
+    attitude may last as long as the log."""
+    terms = [_list_terms(fit, cause) for cause in causes]
+    apart = [cause.name in LASTING and fit.shared is None for cause in causes]
+    together = [one for one, alone in zip(terms, apart, strict=True) if not alone]
+    others = iter(score_tests(fit, together))
+    scores = [
+        score_tests(with_batches_beside(fit, one.columns), [one])[0] if alone else next(others)
+        for one, alone in zip(terms, apart, strict=True)
+    ]
+    return [
+        score and score._replace(p_value=min(score.p_value * cause.trials, 1.0))
+        for score, cause in zip(scores, causes, strict=True)
+    ]
+
+
+def _list_terms(fit: Linearised, cause: _Cause) -> Terms:
     columns, noise, shared = cause.seen_by(fit)
-    lasts = cause.name in LASTING and fit.shared is None
-    own = with_batches_beside(fit, columns) if lasts else fit
-    score = score_test(own, columns, noise, shared, surely=noise is None, likely=cause.likely)
-    return score and score._replace(p_value=min(score.p_value * cause.trials, 1.0))
+    return Terms(columns, noise, shared, surely=noise is None, likely=cause.likely)
 
 
 def _beside(fit: Linearised, cause: _Cause) -> Linearised:

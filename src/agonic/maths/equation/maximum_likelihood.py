@@ -25,7 +25,7 @@ from agonic.maths.equation.outliers import (
     find_corroborated,
     weigh,
 )
-from agonic.maths.equation.starting_values import find_starts, fit_algebraic
+from agonic.maths.equation.starting_values import find_starts, fit_at_once
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.batch_means import STRETCHES, compute_scatter
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, is_like_gaussian
@@ -138,13 +138,14 @@ def _search(few: Problem, robust: bool, seed: int, known: Sequence[Estimate]) ->
 
     Nothing where all starts lead to minima that are known.
     """
-    algebraic = fit_algebraic(few)
+    at_once = fit_at_once(few)
     spread = choose_spread_rows(weigh_places(few.points))
     tried: list[Estimate] = []
-    if algebraic is not None:
-        found = refine(few, algebraic, robust, spread)
+    if at_once is not None:
+        found = refine(few, at_once, robust, spread)
         if _agrees(few, found):
             return found
+    algebraic = at_once if few.magnitude_only else None
     for start in find_starts(few, algebraic, robust, seed):
         if any(_leads_to(start, one) for one in (*known, *tried)):
             continue

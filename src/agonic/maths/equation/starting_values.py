@@ -8,15 +8,44 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.equation import moments, quadric
-from agonic.maths.equation.affine import join
+from agonic.maths.equation.affine import FREE, join
 from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import cauchy, squares
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
+_HARDLY = 100.0  # the condition of what a start is found from at once
 _STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
 _STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)
+
+
+def fit_at_once(few: Problem) -> Array | None:
+    """Parameters without a start: by the whole field linear ones, by one magnitude the adjusted
+    fit (`quadric`) where that is an ellipsoid; None where neither is known."""
+    if few.across is not None:
+        return _fit_linear(few)
+    return fit_algebraic(few)
+
+
+def _fit_linear(few: Problem) -> Array | None:
+    """raw = A field + bias + K terms by least squares; None where rows hardly tell A."""
+    assert few.dip is not None
+    assert few.across is not None
+    if few.gauge != FREE or few.model != "full":
+        return None
+    level = np.cross(few.across, few.dip.down)
+    field = few.dip.horizontal[:, None] * level + few.dip.vertical[:, None] * few.dip.down
+    terms = np.zeros((len(field), 0)) if few.terms is None else few.terms
+    given = np.column_stack([field, np.ones(len(field)), terms])
+    if np.linalg.cond(given) > _HARDLY:
+        return None
+    found = np.asarray(np.linalg.lstsq(given, few.points, rcond=None)[0].T, dtype=np.float64)
+    if np.linalg.cond(found[:, :3]) > _HARDLY:
+        return None
+    matrix = np.asarray(np.linalg.inv(found[:, :3]), dtype=np.float64)
+    start = nearest_parameters(found[:, 3], matrix, few.basis)
+    return np.concatenate([start, found[:, 4:].ravel()])
 
 
 def fit_algebraic(few: Problem) -> Array | None:

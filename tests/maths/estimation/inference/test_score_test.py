@@ -7,8 +7,10 @@ from scipy.stats import kstest
 
 from agonic.maths.estimation.inference.score_test import (
     Linearised,
+    Terms,
     batches_of,
     score_test,
+    score_tests,
     with_columns,
 )
 
@@ -49,6 +51,28 @@ def test_size_and_move_are_those_of_a_fit_with_the_term() -> None:
     assert score.p_value < 1e-6
     np.testing.assert_allclose(score.size, wider[2:], rtol=1e-9)
     np.testing.assert_allclose(found + score.move, wider[:2], rtol=1e-9)
+
+
+@pytest.mark.parametrize("n", [300, 100_000])
+def test_several_terms_are_tested_as_each_by_itself(n: int) -> None:
+    """Few readings together, many one by one."""
+    fit, column, _ = line(n, 4, bend=0.5)
+    rng = np.random.default_rng(0)
+    wide = np.hstack([column, column**2, np.cos(9 * column)])
+    terms = [
+        Terms(wide, noise=0.01 * rng.normal(size=wide.shape)),
+        Terms(column, surely=True),
+        Terms(column**2, shared=0.01 * rng.normal(size=column.shape), likely=0.1),
+        Terms(fit.jacobian[:, 1:]),
+    ]
+    for found, one in zip(score_tests(fit, terms), terms, strict=True):
+        options = one._asdict()
+        alone = score_test(fit, options.pop("columns"), **options)
+        assert (found is None) == (alone is None)
+        if found is not None and alone is not None:
+            for ours, theirs in zip(found, alone, strict=True):
+                np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-12)
+    assert score_tests(fit, []) == []
 
 
 def test_a_term_that_the_fit_holds_already_is_no_term() -> None:

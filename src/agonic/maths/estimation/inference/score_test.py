@@ -16,8 +16,10 @@ Econometrica 55, 703, for scores with memory.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +37,7 @@ alone, which was not picked among many."""
 HELD = 1e-4
 """A combination of columns of which no larger share is beyond the fit's unknowns may be left out:
 after a long rest a drift looks like a bias and gains."""
+_TOGETHER = 200_000  # numbers of columns that are projected at once
 SURE = 3.0
 """Standard errors by which a combination may have to be seen to have a size."""
 
@@ -144,6 +147,25 @@ def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
     return np.stack([np.bincount(of, column, groups) for column in parts.T], axis=1)
 
 
+class Terms(NamedTuple):
+    """What may be missing in a fit: its `columns` (n, k).
+
+    `noise` (n, k) is a draw of what noise in the readings does to the columns: combinations that
+    hardly stand out of it are left out, for there the noise of columns and residuals is the same,
+    and they would seem to agree. `shared` (n, k) is their covariance with the residuals by noise
+    that is in both: it is taken out of the score. `surely` leaves out what is hardly beyond the
+    fit's unknowns, and of the size what does not stand out of chance. `likely` is the prior
+    standard deviation of the size: what rows hardly tell from the unknowns of the fit would else
+    be of any size, and what they know less well than that is not tested.
+    """
+
+    columns: Array
+    noise: Array | None = None
+    shared: Array | None = None
+    surely: bool = False
+    likely: float = np.inf
+
+
 def score_test(
     fit: Linearised,
     columns: Array,
@@ -153,32 +175,50 @@ def score_test(
     surely: bool = False,
     likely: float = np.inf,
 ) -> Score | None:
-    """Whether `columns` (n, k) belong into the fit; None where the rows cannot tell.
+    """Whether `columns` (n, k) belong into the fit, as `Terms`; None where rows cannot tell."""
+    return score_tests(fit, [Terms(columns, noise, shared, surely, likely)])[0]
 
-    `noise` (n, k) is a draw of what noise in the readings does to the columns themselves:
-    combinations that hardly stand out of it are left out, for there the noise of columns and
-    residuals is the same, and they would seem to agree. `shared` (n, k) is their covariance with
-    the residuals by noise that is in both: it is taken out of the score. `surely` leaves out
-    what is hardly beyond the fit's unknowns, and of the size what does not stand out of chance.
-    `likely` is the prior standard deviation of the size: what rows hardly tell from the unknowns
-    of the fit would otherwise be of any size, and what they know less well than that is not tested.
+
+def score_tests(fit: Linearised, several: Sequence[Terms]) -> list[Score | None]:
+    """Whether each of several terms belongs into the fit, each by itself.
+
+    They are projected together, but where they are too many for the processor's cache.
     """
-    weighted = columns * fit.weights[:, None]
+    if not several:
+        return []
+    width = sum(one.columns.shape[1] for one in several)
+    if len(several) > 1 and width * len(fit.residuals) > _TOGETHER:
+        return [score_tests(fit, [one])[0] for one in several]
+    weighted = np.hstack([one.columns for one in several]) * fit.weights[:, None]
     crossed = fit.jacobian.T @ weighted  # JᵀWZ
-    taken = np.linalg.solve(fit.information, crossed)
+    taken = np.asarray(np.linalg.solve(fit.information, crossed), dtype=np.float64)
+    products = weighted * fit.residuals[:, None]
+    ends = np.cumsum([one.columns.shape[1] for one in several]).tolist()
+    places = [slice(*edges) for edges in pairwise([0, *ends])]
+    for one, at in zip(several, places, strict=True):
+        if one.shared is not None:
+            products[:, at] -= one.shared * fit.weights[:, None]
+    scores = sums_by(fit.batch, products) - fit.scores @ taken
+    return [
+        _test(fit, one, weighted[:, at], crossed[:, at], taken[:, at], scores[:, at])
+        for one, at in zip(several, places, strict=True)
+    ]
+
+
+def _test(
+    fit: Linearised, terms: Terms, weighted: Array, crossed: Array, taken: Array, scores: Array
+) -> Score | None:
+    """The test of terms from WZ, JᵀWZ, A⁻¹JᵀWZ and the scores of batches (B, k)."""
+    columns, noise, shared, surely, likely = terms
     square = columns.T @ weighted
     left = square - crossed.T @ taken - taken.T @ fit.prior @ taken  # Z⊥ᵀWZ⊥
     by_noise = None if noise is None else (noise.T * fit.weights) @ noise
     clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
-    held = HELD if surely else 1e-9
-    seen = _seen(left, np.sqrt(np.diag(square)), by_noise, clear, held, likely)
+    size = np.sqrt(np.diag(square))
+    seen = _seen(left, size, by_noise, clear, HELD if surely else 1e-9, likely)
     if seen is None:
         return None
-    gram = seen.T @ left @ seen
-    products = weighted * fit.residuals[:, None]
-    if shared is not None:
-        products -= shared * fit.weights[:, None]
-    scores = (sums_by(fit.batch, products) - fit.scores @ taken) @ seen
+    gram, scores = seen.T @ left @ seen, scores @ seen
     p_value = _hotelling(scores, fit.captured)
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
@@ -186,8 +226,7 @@ def score_test(
     root = np.linalg.solve(gram, scores.T) / fit.captured**0.5
     drawn, spread = _draw_in(found, root, seen / likely)
     size = np.asarray(seen @ (drawn * sure))
-    move, spread = np.asarray(taken @ size), seen @ spread @ seen.T
-    return Score(p_value, size, move, float(total @ found), spread)
+    return Score(p_value, size, taken @ size, float(total @ found), seen @ spread @ seen.T)
 
 
 def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -> Linearised:
