@@ -131,8 +131,9 @@ def check_size(raw: Array, calibration: Calibration, validity: Validity) -> None
     agonic.errors.UnitError: readings up to 43 were given where the calibration is of readings in \
 nT, up to 50000: they are in another unit; convert them, or read them with it
     """
-    known, finite = validity.largest_reading, raw[np.isfinite(raw)]
-    size = float(np.abs(finite).max()) if finite.size else 0.0
+    known, size = validity.largest_reading, _find_largest(raw)
+    if not np.isfinite(size):
+        size = _find_largest(raw[np.isfinite(raw)])
     if not known or not size or known / _UNIT_OFF < size < known * _UNIT_OFF:
         return
     raise UnitError(
@@ -140,6 +141,11 @@ nT, up to 50000: they are in another unit; convert them, or read them with it
         f"{calibration.unit_in}, up to {known:.5g}: they are in another unit; convert them, or "
         "read them with it"
     )
+
+
+def _find_largest(values: Array) -> float:
+    """The largest size of any values; NaN where one is."""
+    return max(float(values.max(initial=0.0)), -float(values.min(initial=0.0)))
 
 
 def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -108,7 +108,20 @@ def choose_evenly(n: int, most: int) -> Index:
     >>> choose_evenly(20, 5).tolist()
     [2, 4, 11, 13, 16]
     """
-    return np.arange(n) if n <= most else choose_by_weight(np.full(n, most / n))
+    if n <= most:
+        return np.arange(n)
+    share = most / n
+    if share <= 0.5:
+        return _pick_evenly(n, share)
+    chosen = np.ones(n, dtype=bool)
+    chosen[_pick_evenly(n, 1.0 - share)] = False
+    return np.flatnonzero(chosen)
+
+
+def _pick_evenly(n: int, share: float) -> Index:
+    """`_pick` of n rows of the same weight: row i reaches (i + 1) share."""
+    rows = (_place(round(n * share)) / share).astype(np.intp)
+    return np.asarray(rows[rows < n])
 
 
 def choose_by_weight(weights: Array) -> Index:
@@ -135,9 +148,14 @@ def _pick(weights: Array) -> Index:
     Source: Weyl (1916), with the golden ratio φ; a start of its own in each part (Madow 1949).
     """
     reached = np.cumsum(weights)
-    part = np.arange(round(float(reached[-1])))
-    places = part + (part + 1) * _GOLDEN % 1.0
+    places = _place(round(float(reached[-1])))
     return np.asarray(np.searchsorted(reached, places[places < reached[-1]], side="right"))
+
+
+def _place(parts: int) -> Array:
+    """A place in each of so many parts of length one."""
+    part = np.arange(parts)
+    return part + (part + 1) * _GOLDEN % 1.0
 
 
 def count_orientations(points: Array, reach: float, most: int) -> int:
