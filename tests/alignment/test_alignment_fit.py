@@ -221,7 +221,7 @@ def test_two_orientations_determine_it_but_not_well() -> None:
     made = simulate_session(orientations=[(0, 60, 0), (90, 50, 30)], seed=3)
     fit = fit_alignment(made.session)
     assert fit.rank == 3
-    assert names(fit) == {"alignment loose"}
+    assert names(fit) == {"alignment loose", "reference unchecked"}
     assert fit.add
     assert np.abs(error_arcsec(fit, made) / fit.sd_arcsec).max() < 3
 
@@ -249,6 +249,20 @@ def test_what_one_place_cannot_tell_is_named_and_the_alignment_kept(solve, words
     assert any(words in combination for combination in fit.undetermined)
     assert "the field at one place cannot tell" in fit.status
     assert np.abs(error_arcsec(fit, made) / fit.sd_arcsec).max() < 3
+
+
+def test_a_level_turntable_cannot_tell_a_wrong_clock_and_says_so() -> None:
+    """Turned about the vertical only, 34″ by a clock wrong by a second leave no residual at all."""
+    made = simulate_session(orientations=[(a, 60, 0) for a in range(0, 360, 20)], seed=1)
+    star = replace(made.session.star, time=made.session.star.time + 1.0)
+    late = replace(made.session, star=star)
+    fit = fit_alignment(late)
+    assert np.linalg.norm(error_arcsec(fit, made)) > 25.0 > 10 * fit.worst_sd_arcsec
+    assert names(fit) == {"reference unchecked"}
+    assert "add orientations" in fit.status
+    known = fit_alignment(replace(late, reference_sd_arcsec=15.0), wanted_sd_arcsec=90.0)
+    assert known.verdict == "good"
+    assert np.abs(error_arcsec(known, made) / known.sd_arcsec).max() < 3
 
 
 @pytest.mark.parametrize(("beta", "word"), [(0.0, "sum"), (180.0, "difference")])

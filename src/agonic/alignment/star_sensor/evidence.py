@@ -20,6 +20,7 @@ from agonic.alignment.star_sensor.orientations import (
 )
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.alignment.star_sensor.solve import UNDETERMINED, Solution, compute_rotation_vector
+from agonic.alignment.star_sensor.unchecked_reference import examine_reference
 from agonic.health import Finding, figure
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
@@ -59,6 +60,7 @@ def examine(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
     if not doubts:  # else these are what the same cause does
         findings += [] if spoilt else _loose(known, wanted_sd_arcsec)
         findings += _below_horizon(known) + _scatter(known)
+        findings += [] if spoilt else _reference(known, wanted_sd_arcsec)
     findings += _circumstances(known) + _platform(known)
     refused = any(finding.severity == "refuse" for finding in findings)
     return replace(known, findings=tuple(findings), remarks=() if refused else _remarks(known))
@@ -143,6 +145,18 @@ def _loose(fit: AlignmentFit, wanted_sd_arcsec: float) -> list[Finding]:
             _moves(fit),
         )
     ]
+
+
+def _reference(fit: AlignmentFit, wanted_sd_arcsec: float) -> list[Finding]:
+    """A reference that nothing checks, and the orientations that would."""
+
+    def moves() -> str:
+        free = fit.solution.free.copy()
+        free[GROUPS["reference"]] = True
+        more = suggest_orientations(replace(fit.solution, free=free), wanted_sd_arcsec)
+        return _moves(replace(fit, add=more))
+
+    return examine_reference(fit, wanted_sd_arcsec, moves)
 
 
 def _doubts(fit: AlignmentFit) -> list[Finding]:
