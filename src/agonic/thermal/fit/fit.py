@@ -131,7 +131,9 @@ def fit_binned(
     findings = [
         *found,
         *recordings.judge_recordings(sums, left_out, chosen),
-        *evidence.judge_fit(fit, readings, sums, result.orientations, faulty=bool(result.faults)),
+        *evidence.judge_fit(
+            fit, readings, sums, result.orientations, faulty=bool(result.faults.found)
+        ),
         *judge_faults(result, readings),
     ]
     fit = replace(fit, findings=sort_findings(findings))

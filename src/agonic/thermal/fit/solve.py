@@ -28,7 +28,7 @@ from agonic.thermal.maths.estimate import (
     estimate_by_magnitude,
     estimate_by_orientations,
 )
-from agonic.thermal.maths.station_faults import Fault, find_faults
+from agonic.thermal.maths.station_faults import Faults, find_faults
 from agonic.thermal.maths.station_residuals import StationProblem, find_directions
 
 SIGNIFICANT = 1e-4
@@ -66,7 +66,7 @@ class Solution(NamedTuple):
     orientations: Orientations | None
     drifts: bool
     aged: bool
-    faults: tuple[Fault, ...]
+    faults: Faults
 
 
 class _Term(NamedTuple):
@@ -105,28 +105,28 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
         problem = problem._replace(phi=problem.phi[:, :-1], rate=False)
         whole = _estimate(problem, whole, whole.coefficients[:-3])
     drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
-    found, moments = _find_faults(readings, problem, whole)
+    faults = _find_faults(readings, problem, whole)
     return Solution(
-        estimate=whole._replace(covariance=whole.covariance + moments),
+        estimate=whole._replace(covariance=whole.covariance + faults.covariance),
         problem=problem,
         separate=fit_each_temperature(readings, problem, whole.coefficients),
         tests=tuple(term.test for term in (lag, drifting, ageing) if term is not None),
         orientations=orientations,
         drifts=problem.drifting or (drifting is not None and drifting.kept),
         aged=ageing is not None and ageing.kept,
-        faults=found,
+        faults=faults,
     )
 
 
 def _find_faults(
     readings: ChamberReadings, problem: StationProblem, whole: StationEstimate
-) -> tuple[tuple[Fault, ...], Array]:
+) -> Faults:
     """What was not the same at all stations, and what that joins to the covariance.
 
     Nothing where the thermometer scatters: what is left of its errors looks like small faults.
     """
     if readings.thermometer_C:
-        return (), np.zeros_like(whole.covariance)
+        return Faults((), np.zeros_like(whole.covariance))
     return find_faults(problem, whole, readings.cells.time)
 
 

@@ -17,9 +17,19 @@ _HOUR = 3600.0
 def judge_faults(result: Solution, readings: ChamberReadings) -> list[Finding]:
     """Each fault with its place, its time, its size, and what to do."""
     return [
-        *(_judge(fault, readings) for fault in result.faults),
+        *(_judge(fault, readings) for fault in result.faults.found),
+        *(_judge_left_out(station, readings) for station in result.faults.left_out),
         *_find_differing(result, readings),
     ]
+
+
+def _judge_left_out(place: int, readings: ChamberReadings) -> Finding:
+    return Finding(
+        "odd station",
+        "check",
+        f"{_name_station(place, readings)} does not fit the others at all and was left out",
+        "see whether another sensor was read there, or its axes exchanged, and record it again",
+    )
 
 
 def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding]:
@@ -47,7 +57,7 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
 def _judge(fault: Fault, readings: ChamberReadings) -> Finding:
     scale, candidate = readings.scale, fault.candidate
     size = float(np.linalg.norm(fault.size))
-    station = f"station {readings.numbers[candidate.station]}"
+    station = _name_station(candidate.station, readings)
     if candidate.kind not in (ODD, STEP, SETTLING):
         return _judge_temperature(fault, station, size * scale.half_C, readings)
     amount = f"{figure(size * scale.size)} {readings.unit}"
@@ -55,7 +65,7 @@ def _judge(fault: Fault, readings: ChamberReadings) -> Finding:
         return Finding(
             "odd station",
             "check",
-            f"at {station}{_tell_span(fault, readings)} the bias is {amount} away from that of "
+            f"at {station} the bias is {amount} away from that of "
             "the other stations, which the standard error contains",
             "see whether iron, a cable or another sensor was there, and record it again or leave "
             "it out",
@@ -84,20 +94,20 @@ def _judge_temperature(
     return Finding(
         "odd temperature",
         "check",
-        f"at {station}{_tell_span(fault, readings)} the sensor was{early} {figure(away_C)} °C "
+        f"at {station} the sensor was{early} {figure(away_C)} °C "
         "away from what its thermometer said, which the standard error contains",
         "hold the temperature longer before recording, and see that the thermometer touches the "
         "sensor; record the station again or leave it out",
     )
 
 
-def _tell_span(fault: Fault, readings: ChamberReadings) -> str:
-    """When a station was recorded, in hours since the first reading."""
-    time = readings.cells.time
+def _name_station(place: int, readings: ChamberReadings) -> str:
+    """A station by its number, and when it was recorded, in hours since the first reading."""
+    name, time = f"station {readings.numbers[place]}", readings.cells.time
     if not np.isfinite(time).all():
-        return ""
-    own = time[readings.station == fault.candidate.station] - time.min()
-    return f" ({own.min() / _HOUR:.1f} to {own.max() / _HOUR:.1f} h)"
+        return name
+    own = time[readings.station == place] - time.min()
+    return f"{name} ({own.min() / _HOUR:.1f} to {own.max() / _HOUR:.1f} h)"
 
 
 def _tell_moment(fault: Fault, readings: ChamberReadings) -> str:

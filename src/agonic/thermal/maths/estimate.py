@@ -38,7 +38,8 @@ RARE, LIKELY = 0.05, 0.5
 """Probability of a drift before the readings are seen: of a field at rest, of one that changes."""
 AGED = 0.2
 """That of a bias that aged."""
-_IMPLAUSIBLE = 0.015
+IMPLAUSIBLE = 0.015
+"""Slow changes of the field that are larger, over the field, stand in for something else."""
 _ROUNDS = 25
 _FREE = 4
 _OUTLIER = 5.0
@@ -175,9 +176,9 @@ def _renew_slow_changes(
     slow, axes = gaussian_process.estimate_process(
         of, kept, jacobian, (expected + by @ step, by), kinds
     )
-    if slow.sd > _IMPLAUSIBLE and len(state.ageing):
+    if slow.sd > IMPLAUSIBLE and len(state.ageing):
         slow, axes = state.slow, gaussian_process.find_principal_axes(of, state.slow.kind)
-    if slow.sd > _IMPLAUSIBLE:  # it stands in for something else that does not fit
+    if slow.sd > IMPLAUSIBLE:  # it stands in for something else that does not fit
         return state._replace(
             slow=gaussian_process.GaussianProcess(), followed=np.zeros_like(state.followed)
         ), 0.0

@@ -17,12 +17,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import chdtrc, fdtrc
 
 from agonic.arrays import Array, Index
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import robust_scale
-from agonic.thermal.maths.estimate import StationEstimate
+from agonic.thermal.maths.estimate import IMPLAUSIBLE, StationEstimate
 from agonic.thermal.maths.gaussian_process import (
     GaussianProcess,
     estimate_process,
@@ -40,7 +41,7 @@ from agonic.thermal.maths.station_residuals import (
 
 ODD, STEP, SETTLING = "odd", "step", "settling"
 THERMOMETER, UNSETTLED = "thermometer", "unsettled"
-CHANCE = 0.01
+CHANCE = 0.002
 """Faults are believed that chance would make this seldom in a campaign without any."""
 DECAYS = (0.02, 0.06, 0.2)
 """Time constants of a bias that settles, of the whole campaign."""
@@ -52,6 +53,7 @@ _NEW = 1e-3  # of its information: what must be left of a fault beside all else
 _MOST = 4
 _MOMENTS = 30
 _PARTS = (16, 8, 4)
+_NOTHING = 0.1
 _OUTLIER = 5.0
 
 
@@ -77,10 +79,14 @@ class Fault(NamedTuple):
 
 
 class Faults(NamedTuple):
-    """All that were found, and the second moments (a, a) of what they moved the coefficients by."""
+    """All that were found, and the second moments (a, a) of what they moved the coefficients by.
+
+    `left_out` are stations that fit so badly that the robust loss had left nothing of them.
+    """
 
     found: tuple[Fault, ...]
     covariance: Array
+    left_out: tuple[int, ...] = ()
 
 
 class _Fit(NamedTuple):
@@ -183,8 +189,13 @@ class _Scores(NamedTuple):
 
 def find_faults(problem: StationProblem, estimate: StationEstimate, time: Array) -> Faults:
     """What was not the same at all stations, most likely first; `time` (m,) of the means, s."""
-    candidates = list(list_candidates(problem, time))
-    plain = fit = _linearise(problem, estimate, time)
+    left_out = find_left_out(problem, estimate)
+    candidates = [
+        one
+        for one in list_candidates(problem, time)
+        if one.kind in (STEP, SETTLING) or one.station not in left_out
+    ]
+    plain = fit = _linearise(problem, estimate, time, left_out)
     found: list[_Next] = []
     while candidates and len(found) < _MOST:
         most_likely = _find_next(fit, candidates, time)
@@ -192,7 +203,13 @@ def find_faults(problem: StationProblem, estimate: StationEstimate, time: Array)
             break
         found.append(most_likely)
         fit = most_likely.fit
-    return _assemble(plain, fit, found)
+    return _assemble(plain, fit, found)._replace(left_out=left_out)
+
+
+def find_left_out(problem: StationProblem, estimate: StationEstimate) -> tuple[int, ...]:
+    """Stations of which the robust loss left next to nothing."""
+    weights = (np.median(estimate.weights[problem.station == k]) for k in range(problem.stations))
+    return tuple(k for k, weight in enumerate(weights) if weight < _NOTHING)
 
 
 class _Next(NamedTuple):
@@ -212,21 +229,42 @@ def _find_next(fit: _Fit, candidates: list[Candidate], time: Array) -> _Next:
     What is a fault may have been taken for slow changes of the field: those are estimated again
     beside the best candidates with them and without.
     """
-    plain, tried = fit._replace(slow=GaussianProcess()), []
-    likely = {_find_best(each, candidates) for each in (fit, plain)}
+    tested = _with_offsets(fit)
+    plain, tried = tested._replace(slow=GaussianProcess()), []
+    likely = {_find_best(each, candidates) for each in (tested, plain)}
     for k in likely:
         many, best = len(candidates), candidates[k]
         if best.kind == STEP:
             moments = list(_list_moments(fit.problem, best, time))
             many, best = many + len(moments), moments[_find_best(plain, moments)]
         columns = _make_columns(fit, best)
-        (scores, (own,)), c = _score(plain, [columns]), fit.beside.shape[1]
-        wider = fit.with_fault(columns @ scores.find_seen(own))
-        scores, _ = _score(fit._replace(slow=wider.slow), [columns])
+        scores, (own,) = _score(plain, [columns])
+        slow = tested.with_fault(columns @ scores.find_seen(own)).slow
+        scores, _ = _score(tested._replace(slow=slow), [columns])
         seen = scores.find_seen(own, sized=True)
-        wider = wider._replace(beside=np.hstack([wider.beside[:, :c], columns @ seen]))
-        tried.append(_Next(scores.test(own) * many, best, seen, wider))
+        p_value = scores.test(own) * many if slow.sd < IMPLAUSIBLE else np.inf
+        wider = fit._replace(slow=slow, beside=np.hstack([fit.beside, columns @ seen]))
+        tried.append(_Next(p_value, best, seen, wider))
     return min(tried, key=lambda each: each.p_value)
+
+
+def _with_offsets(fit: _Fit) -> _Fit:
+    """Where the magnitude alone is known, with another field at each station.
+
+    Twelve stations less nine numbers leave three that another field at each explains as well as
+    any fault does: there a fault must show within stations.
+    """
+    if fit.state.poses is not None:
+        return fit
+    station = fit.problem.station
+    offsets = (station[:, None] == np.arange(fit.problem.stations)).astype(np.float64)
+    p = fit.problem.degree + 1
+    offsets *= np.linalg.norm(fit.jacobian[:, [0, p, 2 * p]], axis=1, keepdims=True)
+    (expected, by), k = fit.prior, fit.problem.stations
+    return fit._replace(
+        jacobian=np.hstack([fit.jacobian, offsets]),
+        prior=(np.pad(expected, (0, k)), block_diag(by, np.eye(k) / IMPLAUSIBLE)),
+    )
 
 
 def _find_best(fit: _Fit, candidates: list[Candidate]) -> int:
@@ -279,8 +317,10 @@ def _step_at(time: Array, moment: float) -> Array:
     return np.where(time >= moment, 0.5, -0.5)
 
 
-def _linearise(problem: StationProblem, estimate: StationEstimate, time: Array) -> _Fit:
-    """Residuals, Jacobian and prior at an estimate."""
+def _linearise(
+    problem: StationProblem, estimate: StationEstimate, time: Array, left_out: tuple[int, ...]
+) -> _Fit:
+    """Residuals, Jacobian and prior at an estimate, without the stations that were left out."""
     state = State(
         estimate.coefficients,
         estimate.drift,
@@ -294,6 +334,8 @@ def _linearise(problem: StationProblem, estimate: StationEstimate, time: Array) 
     params = collect_parameters(state, problem.layout.shape[1])
     pieces = make_pieces(problem, state._replace(slow=GaussianProcess()))
     z, jacobian = next(iter(pieces(params)))
+    used = np.tile(~np.isin(problem.station, left_out), len(z) // len(problem.points))
+    z, jacobian = z * used, jacobian * used[:, None]
     prior = make_prior(problem, state)(params)
     none, order = np.zeros((len(z), 0)), np.lexsort((time, problem.station))
     lasts = estimate.correlation
