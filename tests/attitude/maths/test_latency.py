@@ -26,6 +26,17 @@ def test_projected_slopes_are_those_of_noiseless_residuals() -> None:
     assert error < 0.01  # smoothing leaves a small residual
 
 
+def test_a_turn_about_one_axis_leaves_entries_that_show_nothing() -> None:
+    """What no row tells is left out, in every stretch, without a warning."""
+    flat = rot_nb(np.zeros(1500), np.zeros(1500), HAND.heading_deg)
+    field = np.einsum("nji,j->ni", flat, [20_000.0, 0.0, 40_000.0]) * 1e3
+    record = latency.record(HAND.time, field, 0.3, 10.0)
+    path = latency.attitude_path(HAND.time, flat)
+    seen = latency._projected(record, path, 0.02, np.ones(len(record.time)))
+    assert np.isfinite(seen.slopes).all()
+    assert np.abs(seen.slopes[0, :, :2]).max() > 1e6
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_drifts_of_a_gyro_are_what_a_bias_adds_to_the_path(axis: int) -> None:
     bias = np.zeros(3)

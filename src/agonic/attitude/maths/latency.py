@@ -252,7 +252,8 @@ def _projected(record: Record, path: Path, latency: float, weights: Array) -> _P
     )
     freedom = w.sum(axis=(1, 2)) - np.count_nonzero(scaled.any(axis=1), axis=1)
     noise = (w * residuals**2).sum(axis=(1, 2)) / np.maximum(freedom, 1.0)
-    size = np.maximum((found**2).sum(axis=2), 1e-300)
+    size = (found**2).sum(axis=2)
+    size[size < 1e-300] = np.inf  # nothing was found: there is nothing to shrink
     clear = np.maximum(1.0 - _SHRUNK * noise[:, None] / size, 0.0)
     moved = changes[:, rows] @ (scaled @ (clear[..., None] * found))[:, 1:]
     slopes = moved - basis @ (basis.swapaxes(1, 2) @ (w * moved))
