@@ -40,6 +40,7 @@ from agonic.maths.rotations.vectors import find_best_rotation
 FEWEST_STRETCHES = 120
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
+_PATIENCE = 30  # steps of a fit that only foretells
 _ROUNDS = 5
 
 
@@ -142,19 +143,24 @@ def find_start(problem: Problem) -> Array:
     return found.solution.params
 
 
-def fit_rows(problem: Problem, first: Array, used: Mask, intervals: int) -> Estimate:
+def fit_rows(
+    problem: Problem, first: Array, used: Mask, intervals: int, patience: int = 60
+) -> Estimate:
     """The estimate from some of the rows with so many intervals of the bias in time."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
     layout = Layout(gauge, terms.bias_count, terms.matrix_count)
-    return refine(
-        problem, problem.rows(terms).select(used), layout, terms, _start_params(layout, first)
-    )
+    start = _start_params(layout, first)
+    return refine(problem, problem.rows(terms).select(used), layout, terms, start, patience)
 
 
 def fit_held_out(problem: Problem, first: Array, used: Mask, intervals: int) -> Array:
-    """The magnitude's residuals (n,) of every row, nT, about a fit to some of them."""
-    estimate = fit_rows(problem, first, used, intervals)
+    """The magnitude's residuals (n,) of every row, nT, about a fit to some of them.
+
+    Many intervals leave directions so open that their numbers creep along for a hundred steps,
+    long after what they foretell has settled.
+    """
+    estimate = fit_rows(problem, first, used, intervals, _PATIENCE)
     return compute_residuals_of(problem, estimate, "magnitude") * problem.magnitude
 
 
@@ -167,8 +173,16 @@ def _start_params(layout: Layout, first: Array) -> Array:
     return params
 
 
-def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: Array) -> Estimate:
-    """The minimum from a near start, noise and correlation of each kind from its residuals."""
+def refine(
+    problem: Problem,
+    rows: Rows,
+    layout: Layout,
+    terms: Terms,
+    params: Array,
+    patience: int = 60,
+) -> Estimate:
+    """The minimum from a near start, noise and correlation of each kind from its residuals, in as
+    many steps as patience lasts."""
     robust = problem.settings.robust
     kinds = KINDS if problem.direction is not None else KINDS[:1]
     prior = build_prior(problem, terms, layout)
@@ -193,7 +207,9 @@ def refine(problem: Problem, rows: Rows, layout: Layout, terms: Terms, params: A
             )
             for kind, of in noise.items()
         ]
-        solution = leastsq.solve_together(channels, params, prior=prior, tolerance=1e-2)
+        solution = leastsq.solve_together(
+            channels, params, prior=prior, tolerance=1e-2, max_iterations=patience
+        )
         params = solution.params
         parts = np.split(solution.residuals, len(noise))
         seen = dict(zip(noise, parts, strict=True))
