@@ -9,6 +9,8 @@ come last.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from agonic.arrays import Array
@@ -24,6 +26,7 @@ def build_covariates(
     return rows if rate is None else np.concatenate([rows, np.asarray(rate)[..., None]], axis=-1)
 
 
+@lru_cache(maxsize=32)
 def build_layout(degree: int, gauge: str = SYMMETRIC, rate: bool = False) -> Array:
     """The map from coefficients to the twelve local numbers times φ, (12·q, a).
 
@@ -35,7 +38,9 @@ def build_layout(degree: int, gauge: str = SYMMETRIC, rate: bool = False) -> Arr
     parts = [np.kron(basis, np.eye(q)[:, :p])]
     if rate:
         parts.append(np.kron(basis[:, :3], np.eye(q)[:, p:]))
-    return np.concatenate(parts, axis=1)
+    layout = np.concatenate(parts, axis=1)
+    layout.flags.writeable = False
+    return layout
 
 
 def evaluate_local(coefficients: Array, onto: Array, phi: Array) -> tuple[Array, Array]:

@@ -16,8 +16,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigh, solve_triangular
-from scipy.optimize import minimize_scalar
+from scipy.linalg import eigh
 
 from agonic.arrays import Array, Index
 
@@ -39,6 +38,7 @@ CHANCE = 2.0
 LARGEST = 0.02
 """The largest size that is looked for, in fields; no chamber changes by more of itself."""
 _GRID = np.log(np.geomspace(2e-6, LARGEST, 11))
+_FINER, _POINTS_FINER = 3, 9  # grids within one another, the last in steps of half a per cent
 _POINTS = 3 * (ORDER + 1)  # of a station, at which the covariance is taken
 
 
@@ -251,24 +251,24 @@ def estimate_process(
         jacobian.T @ jacobian - own.T @ own + prior[1].T @ prior[1],
         jacobian.T @ z - own.T @ own_z + prior[1].T @ prior[0],
     )
-    none = _compute_cost(rest, np.zeros(len(own_z)), own_z, own, 0.0)
+    none = float(_compute_costs(rest, np.zeros(len(own_z)), own_z, own, np.zeros(1))[0])
     tried = []
     for kind in kinds:
         size, axis = find_principal_axes(spaces, kind)
         turned = (size, axis.T @ own_z, axis.T @ own, axis)
-        costs = [_compute_cost(rest, *turned[:3], float(np.exp(at))) for at in _GRID]
+        costs = _compute_costs(rest, *turned[:3], np.exp(_GRID))
         unlikely = UNLIKELY if kind[1] > LONG else 0.0
-        tried.append((min(costs) + unlikely, int(np.argmin(costs)), kind, turned))
+        tried.append((float(costs.min()) + unlikely, int(np.argmin(costs)), kind, turned))
     _, k, kind, turned = min(tried, key=lambda each: each[0])
-    found = minimize_scalar(
-        lambda at: _compute_cost(rest, *turned[:3], float(np.exp(at))),
-        method="bounded",
-        bounds=(_GRID[max(k - 1, 0)], _GRID[min(k + 1, len(_GRID) - 1)]),
-        options={"xatol": 0.01},
-    )
-    gain = none - float(found.fun) - (UNLIKELY if kind[1] > LONG else 0.0)
+    grid, costs = _GRID, np.empty(0)
+    for _ in range(_FINER):
+        low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+        grid = np.linspace(low, high, _POINTS_FINER)
+        costs = _compute_costs(rest, *turned[:3], np.exp(grid))
+        k = int(np.argmin(costs))
+    gain = none - float(costs[k]) - (UNLIKELY if kind[1] > LONG else 0.0)
     by = (
-        GaussianProcess(float(np.exp(found.x)), kind, gain)
+        GaussianProcess(float(np.exp(grid[k])), kind, gain)
         if gain > CHANCE
         else GaussianProcess(kind=kind)
     )
@@ -282,19 +282,19 @@ class _Rest(NamedTuple):
     gradient: Array
 
 
-def _compute_cost(rest: _Rest, size: Array, y: Array, x: Array, sd: float) -> float:
-    """Twice the negative logarithm of the restricted likelihood, but for a constant.
+def _compute_costs(rest: _Rest, size: Array, y: Array, x: Array, sds: Array) -> Array:
+    """Twice the negative logarithm of the restricted likelihood, but for a constant, by size (s,).
 
     Parameters: in the stations' spaces the variances (c,) of a process of unit variance, the
-    residuals (c,), and the Jacobian (c, p).
+    residuals (c,), and the Jacobian (c, p); the sizes (s,).
     """
-    weight = 1 / (1 + sd**2 * size)
-    information = rest.information + x.T @ (weight[:, None] * x)
-    b = rest.gradient + x.T @ (weight * y)
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    scaled = information / np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-13
+    weight = 1 / (1 + sds[:, None] ** 2 * size)
+    information = rest.information + (weight[:, None] * x.T) @ x
+    b = rest.gradient + (weight * y) @ x
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-300))
+    scaled = information / (scale[:, :, None] * scale[:, None]) + 1e-13 * np.eye(len(rest.gradient))
     lower = np.linalg.cholesky(scaled)
-    b = solve_triangular(lower, b / scale, lower=True, check_finite=False)
-    logs = 2 * np.log(scale * np.diag(lower)).sum() - np.log(weight).sum()
-    return float(logs + np.sum(weight * y * y) - b @ b)
+    pulled = np.linalg.solve(lower, (b / scale)[..., None])[..., 0]
+    sizes = scale * np.diagonal(lower, axis1=1, axis2=2)
+    logs = 2 * np.log(sizes).sum(axis=1) - np.log(weight).sum(axis=1)
+    return np.asarray(logs + (weight * y * y).sum(axis=1) - (pulled * pulled).sum(axis=1))
