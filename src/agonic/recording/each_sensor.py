@@ -82,11 +82,11 @@ def calibrate_each(
         )
 
     recording, sensors = open_sensors(log, None if second else sensor, unit, between)
+    if second not in (None, "auto"):
+        recording.sensor(second)  # an error names those that there are
     results, failures = _run([(one.name, partial(run, one)) for one in sensors])
     if second is None:
         return recording, tell_pairs(results), failures
-    if second != "auto":
-        recording.sensor(second)  # an error names those that there are
     mixed = take_mixes(results, mix, second)
     wanted = recording.sensor(sensor).name if sensor is not None else None
     return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures
