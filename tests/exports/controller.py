@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.exports.objects import compile_once
+
 STRICT = (
     "-std=c99",
     "-pedantic",
@@ -44,8 +46,12 @@ def compiled(folder: Path, *sources: str, flags: tuple[str, ...] = ("-O2",)) -> 
     """Sources of a folder as a program, or as a library where a flag says -shared."""
     assert shutil.which("cc"), "these tests need a C compiler: install cc"
     target = folder / "-".join(["built", *(s.removesuffix(".c") for s in sources)])
-    files = [folder / source for source in sources]
-    subprocess.run(["cc", *STRICT, *flags, *files, "-o", target, "-lm"], check=True)
+    command = ["cc", *STRICT, *flags]
+    objects = [
+        compile_once(command, folder / source, (folder / source).with_suffix(".o"))
+        for source in sources
+    ]
+    subprocess.run(["cc", *flags, *objects, "-o", target, "-lm"], check=True)
     return target
 
 

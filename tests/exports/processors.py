@@ -12,6 +12,8 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.exports.objects import compile_once
+
 BOARDS = Path(__file__).parent / "boards"
 STRICT = (
     "-std=c99",
@@ -70,9 +72,8 @@ class Processor:
     def _compile(self, source: Path, flags: tuple[str, ...], folder: Path | None = None) -> Path:
         """An object beside its source, or in a folder."""
         target = (folder or source.parent) / f"{source.stem}-{self.board}.o"
-        command = [self.compiler, *SMALL, *flags, *self.flags, "-I", BOARDS, "-c", source]
-        subprocess.run([*command, "-o", target], check=True)
-        return target
+        command = [self.compiler, *SMALL, *flags, *self.flags, "-I", BOARDS]
+        return compile_once(command, source, target)
 
     def run(self, program: Path) -> dict[str, int]:
         """The numbers that a program tells, by name; `end` is its status, 99 after a trap."""

@@ -83,14 +83,14 @@ def test_the_table_is_that_of_one_process(tmp_path: Path) -> None:
 
 
 def test_an_interruption_leaves_no_process_and_a_journal(tmp_path: Path) -> None:
-    write_boards(tmp_path / "logs", 40)
+    write_boards(tmp_path / "logs", 24)
     command = [sys.executable, "-m", "agonic", "fleet", "logs", "-o", "out", "--workers", "2"]
     process = subprocess.Popen(
         command, cwd=tmp_path, start_new_session=True, stderr=subprocess.PIPE, text=True
     )
     while not (tmp_path / "out" / "journal.sqlite").exists():
         time.sleep(0.01)
-    time.sleep(1.0)
+    time.sleep(0.5)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     _, said = process.communicate(timeout=20)
     assert process.returncode == 2
@@ -100,7 +100,7 @@ def test_an_interruption_leaves_no_process_and_a_journal(tmp_path: Path) -> None
     while of_group(process.pid):  # the server of processes may still be importing
         assert time.monotonic() < end
         time.sleep(0.05)
-    assert len(run_here(tmp_path / "logs", out=tmp_path / "out").population) == 40
+    assert len(run_here(tmp_path / "logs", out=tmp_path / "out").population) == 24
 
 
 def test_logs_are_found_from_wherever_one_stands(

@@ -21,7 +21,7 @@ from agonic.fleet.run import run_fleet
 from agonic.fleet.settings import FleetSettings
 from tests.fleet.boards import run_here, write_bad, write_boards
 
-LOGS = 15
+LOGS = 9
 
 
 @pytest.fixture(scope="module")

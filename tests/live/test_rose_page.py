@@ -13,7 +13,7 @@ INK = """() => {
 
 
 def test_a_rover_sees_its_headings_and_what_to_drive_and_accepts(live, page, picture, tmp_path):
-    shown = page(live("sim?kind=rover&rate=20&minutes=5", "--speed", "4", "--target", "0.05"))
+    shown = page(live("sim?kind=rover&rate=10&minutes=5", "--speed", "4", "--target", "0.05"))
     shown.set_viewport_size({"width": 1100, "height": 1000})
     wait(shown, f"/Compass rose of headings: [0-9]+ of 12 seen/.test({LABEL})", 60)
     assert shown.is_visible(".of-rose")
