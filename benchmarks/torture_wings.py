@@ -161,6 +161,21 @@ def _ageing(rng: np.random.Generator, samples: ag.Samples) -> Array:
     return np.outer((samples.time - samples.time[0]) / 86_400.0, 20.0 * rng.choice([-1, 1], 3))
 
 
+def _changed(part: Callable[[ag.Samples], Array], size: float):
+    """A bias of a size in any direction, by so much at each row."""
+
+    def spoil(rng: np.random.Generator, samples: ag.Samples) -> Array:
+        way = rng.standard_normal(3)
+        return np.outer(part(samples), size * way / np.linalg.norm(way))
+
+    return spoil
+
+
+def _share(samples: ag.Samples) -> Array:
+    """How much of the campaign is over, 0…1."""
+    return (samples.time - samples.time[0]) / np.ptp(samples.time)
+
+
 KINDS: dict[str, Callable[[int], Outcome]] = {
     "tracker *": track(lambda rng, n: (0.0, 0.0)),
     **{
@@ -182,6 +197,15 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
     "chamber *": chamber(lambda rng, s: np.zeros((len(s), 3))),
     "chamber, 50 nT by station": chamber(_station_offsets),
     "chamber, ageing by 20 nT a day": chamber(_ageing),
+    **{
+        f"chamber, {size} nT {what}": chamber(_changed(part, size))
+        for size in (100, 1000)
+        for what, part in {
+            "step in station 6": lambda s: _share(s) > 0.46,
+            "at station 8 alone": lambda s: s.station == 8,
+            "that settle in 4 h": lambda s: np.exp(-_share(s) / 0.08),
+        }.items()
+    },
     "chamber, thermometer noise 0.5 °C": chamber(
         lambda rng, s: np.zeros((len(s), 3)), temperature_noise_C=0.5
     ),
