@@ -22,6 +22,7 @@ def spoil(made: Made, kind: str, size: float) -> tuple[dict[str, np.ndarray], li
         "step": (s.station > 6, [none, way]),
         "step in a station": (t > 0.46 * t.max(), [none, way]),
         "odd": (s.station == 8, [none]),
+        "ageing": (t / t.max(), [none, way]),
         "settling": (np.exp(-t / (0.08 * t.max())), [none]),
     }
     if kind in parts:
@@ -63,10 +64,10 @@ def test_a_fault_is_named_with_its_place_and_held_by_the_error(kind, size, said)
     assert over_stated < 2.0
 
 
-@pytest.mark.parametrize("kind", ["step in a station", "odd", "settling"])
-@pytest.mark.parametrize("size", [100.0, 300.0])
+@pytest.mark.parametrize("kind", ["step in a station", "odd", "settling", "ageing"])
+@pytest.mark.parametrize("size", [100.0, 1000.0])
 def test_the_magnitude_alone_is_never_good_and_wrong(kind: str, size: float) -> None:
-    """3 to 6 standard errors and good before."""
+    """3 to 12 standard errors and good before."""
     for seed in (0, 2):
         fit, over_stated = fit_spoilt(kind, size, seed, "unknown")
         assert fit.verdict != "good" or over_stated < WRONG

@@ -8,8 +8,9 @@ from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
 from agonic.thermal.maths.estimate import UNREST
+from agonic.thermal.maths.fault_candidates import AGEING, ODD, OF_TEMPERATURE, STEP, UNSETTLED
 from agonic.thermal.maths.gaussian_process import STEADY
-from agonic.thermal.maths.station_faults import ODD, SETTLING, STEP, Fault
+from agonic.thermal.maths.station_faults import Fault
 
 _HOUR = 3600.0
 
@@ -58,7 +59,7 @@ def _judge(fault: Fault, readings: ChamberReadings) -> Finding:
     scale, candidate = readings.scale, fault.candidate
     size = float(np.linalg.norm(fault.size))
     station = _name_station(candidate.station, readings)
-    if candidate.kind not in (ODD, STEP, SETTLING):
+    if candidate.kind in OF_TEMPERATURE:
         return _judge_temperature(fault, station, size * scale.half_C, readings)
     amount = f"{figure(size * scale.size)} {readings.unit}"
     if candidate.kind == ODD:
@@ -78,6 +79,14 @@ def _judge(fault: Fault, readings: ChamberReadings) -> Finding:
             "calibration lies between both, which the standard error contains",
             "see what moved or magnetised the sensor then, and calibrate the parts by themselves",
         )
+    if candidate.kind == AGEING:
+        return Finding(
+            "ageing",
+            "check",
+            f"the bias changed steadily, by {amount} from the first reading to the last, which was "
+            "taken for changes of the field; the standard error contains it",
+            "let the sensor age at its highest temperature first, and calibrate again",
+        )
     return Finding(
         "settling",
         "check",
@@ -90,7 +99,7 @@ def _judge(fault: Fault, readings: ChamberReadings) -> Finding:
 def _judge_temperature(
     fault: Fault, station: str, away_C: float, readings: ChamberReadings
 ) -> Finding:
-    early = " at first" if fault.candidate.kind == "unsettled" else ""
+    early = " at first" if fault.candidate.kind == UNSETTLED else ""
     return Finding(
         "odd temperature",
         "check",
