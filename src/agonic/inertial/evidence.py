@@ -12,7 +12,7 @@ from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.inertial.settings import INCLINATION_SD, Settings
-from agonic.inertial.start import SLOW_M_S, Solved, find_field
+from agonic.inertial.start import FOUND, SLOW_M_S, Solved, find_field
 from agonic.maths.rotations.vectors import skew
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -109,10 +109,11 @@ def check_gravity(
 ) -> Finding | None:
     """The finding that the acceleration has the sign of gravity, where a bad fit shows it.
 
-    Then the field seems to dip by as much towards the sky.
+    Then the field seems to dip by as much towards the sky. A dip that was found beside the unit
+    says nothing of its sign.
     """
     bad = fit.verdict == "refused" or any(one.name == "disturbed" for one in fit.findings)
-    if given is None or given.values.ndim == 1 or not bad:
+    if given is None or given.values.ndim == 1 or given.source == FOUND or not bad:
         return None
     level, below = given.horizontal_and_vertical(len(samples)).mean(axis=0)
     magnitude = Reference.constant(float(np.hypot(level, below)))

@@ -34,6 +34,8 @@ CLEARLY = 10.0
 """A speed is taken to be there where it makes the readings e^10 times as probable."""
 _ROUNDS = 4
 _ENOUGH = 1500  # rows to start with
+FOUND = "found beside accelerometer and gyro"
+"""The source of a field whose dip is not that of a place."""
 _DIPS = np.radians([-65.0, -20.0, 20.0, 65.0])
 MATTERS = np.repeat([0.02, np.radians(0.1), 0.005, 0.2], 3)
 """Errors of the accelerometer, m/s², of the gyro, rad/s and scale, and a speed, m/s, that are too
@@ -105,9 +107,7 @@ def find_field(samples: Samples, given: Reference | None, settings: Settings) ->
 
 def make_dipping(sizes: Array, dip: float) -> Reference:
     """The field (n,) of a dip, rad."""
-    return Reference.horizontal_vertical(
-        sizes * np.cos(dip), sizes * np.sin(dip), source="found beside accelerometer and gyro"
-    )
+    return Reference.horizontal_vertical(sizes * np.cos(dip), sizes * np.sin(dip), source=FOUND)
 
 
 def choose_speed(samples: Samples, reference: Reference, settings: Settings) -> Solved:
