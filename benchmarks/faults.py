@@ -114,6 +114,14 @@ def still_then(
     return motion
 
 
+def swell(n: int, rng: Rng) -> Rotation:
+    """A boat that turns slowly while the sea rolls and pitches it."""
+    t, at = np.arange(n) / RATE_HZ, rng.uniform(0, 2 * np.pi, 2)
+    pitch = 0.25 * np.sin(2 * np.pi * t / 6.1 + at[0])
+    roll = 0.5 * np.sin(2 * np.pi * t / 9.7 + at[1])
+    return _euler(0.05 * t + 0.3 * np.sin(0.1 * t), pitch, roll)
+
+
 def cap(limit_deg: float) -> Callable[[int, Rng], Rotation]:
     """Directions within a cone only: never upside down, never all headings."""
 
@@ -230,6 +238,20 @@ def cubic(share: float) -> Fault:
 def square(share: float) -> Fault:
     """A quadratic error of this share."""
     return _non_linear(lambda x: x + share * x * np.abs(x) / MAGNITUDE)
+
+
+def cross_field(share: float) -> Fault:
+    """The gain of each axis goes with the field across it, as of a magnetoresistor."""
+    return _non_linear(lambda x: x * (1 + share * x[:, [1, 2, 0]] / MAGNITUDE))
+
+
+def one_axis_saturates(at: float) -> Fault:
+    """One axis compresses like tanh."""
+
+    def law(x: Array) -> Array:
+        return np.column_stack([at * np.tanh(x[:, 0] / at), x[:, 1:]])
+
+    return _non_linear(law)
 
 
 def clipped(at: float) -> Fault:
@@ -1076,6 +1098,25 @@ def _later() -> list[Kind]:
         Kind("attitude held for five rows", tilts(30), (held_attitude(5),)),
         Kind("attitude 0.3 s late", tilts(30), (late_attitude(0.3),)),
         *(Kind(f"tumbled {h:g} m above rebar", tumble, (near_rebar(h),)) for h in (1.0, 1.8)),
+        Kind("clean, in a swell", swell, good=True),
+        Kind("clean, in a swell, with roll and pitch", swell, (with_attitude(),), good=True),
+        Kind("saturation across axes at 300 µT, in a swell", swell, (saturation_across(3e5),)),
+        Kind(
+            "saturation across axes at 200 µT, tilts of 45°", tilts(45), (saturation_across(2e5),)
+        ),
+        Kind("gains go with the field across by 1 %, tumbled", tumble, (cross_field(0.01),)),
+        Kind(
+            "gains go with the field across by 1 %, levelled, tilts of 40°",
+            tilts(40),
+            (cross_field(0.01), with_attitude()),
+            n=1000,
+        ),
+        Kind("x saturates at 150 µT, tilts of 50°", tilts(50), (one_axis_saturates(15e4),), n=1000),
+        Kind(
+            "levelled, 1.5 µT that follow the bank, in a swell",
+            swell,
+            (follows_attitude(1500.0), with_attitude()),
+        ),
     ]
 
 
