@@ -130,8 +130,13 @@ def chamber(spoil: Callable[[np.random.Generator, ag.Samples], Array], **setting
     return run
 
 
-def coil(settling_s: float) -> Callable[[int], Outcome]:
-    """A coil whose field follows its current, five readings, one a second, on each side."""
+def coil(
+    settling_s: float = 0.0, seen: float = 0.0, gain: float = 1.0, warmer: float = 0.0
+) -> Callable[[int], Outcome]:
+    """A coil whose field follows its current, five readings, one a second, on each side.
+
+    Its reference sees a share of the coil, the magnetometer has a gain, the coil grows warm.
+    """
 
     def run(seed: int) -> Outcome:
         made = simulate_coil(readings=5, seed=seed)
@@ -141,8 +146,16 @@ def coil(settling_s: float) -> Callable[[int], Outcome]:
         for row in range(1, len(flowing)):
             last = current[row - 1] if settling_s else current[row]
             flowing[row] = last + (flowing[row - 1] - last) * kept
-        late = samples.field + (flowing - current)[:, None] * made.vector
-        fit = fit_coil(replace(made.session, magnetometer=samples.with_columns(field=late)))
+        flowing = flowing * (1 + warmer * (1 - np.exp(-samples.time / 120)))
+        late = gain * (samples.field + (flowing - current)[:, None] * made.vector)
+        beside, onto_n = made.session.reference, made.axis_n
+        also = beside.field + seen * 40_000 * np.outer(flowing, onto_n)
+        spoilt = replace(
+            made.session,
+            magnetometer=samples.with_columns(field=late),
+            reference=beside.with_columns(field=also),
+        )
+        fit = fit_coil(spoilt)
         return _judge(fit, np.array([(fit.constant - 40_000.0) / fit.constant_sd]))
 
     return run
@@ -210,6 +223,9 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
         lambda rng, s: np.zeros((len(s), 3)), temperature_noise_C=0.5
     ),
     **{f"coil, settles with {s} s": coil(s) for s in (0.0, 0.3, 1.0, 3.0)},
+    "coil, 1 % of it in the reference": coil(seen=0.01),
+    "coil, gain of the magnetometer 1 % off": coil(gain=1.01),
+    "coil that warms up, 1 %": coil(warmer=0.01),
 }
 
 

@@ -211,3 +211,52 @@ def test_sessions_that_cannot_be() -> None:
     positive = session.magnetometer.with_columns(current_A=session.magnetometer.current_A + 1.0)
     fit = fit_coil(replace(session, magnetometer=positive))
     assert "one polarity" in {f.name for f in fit.findings}
+
+
+def spoilt(session, how: str):
+    """A mistake that leaves no residual, or hardly one."""
+    samples, reference = session.magnetometer, session.reference
+    current = samples.current_A
+    coil = np.outer(current, [0.0, 0.0, 40_000.0])
+    warm = 1 + 0.01 * (1 - np.exp(-samples.time / 120))
+    changed = {
+        "axis not as drawn": {"magnetometer": samples.with_columns(current_A=-current)},
+        "large current": {"magnetometer": samples.with_columns(current_A=1000 * current)},
+        "coil in the reference": {
+            "reference": reference.with_columns(field=reference.field + 0.01 * coil)
+        },
+        "ambient field differs": {"magnetometer": samples.with_columns(field=1.01 * samples.field)},
+        "constant drifts": {"magnetometer": samples.with_columns(current_A=current / warm)},
+    }
+    return replace(session, **changed[how])
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        "axis not as drawn",
+        "large current",
+        "coil in the reference",
+        "ambient field differs",
+        "constant drifts",
+    ],
+)
+def test_a_mistake_that_leaves_no_residual_is_told(how: str) -> None:
+    assert how in {found.name for found in fit_coil(spoilt(simulate_coil().session, how)).findings}
+
+
+def test_no_such_mistake_is_made_up() -> None:
+    """Nor where the ambient field is stormy: what the reference sees, it sees of that."""
+    rng = np.random.default_rng(3)
+    for seed in range(20):
+        made = simulate_coil(seed=seed)
+        assert fit_coil(made.session).verdict == "good"
+        session = made.session
+        storm = np.cumsum(3 * rng.standard_normal(session.reference.field.shape), axis=0)
+        onto_m = session.alignment.rotation.as_matrix().T @ session.attitude.rot_pn
+        parts = {"reference": storm, "magnetometer": storm @ onto_m.T}
+        windy = {
+            name: (own := getattr(session, name)).with_columns(field=own.field + added)
+            for name, added in parts.items()
+        }
+        assert fit_coil(replace(session, **windy)).verdict == "good"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from agonic.alignment.coil import evidence
+from agonic.alignment.coil.mistakes import find_mistakes
 from agonic.alignment.coil.result import CoilFit, Direction, Level
 from agonic.alignment.maths import coil_axis as kernel
 from agonic.alignment.maths.coil_axis import CoilEstimate, Stretch
@@ -72,7 +73,9 @@ def fit_coil(session: CoilSession) -> CoilFit:
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
-    findings = (*evidence.judge_settling(fit, _fit_late(fit)), *evidence.examine(fit))
+    settling = evidence.judge_settling(fit, _fit_late(fit))
+    # a coil that does not settle spoils what the mistakes are told by
+    findings = (*settling, *([] if settling else find_mistakes(fit)), *evidence.examine(fit))
     return replace(fit, findings=findings, remarks=evidence.describe(fit))
 
 
