@@ -29,7 +29,7 @@ THIRD_DOUBTFUL_DEG = 1.0
 SIGNIFICANT = 0.01
 DRIFT_SIGNIFICANT = 0.001
 DRIFT_LEAST_DEG = 0.5
-DRIFT_LIKELY = 0.36  # one in a hundred swings without drift
+DRIFT_LIKELY = 0.6  # one in a hundred swings without drift
 
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 

@@ -211,9 +211,8 @@ def _solved(
 def _average_over_drift(
     rows: Array, solved: kernel.DeviationSolution, weighted: bool, as_stated: bool
 ) -> ReferenceDrift:
-    """With what a drift of the reference may add, unless a stated noise holds or correlated
-    residuals have told it."""
-    if as_stated or solved.correlation > 1.0:
+    """With what a drift of the reference may add, unless a stated noise holds."""
+    if as_stated:
         return ReferenceDrift(solved.covariance, 0.0)
     used = solved.weights > 0 if weighted else np.ones(len(rows), dtype=bool)
     return average_over_drift(rows[used], solved.residuals[used], solved.covariance)

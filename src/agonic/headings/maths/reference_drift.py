@@ -13,13 +13,13 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.estimation.leastsq import inverse
 
-DRIFTING = 0.06
+DRIFTING = 0.18
 """How likely a reference that drifts is before the swing is seen: with it, intervals of 95 % of
-swings without drift still hold 93 to 98 %."""
-RATIOS = (1.0, 4.0, 16.0, 64.0)
+swings without drift still hold 97 to 98 % (of B to E; A, which a drift moves most, more)."""
+RATIOS = (1.0, 4.0, 16.0, 64.0, 256.0)
 """Variances of the drift, in those of a reading."""
-LENGTH = 0.5
-"""Share of the swing over which the drift keeps to itself."""
+LENGTH = 1.0
+"""Over how many swings the drift keeps to itself: nearly a random walk."""
 MOST = 100
 """With more readings their own correlation tells."""
 
