@@ -12,6 +12,7 @@ from agonic.calibration.setup import LATENCY_SD_S, Compass
 from agonic.headings.attitude import RECORDED_SD_DEG, Attitude
 from agonic.headings.compass_heading import Indication, Readings, turn_by_delay
 from agonic.headings.expected_field import Surroundings
+from agonic.headings.maths.lean import find_lean_covariance
 from agonic.headings.maths.offset import GYRO
 from agonic.headings.propagation import apply_steps, list_steps, propagate_parts
 from agonic.headings.smoothing.moments import Moments
@@ -62,23 +63,24 @@ def list_compass_errors(
     )
 
 
-def list_tilt_errors(
-    axes: Array, steep: Array, attitude: Attitude, moments: Moments, settling_s: float
-) -> Array:
-    """What an accelerometer's bias, in body axes, adds to a compass through the tilt (N, 3), rad.
+def follow_axes(axes: Array, moments: Moments, settling_s: float) -> Array:
+    """How a sensor's lean in body axes turns up in the tilt: `axes` (N, 3, 3), body to magnetic
+    north, east and down, as a filter that settles in so long feels them; 0 without."""
+    if not settling_s:
+        return axes
+    parts = zip(np.split(axes, moments.cuts), np.split(moments.time, moments.cuts), strict=True)
+    return np.concatenate([_low_pass(own, time, settling_s) for own, time in parts])
 
-    A filter feels it as ⟨R b⟩/g, which leans the vertical and turns the field by as much across
+
+def list_tilt_errors(lean: Array, steep: Array) -> Array:
+    """What a lean of the tilt's sensor, in body axes, adds to a compass (N, 3), rad for each rad.
+
+    An accelerometer's bias leans the vertical by ⟨R b⟩/g, which turns the field by as much across
     times the tangent of the dip; a recorded tilt leans with the body.
 
-    Parameters: axes (N, 3, 3), body to magnetic north, east and down; tangents of the dip (N,);
-    `settling_s` of the filter, 0 without.
+    Parameters: `lean` (N, 3, 3) by `follow_axes`; tangents of the dip (N,).
     """
-    lean = axes
-    if settling_s:
-        parts = zip(np.split(axes, moments.cuts), np.split(moments.time, moments.cuts), strict=True)
-        lean = np.concatenate([_low_pass(own, time, settling_s) for own, time in parts])
-    sd = find_lean_sd(attitude)
-    return np.asarray(sd * np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1])
+    return np.asarray(np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1])
 
 
 def find_lean_sd(attitude: Attitude) -> float:
@@ -91,6 +93,48 @@ def _low_pass(values: Array, time: Array, settling_s: float) -> Array:
     if len(time) < 4:
         return values
     return low_pass(values, float(np.median(np.diff(time))), settling_s)
+
+
+def compute_dip_errors(
+    horizontal: Array, vertical: Array, around: Surroundings, moments: Moments
+) -> Array:
+    """The dip at each moment (N,) less the expected one, or less its median, rad."""
+    rows = moments.rows[moments.middle]
+    dip = np.arctan2(vertical[rows], horizontal[rows])
+    if around.horizontal is None or around.vertical is None:
+        return np.asarray(dip - np.nanmedian(dip))
+    level, below = (
+        np.broadcast_to(v, len(horizontal))[rows] for v in (around.horizontal, around.vertical)
+    )
+    return np.asarray(dip - np.arctan2(below, level))
+
+
+def find_sensor_lean(
+    columns: Array,
+    lean: Array,
+    variance: Array,
+    parts: tuple[Array, Array],
+    around: Surroundings,
+    attitude: Attitude,
+    moments: Moments,
+) -> Array:
+    """The covariance (3, 3) of the lean of the tilt's sensor in body axes, by the dip, rad².
+
+    Parameters: what errors of the calibration add to the compass (N, k); `lean` (N, 3, 3) by
+    `follow_axes`; the compass's `variance` (N,), infinite where it tells nothing; level and
+    vertical `parts` of the field (n,).
+    """
+    off = compute_dip_errors(*parts, around, moments)
+    steep = np.nanmedian(np.abs(parts[1] / np.maximum(parts[0], 1e-9)))
+    other = float(np.sqrt(np.mean((columns**2).sum(axis=1))) / np.hypot(1.0, steep))
+    good = np.isfinite(variance) & np.isfinite(off)
+    return find_lean_covariance(moments.time, off, lean[:, 0], good, find_lean_sd(attitude), other)
+
+
+def turn_by_tilt(attitude: Attitude, lean: Array, steep: Array) -> float:
+    """How far errors of the tilt turn the compass that no lean of a sensor makes, rad."""
+    felt = float(np.nanmedian(attitude.variance)) - float(np.trace(lean)) / 3.0
+    return float(np.sqrt(max(felt, 0.0)) * np.nanmedian(np.abs(steep)))
 
 
 def measure_disturbance(

@@ -2,8 +2,8 @@
 
 The gyro carries the heading from row to row where the tilt is known; the compass says by how much
 it is off (`maths.offset`). The gyro's bias and scale are found; errors of calibration and tilt last
-and are counted. A field whose magnitude or dip is off is as likely to be off across, so
-such readings count the less, and beyond the limits not at all.
+and are counted, a lean of the tilt's sensor by what the dip shows of it (`maths.lean`). A field
+whose magnitude or dip is off is as likely to be off across, so such readings count the less.
 """
 
 from __future__ import annotations
@@ -36,10 +36,12 @@ from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
 from agonic.headings.smoothing.errors import (
     Seen,
     count_found,
-    find_lean_sd,
+    find_sensor_lean,
+    follow_axes,
     list_compass_errors,
     list_tilt_errors,
     measure_disturbance,
+    turn_by_tilt,
 )
 from agonic.headings.smoothing.moments import FEWEST, Moments, carry, put_together
 
@@ -112,9 +114,8 @@ def smooth_headings(
         _pick(used, values) for values in zip(*each, strict=True)
     )
     sound = sound & np.isfinite(magnetic) & np.isfinite(random)
-    observed = _observe(
-        np.radians(magnetic), sound, np.radians(np.radians(random)), carried, moments
-    )
+    noise = np.radians(np.radians(random))
+    observed = _observe(np.radians(magnetic), sound, noise, carried, moments)
     if np.isfinite(observed.variance).sum() < FEWEST:
         return None
     rows = moments.rows[moments.middle]
@@ -126,8 +127,13 @@ def smooth_headings(
         delay += np.where(mine, late, 0.0)
         columns.append(np.where(mine, own, 0.0))
     steep = vertical[rows] / np.maximum(horizontal[rows], 1e-9)
-    turned = _turn(level[rows], heading)
-    columns.append(list_tilt_errors(turned, steep, attitude, moments, settling_s))
+    lean = follow_axes(_turn(level[rows], heading), moments, settling_s)
+    found_lean = find_sensor_lean(
+        np.concatenate(columns, axis=1), lean, observed.variance, (horizontal, vertical),
+        around, attitude, moments,
+    )  # fmt: skip
+    by_lean = np.nan_to_num(list_tilt_errors(lean, steep))
+    columns.append(by_lean @ np.linalg.cholesky(found_lean))
     shared = moments.smooth(np.nan_to_num(np.concatenate(columns, axis=1)), STEADY_S)
     axes = find_shown_axes(level[moments.rows, 2])
     observed = observed._replace(
@@ -138,7 +144,8 @@ def smooth_headings(
         found=count_found(shared.shape[1] - 3, attitude),
         rest=_find_rest(time, rate - known, force, heading, observed, moments),
     )
-    offset, variance, bias, gain, sizes = _estimate(observed, sizes, _turn_by_tilt(attitude, steep))
+    by_tilt = turn_by_tilt(attitude, found_lean, steep)
+    offset, variance, bias, gain, sizes = _estimate(observed, sizes, by_tilt)
     whole = np.full((n, 2), np.nan)
     whole[moments.rows, 0] = carried.heading + moments.interpolate(time, offset)
     whole[moments.rows, 1] = moments.interpolate(time, variance)
@@ -221,8 +228,7 @@ def _observe(
 def _follow(total: Array, moments: Moments) -> Array:
     """The angles of complex sums (N,) without full turns between neighbours."""
     found = []
-    parts = zip(*(np.split(v, moments.cuts) for v in (total, moments.time)), strict=True)
-    for own, time in parts:
+    for own, time in zip(*(np.split(v, moments.cuts) for v in (total, moments.time)), strict=True):
         step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
         width = min(max(round(FOLLOWED_S / step), 1), len(time))
         steady = uniform_filter1d(own.real, width) + 1j * uniform_filter1d(own.imag, width)
@@ -234,12 +240,6 @@ def _follow(total: Array, moments: Moments) -> Array:
         slow = np.interp(np.arange(len(own)), at, np.unwrap(np.angle(steady[at])))
         found.append(slow + np.angle(own * np.exp(-1j * slow)))
     return np.concatenate(found)
-
-
-def _turn_by_tilt(attitude: Attitude, steep: Array) -> float:
-    """How far errors of the tilt turn the compass that no lean of a sensor makes, rad."""
-    felt = float(np.nanmedian(attitude.variance)) - find_lean_sd(attitude) ** 2
-    return float(np.sqrt(max(felt, 0.0)) * np.nanmedian(np.abs(steep)))
 
 
 def _estimate(
