@@ -80,6 +80,7 @@ def cross_validate(
         "degree": fit.calibration.degree,
         "drift": fit.drift is not None,
         "rate": fit.calibration.rate is not None,
+        "faults": False,  # they move no coefficient
     }
     cells = sums.cells()
     coarser = max(1, (int(np.ptp(cells.bin)) + 1) // FEWEST_BINS)

@@ -67,6 +67,8 @@ def fit_thermal(
         there and not, as the readings make it likely; so is one of the sensor's bias, unless False.
     soft_iron_sd : prior on what makes W differ from a multiple of the identity; it only matters
         where stations are missing.
+    faults : look for what was not the same at all stations: an odd one, a step of the bias. What
+        was found is named, and in the standard errors.
 
     Returns a `ThermalFit`; `fit.ok` and `fit.status` say whether to use it. Raises `LogError`
     without temperature or station, `CoverageError` where nothing can be determined.

@@ -31,6 +31,7 @@ class Settings:
     rate: bool | Literal["auto"] = "auto"
     drift: bool | Literal["auto"] = "auto"
     soft_iron_sd: float = 0.1
+    faults: bool = True
     robust: bool = True
 
     def __post_init__(self) -> None:

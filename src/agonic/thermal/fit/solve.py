@@ -105,7 +105,7 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
         problem = problem._replace(phi=problem.phi[:, :-1], rate=False)
         whole = _estimate(problem, whole, whole.coefficients[:-3])
     drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
-    faults = _find_faults(readings, problem, whole)
+    faults = _find_faults(readings, problem, whole, settings)
     return Solution(
         estimate=whole._replace(covariance=whole.covariance + faults.covariance),
         problem=problem,
@@ -119,13 +119,13 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
 
 
 def _find_faults(
-    readings: ChamberReadings, problem: StationProblem, whole: StationEstimate
+    readings: ChamberReadings, problem: StationProblem, whole: StationEstimate, settings: Settings
 ) -> Faults:
     """What was not the same at all stations, and what that joins to the covariance.
 
     Nothing where the thermometer scatters: what is left of its errors looks like small faults.
     """
-    if readings.thermometer_C:
+    if readings.thermometer_C or not settings.faults:
         return Faults((), np.zeros_like(whole.covariance))
     return find_faults(problem, whole, readings.cells.time)
 
