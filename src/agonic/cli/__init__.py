@@ -6,7 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -87,7 +87,8 @@ def run(arguments: list[str]) -> int:
     warnings.showwarning = _warner()
     try:
         with protect(), keep_standard_input(arguments) as words:
-            status = make_command()(args=words, prog_name="agonic", standalone_mode=False)
+            command = make_command(next((word for word in words[:1] if word in COMMANDS), ""))
+            status = command(args=words, prog_name="agonic", standalone_mode=False)
     except typer.TyperException as error:
         message, failure = describe_usage_error(error), UNUSABLE
     except Interrupted as stopped:
@@ -127,9 +128,12 @@ def _complain(message: str, status: int, *, as_json: bool) -> int:
     return status
 
 
-@lru_cache(maxsize=1)
-def make_command() -> Any:
-    """The command `agonic` with every other; their heavy imports wait until they run."""
+@cache
+def make_command(only: str = "") -> Any:
+    """The command `agonic` with every other below it, or with one: making all takes a while.
+
+    Their heavy imports wait until they run.
+    """
     import typer
 
     from agonic.cli.examples import EXAMPLES
@@ -149,13 +153,14 @@ def make_command() -> Any:
     def answer(version: bool = shown) -> None:
         """Turn magnetometer readings into headings you can trust."""
 
-    for module in COMMANDS.values():
-        import_module(module).add_to(app)
+    for name, module in COMMANDS.items():
+        if only in ("", name):
+            import_module(module).add_to(app)
     command: Any = typer.main.get_command(app)
+    command.commands = {name: command.commands[name] for name in COMMANDS if only in ("", name)}
     for heading, group in GROUPS.items():
-        for name in group:
+        for name in group.keys() & command.commands:
             command.commands[name].rich_help_panel = heading
-    command.commands = {name: command.commands[name] for name in COMMANDS}
     add_force(command)
     add_columns(command)
     add_examples(command, EXAMPLES)

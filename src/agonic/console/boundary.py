@@ -60,11 +60,14 @@ def _make_columns() -> Any:
     """The option, as Typer makes it of a command that has nothing else."""
     import typer
 
-    from agonic.logs.headers.column_names import give_names
+    def give(named: str | None) -> None:
+        from agonic.logs.headers.column_names import give_names
+
+        give_names(named)
 
     help = "What the columns are, where headers do not say: time=t,x=mx,y=my,z=mz."
     columns = typer.Option(
-        None, "--columns", metavar="NAMES", help=help, callback=give_names,
+        None, "--columns", metavar="NAMES", help=help, callback=give,
         expose_value=False,
     )  # fmt: skip
     app = typer.Typer(add_completion=False)
