@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import agonic as ag
+from agonic.thermal.all_sensors import calibrate_campaign
 from agonic.thermal.fit.fit import fit_thermal
 from agonic.thermal.maths.thermometer import CALM_C, calm_thermometer, measure_noise
 from agonic.thermal.simulation.campaign import SimulatedCampaign, simulate_campaign
@@ -140,3 +141,15 @@ def test_a_straight_course_keeps_its_order() -> None:
     made = [simulate_thermal_coil(1000, seed=seed, curve=0.0) for seed in range(4)]
     found = [fit_thermal(one.samples, one.reference, degree="auto").calibration for one in made]
     assert [one.degree for one in found].count(1) >= 3
+
+
+def test_slow_changes_of_the_field_are_no_ageing_by_the_magnitude() -> None:
+    """The noise of the sensor hides within the stations what changes from one to the next."""
+    made = simulate_campaign("1xMPU-9255,1xMMC5883MA", rate_Hz=0.05, seed=3)
+    found = calibrate_campaign(made.campaign, only=["MPU-9255"], turns="unknown", held_out=False)
+    (sensor,) = found.sensors
+    assert sensor.verdict == "good"
+    at, truth = sensor.fit.calibration.at(20.0), made.truth["MPU-9255"].at(20.0)
+    sd = np.sqrt(np.diag(at.covariance))[:3]
+    assert (np.abs(at.bias - truth.bias) < 3.0 * sd).all()
+    assert (sd < 100.0).all()

@@ -38,6 +38,9 @@ RARE, LIKELY = 0.05, 0.5
 """Probability of a drift before the readings are seen: of a field at rest, of one that changes."""
 AGED = 0.2
 """That of a bias that aged."""
+HARDLY = 0.001
+"""The same by the magnitude alone beside slow changes of the field: twelve magnitudes are hardly
+more than the numbers that they determine; what changes from station to station fits as ageing."""
 IMPLAUSIBLE = 0.015
 """Slow changes of the field that are larger, over the field, stand in for something else."""
 _ROUNDS = 25
@@ -152,9 +155,14 @@ def _iterate(
 
 
 def _hide_ageing(state: State) -> bool:
+    """Whether slow changes of the field surely stand in for ageing."""
+    return _resemble_ageing(state) and state.slow.gain > UNREST
+
+
+def _resemble_ageing(state: State) -> bool:
     """Whether slow changes of the field look like ageing, as they do by the magnitude alone."""
-    surely = state.slow.gain > UNREST and state.slow.kind != gaussian_process.STEADY
-    return state.poses is None and surely
+    changes = state.slow.sd > 0 and state.slow.kind != gaussian_process.STEADY
+    return state.poses is None and changes
 
 
 def _renew_slow_changes(
@@ -264,7 +272,8 @@ def _summarise(
     if state.trends:
         likely = LIKELY if state.slow.gain > UNREST else RARE
         if len(state.ageing):
-            found, covariance, _ = average_over_term(found, covariance, ageing, AGED)
+            aged = HARDLY if _resemble_ageing(state) else AGED
+            found, covariance, _ = average_over_term(found, covariance, ageing, aged)
             covariance = _add_half(covariance, found[ageing], ageing, problem.degree + 1)
         if not problem.drifting:
             found, covariance, _ = average_over_term(found, covariance, drift, likely)
