@@ -1,6 +1,8 @@
 """Every command as a person or a script would run it, from an empty folder."""
 
 import json
+import shutil
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +14,26 @@ from tests.command_line import answer
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a log and its calibration, made once by the commands themselves."""
+    folder = tmp_path_factory.mktemp("made")
+    with chdir(folder):
+        assert run(["simulate", "tumble", "-o", "log.csv", "-n", "1500"]) == 0
+        assert run(["fit", "ellipsoid", "log.csv", "--field", "50000", "-o", "cal.json"]) == 0
+    return folder
+
+
 @pytest.fixture
-def log() -> str:
-    assert run(["simulate", "tumble", "-o", "log.csv", "-n", "1500"]) == 0
+def log(made: Path) -> str:
+    for name in ("log.csv", "log.truth.json"):
+        shutil.copy2(made / name, name)
     return "log.csv"
 
 
 @pytest.fixture
-def cal(log: str) -> str:
-    assert run(["fit", "ellipsoid", log, "--field", "50000", "-o", "cal.json"]) == 0
-    return "cal.json"
+def cal(made: Path, log: str) -> str:
+    return str(shutil.copy2(made / "cal.json", "cal.json"))
 
 
 def test_calibrate_finds_the_truth_and_writes_what_it_says(log, capsys) -> None:

@@ -14,7 +14,7 @@ from agonic.cli import run
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A flight of two magnetometers, and the same with something missing."""
     there = tmp_path_factory.mktemp("flights")
-    made = ag.simulate_vehicle(n=3000, rate_Hz=25.0, seed=4)
+    made = ag.simulate_vehicle(n=1200, rate_Hz=10.0, seed=4)
     ag.write_sensors(made.samples, there / "both.csv")
     one = made.samples[0].with_columns(name="mag")
     ag.write_csv(one, there / "one.csv")

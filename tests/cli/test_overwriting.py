@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -12,12 +14,20 @@ from agonic.cli import run
 N = "1200"
 
 
+@pytest.fixture(scope="module")
+def made_once(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made")
+    with chdir(folder):
+        assert run(["simulate", "tumble", "-n", N, "-o", "LOG.csv"]) == 0
+        assert run(["fit", "ellipsoid", "LOG.csv", "--field", "50000", "-o", "CAL.json"]) == 0
+    return folder
+
+
 @pytest.fixture
-def made(tmp_path, monkeypatch, capsys):
-    """A log and its calibration, in the folder one works in."""
+def made(made_once, tmp_path, monkeypatch, capsys):
+    """A log and its calibration, in the folder one works in; copies that keep who wrote them."""
     monkeypatch.chdir(tmp_path)
-    assert run(["simulate", "tumble", "-n", N, "-o", "LOG.csv"]) == 0
-    assert run(["fit", "ellipsoid", "LOG.csv", "--field", "50000", "-o", "CAL.json"]) == 0
+    shutil.copytree(made_once, tmp_path, dirs_exist_ok=True)
     capsys.readouterr()
 
 

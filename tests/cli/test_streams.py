@@ -5,12 +5,13 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 
 import agonic as ag
-from agonic.cli import run
+from agonic.cli import main, run
 from agonic.recording import files
 from agonic.simulation import simulate
 
@@ -42,16 +43,36 @@ def test_a_dash_with_nothing_piped_in_is_told(monkeypatch, capsys) -> None:
     assert "nothing is" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("encoding", "more"), [("ascii", "--verbose"), ("cp1252", "--verbose"), ("ascii", "--json")]
-)
-def test_a_terminal_without_unicode_gets_ascii(encoding: str, more: str) -> None:
+def as_a_process(encoding: str, *words: str) -> bytes:
+    """What `agonic` leaves on a terminal of an encoding."""
     source = str(Path(ag.__file__).parents[1])
     environment = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONPATH": source}
-    command = [sys.executable, "-m", "agonic", "calibrate", "log.csv", more]
+    command = [sys.executable, "-m", "agonic", *words]
     done = subprocess.run(command, capture_output=True, env=environment)
     assert done.returncode == 0, done.stderr
-    text = done.stdout.decode(encoding)
+    return done.stdout
+
+
+def in_this_process(encoding: str, *words: str) -> bytes:
+    """The same without the start of a process."""
+    said = io.TextIOWrapper(io.BytesIO(), encoding)
+    with redirect_stdout(said), pytest.raises(SystemExit) as left:
+        main([*words])
+    assert left.value.code == 0
+    said.flush()
+    return said.buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "more", "said"),
+    [
+        ("ascii", "--verbose", as_a_process),
+        ("cp1252", "--verbose", in_this_process),
+        ("ascii", "--json", in_this_process),
+    ],
+)
+def test_a_terminal_without_unicode_gets_ascii(encoding: str, more: str, said) -> None:
+    text = said(encoding, "calibrate", "log.csv", more).decode(encoding)
     if more == "--json":
         assert json.loads(text)["sensors"][0]["verdict"] == "good"
     else:
