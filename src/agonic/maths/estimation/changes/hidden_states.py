@@ -19,17 +19,20 @@ def find_path(cost: Array, price: float) -> NDArray[np.int8]:
     >>> find_path(cost, 3.0).tolist()
     [0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
     """
-    k, n = cost.shape
-    total = [0.0] * k
-    came = np.empty((n, k), dtype=np.int8)
-    for row, costs in enumerate(cost.T.tolist()):
-        best = min(range(k), key=total.__getitem__)
-        switched = total[best] + price
-        came[row] = [s if total[s] <= switched else best for s in range(k)]
-        total = [min(total[s], switched) + costs[s] for s in range(k)]
-    state = np.empty(n, dtype=np.int8)
-    s = int(np.argmin(total))
-    for row in range(n - 1, -1, -1):
+    total = [0.0] * len(cost)
+    bests, switched = [], []  # of each row: the state to switch from, and which states do
+    for costs in cost.T.tolist():
+        least = min(total)
+        best, least = total.index(least), least + price
+        bests.append(best)
+        switched.append([before > least for before in total])
+        total = [
+            (least if before > least else before) + more
+            for before, more in zip(total, costs, strict=True)
+        ]
+    state, s = [0] * len(bests), total.index(min(total))
+    for row in range(len(bests) - 1, -1, -1):
         state[row] = s
-        s = int(came[row, s])
-    return state
+        if switched[row][s]:
+            s = bests[row]
+    return np.array(state, dtype=np.int8)

@@ -49,9 +49,15 @@ def fit_least_median_sphere(
         gains = float(np.mean(magnitude)) / radius
     judged = rng.permutation(len(points))[:500]
     wanted = (magnitude[judged] if varies else magnitude[:1])[None, :] / gains[:, None]
-    away = square[judged] - 2 * centres @ points[judged].T + (centres**2).sum(axis=1)[:, None]
-    distance = np.sqrt(np.maximum(away, 0.0)) - wanted
-    typical = np.quantile(np.abs(distance), quantile, axis=1)
+    distance = -2 * centres @ points[judged].T  # one large array, and all that follows in place
+    distance += square[judged]
+    distance += (centres**2).sum(axis=1)[:, None]
+    np.sqrt(np.maximum(distance, 0.0, out=distance), out=distance)
+    distance -= wanted
+    np.abs(distance, out=distance)
+    middle = round(quantile * (len(judged) - 1))
+    distance.partition(middle, axis=1)  # np.quantile sorts for both ends too
+    typical = distance[:, middle]
     typical[~np.isfinite(typical)] = np.inf
     best = int(np.argmin(typical))
     return centres[best], float(gains[best])
