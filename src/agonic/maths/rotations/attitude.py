@@ -100,23 +100,12 @@ def _multiply_on(quats: Array) -> Array:
     blocks = np.tile([0.0, 0.0, 0.0, 1.0], (count * width, 1))
     blocks[:n] = quats
     blocks = blocks.reshape(count, width, 4)
+    a, b, c, d = np.moveaxis(blocks, -1, 0)
+    rows = [[d, c, -b, a], [-c, d, a, b], [b, -a, d, c], [-a, -b, -c, d]]
+    onto = np.moveaxis(np.array(rows), (0, 1), (-2, -1)).copy()  # p q = onto(q) p
     for k in range(1, width):
-        blocks[:, k] = _multiply(blocks[:, k - 1], blocks[:, k])
+        np.matmul(onto[:, k], blocks[:, k - 1, :, None], out=blocks[:, k, :, None])
     for k in range(1, count):
-        blocks[k] = _multiply(blocks[k - 1, -1], blocks[k])
+        x, y, z, w = blocks[k - 1, -1]
+        blocks[k] @= np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z], [x, y, z, w]])
     return blocks.reshape(-1, 4)[:n]
-
-
-def _multiply(first: Array, second: Array) -> Array:
-    """The products of quaternions (…, 4), scalar last."""
-    x, y, z, w = np.moveaxis(first, -1, 0)
-    a, b, c, d = np.moveaxis(second, -1, 0)
-    return np.stack(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b - x * c + y * d + z * a,
-            w * c + x * b - y * a + z * d,
-            w * d - x * a - y * b - z * c,
-        ],
-        axis=-1,
-    )
