@@ -208,7 +208,7 @@ def test_one_reading_at_a_time_is_the_same() -> None:
 def test_jumps_are_found_dated_and_measured() -> None:
     """3 µT: within two minutes, dated to seconds, as large as it was; and nothing else is."""
     z = []
-    for seed in range(7):
+    for seed in range(5):
         jump = np.random.default_rng(70 + seed).standard_normal(3)
         jump *= 3000 / np.linalg.norm(jump)
         samples, reference, bias, _ = orbiting(seed, walk=1.0, jump=jump)
@@ -266,7 +266,7 @@ def test_no_jump_is_found_where_there_is_none() -> None:
 def test_noise_with_memory_is_no_jump_and_is_in_the_standard_error(kept: float) -> None:
     """As much of it as of white noise; a white model says 2.4 and 7.6, and sees jumps."""
     z = []
-    for seed in range(6):
+    for seed in range(4):
         samples, reference, bias, _ = orbiting(seed)
         rng = np.random.default_rng(7000 + seed)
         stirred = NOISE * np.sqrt(1 - kept**2) * rng.standard_normal((len(samples) + 200, 3))
@@ -285,7 +285,7 @@ def test_a_slow_error_of_the_reference_that_nobody_stated_is_no_jump_and_is_told
 ) -> None:
     """By the first readings alone errors are up to 27 standard errors, in silence."""
     decay, told = np.exp(-1 / time_s), 0
-    for seed in range(6):
+    for seed in range(4):
         samples, reference, bias, _ = orbiting(seed)
         rng = np.random.default_rng(7000 + seed)
         warm = int(10 * time_s)
@@ -297,11 +297,11 @@ def test_a_slow_error_of_the_reference_that_nobody_stated_is_no_jump_and_is_told
         assert not tracker.jumps
         assert np.abs(z).max() < 3.5 or not tracker.ok
         told += "correlated errors" in [finding.name for finding in tracker.findings]
-    assert told >= 3 or time_s > 1000
+    assert told >= 2 or time_s > 1000
 
 
 def test_white_noise_is_not_called_correlated() -> None:
-    for seed in range(8):
+    for seed in range(5):
         samples, reference, _, _ = orbiting(100 + seed)
         tracker = Tracker()
         tracker.update(samples, reference)
@@ -387,11 +387,11 @@ def test_only_what_is_asked_for_moves(solve, moved: int) -> None:
 
 
 def test_the_walk_is_chosen_by_prediction() -> None:
-    samples, reference, _, _ = orbiting(10, n=1500, walk=10.0)
+    samples, reference, _, _ = orbiting(10, n=1000, walk=10.0)
     choice = choose_walk(samples, reference, params=PARAMS)
     assert 3.0 < choice.walk < 35.0
     assert choice.residual_rms.min() < 0.9 * choice.residual_rms[0]
-    still, reference, _, _ = orbiting(10, n=1500)
+    still, reference, _, _ = orbiting(10, n=1000)
     assert choose_walk(still, reference, params=PARAMS).walk <= 0.32
 
 
