@@ -9,20 +9,20 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import north as kernel
 from agonic.alignment.maths.north import North, Swing
-from agonic.alignment.north.platform import Aligned, align_platform
+from agonic.alignment.north.platform import RARE, Aligned, align_platform
 from agonic.alignment.north.result import Azimuth, NorthFit
 from agonic.alignment.session.north import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.provenance import Input, Provenance
 
 METHOD = ("harbin-2018",)
 APART = 4.0
 """Two methods that differ by more standard errors do not agree."""
 FEW_PERIODS = 1.0
-RARE = 1e-4
 DRIFTS = 3.0
 """Standard errors by which a drift of the zero stands out."""
 BAD_FACES_ARCSEC = 60.0
@@ -209,7 +209,23 @@ def _findings(fit: NorthFit) -> list[Finding]:
                 "the magnetometer's calibration",
             )
         )
-    return said
+    return [*said, *_settling(found)]
+
+
+def _settling(found: Aligned | None) -> list[Finding]:
+    """A platform that went on turning after it was set."""
+    if found is None or not found.settled_by.any():
+        return []
+    turned = figure(float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
+    return [
+        Finding(
+            "platform settles",
+            "check",
+            f"the magnetometer turned by {turned}″ while an orientation was recorded; circle and "
+            "levels tell one moment of it, and the standard error was widened by as much",
+            "wait after each turn until the readings rest, and clamp the platform",
+        )
+    ]
 
 
 def _scatter(fit: NorthFit) -> list[Finding]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
 from agonic.alignment.maths import session as kernel
 from agonic.alignment.maths.session import SIZE, Given, Unknowns
+from agonic.alignment.north.settling import find_settling_chance
 from agonic.alignment.session.north import NorthSession, Platform
 from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array, Index
@@ -25,6 +28,8 @@ from agonic.samples import Samples
 AZIMUTH = 5
 """Place of the turn about down that all azimuths share, among the unknowns of the kernel."""
 ROUNDS = 5
+RARE = 1e-4
+"""Chance that makes a platform that settles, or residuals, be told."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +37,8 @@ class Aligned:
     """The rotation (3, 3) from platform (forward, right, down) to magnetometer components.
 
     `covariance` (3, 3) rad², magnetometer axes; `residuals` (k, 3) nT with what
-    the noise explains, `residuals_sd` (k, 3); `heading_deg` (k,) true.
+    the noise explains, `residuals_sd` (k, 3); `heading_deg` (k,) true. `settled_by`
+    (3,), rad, is what the platform surely turned by within the orientations, else zero.
     """
 
     rot_mb: Array
@@ -43,6 +49,7 @@ class Aligned:
     orientation: NDArray[np.int64]
     chi2: float
     freedom: int
+    settled_by: Array
 
     @property
     def sd_arcsec(self) -> Array:
@@ -70,13 +77,29 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
     platform = session.platform
     assert platform is not None, "asked for only with a platform"
     heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
-    given = _given(session, platform, heading)
+    readings = _read(session, platform)
+    given = _given(platform, heading, readings)
+    prior = _prior_information(session, north_sd_arcsec)
+    at, start = _solve(session, given, prior)
+    chance = find_settling_chance(_list_residuals(at, given, readings))
+    settled = np.zeros(3)
+    if chance < RARE:
+        first, last = (
+            _solve(session, _given(platform, heading, half), prior)[0].rot_mc
+            for half in _halve(readings)
+        )
+        # half of the time apart, so twice that over all of it
+        settled = 2.0 * Rotation.from_matrix(last @ first.T).as_rotvec()
+    return _result(at, start, given, prior, heading, platform, settled)
+
+
+def _solve(session: NorthSession, given: Given, prior: Array) -> tuple[Unknowns, Unknowns]:
+    """The most probable unknowns, and those of the prior."""
     at = kernel.start_unknowns()._replace(
         offset=np.asarray(session.pier.difference, dtype=np.float64)
     )
     at = at._replace(rot_mc=find_best_rotation(kernel.predict_field_c(at, given), given.field))
     magnitude = float(np.linalg.norm(given.reference, axis=1).mean())
-    prior = _prior_information(session, north_sd_arcsec)
     free = np.flatnonzero(prior != np.inf)
     unit = kernel.find_unit_sizes(magnitude)[free]
     base, start = at, at
@@ -92,7 +115,7 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         at = base = base.add_step(_whole(solution.params / unit, free))
         if np.abs(solution.params).max() < 1e-7 * magnitude:
             break
-    return _result(at, start, given, prior, free, heading, platform)
+    return at, start
 
 
 def _result(
@@ -100,10 +123,11 @@ def _result(
     start: Unknowns,
     given: Given,
     prior: Array,
-    free: Index,
     heading: Array,
     platform: Platform,
+    settled: Array,
 ) -> Aligned:
+    free = np.flatnonzero(prior != np.inf)
     known = kernel.compute_information(at, given)[np.ix_(free, free)] + np.diag(prior[free])
     residuals, _ = kernel.compute_residual(at, given)
     spread = kernel.compute_covariance(at, given)
@@ -113,13 +137,14 @@ def _result(
     wider = max(chi2 / freedom, 1.0) if freedom > 0 and chdtrc(freedom, chi2) < 0.01 else 1.0
     return Aligned(
         rot_mb=at.rot_mc,
-        covariance=wider * leastsq.inverse(known)[:3, :3],
+        covariance=wider * leastsq.inverse(known)[:3, :3] + np.outer(settled, settled),
         residuals=residuals,
         residuals_sd=np.sqrt(np.diagonal(spread, axis1=1, axis2=2)),
         heading_deg=heading % 360.0,
         orientation=platform.orientation,
         chi2=chi2,
         freedom=freedom,
+        settled_by=settled,
     )
 
 
@@ -161,8 +186,18 @@ def _whole(step: Array, free: Index) -> Array:
     return whole
 
 
-def _given(session: NorthSession, platform: Platform, heading_deg: Array) -> Given:
-    """Means of every orientation, its attitude and what that is uncertain by."""
+class _Readings(NamedTuple):
+    """Of each orientation the magnetometer's readings (n, 3), the reference's at the same moments,
+    and the noise of one of each on an axis."""
+
+    field: list[Array]
+    reference: list[Array]
+    noise: float
+    reference_noise: float
+
+
+def _read(session: NorthSession, platform: Platform) -> _Readings:
+    """The readings at each orientation, by the magnetometer's own calibration."""
     magnetometer, reference = session.magnetometer, session.reference
     assert magnetometer is not None, "checked with the session"
     assert reference is not None, "checked with the session"
@@ -172,18 +207,48 @@ def _given(session: NorthSession, platform: Platform, heading_deg: Array) -> Giv
         raw = session.calibration.correct(raw, **select_columns(session.calibration, magnetometer))
     now, then = compute_unix_s(magnetometer), compute_unix_s(reference)
     alongside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
-    counts = np.array([len(own) for own in rows])
+    return _Readings(
+        [raw[own] for own in rows],
+        [alongside[own] for own in rows],
+        session.noise or _scatter(raw, rows, "magnetometer"),
+        session.reference_noise or _scatter(alongside, rows, "reference"),
+    )
+
+
+def _halve(readings: _Readings) -> tuple[_Readings, _Readings]:
+    """The first and the second half of the readings at each orientation."""
+    first, last = (
+        readings._replace(
+            field=[one[half(len(one))] for one in readings.field],
+            reference=[one[half(len(one))] for one in readings.reference],
+        )
+        for half in (lambda n: slice(0, (n + 1) // 2), lambda n: slice(n // 2, n))
+    )
+    return first, last
+
+
+def _given(platform: Platform, heading_deg: Array, readings: _Readings) -> Given:
+    """Means of every orientation, its attitude and what that is uncertain by."""
+    counts = np.array([len(own) for own in readings.field])
     turn = np.swapaxes(rot_nb(platform.roll_deg, platform.pitch_deg, heading_deg), -1, -2)
-    noise = session.noise or _scatter(raw, rows, "magnetometer")
-    beside_noise = session.reference_noise or _scatter(alongside, rows, "reference")
     return Given(
-        np.array([raw[own].mean(axis=0) for own in rows]),
-        np.array([alongside[own].mean(axis=0) for own in rows]),
+        np.array([own.mean(axis=0) for own in readings.field]),
+        np.array([own.mean(axis=0) for own in readings.reference]),
         turn,
         _attitude_covariance(platform),
-        noise / np.sqrt(counts),
-        beside_noise / np.sqrt(counts),
+        readings.noise / np.sqrt(counts),
+        readings.reference_noise / np.sqrt(counts),
     )
+
+
+def _list_residuals(at: Unknowns, given: Given, readings: _Readings) -> list[Array]:
+    """What is left of each reading, (n, 3) by orientation."""
+    return [
+        (field - at.bias) @ at.matrix.T - (beside + at.offset) @ (at.rot_mc @ turn @ at.rot_nr).T
+        for field, beside, turn in zip(
+            readings.field, readings.reference, given.rot_cn, strict=True
+        )
+    ]
 
 
 def _rows(magnetometer: Samples, platform: Platform) -> list[Index]:
