@@ -86,10 +86,13 @@ def _find_on_axis(field: Array, axis: int) -> list[DeadZone]:
     often = often[(often > 0) & (often < len(levels) - 1)]
     if len(levels) <= 2 * NEAR or not len(often):
         return []
+    piled = often[counts[often] >= PILED * np.median(counts)]
+    if not len(piled):
+        return []
     others = np.delete(field, axis, axis=1)
     reach = np.ptp(others, axis=0)
     zones = []
-    for k in often[counts[often] >= PILED * np.median(counts)]:
+    for k in piled:
         near = np.r_[max(k - NEAR, 0) : k, k + 1 : min(k + NEAR + 1, len(levels))]
         steps = np.diff(levels[near])[np.diff(near) == 1]
         gap = levels[k + 1] - levels[k - 1]

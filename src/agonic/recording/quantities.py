@@ -197,11 +197,12 @@ def _steps(calibration: Affine) -> Array:
 
 def _move_each(calibration: Affine) -> list[tuple[Affine, Affine]]:
     """The calibration with each parameter moved to and fro; made once for all that is shown."""
-    if calibration not in _MOVED:
+    pairs = _MOVED.get(calibration)  # asked once: its key is all that it holds
+    if pairs is None:
         steps = np.diag(_steps(calibration))
         pairs = [(_moved(calibration, by), _moved(calibration, -by)) for by in steps]
         _MOVED[calibration] = pairs
-    return _MOVED[calibration]
+    return pairs
 
 
 def _moved(calibration: Affine, by: Array) -> Affine:

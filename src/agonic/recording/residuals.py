@@ -86,7 +86,8 @@ def find_level(result: Calibrated) -> float:
 def _distances(result: Calibrated) -> Array:
     calibration = result.fit.calibration
     level = find_level(result)
-    return magnitude_residual(result.cleaned, calibration.bias, calibration.matrix, level)[0]
+    here = (calibration.bias, calibration.matrix, level)
+    return magnitude_residual(result.cleaned, *here, differentiate=False)[0]
 
 
 def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:

@@ -250,3 +250,19 @@ def test_errors_of_the_attitude_do_not_lean_dip_and_azimuth(kind: str) -> None:
     chance = pulls[0].std() / np.sqrt(n)
     assert abs(pulls[0].mean()) > 100 * chance
     assert abs(pulls[1].mean()) < 4 * chance
+
+
+@pytest.mark.parametrize("noise_sd", [0.0, 200.0])
+def test_residuals_alone_are_those_beside_the_jacobian(noise_sd: float) -> None:
+    raw, bias, matrix = scene(2)
+    axes = Rotation.random(len(raw), random_state=0).as_matrix()
+    share = affine.AttitudeShare(0.3, 0.2, 1.0)
+    dip = (axes[:, 0], 20_000.0, 45_000.0)
+    for residual, known in (
+        (affine.magnitude_residual, (FIELD, noise_sd)),
+        (affine.dip_residual, (*dip, noise_sd, share)),
+        (affine.azimuth_residual, (axes[:, 1], dip, share)),
+    ):
+        beside, _ = residual(raw, bias, matrix, *known)
+        alone, _ = residual(raw, bias, matrix, *known, differentiate=False)
+        assert np.array_equal(alone, beside)

@@ -24,8 +24,8 @@ from agonic.maths.estimation.inference.score_test import (
     Linearised,
     Score,
     Terms,
+    find_batches_beside,
     score_tests,
-    with_batches_beside,
     with_columns,
 )
 
@@ -91,9 +91,10 @@ def find_terms(work: Work) -> list[ModelError]:
     causes, found = list(list_causes(work)), list[ModelError]()
     fits = [work.whole, work.even, work.linear]
     fits = [fit for k, fit in enumerate(fits) if not any(fit is other for other in fits[:k])]
+    at_most = POSSIBLE if work.fitted.look is None else SIGNIFICANT
     family = sum(not cause.alone for cause in causes)  # fits to the same readings say the same
     while causes and len(found) < MOST_CAUSES:
-        by_fit = [_test_all(fit, causes) for fit in fits]
+        by_fit = [_test_all(fit, causes, at_most) for fit in fits]
         scores = [
             (tested[k], cause, fit.square)
             for k, cause in enumerate(causes)
@@ -146,15 +147,20 @@ def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list
     return [error.weigh(odds / total * left) for error, odds, left in found]
 
 
-def _test_all(fit: Linearised, causes: Sequence[_Cause]) -> list[Score | None]:
-    """The score tests. What lasts is not to hide as noise with a long memory; errors of the
-    attitude may last as long as the log."""
+def _test_all(fit: Linearised, causes: Sequence[_Cause], at_most: float) -> list[Score | None]:
+    """The score tests, but those whose p-value is above `at_most`.
+
+    What lasts is not to hide as noise with a long memory; errors of the attitude may last as long
+    as the log.
+    """
     terms = [_list_terms(fit, cause) for cause in causes]
     apart = [cause.name in LASTING and fit.shared is None for cause in causes]
     together = [one for one, alone in zip(terms, apart, strict=True) if not alone]
-    others = iter(score_tests(fit, together))
+    others = iter(score_tests(fit, together, at_most))
     scores = [
-        score_tests(with_batches_beside(fit, one.columns), [one])[0] if alone else next(others)
+        score_tests(fit, [one], at_most, find_batches_beside(fit, one.columns))[0]
+        if alone
+        else next(others)
         for one, alone in zip(terms, apart, strict=True)
     ]
     return [

@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from agonic.arrays import Array, Mask
 from agonic.logs.rows.auxiliary import SHORT_REACH_S, measure_reach
+from agonic.maths.rotations.attitude import angles_deg
 
 NAMES = {"imu_mag": "mag_uT", "imu_acc": "acc_m_s2", "imu_gyr": "gyro_rad_s"}
 NOTE = (
@@ -31,8 +32,8 @@ NOTE = (
     "flat; roll, pitch and heading are the optical ones; north is magnetic north of the room"
 )
 
-_NED_FROM_ENU = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
-_FACE_UP = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
+_NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_FACE_UP = np.diag([1.0, -1.0, -1.0])
 _REST_RAD_S = np.radians(2.0)
 
 
@@ -54,7 +55,7 @@ def rename_variables(
     filled = fill_short_gaps(held, time)
     roll, pitch, heading = compute_attitude_deg(filled)
     named = {NAMES.get(name, name): array for name, array in arrays.items()}
-    named |= {name: _FACE_UP.apply(named[name]) for name in NAMES.values()}
+    named |= {name: named[name] @ _FACE_UP for name in NAMES.values()}
     named |= {"roll_deg": roll, "pitch_deg": pitch, "heading_deg": heading}
     lost, still, gone = (int(np.isnan(q).any(axis=1).sum()) for q in (seen, held, filled))
     counts = (
@@ -68,14 +69,14 @@ def compute_attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
     """Roll, pitch and heading (n,) by rotations from sensor axes to east, north, up; NaN stays.
 
     >>> face_up_x_north = np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])
-    >>> [a.round(9).tolist() for a in compute_attitude_deg(face_up_x_north)]
+    >>> [(a.round(9) + 0.0).tolist() for a in compute_attitude_deg(face_up_x_north)]
     [[0.0], [0.0], [0.0]]
     """
     known = np.isfinite(quat_wxyz).all(axis=1)
-    rot_nb = _NED_FROM_ENU * Rotation.from_quat(quat_wxyz[known], scalar_first=True) * _FACE_UP
-    angles = np.full((len(quat_wxyz), 3), np.nan)
-    angles[known] = rot_nb.as_euler("ZYX", degrees=True)
-    return angles[:, 2], angles[:, 1], angles[:, 0] % 360.0
+    rot_eb = Rotation.from_quat(quat_wxyz[known], scalar_first=True).as_matrix()
+    angles = np.full((3, len(quat_wxyz)), np.nan)
+    angles[:, known] = angles_deg(_NED_FROM_ENU @ rot_eb @ _FACE_UP)
+    return angles[0], angles[1], angles[2]
 
 
 def hold_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
@@ -102,7 +103,10 @@ def fill_short_gaps(quat_wxyz: Array, time: Array) -> Array:
     span = time[known][[0, -1]]
     short = ~known & (measure_reach(time, known) <= SHORT_REACH_S)
     short &= (time > span[0]) & (time < span[1])
-    path = Slerp(time[known], Rotation.from_quat(quat_wxyz[known], scalar_first=True))
+    if not short.any():
+        return quat_wxyz
+    beside = known & np.convolve(~known, [1, 1, 1], "same").astype(bool)
+    path = Slerp(time[beside], Rotation.from_quat(quat_wxyz[beside], scalar_first=True))
     filled = quat_wxyz.copy()
     filled[short] = path(time[short]).as_quat(scalar_first=True)
     return filled

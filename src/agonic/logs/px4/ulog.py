@@ -110,6 +110,7 @@ class _Forward(io.BufferedReader):
     Where a file ends among its definitions, pyulog steps back by the length that the last message
     claims, not by what is left of it, and meets the same bytes for ever (1.3.0, core.py,
     `_read_file_definitions`). Here a step to before that message ends one byte after its start.
+    Definitions end with a step to the start of a whole message; data are then read as they are.
     """
 
     _since_header = 0
@@ -122,6 +123,8 @@ class _Forward(io.BufferedReader):
     def seek(self, target: int, whence: int = io.SEEK_SET, /) -> int:
         if whence == io.SEEK_CUR and -target > self._since_header:
             target = 1 - self._since_header
+        elif whence == io.SEEK_CUR and -target == self._since_header:
+            self.read, self.seek = super().read, super().seek  # type: ignore[method-assign]
         return super().seek(target, whence)
 
 

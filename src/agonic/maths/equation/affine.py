@@ -83,7 +83,13 @@ def join(bias: Array, matrix: Array) -> Array:
 
 
 def magnitude_residual(
-    raw: Array, bias: Array, matrix: Array, magnitude: Array | float, noise_sd: float = 0.0
+    raw: Array,
+    bias: Array,
+    matrix: Array,
+    magnitude: Array | float,
+    noise_sd: float = 0.0,
+    *,
+    differentiate: bool = True,
 ) -> tuple[Array, Array]:
     """How far each reading lies from the ellipsoid, as a distance in raw space, and its Jacobian.
 
@@ -101,7 +107,8 @@ def magnitude_residual(
     stops shrinking at some tens of thousands of samples.
 
     Parameters: raw (n, 3), bias (3,), matrix (3, 3), magnitude (n,) or scalar, noise_sd in raw
-    units. Returns r (n,) in raw units and its Jacobian (n, 12).
+    units. Returns r (n,) in raw units and its Jacobian (n, 12), (n, 0) where it was not to
+    `differentiate`.
     """
     d, u = _corrected(raw, bias, matrix)
     size = np.maximum(np.sqrt(_dot(u, u)), np.finfo(float).tiny)
@@ -113,7 +120,8 @@ def magnitude_residual(
     def trace() -> Array:
         return np.asarray((np.sum(matrix**2) - _square(matrix.T @ unit)) / size)
 
-    return _distance(d, matrix, size - magnitude, unit, bent, trace, noise_sd)
+    g = size - magnitude
+    return _distance(d, matrix, g, unit, bent, trace, noise_sd, None, differentiate)
 
 
 def dip_residual(
@@ -125,6 +133,8 @@ def dip_residual(
     vertical: Array | float,
     noise_sd: float = 0.0,
     share: AttitudeShare = NO_SHARE,
+    *,
+    differentiate: bool = True,
 ) -> tuple[Array, Array]:
     """How far the field of each reading is from the dip it should have, and the Jacobian.
 
@@ -163,7 +173,7 @@ def dip_residual(
 
     g = (horizontal * z - vertical * h) / f
     angle = _make_angle(u, f, share)
-    return _distance(d, matrix, g, e, bent, trace, noise_sd, angle)
+    return _distance(d, matrix, g, e, bent, trace, noise_sd, angle, differentiate)
 
 
 def azimuth_residual(
@@ -173,6 +183,8 @@ def azimuth_residual(
     across: Array,
     dip: tuple[Array, Array | float, Array | float] | None = None,
     share: AttitudeShare = NO_SHARE,
+    *,
+    differentiate: bool = True,
 ) -> tuple[Array, Array]:
     """How far the field of each reading is from the azimuth it should have, and the Jacobian.
 
@@ -189,7 +201,8 @@ def azimuth_residual(
         down, horizontal, vertical = dip
         level = u - down.T * _dot(down.T, u)
         angle = _make_angle(u, np.hypot(horizontal, vertical), share, level, horizontal)
-    return _distance(d, matrix, _dot(u, e), e, np.zeros_like, lambda: none, 0.0, angle)
+    g, bent = _dot(u, e), np.zeros_like
+    return _distance(d, matrix, g, e, bent, lambda: none, 0.0, angle, differentiate)
 
 
 class _Angle(NamedTuple):
@@ -236,7 +249,8 @@ def _distance(
     bent: Callable[[Array], Array],
     trace: Callable[[], Array],
     noise_sd: float,
-    angle: _Angle | None = None,
+    angle: _Angle | None,
+    differentiate: bool,
 ) -> tuple[Array, Array]:
     """A condition g(u) = 0 on the field as a distance in raw space, and its Jacobian (n, 12).
 
@@ -247,13 +261,15 @@ def _distance(
     """
     s = matrix.T @ e
     gradient = np.sqrt(_dot(s, s))
-    normal = s / gradient
-    turned = matrix @ normal
-    across = bent(turned)
     r, scale, power = g / gradient, 1.0 / gradient, 1.0
     if angle is not None:
         r, scale = (x * angle.factor * gradient**angle.power for x in (r, scale))
         power = 1.0 - angle.power
+    if not differentiate and not noise_sd:
+        return r, np.empty((d.shape[1], 0))
+    normal = s / gradient
+    turned = matrix @ normal
+    across = bent(turned)
     a = e * scale - across * (power * r / gradient)
     if angle is not None:
         a += angle.gradient * r

@@ -133,9 +133,9 @@ class Problem(NamedTuple):
         _, matrix = split(basis @ params[:m])
         bias, change = split(basis @ step[:m])
         moved, there = params + step, matrix + change
-        if not np.isfinite(there).all():
-            return moved  # no step: its cost is no number either
-        further = np.linalg.pinv(there) @ matrix - np.eye(3)
+        if not np.isfinite(there).all() or np.linalg.det(there) == 0.0:
+            return moved  # no step of a field: its cost is no number either, or it lost an axis
+        further = np.linalg.inv(there) @ matrix - np.eye(3)
         moved[:m] += basis[:3].T @ (further @ bias)
         if self.terms is not None:
             slopes = slice(m, m + 3 * self.terms.shape[1])
@@ -175,18 +175,12 @@ def pieces(
     Parameters: what a reading scatters by on an axis, and which share of the channel's variance
     errors of the attitude make, for both stand in residuals and Jacobian alike.
     """
-    basis, n = problem.basis, len(problem.points)
-    m = basis.shape[1]
+    basis = problem.basis
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        bias, matrix = split(basis @ params[:m])
-        unknowns = params[len(params) - problem.shared_count :]
-        whole = channel == "azimuth" and problem.relative is not None  # stretches stay in one piece
-        rows = n if whole else _ROWS
-        for start in range(0, n, rows):
-            part = problem if n <= rows else problem.subset(slice(start, start + rows))
-            raw = part.points - field_of_terms(part, params)
-            r, jacobian = _residual(part, channel, raw, bias, matrix, unknowns, (noise_sd, share))
+        unknowns = _unknowns(problem, params)
+        for part in _parts(problem, channel):
+            r, jacobian = _residual(part, channel, params, (noise_sd, share))
             reduced = [basis.T @ jacobian.T[:12]]  # a row a parameter: what follows is faster so
             if part.terms is not None:
                 reduced.append(expand_covariates(jacobian[:, :3], part.terms).T)
@@ -201,7 +195,29 @@ def pieces(
 
 def compute_residuals(problem: Problem, channel: str, params: Array) -> Array:
     """The residuals of one channel at given parameters, (n,)."""
-    return np.concatenate([r for r, _ in pieces(problem, channel)(params)])
+    none = (0.0, NO_SHARE)
+    return np.concatenate(
+        [
+            _residual(part, channel, params, none, differentiate=False)[0]
+            for part in _parts(problem, channel)
+        ]
+    )
+
+
+def _parts(problem: Problem, channel: str) -> Iterator[Problem]:
+    """The problem in blocks of rows."""
+    n = len(problem.points)
+    whole = channel == "azimuth" and problem.relative is not None  # stretches stay in one piece
+    if whole or n <= _ROWS:
+        yield problem
+        return
+    for start in range(0, n, _ROWS):
+        yield problem.subset(slice(start, start + _ROWS))
+
+
+def _unknowns(problem: Problem, params: Array) -> Array:
+    """Those of the errors that all rows share."""
+    return params[len(params) - problem.shared_count :]
 
 
 def field_of_terms(problem: Problem, params: Array) -> Array | float:
@@ -231,20 +247,26 @@ def compute_distances(
 def _residual(
     part: Problem,
     channel: str,
-    raw: Array,
-    bias: Array,
-    matrix: Array,
-    unknowns: Array,
+    params: Array,
     noise: tuple[float, AttitudeShare],
+    *,
+    differentiate: bool = True,
 ) -> tuple[Array, Array]:
+    """Those of one channel in one block of rows, and where asked for the Jacobian."""
     noise_sd, share = noise
+    bias, matrix = split(part.basis @ params[: part.basis.shape[1]])
+    raw, unknowns = part.points - field_of_terms(part, params), _unknowns(part, params)
     if channel == "magnitude":
-        return magnitude_residual(raw, bias, matrix, part.magnitude, noise_sd)
+        return magnitude_residual(
+            raw, bias, matrix, part.magnitude, noise_sd, differentiate=differentiate
+        )
     assert part.dip is not None
     down, shared = part.dip.down, part.shared
     if channel == "dip":
         if shared is None:
-            return dip_residual(raw, bias, matrix, *part.dip, noise_sd, share)
+            return dip_residual(
+                raw, bias, matrix, *part.dip, noise_sd, share, differentiate=differentiate
+            )
         level = (part.dip.horizontal, part.dip.vertical)
         return shared_dip_residual(
             raw, bias, matrix, down, level, shared, unknowns, noise_sd, share
@@ -253,6 +275,8 @@ def _residual(
         assert shared is not None
         return relative_azimuth_residual(raw, bias, matrix, down, part.relative, shared, unknowns)
     assert part.across is not None
-    r, jacobian = azimuth_residual(raw, bias, matrix, part.across, part.dip, share)
+    r, jacobian = azimuth_residual(
+        raw, bias, matrix, part.across, part.dip, share, differentiate=differentiate
+    )
     weight = part.across_weight
     return (r, jacobian) if weight is None else (weight * r, weight[:, None] * jacobian)

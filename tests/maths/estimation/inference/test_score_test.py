@@ -9,10 +9,12 @@ from agonic.maths.estimation.inference.score_test import (
     Linearised,
     Terms,
     batches_of,
+    find_batches_beside,
     score_test,
     score_tests,
     with_columns,
 )
+from agonic.maths.estimation.noise.residuals import correlation_length
 
 
 def line(n: int, seed: int, memory: float = 0.0, bend: float = 0.0, tails: bool = False):
@@ -93,3 +95,23 @@ def test_columns_made_of_noise_are_not_tested() -> None:
     fit, _, _ = line(500, 4)
     noise = np.random.default_rng(0).normal(size=(500, 1))
     assert score_test(fit, noise, noise) is None
+
+
+def test_no_size_is_made_of_what_is_not_significant_enough() -> None:
+    fit, column, _ = line(300, 4, bend=0.5)
+    (score,) = score_tests(fit, [Terms(column)])
+    assert score is not None
+    at, below = (
+        score_tests(fit, [Terms(column)], p)[0] for p in (score.p_value, score.p_value / 2)
+    )
+    assert at is not None
+    assert at.size == score.size
+    assert below is None
+
+
+def test_batches_beside_a_term_are_those_of_a_fit_with_it() -> None:
+    fit, column, _ = line(3000, 5, memory=0.8, bend=5.0)
+    wider = np.hstack([fit.jacobian, column])
+    left = fit.residuals - wider @ np.linalg.lstsq(wider, fit.residuals, rcond=None)[0]
+    expected = batches_of(3000, correlation_length(left, fit.weights))
+    assert np.array_equal(find_batches_beside(fit, column).of, expected)

@@ -87,10 +87,15 @@ class Linearised:
     @cached_property
     def scores(self) -> Array:
         """Σ w (J r − shared) of each batch, (B, p)."""
+        return self.sum_scores(self.batch)
+
+    def sum_scores(self, batch: Index) -> Array:
+        """The same of other batches (n,)."""
         products = self.jacobian * self.residuals[:, None]
         if self.shared is not None:
             products -= self.shared
-        return sums_by(self.batch, products * self.weights[:, None])
+        products *= self.weights[:, None]
+        return sums_by(batch, products)
 
     @property
     def square(self) -> float:
@@ -129,15 +134,23 @@ def find_captured(batch: Index, correlation: float) -> float:
     return float(min(shown[0] / shown[1], 1.0))
 
 
-def with_batches_beside(fit: Linearised, columns: Array) -> Linearised:
-    """The fit with batches for the noise that is left beside columns (n, k).
+class Batches(NamedTuple):
+    """The number of each row's batch (n,), and what they show of the variance of sums."""
+
+    of: Index
+    captured: float
+
+
+def find_batches_beside(fit: Linearised, columns: Array) -> Batches:
+    """Batches for the noise that is left beside columns (n, k).
 
     What is looked for makes residuals go together as noise with memory does, and would hide itself
     in long batches.
     """
-    correlation = correlation_length(with_columns(fit, columns).residuals, fit.weights)
+    left = _leave_beside(fit, _scale(columns)[0])
+    correlation = correlation_length(left, fit.weights)
     batch = batches_of(len(columns), correlation)
-    return replace(fit, batch=batch, captured=find_captured(batch, correlation))
+    return Batches(batch, find_captured(batch, correlation))
 
 
 def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
@@ -179,16 +192,24 @@ def score_test(
     return score_tests(fit, [Terms(columns, noise, shared, surely, likely)])[0]
 
 
-def score_tests(fit: Linearised, several: Sequence[Terms]) -> list[Score | None]:
+def score_tests(
+    fit: Linearised,
+    several: Sequence[Terms],
+    at_most: float = 1.0,
+    batches: Batches | None = None,
+) -> list[Score | None]:
     """Whether each of several terms belongs into the fit, each by itself.
 
-    They are projected together, but where they are too many for the processor's cache.
+    They are projected together, but where they are too many for the processor's cache. None for
+    those whose p-value is larger than `at_most`: their size is not asked for. `batches` other than
+    those of the fit may be given.
     """
     if not several:
         return []
     width = sum(one.columns.shape[1] for one in several)
     if len(several) > 1 and width * len(fit.residuals) > _TOGETHER:
-        return [score_tests(fit, [one])[0] for one in several]
+        return [score_tests(fit, [one], at_most, batches)[0] for one in several]
+    within = batches or Batches(fit.batch, fit.captured)
     weighted = np.hstack([one.columns for one in several]) * fit.weights[:, None]
     crossed = fit.jacobian.T @ weighted  # JᵀWZ
     taken = np.asarray(np.linalg.solve(fit.information, crossed), dtype=np.float64)
@@ -198,17 +219,29 @@ def score_tests(fit: Linearised, several: Sequence[Terms]) -> list[Score | None]
     for one, at in zip(several, places, strict=True):
         if one.shared is not None:
             products[:, at] -= one.shared * fit.weights[:, None]
-    scores = sums_by(fit.batch, products) - fit.scores @ taken
+    own = fit.scores if batches is None else fit.sum_scores(batches.of)
+    scores = sums_by(within.of, products) - own @ taken
+    limits = (at_most, within.captured)
     return [
-        _test(fit, one, weighted[:, at], crossed[:, at], taken[:, at], scores[:, at])
+        _test(fit, one, weighted[:, at], crossed[:, at], taken[:, at], scores[:, at], limits)
         for one, at in zip(several, places, strict=True)
     ]
 
 
 def _test(
-    fit: Linearised, terms: Terms, weighted: Array, crossed: Array, taken: Array, scores: Array
+    fit: Linearised,
+    terms: Terms,
+    weighted: Array,
+    crossed: Array,
+    taken: Array,
+    scores: Array,
+    limits: tuple[float, float],
 ) -> Score | None:
-    """The test of terms from WZ, JᵀWZ, A⁻¹JᵀWZ and the scores of batches (B, k)."""
+    """The test of terms from WZ, JᵀWZ, A⁻¹JᵀWZ and the scores of batches (B, k).
+
+    `limits`: the p-value up to which a size is asked for, and what batches show of the variance.
+    """
+    at_most, captured = limits
     columns, noise, shared, surely, likely = terms
     square = columns.T @ weighted
     left = square - crossed.T @ taken - taken.T @ fit.prior @ taken  # Z⊥ᵀWZ⊥
@@ -218,12 +251,15 @@ def _test(
     seen = _seen(left, size, by_noise, clear, HELD if surely else 1e-9, likely)
     if seen is None:
         return None
-    gram, scores = seen.T @ left @ seen, scores @ seen
-    p_value = _hotelling(scores, fit.captured)
+    scores = scores @ seen
+    p_value = _hotelling(scores, captured)
+    if p_value > at_most:
+        return None
+    gram = seen.T @ left @ seen
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
-    sure = _surely(scores, fit.captured) if surely else 1.0
-    root = np.linalg.solve(gram, scores.T) / fit.captured**0.5
+    sure = _surely(scores, captured) if surely else 1.0
+    root = np.linalg.solve(gram, scores.T) / captured**0.5
     drawn, spread = _draw_in(found, root, seen / likely)
     size = np.asarray(seen @ (drawn * sure))
     return Score(p_value, size, taken @ size, float(total @ found), seen @ spread @ seen.T)
@@ -235,8 +271,7 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
     Columns are scaled to that of largest size; the residuals become those with the terms. `shared`
     as for `score_test`.
     """
-    size = np.sqrt(np.mean(columns**2, axis=0))
-    kept = columns[:, size > 0] / size[size > 0]
+    kept, size = _scale(columns)
     both = fit.shared
     if both is not None:
         more = np.zeros_like(columns) if shared is None else shared
@@ -244,11 +279,32 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
     p, k = fit.jacobian.shape[1], kept.shape[1]
     prior = np.zeros((p + k, p + k))
     prior[:p, :p] = fit.prior
-    prior[p:, p:] = 1e-9 * len(columns) * np.eye(k)
+    prior[p:, p:] = _weak_prior(kept)
+    left = _leave_beside(fit, kept)
     jacobian = np.hstack([fit.jacobian, kept])
-    wider = replace(fit, jacobian=jacobian, prior=prior, shared=both)
-    step = np.linalg.solve(wider.information, wider.weighted @ fit.residuals)
-    return replace(wider, residuals=fit.residuals - jacobian @ step)
+    return replace(fit, residuals=left, jacobian=jacobian, prior=prior, shared=both)
+
+
+def _scale(columns: Array) -> tuple[Array, Array]:
+    """Columns that are not all zero at the size one, and the size of all."""
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    return columns[:, size > 0] / size[size > 0], size
+
+
+def _weak_prior(columns: Array) -> Array:
+    """What keeps the size of columns finite that the fit holds already, (k, k)."""
+    return np.asarray(1e-9 * len(columns) * np.eye(columns.shape[1]))
+
+
+def _leave_beside(fit: Linearised, columns: Array) -> Array:
+    """The residuals (n,) with columns (n, k) among the unknowns of the fit."""
+    p, weighted = fit.jacobian.shape[1], columns.T * fit.weights
+    crossed = fit.weighted @ columns
+    own = weighted @ columns + _weak_prior(columns)
+    information = np.block([[fit.information, crossed], [crossed.T, own]])
+    pull = np.concatenate([fit.weighted @ fit.residuals, weighted @ fit.residuals])
+    step = np.linalg.solve(information, pull)
+    return np.asarray(fit.residuals - fit.jacobian @ step[:p] - columns @ step[p:])
 
 
 def _seen(
