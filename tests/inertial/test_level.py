@@ -15,7 +15,7 @@ def test_headings_are_right_by_the_tilt_of_the_same_accelerometer() -> None:
     """What the fit takes for the accelerometer's bias does not turn level away from it: 0.1 m/s²
     would be 1.2° of heading at this dip."""
     errors, stated = [], []
-    for seed in range(4):
+    for seed in range(3):
         made, logged, place = drive(tilt_deg=5.0, seed=seed, unit={"accelerometer_bias": 0.1})
         fit = ag.fit_inertial(logged, place)
         errors.append(used_error_deg(fit.calibration, made, 5.0, accelerometer_bias=0.1, seed=seed))

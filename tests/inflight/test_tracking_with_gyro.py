@@ -38,7 +38,7 @@ def test_error_over_sd_is_standard_normal(kind: str) -> None:
     soft_iron = 0.02 if kind == "full" else 0.0
     params = replace(PARAMS, solve="full" if kind == "full" else "bias", matrix_sd=0.02)
     z = []
-    for seed in range(16):
+    for seed in range(10):
         made = turn_about(seed, soft_iron=soft_iron, jump=5000.0 if kind == "jump" else 0.0)
         size = np.linalg.norm(made.field, axis=1) if kind == "full" else 0.0
         time, raw, rate = made.samples.time, made.samples.field, made.samples.rotation_rate
@@ -46,9 +46,9 @@ def test_error_over_sd_is_standard_normal(kind: str) -> None:
         state, _ = update(begun, params, time, raw, size, rate=rate, compiled=True)
         z.append(collect(state, made))
         assert len(state.jumps) == (kind == "jump")
-    # 16 draws of ten numbers scatter as some 130: 0.06
+    # 10 draws of ten numbers scatter as some 80: 0.08
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.15)
-    assert np.abs(np.mean(z, axis=0)).max() < 0.75  # 3 sd of 1/√16
+    assert np.abs(np.mean(z, axis=0)).max() < 0.95  # 3 sd of 1/√10
 
 
 @pytest.mark.parametrize(

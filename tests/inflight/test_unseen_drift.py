@@ -11,7 +11,7 @@ from tests.inflight.test_fit import GROUND, orbit
 def test_it_is_honest_at_the_end_of_the_record(size: float) -> None:
     """Of three to six standard errors; error over σ 2.3 and 3.5 where the bias was constant."""
     n, z, sd = 3000, [], []
-    for seed in range(6):
+    for seed in range(3):
         way = np.random.default_rng(seed + 40).normal(size=3)
         drift = np.outer(np.linspace(-1, 1, n), size * way / np.linalg.norm(way))
         fit = fit_inflight(orbit(seed, n=n, step_s=20.0, moved=drift), ground=GROUND)

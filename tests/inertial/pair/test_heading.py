@@ -26,7 +26,7 @@ def look_around(made: SimulatedShots, seed: int, n: int = 150) -> tuple[ag.Sampl
 @pytest.mark.parametrize("settings", [{}, {"targets": 0, "attitudes": 24}])
 def test_headings_are_right_and_their_errors_honest(settings: dict) -> None:
     square, off = [], []
-    for seed in range(12):
+    for seed in range(5):
         made = ag.inertial.simulate_shots(seed=seed, **settings)
         setup = ag.fit_pair(made.samples).make_setup(declination_deg=0.0)
         samples, truth = look_around(made, seed)
