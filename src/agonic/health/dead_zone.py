@@ -86,7 +86,10 @@ def _find_on_axis(field: Array, axis: int) -> list[DeadZone]:
     often = often[(often > 0) & (often < len(levels) - 1)]
     if len(levels) <= 2 * NEAR or not len(often):
         return []
-    piled = often[counts[often] >= PILED * np.median(counts)]
+    low, high = np.maximum(often - NEAR, 0), np.minimum(often + NEAR + 1, len(levels))
+    so_far = np.concatenate([[0], np.cumsum(counts)])
+    beside = (so_far[high] - so_far[low] - counts[often]) / (high - low - 1)
+    piled = often[counts[often] >= PILED * np.maximum(beside, np.median(counts))]
     if not len(piled):
         return []
     others = np.delete(field, axis, axis=1)
@@ -96,7 +99,7 @@ def _find_on_axis(field: Array, axis: int) -> list[DeadZone]:
         near = np.r_[max(k - NEAR, 0) : k, k + 1 : min(k + NEAR + 1, len(levels))]
         steps = np.diff(levels[near])[np.diff(near) == 1]
         gap = levels[k + 1] - levels[k - 1]
-        if counts[k] < PILED * counts[near].mean() or gap < APART * np.mean(steps):
+        if gap < APART * np.mean(steps):
             continue
         there = others[np.round(values / same) == levels[k]]
         if (np.ptp(np.percentile(there, (5, 95), axis=0), axis=0) > TURNED * reach).any():
