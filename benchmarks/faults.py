@@ -245,6 +245,31 @@ def cross_field(share: float) -> Fault:
     return _non_linear(lambda x: x * (1 + share * x[:, [1, 2, 0]] / MAGNITUDE))
 
 
+def gains_by_sign(share: float) -> Fault:
+    """Positive readings are larger by this share, negative ones smaller, as of an amplifier whose
+    two halves differ."""
+    return _non_linear(lambda x: x * (1 + share * np.sign(x)))
+
+
+def square_across(share: float) -> Fault:
+    """One axis holds this share of the square of another, at the magnitude of the field."""
+    onto = np.array([1.0, 0.0, 0.0])
+    return _non_linear(lambda x: x + share * x[:, 2:] ** 2 / MAGNITUDE * onto)
+
+
+def gain_steps(share: float, up: float = 50_000.0, down: float = 42_000.0) -> Fault:
+    """All gains step up where an axis reads more than `up`, and back where all read less than
+    `down`, as of an amplifier that chooses its range."""
+
+    def fault(d: Draft) -> None:
+        largest, high = np.abs(d.raw).max(axis=1), np.zeros(d.n, dtype=bool)
+        for row in range(d.n):
+            high[row] = largest[row] > (down if row and high[row - 1] else up)
+        d.raw = d.raw * (1 + share * high[:, None])
+
+    return fault
+
+
 def one_axis_saturates(at: float) -> Fault:
     """One axis compresses like tanh."""
 
@@ -324,6 +349,26 @@ def axes_apart(rows: float) -> Fault:
         clean, i = d.reads(d.field), np.arange(d.n)
         late = [np.interp(i - k * rows, i, clean[:, k]) for k in range(3)]
         d.raw = d.raw - clean + np.column_stack(late)
+
+    return fault
+
+
+def one_axis_held(rows: int) -> Fault:
+    """One axis is read only once in so many rows."""
+
+    def fault(d: Draft) -> None:
+        d.raw[:, 1] = d.raw[np.arange(d.n) // rows * rows, 1]
+
+    return fault
+
+
+def filter_begins(rows: float) -> Fault:
+    """Half-way a first-order filter is switched on."""
+
+    def fault(d: Draft) -> None:
+        half, a = d.n // 2, np.exp(-1 / rows)
+        last = d.raw[half - 1]
+        d.raw[half:] = np.asarray(lfilter([1 - a], [1, -a], d.raw[half:] - last, axis=0)) + last
 
     return fault
 
@@ -425,6 +470,16 @@ def coloured(memory: float, size: float) -> Fault:
     return fault
 
 
+def set_and_reset(size: float, rows: int) -> Fault:
+    """What set and reset leave of the bias changes its sign every so many rows."""
+
+    def fault(d: Draft) -> None:
+        sign, way = np.where(np.arange(d.n) // rows % 2, 1.0, -1.0), d.rng.normal(size=3)
+        d.raw = d.raw + sign[:, None] * size * way / np.linalg.norm(way)
+
+    return fault
+
+
 def random_walk(size: float) -> Fault:
     """A bias that walks, ending this far (rms an axis)."""
 
@@ -476,6 +531,29 @@ def two_places(size: float) -> Fault:
         later, way = (np.arange(d.n) >= d.n // 2)[:, None], d.rng.normal(size=3)
         change_n = later * size * way / np.linalg.norm(way)
         d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
+
+    return fault
+
+
+def parked_beside_iron(size: float, share: float = 0.3) -> Fault:
+    """The field is another by this much for the first part of the log."""
+
+    def fault(d: Draft) -> None:
+        parked, way = (np.arange(d.n) < share * d.n)[:, None], d.rng.normal(size=3)
+        change_n = parked * size * way / np.linalg.norm(way)
+        d.raw = d.raw + d.rot_nm.inv().apply(change_n) @ d.distortion.T
+
+    return fault
+
+
+def pendulum(size: float, rows: float = 15.0) -> Fault:
+    """A load that swings follows the bank late, by this much at a right angle."""
+
+    def fault(d: Draft) -> None:
+        across, a = d.rot_nm.inv().apply([0.0, 0.0, 1.0])[:, 1], np.exp(-1 / rows)
+        way = d.rng.normal(size=3)
+        late = np.asarray(lfilter([1 - a], [1, -a], across))
+        d.raw = d.raw + late[:, None] * size * way / np.linalg.norm(way)
 
     return fault
 
@@ -756,6 +834,32 @@ def late_attitude(seconds: float) -> Fault:
             turning = np.unwrap(angle, period=360.0)
             d.columns[name] = np.interp(d.time - seconds, d.time, turning)
         d.columns["heading_deg"] %= 360
+
+    return fault
+
+
+def smoothed_attitude(rows: float) -> Fault:
+    """Roll and pitch of a filter that follows slowly."""
+
+    def fault(d: Draft) -> None:
+        with_attitude(0.3)(d)
+        a = np.exp(-1 / rows)
+        for name, angle in d.columns.items():
+            turning = np.unwrap(angle, period=360.0)
+            slow = lfilter([1 - a], [1, -a], turning - turning[0])
+            d.columns[name] = np.asarray(slow) + turning[0]
+
+    return fault
+
+
+def leans_in_turns(deg: float) -> Fault:
+    """Roll is off by up to this much while the vehicle turns, as of an accelerometer's level."""
+
+    def fault(d: Draft) -> None:
+        with_attitude(0.3)(d)
+        rate = np.gradient(np.unwrap(d.rot_nm.as_euler("ZYX")[:, 0]))
+        slow = np.asarray(lfilter([0.05], [1, -0.95], rate))
+        d.columns["roll_deg"] = d.columns["roll_deg"] + deg * slow / np.abs(slow).max()
 
     return fault
 
@@ -1117,6 +1221,25 @@ def _later() -> list[Kind]:
             swell,
             (follows_attitude(1500.0), with_attitude()),
         ),
+        *(
+            Kind(f"{name}, {motions}", motion, faults)
+            for motions, motion, aided in (
+                ("tumbled", tumble, ()),
+                ("levelled, tilts of 45°", tilts(45), (with_attitude(),)),
+            )
+            for name, faults in (
+                ("gains differ by 1.4 % by sign", (gains_by_sign(0.007), *aided)),
+                ("x holds 0.7 % of the square of z", (square_across(0.007), *aided)),
+                ("y is read every fourth row", (one_axis_held(4), *aided)),
+                ("gains step by 1.5 %", (gain_steps(0.015), *aided)),
+                ("a filter begins half-way", (filter_begins(3.0), *aided)),
+                ("set and reset leave 0.6 µT", (set_and_reset(600.0, 64), *aided)),
+                ("parked beside iron of 3 µT", (parked_beside_iron(3000.0), *aided)),
+                ("a load of 1.5 µT swings late", (pendulum(1500.0), *aided)),
+            )
+        ),
+        Kind("roll and pitch 1 s behind, smoothed", tilts(30), (smoothed_attitude(10.0),)),
+        Kind("roll leans by 3° in turns", tilts(30), (leans_in_turns(3.0),)),
     ]
 
 

@@ -14,6 +14,7 @@ from benchmarks.faults import (
     errs_between,
     follows_pitch,
     follows_turns,
+    gains_by_sign,
     mixed_sensors,
     near_rebar,
     outliers,
@@ -22,6 +23,7 @@ from benchmarks.faults import (
     second_sensor,
     slow_step,
     soft_saturation,
+    square_across,
     steady_drift,
     steel_below,
     still_then,
@@ -68,6 +70,7 @@ def test_noise_of_any_kind_is_no_fault_of_the_model(faults) -> None:
     [
         (soft_saturation(90_000.0), "non-linear"),
         (cubic(0.02), "non-linear"),
+        (gains_by_sign(0.007), "non-linear"),
         (second_sensor(3000.0), "alternating"),
         (second_sensor(3000.0, 3), "two populations"),
         (switching(2500.0), "comes and goes"),
@@ -78,6 +81,7 @@ def test_noise_of_any_kind_is_no_fault_of_the_model(faults) -> None:
     ids=[
         "saturation",
         "cubic",
+        "gains by sign",
         "every other row",
         "every third row",
         "current",
@@ -186,6 +190,14 @@ def test_a_bend_that_chance_would_rarely_show_is_in_the_stated_error() -> None:
     assert "compressed" not in causes(fit)
     error = heading_error_deg(fit.calibration, recording)
     assert 0.2 < error / fit.coverage.heading_sd_deg < 3.0
+
+
+def test_a_bend_counts_what_of_it_no_magnitude_shows() -> None:
+    over = []
+    for seed in (5, 6, 22, 26):
+        recording, fit = fitted(seed, square_across(0.007))
+        over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
+    assert max(over) < 2.2
 
 
 def test_outliers_that_gather_where_an_axis_reads_something_are_a_check() -> None:

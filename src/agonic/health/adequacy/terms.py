@@ -186,6 +186,7 @@ def list_causes(work: Work) -> Iterator[_Cause]:
     centre = work.fitted.calibration.bias / work.radius
     apart = np.r_[True, np.diff(rows) != 1]
     yield _cause(work, "non-linear", unmodelled.non_linearity, static=True, likely=LIKELY)
+    yield _cause(work, "non-linear", unmodelled.gain_by_sign, static=True, likely=LIKELY)
     by_magnitude = work.fitted.look is None
     if by_magnitude:  # six unknowns hide a small bend among chance; what all axes share is one
         yield _cause(
@@ -270,6 +271,8 @@ def _model_error(work: Work, cause: _Cause, score: Score) -> ModelError:
     """The error in the readings, the heading and the covariance, by the mean square of its size."""
     fitted, size = work.fitted, score.size / cause.told
     square = np.outer(size, size) + score.spread / cause.told**2
+    if cause.level is not None:
+        square += score.unseen * _mean_square(size, score.unseen)
     moves = np.linalg.solve(work.whole.information, work.whole.weighted @ cause.columns)
     moves = moves[: len(work.scale)] * work.scale[:, None]
     growth = moves @ square @ moves.T
@@ -288,6 +291,15 @@ def _model_error(work: Work, cause: _Cause, score: Score) -> ModelError:
         by_move = work.fitted.heading_deg(growth) * field_per_degree(work)
         growth[:3, :3] += np.eye(3) * max(total - by_move**2, 0.0) / fitted.gain**2
     return make_error(work, cause.name, score.p_value, rms, growth)
+
+
+def _mean_square(size: Array, unseen: Array) -> float:
+    """Of one of the combinations that rows show: others of the same cause are likely as large.
+
+    What a bend of one axis by another does to the magnitude, a bend of the other by the product of
+    both does as well, and not to the heading.
+    """
+    return float(size @ size) / max(len(size) - float(np.trace(unseen)), 1.0)
 
 
 def _level_error(work: Work, cause: _Cause, move: Array, size: Array) -> Array:

@@ -54,6 +54,11 @@ def non_linearity(x: Array) -> Errors:
     return Errors(np.stack([x * np.abs(x), x**3], axis=1))
 
 
+def gain_by_sign(x: Array) -> Errors:
+    """The gain of each axis differs between positive and negative readings: |x|."""
+    return Errors(np.abs(x)[:, None])
+
+
 def common_bend(x: Array) -> Errors:
     """All axes bend alike, as those of one type of sensor and amplifier do: x³, one unknown."""
     return Errors((x**3)[:, None], apart=False)

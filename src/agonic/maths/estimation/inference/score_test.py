@@ -46,7 +46,7 @@ class Score(NamedTuple):
     """One test: its p-value, the size (k,) of the terms, and how far they move the estimate (p,).
 
     `gain` is by how much the terms lower the weighted sum of squares, `spread` (k, k) the
-    covariance of the size.
+    covariance of the size, `unseen` (k, k) the projection onto combinations that rows do not show.
     """
 
     p_value: float
@@ -54,6 +54,7 @@ class Score(NamedTuple):
     move: Array
     gain: float
     spread: Array
+    unseen: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +263,9 @@ def _test(
     root = np.linalg.solve(gram, scores.T) / captured**0.5
     drawn, spread = _draw_in(found, root, seen / likely)
     size = np.asarray(seen @ (drawn * sure))
-    return Score(p_value, size, taken @ size, float(total @ found), seen @ spread @ seen.T)
+    unseen = np.eye(len(size)) - seen @ np.linalg.pinv(seen)
+    gain = float(total @ found)
+    return Score(p_value, size, taken @ size, gain, seen @ spread @ seen.T, unseen)
 
 
 def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -> Linearised:
