@@ -64,7 +64,7 @@ def compute_bound(samples: Samples) -> np.ndarray:
 
 def test_errors_are_as_large_as_stated_and_reach_the_bound() -> None:
     z, error = [], []
-    for seed in range(80):
+    for seed in range(50):
         fit = fit_ellipse(record(seed), PLACE)
         error.append(numbers(fit) - TRUTH)
         z.append(error[-1] / fit.sd[LOCAL])
@@ -78,7 +78,7 @@ def test_errors_are_as_large_as_stated_and_reach_the_bound() -> None:
 
 def test_three_quarters_of_the_circle_are_honest_too() -> None:
     z = []
-    for seed in range(40):
+    for seed in range(28):
         fit = fit_ellipse(record(seed, turns=0.8), PLACE)
         z.append((numbers(fit) - TRUTH) / fit.sd[LOCAL])
     assert 0.88 < np.sqrt(np.mean(np.square(z))) < 1.12
@@ -112,7 +112,7 @@ def test_the_standard_error_of_the_heading_is_that_of_headings() -> None:
     heading = np.radians(np.arange(0.0, 360.0, 5.0))
     raw = H * np.stack([np.cos(heading), -np.sin(heading)], axis=1) @ np.linalg.inv(MATRIX) + BIAS
     off, stated = [], []
-    for seed in range(40):
+    for seed in range(28):
         fit = fit_ellipse(record(seed), PLACE)
         field = fit.calibration.correct(np.column_stack([raw, np.zeros(len(raw))]))
         found = np.arctan2(-field[:, 1], field[:, 0])

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,12 +34,19 @@ FIELD = {
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A calibrated vehicle and another flight of it, without a date."""
     monkeypatch.chdir(tmp_path)
+    return Path(shutil.copytree(recorded, tmp_path, dirs_exist_ok=True))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same, made once."""
+    there = tmp_path_factory.mktemp("recorded")
     made = simulate("tumble", n=1500, seed=1, noise=100.0, **FIELD)
     fit = fit_ellipsoid(made.samples, Reference.constant(FIELD["magnitude"]))
-    save(fit.calibration, "mag.json")
+    save(fit.calibration, there / "mag.json")
     flight = simulate(
         "flight",
         n=1500,
@@ -49,20 +57,20 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         **FIELD,
         **WHERE,
     )
-    write_csv(flight.samples, "flight.csv")
+    write_csv(flight.samples, there / "flight.csv")
     save_setup(
         Setup(
             compasses=(Compass(calibration=fit.calibration),),
             declination_deg=2.69,
             declination_sd_deg=0.1,
         ),
-        "setup.toml",
+        there / "setup.toml",
     )
     lost = dict.fromkeys(WHERE)
-    write_csv(flight.samples.with_columns(**lost), "placeless.csv")
+    write_csv(flight.samples.with_columns(**lost), there / "placeless.csv")
     bare = flight.samples.with_columns(roll_deg=None, pitch_deg=None, acceleration=None)
-    write_csv(bare, "bare.csv")
-    return tmp_path
+    write_csv(bare, there / "bare.csv")
+    return there
 
 
 def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:

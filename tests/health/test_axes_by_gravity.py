@@ -91,7 +91,7 @@ def test_the_sign_of_the_vertical_field_tells_a_turn_from_a_reversal() -> None:
 @pytest.mark.parametrize("inclination_deg", [-60.0, 0.0, 30.0, 85.0])
 def test_at_every_dip(kind: str, inclination_deg: float) -> None:
     rng = np.random.default_rng(7)
-    for seed in range(3):
+    for seed in range(2):
         samples = recorded(kind, seed, inclination_deg=inclination_deg)
         assert told(samples) == []
         naming = NAMINGS[rng.choice([k for k in range(1, 48) if k != 7])]
@@ -100,7 +100,7 @@ def test_at_every_dip(kind: str, inclination_deg: float) -> None:
 
 def test_no_alarm_where_the_vehicle_manoeuvres() -> None:
     checked = 0
-    for seed in range(5):
+    for seed in range(3):
         logs = [
             simulate(kind, n=1000, rate_Hz=20.0, seed=seed).samples
             for kind in ("flight", "boat", "car")
@@ -114,7 +114,7 @@ def test_no_alarm_where_the_vehicle_manoeuvres() -> None:
             checked += fit.verdict != "refused"
             told_now = check_by_gravity(fit, samples, None)
             assert "axes" not in [finding.name for finding in told_now.findings]
-    assert checked >= 8
+    assert checked >= 5
 
 
 def test_no_alarm_where_the_turning_does_not_determine_it() -> None:

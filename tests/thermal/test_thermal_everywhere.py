@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,20 +70,29 @@ def flown(truth: Thermal, low_C: float, high_C: float) -> Samples:
     return SEEN.with_columns(field=raw, temperature=level, name=truth.sensor)
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibration, alone, in a chain and in a setup; flights inside and outside its range."""
-    monkeypatch.chdir(tmp_path)
+    there = tmp_path_factory.mktemp("recorded")
     truth = thermal()
     turn = Alignment(rotation=Rotation.identity(), frame_in="m", frame_out="b", sensor="MAG1")
-    save(truth, "mag.json")
-    save(Chain(steps=(truth, turn)), "chain.json")
-    save_setup(Setup(compasses=(Compass(calibration=truth),), declination_deg=2.7), "setup.toml")
-    write_csv(flown(truth, -5.0, 45.0), "warm.csv")
-    write_csv(flown(truth, 20.0, 70.0), "hot.csv")
-    write_csv(flown(truth, 0.0, 1.0).with_columns(temperature=None), "bare.csv")
-    write_csv(flown(truth, 0.0, 1.0).with_columns(time=None), "timeless.csv")
-    return tmp_path
+    save(truth, there / "mag.json")
+    save(Chain(steps=(truth, turn)), there / "chain.json")
+    save_setup(
+        Setup(compasses=(Compass(calibration=truth),), declination_deg=2.7), there / "setup.toml"
+    )
+    write_csv(flown(truth, -5.0, 45.0), there / "warm.csv")
+    write_csv(flown(truth, 20.0, 70.0), there / "hot.csv")
+    write_csv(flown(truth, 0.0, 1.0).with_columns(temperature=None), there / "bare.csv")
+    write_csv(flown(truth, 0.0, 1.0).with_columns(time=None), there / "timeless.csv")
+    return there
+
+
+@pytest.fixture(autouse=True)
+def folder(recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder that a test works in, with copies of these."""
+    monkeypatch.chdir(tmp_path)
+    return Path(shutil.copytree(recorded, tmp_path, dirs_exist_ok=True))
 
 
 def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict, str]:

@@ -79,10 +79,10 @@ def calibrate_campaign(
     Source: Nikolaev et al. 2023, sections 3 to 5; Grubbs 1948 for what the sensors saw alike.
 
     >>> from agonic.thermal.simulation.campaign import simulate_campaign
-    >>> made = simulate_campaign("2xMMC5883MA", rate_Hz=0.02, seed=2)
+    >>> made = simulate_campaign("MMC5883MA", rate_Hz=0.02, seed=2)
     >>> result = calibrate_campaign(made.campaign)
     >>> [(sensor.name, sensor.verdict) for sensor in result.sensors]
-    [('MMC5883MA-1', 'good'), ('MMC5883MA-2', 'good')]
+    [('MMC5883MA', 'good')]
     """
     check_choice("turns", turns, ("auto", "known", "unknown"))
     settings = {"fixture_sd_deg": campaign.description.fixture_sd_deg, **settings}

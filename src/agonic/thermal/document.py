@@ -48,10 +48,10 @@ def campaign_page(
 
     >>> from agonic.thermal.all_sensors import calibrate_campaign
     >>> from agonic.thermal.simulation.campaign import simulate_campaign
-    >>> made = simulate_campaign("2xMMC5883MA", rate_Hz=0.02)
+    >>> made = simulate_campaign("MMC5883MA", rate_Hz=0.02)
     >>> page = campaign_page(calibrate_campaign(made.campaign), title="<box>")
     >>> page.count("&lt;box&gt;"), page.count("<article")
-    (2, 2)
+    (2, 1)
     """
     return describe_campaign(
         result, title=title, files=files, beside=beside, beside_words=beside_words

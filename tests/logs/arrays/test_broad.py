@@ -1,5 +1,6 @@
 """Recordings with optical truth: latency, a magnet that comes and goes, and a poor motion."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ pytestmark = pytest.mark.recordings
 MAGNET_COMES_OR_GOES_S = 2.0  # it is felt while a hand brings it near
 
 
+@cache
 def trial(recordings: Path, number: str) -> ag.Samples:
     (path,) = (recordings / "vehicle" / "broad").glob(f"{number}_*.mat")
     return ag.read(path)

@@ -344,7 +344,7 @@ def test_motioncal_text(table):
 @pytest.mark.parametrize(
     "content",
     [
-        ",".join(f"mag_x_{i}" for i in range(10**6)) + "\n",
+        ",".join(map("mag_x_{}".format, range(10**6))) + "\n",
         " ".join(["1"] * 10**6) + "\n",
         "1;" * 300_000 + "\n",
         "a" * 10**7,
