@@ -28,6 +28,7 @@ GRID = 11
 DEEP = 15.0
 """Nodes whose logarithm of the likelihood is this far below the best are not looked at again."""
 _ZOOMS = 2
+_TIMES = 16  # whose white rows are kept together, for few large products
 _LEAST, _MOST = np.log(0.1), np.log(1e3)  # of σ over the errors, and over the values' spread
 _CALM, _ROUGH = np.log(0.1), np.log(1e3)  # of the walk across the span over the white part
 
@@ -176,6 +177,7 @@ def compute_products(
     cross = np.zeros((*scatter.shape, columns.shape[-2] - many, many))
     own = np.zeros(cross.shape[:-1])
     steps = np.diff(of.time, prepend=of.time[..., :1], axis=-1)
+    white = np.empty((*scatter.shape, min(n, _TIMES), columns.shape[-2]))
     for k in range(n):
         variance = variance + walk**2 * steps[..., k, None]
         total = variance + of.variance[..., k, None] + scatter**2
@@ -183,13 +185,15 @@ def compute_products(
         ahead = columns[..., None, :, k] - mean
         mean = mean + gain[..., None] * ahead
         variance = variance * (1 - gain)
-        white = ahead / np.sqrt(total)[..., None]
         logs += np.log(total)
-        known = white[..., :many]
-        base += known[..., :, None] * known[..., None, :]
-        if candidates is not None:
-            own += white[..., many:] ** 2
-            cross += white[..., many:, None] * known[..., None, :]
+        np.divide(ahead, np.sqrt(total)[..., None], out=white[..., k % _TIMES, :])
+        if k % _TIMES == _TIMES - 1 or k == n - 1:
+            rows = white[..., : k % _TIMES + 1, :]
+            known, others = rows[..., :many], rows[..., many:]
+            base += np.swapaxes(known, -1, -2) @ known
+            if candidates is not None:
+                own += np.einsum("...kc,...kc->...c", others, others)
+                cross += np.swapaxes(others, -1, -2) @ known
     return Products(logs, base, cross, own)
 
 
