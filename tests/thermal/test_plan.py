@@ -10,6 +10,7 @@ from agonic.thermal.campaign.description import Station
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.fit.fit import fit_thermal
 from agonic.thermal.plan.document import describe_plan
 from agonic.thermal.plan.plan import plan_thermal
 from agonic.thermal.plan.standard_errors import (
@@ -28,6 +29,31 @@ def test_the_standard_programme() -> None:
     assert profile.before[-1].words == "hold +50 °C for 15 min"
     assert profile.heating_levels_C == [0, 10, 20, 30, 40, 50]
     assert profile.at([0, profile.recorded_s / 2, profile.recorded_s]).tolist()[::2] == [50, 50]
+
+
+def test_stations_recorded_again_show_a_step_between_two() -> None:
+    """Of the standard twelve alone it was good, and wrong by up to 16 standard errors."""
+    plan = plan_thermal("1xMMC5883MA", repeat=3, rate_Hz=0.05)
+    again = plan.stations[12:]
+    assert [station.number for station in again] == [13, 14, 15]
+    assert len({station.pose.split()[0] for station in again}) == 3
+    assert plan.turns[12] == "turn it until it stands top up, front to the back"
+    made = ag.thermal.simulate_campaign(plan, rate_Hz=0.05, seed=2)
+    samples = made.campaign.samples("MMC5883MA")
+    step = np.outer(samples.station > 6, [577.0, -577.0, 577.0])
+    knocked = samples.with_columns(field=samples.field + step)
+    place = ag.Reference.constant(48_000.0)
+    fit = fit_thermal(knocked, place, bin_width_C=2.0, stations=made.description.rotations)
+    assert fit.verdict == "check"
+    at, truth = fit.calibration.at(20.0), made.truth["MMC5883MA"].at(20.0)
+    for bias in (truth.bias, truth.bias + step[-1]):
+        assert (np.abs(at.bias - bias) < 3.0 * np.sqrt(np.diag(at.covariance))[:3]).all()
+
+
+@pytest.mark.parametrize("count", [-1, 13])
+def test_no_more_stations_are_repeated_than_there_are(count: int) -> None:
+    with pytest.raises(ag.AgonicError, match="give 0 to 12"):
+        plan_thermal("1xMMC5883MA", repeat=count)
 
 
 def test_every_second_of_the_recording_is_in_one_bin() -> None:

@@ -50,6 +50,9 @@ def plan_chamber(
     humidity: Annotated[
         float, typer.Option(metavar="PERCENT", help="Relative humidity of the room's air.")
     ] = 50.0,
+    repeat: Annotated[
+        int, typer.Option(metavar="N", help="Stations recorded again at the end; 3 show steps.")
+    ] = 0,
     name: Annotated[str, typer.Option(help="Of the campaign.")] = "",
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="FILE", help="Plan: .html or .txt.")
@@ -87,6 +90,7 @@ def plan_chamber(
         fixture_sd_deg=fixture_sd,
         chamber_sd=field_sd,
         humidity_percent=humidity,
+        repeat=repeat,
         name=name,
     )
     saved = [] if folder is None else [_write_template(plan, folder)]

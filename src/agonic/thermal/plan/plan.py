@@ -158,6 +158,18 @@ def _describe_turn(before: Rotation | None, after: Rotation | None) -> str:
     return describe_turn(before.as_matrix(), after.as_matrix())
 
 
+def _repeat_stations(stations: tuple[Station, ...], count: int) -> tuple[Station, ...]:
+    """The stations, and some of them again under new numbers."""
+    if not 0 <= count <= len(stations):
+        raise AgonicError(
+            f"{count} of {len(stations)} stations cannot be repeated; give 0 to {len(stations)}"
+        )
+    next_number = max((station.number for station in stations), default=0) + 1
+    again = [stations[k * len(stations) // count] for k in range(count)]
+    numbered = [replace(one, number=next_number + k) for k, one in enumerate(again)]
+    return (*stations, *numbered)
+
+
 def plan_thermal(
     sensors: str | Sequence[Sensor],
     *,
@@ -166,6 +178,7 @@ def plan_thermal(
     noise: float | None = None,
     profile: Profile | None = None,
     stations: Sequence[Station] | None = None,
+    repeat: int = 0,
     magnitude: float = 48_000.0,
     inclination_deg: float = 65.0,
     degree: int = 3,
@@ -188,6 +201,9 @@ def plan_thermal(
     noise : of one reading on one axis, nT, for all sensors; default: as usual for the model.
     profile : rates and holds; default: 4 h of recording a station for 60 °C.
     stations : default: the standard twelve.
+    repeat : so many of them, evenly chosen, are recorded again at the end: what a sensor did
+        between two stations looks like another calibration unless some are. Of twelve, three
+        have different faces up.
     magnitude, inclination_deg : the field to expect, nT and degrees.
     degree : of the polynomials in temperature. bin_width_C : of the bins.
     fixture_sd_deg : how well the turns of the fixture are known.
@@ -226,7 +242,7 @@ def plan_thermal(
     described = Description(
         name=name,
         sensors=chosen,
-        stations=tuple(stations or list_standard_stations()),
+        stations=_repeat_stations(tuple(stations or list_standard_stations()), repeat),
         files=FILES,
         profile=made,
         rate_Hz=rate_Hz,
