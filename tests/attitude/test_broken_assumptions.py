@@ -127,14 +127,14 @@ def test_few_rows_state_what_noise_with_memory_may_do() -> None:
 
 @pytest.mark.parametrize("kind", FITS)
 def test_noise_of_the_sensor_that_lasts(kind: str) -> None:
-    draws = draw(kind, coloured(0.99, 200.0), k=12, n=2000)
+    draws = draw(kind, coloured(0.99, 200.0), k=8, n=2000)
     assert 0.5 < np.sqrt(np.mean(draws.bias**2)) < 1.3
     assert 0.5 < np.sqrt(np.mean(draws.own**2)) < 1.3  # 1.7 by the memory of each channel alone
 
 
 @pytest.mark.parametrize("kind", FITS)
 def test_axes_of_unequal_noise(kind: str) -> None:
-    draws = draw(kind, unequal_noise(100, 200, 600), k=10, n=1500)
+    draws = draw(kind, unequal_noise(100, 200, 600), k=7, n=1500)
     assert 0.6 < np.sqrt(np.mean(draws.bias**2)) < 1.3
     assert np.sqrt(np.mean(draws.bias[:, 2] ** 2)) < 1.5  # 1.7 to 2.2 with equal noise
 

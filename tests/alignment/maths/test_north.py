@@ -89,7 +89,7 @@ def test_the_sinusoid_is_honest(periods: float) -> None:
     time = np.arange(0.0, periods * 400, 8.0)
     truth = np.array([212.3456, 1.2, 0.5, 1e-4, 2 * np.pi / 400])
     z = []
-    for _ in range(120):
+    for _ in range(80):
         noise = 4 * ARCSEC * rng.standard_normal(len(time))
         found = north.fit_swing(time + 7.0, north.evaluate_swing_deg(truth, time) + noise)
         assert found.converged
