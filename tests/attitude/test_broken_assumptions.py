@@ -204,3 +204,11 @@ def test_errors_of_roll_and_pitch_do_not_look_like_a_disturbance_that_follows_th
         if cause.name.startswith("follows")
     )
     assert low <= 12  # of 60, where chance has 6; 23 with the angles taken for exact
+
+
+def test_a_place_of_the_other_hemisphere_is_told() -> None:
+    samples = record(3, tilts(30), (with_attitude(),), n=800).samples
+    reversed_place = ag.Reference.vector(FIELD_N * [1.0, 1.0, -1.0], frame="n")
+    refused = ag.fit_levelled(samples, reversed_place)
+    assert [finding.name for finding in refused.findings] == ["mounting"]
+    assert "latitude" in refused.status

@@ -24,6 +24,7 @@ from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage, compute_coverage
 from agonic.fit import Accuracy, Channel, Fit, ModelTest, gather_evidence
 from agonic.health import (
+    REVERSED_FIELD,
     Evidence,
     Finding,
     check_mounting,
@@ -244,6 +245,8 @@ def _findings(
         vertical = None if problem.shared is not None else float(np.mean(by_dip.vertical))
         if (misplaced := check_mounting(cleaned, by_dip.down, vertical)) is not None:
             return (misplaced, *seen)
+    if evidence.radius < 0:
+        return (REVERSED_FIELD, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
     examined = examine(evidence, attitude_aided=True)

@@ -13,7 +13,13 @@ from agonic.health.finding import (
     sort_findings,
     verdict_of,
 )
-from agonic.health.mounting import check_axes, check_mounting, find_mounting, find_side
+from agonic.health.mounting import (
+    REVERSED_FIELD,
+    check_axes,
+    check_mounting,
+    find_mounting,
+    find_side,
+)
 from agonic.health.outliers import check_outliers
 from agonic.health.readings import (
     FEWEST,
@@ -28,6 +34,7 @@ from agonic.health.scale import check_magnitude, check_scale
 __all__ = [
     "FEWEST",
     "RECORD_LONGER",
+    "REVERSED_FIELD",
     "Evidence",
     "Finding",
     "Fitted",

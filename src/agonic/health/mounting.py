@@ -60,6 +60,15 @@ def find_mounting(readings: Array, down: Array) -> Array | None:
     return turns[best] if clear and misfit[0] > _find_crosstalk(readings) else None
 
 
+REVERSED_FIELD = Finding(
+    "mounting",
+    "refuse",
+    "by the attitude of the log the field points the opposite way to the reference, up for down",
+    "check the place (the sign of its latitude) and the signs of the sensor's axes",
+)
+"""A fit that reverses the readings: no gain of a sensor is negative."""
+
+
 def check_mounting(readings: Array, down: Array, vertical: float | None = None) -> Finding | None:
     """The finding that the sensor sits in the vehicle by another right angle than its axes say.
 
