@@ -133,9 +133,9 @@ class Problem(NamedTuple):
         _, matrix = split(basis @ params[:m])
         bias, change = split(basis @ step[:m])
         moved, there = params + step, matrix + change
-        if not np.isfinite(there).all() or np.linalg.det(there) == 0.0:
-            return moved  # no step of a field: its cost is no number either, or it lost an axis
-        further = np.linalg.inv(there) @ matrix - np.eye(3)
+        if not np.isfinite(there).all():
+            return moved  # no step: its cost is no number either
+        further = np.linalg.pinv(there) @ matrix - np.eye(3)
         moved[:m] += basis[:3].T @ (further @ bias)
         if self.terms is not None:
             slopes = slice(m, m + 3 * self.terms.shape[1])
