@@ -33,14 +33,16 @@ def flight(seed: int = 1, **settings: Any) -> Simulated:
 def setup_for(
     calibration: Any, *, latency_s: float = 0.0, deviation: Any = None, **more: Any
 ) -> Setup:
-    """A setup of one compass that knows declination and field of `flight`."""
+    """A setup of one compass that knows delay, declination and field of `flight`."""
     dip = np.radians(65.0)
     known = {
         "declination_deg": 2.0,
         "horizontal": FIELD * np.cos(dip),
         "vertical": FIELD * np.sin(dip),
     }
-    compass = Compass(calibration=calibration, latency_s=latency_s, deviation=deviation)
+    compass = Compass(
+        calibration=calibration, latency_s=latency_s, latency_sd_s=0.0, deviation=deviation
+    )
     return Setup(compasses=(compass,), **known | more)
 
 

@@ -105,7 +105,7 @@ def test_a_two_axis_compass_needs_no_vertical_axis() -> None:
     made = simulate("circle", tilt_deg=1e-9, n=300, noise=0.0, calibration=plain(), seed=2)
     flat = made.samples.with_columns(field=made.samples.field * [0.7, 0.7, 0.0])
     setup = Setup(
-        compasses=(Compass(calibration=plain()),),
+        compasses=(Compass(calibration=plain(), latency_sd_s=0.0),),
         tilt="level",
         declination_deg=0.0,
         horizontal=17_500.0,

@@ -22,7 +22,7 @@ def told(seed: int, *, noise: float, attitude_sd_deg: float) -> tuple[np.ndarray
     other = ag.simulate_vehicle(**facts, seed=seed + 1000, calibrations=first.truths)
     north, east, _ = other.field_n.mean(axis=0)
     setup = ag.Setup(
-        compasses=(ag.Compass(calibration=fit.calibration),),
+        compasses=(ag.Compass(calibration=fit.calibration, latency_sd_s=0.0),),
         tilt="log",
         tilt_sd_deg=max(attitude_sd_deg, 1e-3),
         declination_deg=float(np.degrees(np.arctan2(east, north))),

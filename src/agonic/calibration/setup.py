@@ -32,7 +32,7 @@ class Compass(Valued):
     deviation : from what this compass reads to the magnetic heading, or `None` for no deviation.
     latency_s : how late its readings are beside the attitude; default: what the calibration says.
     latency_sd_s : standard error of that; default: what the calibration says of its own latency,
-        `None` where it is not known.
+        `None` where it is not known, which counts as `LATENCY_SD_S`.
 
     Examples
     --------

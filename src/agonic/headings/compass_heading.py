@@ -10,10 +10,10 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import check_axes, has_two_axes, select_columns
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.setup import Compass
+from agonic.calibration.setup import LATENCY_SD_S, Compass
 from agonic.errors import FrameError, LogError, UnitError
 from agonic.fresh import find_fresh
-from agonic.headings.attitude import LEVEL, Attitude, find_mounting
+from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
 from agonic.maths.rotations import tilt as kernel
@@ -27,6 +27,8 @@ UNKNOWN_SD_DEG = 180.0 / 3**0.5
 """Standard deviation of a heading of which nothing is known."""
 LONGEST_BRIDGE = 3.0
 """Readings further apart than this many periods are not joined."""
+TURNING_S = 0.1
+"""To either side of a row, over which its readings tell how fast they change."""
 
 
 LIKELY_DIP_DEG = 65.0
@@ -36,15 +38,15 @@ LIKELY_DIP_DEG = 65.0
 class Readings(NamedTuple):
     """Readings brought to common times: raw (n, 3), columns beside them, rows without any.
 
-    `averaged` (n,) is what interpolation leaves of the variance of the noise; `rate` (n, 3), rad/s,
-    is how the sensor turns, in its own axes, where that is known.
+    `averaged` (n,) is what interpolation leaves of the variance of the noise; `change` (n, 3) is by
+    how much the readings change in a second, where they have times.
     """
 
     raw: Array
     columns: Mapping[str, Array]
     averaged: Array | None = None
     missing: Mask | None = None
-    rate: Array | None = None
+    change: Array | None = None
 
 
 class Indication(NamedTuple):
@@ -69,7 +71,8 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
     columns = select_columns(compass.calibration, samples)
     fresh = find_fresh(samples.field) if samples.time is not None else np.ones(1, dtype=bool)
     if time is samples.time and compass.latency_s == 0.0 and fresh.all():
-        return Readings(samples.field, columns, rate=samples.rotation_rate)
+        change = None if time is None else compute_change(time, samples.field)
+        return Readings(samples.field, columns, change=change)
     if samples.time is None or time is None:
         raise LogError(
             f"readings of {samples.name} have to be brought to other times and have none of their "
@@ -93,10 +96,24 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
     period = float(np.median(np.diff(own)))
     outside = (late < own[0] - 1e-6) | (late > samples.time[-1] + 1e-6)
     missing = outside | ((width > LONGEST_BRIDGE * period) & (share * (1 - share) > 1e-9))
-    rate = samples.rotation_rate
-    if rate is not None:
-        rate = _interpolated(time, samples.time, rate)
-    return Readings(field, moved, share**2 + (1 - share) ** 2, missing, rate)
+    averaged = share**2 + (1 - share) ** 2
+    return Readings(field, moved, averaged, missing, compute_change(time, field))
+
+
+def compute_change(time: Array, values: Array) -> Array | None:
+    """By how much values (n, 3) change in a second, over `TURNING_S` to either side of each row,
+    or over the rows beside it; `None` for a single one.
+
+    >>> compute_change(np.arange(3.0), np.outer(np.arange(3.0), [1.0, 2, 3])).tolist()
+    [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]
+    """
+    if len(time) < 2:
+        return None
+    rows, last = np.arange(len(time)), len(time) - 1
+    before = np.minimum(np.searchsorted(time, time - TURNING_S), np.maximum(rows - 1, 0))
+    after = np.searchsorted(time, time + TURNING_S, side="right") - 1
+    after = np.maximum(after, np.minimum(rows + 1, last))
+    return np.asarray((values[after] - values[before]) / (time[after] - time[before])[:, None])
 
 
 def _check(samples: Samples, compass: Compass) -> None:
@@ -174,10 +191,7 @@ def _piece(
         turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
         systematic, random = propagate(steps, values, columns, turned.by_field)
         systematic += _by_tilt(turned, attitude, around, rows)
-        if readings.rate is not None and compass.latency_sd_s:
-            rate = readings.rate[rows] @ find_mounting(compass.calibration).T
-            late = turn_by_delay(turned.by_field, rate, field.T)
-            systematic += (compass.latency_sd_s * late) ** 2
+        systematic += _by_delay(readings, rows, steps, compass, values[-1], turned.by_field)
     if readings.averaged is not None:
         random *= readings.averaged[rows]
     systematic, random = np.degrees(np.degrees(systematic)), np.degrees(np.degrees(random))
@@ -192,12 +206,27 @@ def _piece(
     )
 
 
-def turn_by_delay(gradient: Array, rate: Array, field: Array) -> Array:
-    """By how much a heading of such a gradient (3, n) turns for each second that it is late, (n,).
+def _by_delay(
+    readings: Readings,
+    rows: slice,
+    steps: tuple[Step, ...],
+    compass: Compass,
+    field: Array,
+    gradient: Array,
+) -> Array | float:
+    """Variance that the error of the delay makes, rad², (n,): what the readings change in it turns
+    a heading of such a gradient (3, n) beside an attitude that is on time."""
+    sd = find_latency_sd(compass)
+    if readings.change is None or sd == 0.0:
+        return 0.0
+    columns = {name: values[rows] for name, values in readings.columns.items()}
+    later = apply_steps(steps, readings.raw[rows] + sd * readings.change[rows], columns)[-1]
+    return np.asarray(np.einsum("in,ni->n", gradient, later - field) ** 2)
 
-    A field (n, 3) at rest turns by −ω × b in a sensor that turns at ω (n, 3), rad/s.
-    """
-    return np.asarray(np.einsum("in,ni->n", gradient, np.cross(rate, field)))
+
+def find_latency_sd(compass: Compass) -> float:
+    """The standard error of a compass's delay, s: as it is known, or as delays usually scatter."""
+    return LATENCY_SD_S if compass.latency_sd_s is None else compass.latency_sd_s
 
 
 def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | float:

@@ -91,7 +91,6 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     wrong = find_wrong_gyro(first, setup, pairs[0][0].calibration)
     if wrong is not None:
         first = first.with_columns(rotation_rate=None)
-        read = [readings._replace(rate=None) for readings in read]
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
 
     def look(own: Samples) -> Looked:

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.setup import LATENCY_SD_S, Compass
+from agonic.calibration.setup import Compass
 from agonic.headings.attitude import RECORDED_SD_DEG, Attitude
-from agonic.headings.compass_heading import Indication, Readings, turn_by_delay
+from agonic.headings.compass_heading import Indication, Readings, find_latency_sd
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.lean import find_lean_covariance
 from agonic.headings.maths.offset import GYRO
@@ -56,11 +56,9 @@ def list_compass_errors(
         gradient = gradient * (1 + slope(level, turned.heading_deg, 0.0, 0.0))
     gradient = np.where(np.isfinite(gradient), gradient, 0.0)
     parts, _ = propagate_parts(steps, values, columns, gradient)
-    late = turn_by_delay(gradient, rate[rows], values[-1])[:, None]
-    sd = one.compass.latency_sd_s
-    return np.concatenate([np.zeros((0, len(rows))), *parts]).T, late * (
-        LATENCY_SD_S if sd is None else sd
-    )
+    late = np.einsum("in,ni->n", gradient, np.cross(rate[rows], values[-1]))[:, None]
+    late *= find_latency_sd(one.compass)
+    return np.concatenate([np.zeros((0, len(rows))), *parts]).T, late
 
 
 def follow_axes(axes: Array, moments: Moments, settling_s: float) -> Array:
