@@ -24,6 +24,12 @@ FAR_BETTER = 0.25
 """Of the square that is left: another naming of axes or unit is believed where it leaves less."""
 EXPLAINED = 0.5
 """Of the square of the change: what a right naming leaves at most."""
+SHAKEN = 0.75
+"""Of the square of the change of gravity: what a right naming leaves beside other accelerations."""
+CLEARLY = 0.25
+"""Of that square: what another naming explains more."""
+_STRETCHES = 8
+"""In each of them another naming has to explain more: one would by chance."""
 FEWEST = 50
 """Readings that can show a turn."""
 _SMOOTHED_S = (0.3, 1.0, 3.0)
@@ -89,6 +95,7 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
         return None
     samples = find_telling(samples)
     found = find_renaming(samples, _sum_of_gravity(samples), _UNITS[:1])
+    found = found or _find_shaken_renaming(samples)
     if found is None:
         return None
     back = found.turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
@@ -152,6 +159,55 @@ def find_renaming(
         if left.min() <= min(EXPLAINED, FAR_BETTER * own):
             found.append(Renaming(float(left.min()), turns[turn], units[unit][1], own))
     return min(found, key=lambda one: one.left) if found else None
+
+
+def _find_shaken_renaming(samples: Samples) -> Renaming | None:
+    """What renames the gyro to turn as gravity does where the vehicle is shaken as well.
+
+    Acceleration that has nothing to do with the turns adds to what every naming leaves; so the own
+    naming is wrong where another one leaves clearly less, in every stretch. Of those that
+    hardly differ, as by the sign of a turn about the vertical, the simplest is told.
+    """
+    # a gyro reversed is told by the field; here it would look like x and y reversed
+    turns = np.concatenate([right_angles(), -right_angles()[1:]])
+    samples = _without_centripetal(samples)
+    stretches = np.array_split(np.arange(len(samples)), _STRETCHES)
+    if len(stretches[-1]) < FEWEST:
+        return None
+    parts = [_sum_of_gravity(samples.select(rows)) for rows in stretches]
+    for smoothed_s in _SMOOTHED_S[:2]:
+        products, farthest = _sum_of_gravity(samples)(smoothed_s)
+        left = measure_left(products, turns, farthest)
+        if left.min() > min(SHAKEN, left[0] - CLEARLY):
+            continue
+        each = np.array([measure_left(one(smoothed_s)[0], turns, farthest) for one in parts])
+        always = (each < each[:, :1]).all(axis=0) & (left < 1.1 * left.min())
+        if always.any():
+            best = min(np.flatnonzero(always), key=lambda which: _count_changes(turns[which]))
+            return Renaming(float(left[best]), turns[best], "", float(left[0]))
+    return None
+
+
+def _without_centripetal(samples: Samples) -> Samples:
+    """The samples without the acceleration that goes with the rates, as ω × v does.
+
+    A vehicle that leans into its turns feels less than v ω across, or more if it leans out, and
+    would seem to roll the other way. Gravity itself goes with the angles, a quarter of a swing
+    after the rates.
+    """
+    rate, force = samples.rotation_rate, samples.acceleration
+    assert rate is not None
+    assert force is not None
+    about = rate - rate.mean(axis=0)
+    share = np.linalg.lstsq(about, force - force.mean(axis=0), rcond=None)[0]
+    return samples.with_columns(acceleration=force - about @ share)
+
+
+def _count_changes(turn: Array) -> tuple[int, int]:
+    """How many axes are moved by a renaming of the accelerometer or its opposite, or reversed."""
+    moved = int(np.count_nonzero(np.diag(turn) == 0))
+    reversed_ = int(np.count_nonzero(turn < 0))
+    return moved, min(reversed_, 3 - reversed_)
 
 
 def explains_change(samples: Samples) -> bool:
