@@ -53,6 +53,8 @@ not see how it turns about the field."""
 LIKELY = 0.2
 """Of the field: a sensor bends by less at the size of the field, and what goes with bank or pitch
 is less for a vehicle turned by a right angle."""
+UNEVEN = 0.03
+"""Of the reading: by so much gains may differ between positive and negative readings."""
 
 
 class _Cause(NamedTuple):
@@ -186,7 +188,7 @@ def list_causes(work: Work) -> Iterator[_Cause]:
     centre = work.fitted.calibration.bias / work.radius
     apart = np.r_[True, np.diff(rows) != 1]
     yield _cause(work, "non-linear", unmodelled.non_linearity, static=True, likely=LIKELY)
-    yield _cause(work, "non-linear", unmodelled.gain_by_sign, static=True, likely=LIKELY)
+    yield _cause(work, "non-linear", unmodelled.gain_by_sign, static=True, likely=UNEVEN)
     by_magnitude = work.fitted.look is None
     if by_magnitude:  # six unknowns hide a small bend among chance; what all axes share is one
         yield _cause(
