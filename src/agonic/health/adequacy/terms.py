@@ -142,7 +142,8 @@ def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list
         q = float(chdtri(k, max(score.p_value, SIGNIFICANT / 100)))
         if q > k:
             odds = PROBABLE * float(np.exp((q - k - k * np.log(q / k)) / 2))
-            error = _model_error(work, cause, score._replace(spread=0.0 * score.spread))
+            plain = score._replace(spread=0.0 * score.spread, unseen=0.0 * score.unseen)
+            error = _model_error(work, cause, plain)
             most = min(UNSEEN * work.radius / max(error.size, 1e-300), 1.0)
             found.append((error, odds, (1 - k / q) * most**2))
     total = 1 + sum(odds for _, odds, _ in found)
