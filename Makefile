@@ -8,8 +8,11 @@ UV     := $(shell command -v uv 2>/dev/null)
 # One core per worker: small matrices lose more to threads than they gain.
 export OPENBLAS_NUM_THREADS ?= 1
 
+# Bytecode is kept, or every process that a test starts compiles the code anew.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+
 .DEFAULT_GOAL := help
-.PHONY: help demo test check format docs bench bench-quick fuzz lock clean
+.PHONY: help demo test test-slow check format docs bench bench-quick fuzz lock clean
 
 help:  ## show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 13
@@ -17,9 +20,11 @@ help:  ## show this list
 demo: $(VENV)/.core  ## set up and run the main job on a simulated log
 	$(BIN)/agonic demo -o demo
 
-# Bytecode is kept, or every process that a test starts compiles the code anew.
-test: $(VENV)/.dev  ## set up and run every test
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+test: $(VENV)/.dev  ## set up and run the tests
+	$(PYTEST) -m "not slow"
+
+test-slow: $(VENV)/.dev  ## run the tests of many draws and whole campaigns
+	$(PYTEST) -m slow
 
 check: $(VENV)/.dev  ## lint, types, layers, formatting
 	$(BIN)/ruff check .

@@ -15,6 +15,7 @@ from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
+from _pytest.mark import ParameterSet
 
 import agonic as ag
 from agonic.cli import COMMANDS
@@ -49,6 +50,21 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fit = ag.fit_ellipsoid(other.samples, ag.Reference.constant(50_000))
     ag.save(fit.calibration, folder / "mag.json")
     return folder
+
+
+# What fits whole campaigns, orbits, networks or millions of rows.
+SLOW = (
+    "calibrate-in-a-chamber",
+    "calibrate-in-flight",
+    "calibrate-with-a-network",
+    "large-data",
+    "thermal_campaign",
+)
+
+
+def mark_slow(path: Path) -> ParameterSet:
+    """A page or script to run, left out of the quick tests where it takes seconds."""
+    return pytest.param(path, marks=[pytest.mark.slow] if path.stem in SLOW else [])
 
 
 def test_every_public_name_is_on_the_page_of_names() -> None:
@@ -224,7 +240,7 @@ def test_every_item_of_the_four_documents_has_a_page_that_is_there() -> None:
 
 @pytest.mark.parametrize(
     "page",
-    [page for page in PAGES if FENCE.search(text_of(page))],
+    [mark_slow(page) for page in PAGES if FENCE.search(text_of(page))],
     ids=lambda page: page.relative_to(ROOT).as_posix(),
 )
 def test_code_of_pages_runs(
@@ -246,7 +262,11 @@ def test_code_of_pages_runs(
         assert runner.summarize(verbose=False).failed == 0
 
 
-@pytest.mark.parametrize("script", sorted((ROOT / "examples").glob("*.py")), ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "script",
+    [mark_slow(path) for path in sorted((ROOT / "examples").glob("*.py"))],
+    ids=lambda path: path.name,
+)
 def test_examples_run(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names = runpy.run_path(str(script), run_name="__main__")

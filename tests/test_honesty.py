@@ -79,6 +79,7 @@ def clean(coverage: str, model: str) -> Draws:
     return draw(coverage, model, k=50, n=500, noise=100.0, soft_iron_sd=None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "coverage"),
     [
@@ -94,6 +95,7 @@ def test_error_over_sd_is_standard_normal(model: str, coverage: str) -> None:
     assert np.mean(np.abs(draws.z) < 1.96) == pytest.approx(0.95, abs=0.02 + 0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coverage", COVERAGES)
 def test_errors_reach_the_cramer_rao_bound(coverage: str) -> None:
     draws = clean(coverage, "full")
@@ -101,6 +103,7 @@ def test_errors_reach_the_cramer_rao_bound(coverage: str) -> None:
     assert draws.vector_over_bound < 1.05 + 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coverage", COVERAGES)
 def test_gross_outliers_cost_little(coverage: str) -> None:
     draws = draw(
@@ -116,6 +119,7 @@ def test_gross_outliers_cost_little(coverage: str) -> None:
     assert np.std(draws.z) == pytest.approx(1.0, abs=0.05 + 0.1)
 
 
+@pytest.mark.slow
 def test_many_readings_do_not_stall_on_the_noise_of_the_curved_surface() -> None:
     draws = draw("full sphere", "full", k=2, n=300_000, noise=1500.0, soft_iron_sd=None)
     assert np.abs(draws.z).max() < 4.5  # the uncorrected residual is off by 7 σ in the gains
@@ -137,6 +141,7 @@ def test_the_prior_moves_nothing_under_full_coverage(n: int) -> None:
         assert np.abs(moved / free.sd).max() < 0.01
 
 
+@pytest.mark.slow
 def test_correlated_noise_is_counted_once() -> None:
     from agonic.simulation import with_correlated_noise
 

@@ -54,6 +54,7 @@ def draw(*faults: Fault, motion=tumble, k: int = 9, **settings) -> Draws:
     return Draws(np.array(bias), np.array(heading), tuple(verdicts))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "motion", "n"),
     [
@@ -75,12 +76,14 @@ def test_the_stated_error_covers_the_true_one(faults: tuple[Fault, ...], motion,
     assert draws.heading.max() < 3.0
 
 
+@pytest.mark.slow
 def test_a_smooth_structure_counts_with_what_the_fit_has_taken_up_of_it() -> None:
     draws = draw(follows_attitude(3000.0), motion=tilts(45), k=8, n=1500)
     assert np.count_nonzero(draws.heading > 3.0) <= 2
     assert 0.5 < np.median(draws.heading) < 2.0
 
 
+@pytest.mark.slow
 def test_noise_is_no_less_than_rounding_where_nothing_else_scatters() -> None:
     # at rest on one level, nine of twelve poses can fit exactly: an error of 0.0002 nT was stated
     draws = draw(quantised(1000.0), motion=poses(12, 100), k=12, n=1200, noise=10.0)
@@ -102,6 +105,7 @@ def test_short_logs_are_as_honest(n: int) -> None:
     assert draws.heading.max() < 3.5
 
 
+@pytest.mark.slow
 def test_noise_that_lasts_is_seen_in_few_readings() -> None:
     """Of 50 readings nine unknowns take up most of what lasts: 2.0 by what residuals still show."""
     draws = draw(coloured(0.9, 200.0), k=20, n=50)

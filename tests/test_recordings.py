@@ -32,10 +32,14 @@ OTHER_DAY = {".tlog"}  # telemetry has no reader yet
 @pytest.fixture(scope="session")
 def calibrated(recordings: Path) -> dict[str, list[ag.Calibrated]]:
     """What `calibrate` makes of every sensor of every recording, by the recording's path."""
-    return {
-        name: [ag.calibrate(sensor) for sensor in ag.open_log(recordings / name).sensors]
-        for name in KNOWN
-    }
+
+    class OnceAsked(dict[str, list[ag.Calibrated]]):
+        def __missing__(self, name: str) -> list[ag.Calibrated]:
+            log = ag.open_log(recordings / name)
+            self[name] = [ag.calibrate(sensor) for sensor in log.sensors]
+            return self[name]
+
+    return OnceAsked()
 
 
 def names(results: list[ag.Calibrated]) -> dict[str, str]:
@@ -52,7 +56,13 @@ def test_no_recording_is_forgotten(recordings: Path) -> None:
     assert there == set(KNOWN)
 
 
-@pytest.mark.parametrize("name", KNOWN)
+SLOW = "sensor_data.csv"  # a fit to a poor swing of 13 000 rows takes its time
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] if n.endswith(SLOW) else []) for n in KNOWN],
+)
 def test_every_sensor_gets_a_verdict_with_reasons(calibrated, name: str) -> None:
     assert calibrated[name]
     for result in calibrated[name]:
@@ -124,6 +134,7 @@ def test_a_motor_field_is_named_in_the_compass_beside_it(calibrated) -> None:
     assert names(results[1:2])["field changed"] == "refuse"
 
 
+@pytest.mark.slow
 def test_a_poor_swing_does_not_determine_an_ellipsoid(calibrated) -> None:
     (result,) = calibrated["vehicle/fusion/sensor_data.csv"]
     assert result.verdict == "refused"

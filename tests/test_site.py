@@ -13,6 +13,7 @@ from agonic.citations import CITATIONS
 from agonic.cli import COMMANDS
 
 pytest.importorskip("matplotlib")
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

@@ -58,6 +58,7 @@ def test_a_refused_session_writes_no_calibration(capsys) -> None:
     assert not Path("cal.json").exists()
 
 
+@pytest.mark.slow
 def test_a_session_with_a_mistake(capsys) -> None:
     assert run(["simulate", "alignment", "-o", "night"]) == 0
     file = Path("night/session.toml")

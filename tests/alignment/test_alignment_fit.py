@@ -132,6 +132,7 @@ def bound_arcsec(made: SimulatedSession) -> np.ndarray:
     return np.sqrt(np.diag(np.linalg.inv(whole))) / ARCSEC_RAD
 
 
+@pytest.mark.slow
 def test_errors_are_at_the_bound(seeds) -> None:
     errors, _, bounds = seeds
     assert np.sqrt((errors**2 / bounds**2).mean()) < 1.05
@@ -139,6 +140,7 @@ def test_errors_are_at_the_bound(seeds) -> None:
     assert np.sqrt((errors**2).mean()) < 1.0  # well below 2″, 0.49 nT in 50 000 nT
 
 
+@pytest.mark.slow
 def test_standard_errors_are_honest(seeds) -> None:
     errors, sds, _ = seeds
     z = errors / sds
@@ -146,6 +148,7 @@ def test_standard_errors_are_honest(seeds) -> None:
     assert z.std() == pytest.approx(1.0, abs=3 / np.sqrt(2 * z.size))
 
 
+@pytest.mark.slow
 def test_bias_matrix_and_pier_are_honest() -> None:
     """Twelve further unknowns at once, with a pier difference that is known to 2 nT."""
     z = []
@@ -184,6 +187,7 @@ def test_noise_that_is_not_stated_is_taken_from_the_scatter() -> None:
     np.testing.assert_allclose(told.sd_arcsec, stated.sd_arcsec, rtol=0.06)
 
 
+@pytest.mark.slow
 def test_residuals_larger_than_stated_widen_the_errors() -> None:
     made = simulate_session(seed=7, noise=5.0)
     session = replace(made.session, noise=0.5)
@@ -286,6 +290,7 @@ def test_geodetic_coordinates_are_doubted() -> None:
     assert budget["deflection of the vertical"].treatment == "not corrected"
 
 
+@pytest.mark.slow
 def test_predictions_of_the_earths_rotation_are_noted() -> None:
     earth = load_earth_rotation()
     made = simulate_session(seed=8)
@@ -302,6 +307,7 @@ def test_times_outside_the_table_are_refused() -> None:
         fit_alignment(at_other_times(made.session, -60 * 365.25 * 86_400))
 
 
+@pytest.mark.slow
 def test_attitudes_that_scatter_too_much_are_told() -> None:
     made = simulate_session(seed=8, across_sd_arcsec=9.0)
     stated = np.diag((np.array([3.0, 3.0, 20.0]) * ARCSEC_RAD) ** 2)

@@ -48,6 +48,7 @@ def biased(session: Session) -> Session:
     return replace(session, magnetometer=readings.with_columns(field=readings.field + 8.0 * AXIS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [

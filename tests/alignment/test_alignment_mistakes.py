@@ -134,6 +134,7 @@ MISTAKES: dict[str, Callable[[Session], Session]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", MISTAKES)
 def test_every_mistake_is_found_by_its_name(words: str) -> None:
     made = simulate_session(
@@ -146,6 +147,7 @@ def test_every_mistake_is_found_by_its_name(words: str) -> None:
     assert said.split("; ", 1)[1].startswith(f"{words} would explain it"), said
 
 
+@pytest.mark.slow
 def test_a_mistake_is_found_while_the_bias_is_solved_for() -> None:
     made = simulate_session(seed=5, bias=(200.0, -100.0, 50.0), matrix=MATRIX)
     session = MISTAKES["TAI taken for UTC"](made.session)
@@ -158,6 +160,7 @@ def test_without_a_mistake_none_is_named() -> None:
     assert names(fit_alignment(made.session)) == set()
 
 
+@pytest.mark.slow
 def test_a_magnetometer_that_needs_calibration_is_no_mistake_of_frames() -> None:
     made = simulate_session(seed=5, bias=(200.0, -100.0, 50.0), matrix=MATRIX)
     fit = fit_alignment(made.session)

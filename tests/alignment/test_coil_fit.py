@@ -20,6 +20,7 @@ def pulled(error, covariance) -> float:
     return float(error @ np.linalg.pinv(covariance, rcond=1e-6) @ error)
 
 
+@pytest.mark.slow
 def test_the_axis_is_known_to_an_arcsecond_and_says_so() -> None:
     """0.5 nT, 20 µT, 100 reversals with one reading between them."""
     errors, q, z = [], [], []
@@ -36,6 +37,7 @@ def test_the_axis_is_known_to_an_arcsecond_and_says_so() -> None:
     assert np.std(z) == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_the_whole_chain_is_honest() -> None:
     q = {"b": [], "n": []}
     z = []
@@ -133,6 +135,7 @@ def test_linearity_over_several_currents() -> None:
     assert 1e6 * smallest.departure / crooked.constant == pytest.approx(10_000, rel=0.1)
 
 
+@pytest.mark.slow
 def test_linear_currents_are_hardly_ever_called_nonlinear() -> None:
     p = [
         fit_coil(
@@ -245,6 +248,7 @@ def test_a_mistake_that_leaves_no_residual_is_told(how: str) -> None:
     assert how in {found.name for found in fit_coil(spoilt(simulate_coil().session, how)).findings}
 
 
+@pytest.mark.slow
 def test_no_such_mistake_is_made_up() -> None:
     """Nor where the ambient field is stormy: what the reference sees, it sees of that."""
     rng = np.random.default_rng(3)

@@ -18,6 +18,7 @@ def turn_between(a, b):
     return Rotation.from_matrix(a @ b.T).as_rotvec()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias", [False, True])
 def test_the_turn_is_found_and_its_error_honest(bias: bool) -> None:
     q = []
@@ -120,6 +121,7 @@ def test_logs_that_will_not_do() -> None:
         fit_gravity(made.samples.with_columns(acceleration=None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("orientations", [6, 8])
 def test_few_orientations_state_an_error_that_holds(orientations: int) -> None:
     """Six orientations leave two residuals to tell the noise: Student's t, not Gauss."""

@@ -15,6 +15,7 @@ from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
 
+@pytest.mark.slow
 def test_every_method_is_honest_and_the_sinusoid_best() -> None:
     z = {"swing": [], "reversal": [], "transit": [], "mark": [], "turn": []}
     for seed in range(40):
@@ -142,6 +143,7 @@ def test_a_sheet_without_noise_is_undone() -> None:
     assert 3600 * fit.mark.collimation_deg == pytest.approx(4.0, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inclination", [64.3, -55.0, 12.0])
 def test_sheets_are_honest(inclination: float) -> None:
     """Three degrees of freedom: the median of Student's t is 0.765, of its widened sd 0.471."""
@@ -194,6 +196,7 @@ def test_findings_of_a_sheet() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift_arcsec", [5.0, 20.0])
 def test_a_zero_that_drifts_is_told_and_stated(drift_arcsec: float) -> None:
     """The band of the gyro warms up: what it hangs at moves all the time."""

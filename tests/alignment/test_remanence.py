@@ -71,6 +71,7 @@ def test_half_a_circle_is_refused() -> None:
         fit_remanence(turned.with_columns(heading_deg=None))
 
 
+@pytest.mark.slow
 def test_an_alignment_names_the_platforms_field_and_its_budget_holds_it(tmp_path: Path) -> None:
     made = simulate_session(remanence=4.0, seed=2)
     write_session(made.session, tmp_path)

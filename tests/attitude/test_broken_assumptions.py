@@ -90,6 +90,7 @@ def heading_errors_deg(calibration: ag.Affine, recording: Recording) -> tuple[fl
     return float(rms), float(min(off.std(), np.sqrt(np.mean(without**2))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_errors_of_the_attitude_that_last(kind: str) -> None:
     beside = with_attitude(1.0, memory=0.99, heading=kind == "vector")
@@ -100,6 +101,7 @@ def test_errors_of_the_attitude_that_last(kind: str) -> None:
     assert 0.35 < np.sqrt(np.mean(draws.own**2)) < 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_a_sensor_that_lay_still_for_most_of_the_log(kind: str) -> None:
     """Errors of the attitude stand in residuals and Jacobian alike: error/σ was 12."""
@@ -109,6 +111,7 @@ def test_a_sensor_that_lay_still_for_most_of_the_log(kind: str) -> None:
     assert draws.verdicts.count("good") >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 @pytest.mark.parametrize("n", [50, 200])
 def test_short_logs_with_outliers(kind: str, n: int) -> None:
@@ -119,12 +122,14 @@ def test_short_logs_with_outliers(kind: str, n: int) -> None:
         assert draws.own.max() < 3.0
 
 
+@pytest.mark.slow
 def test_few_rows_state_what_noise_with_memory_may_do() -> None:
     """1.5 by what 35 residuals show of their memory."""
     draws = draw("vector", coloured(0.9, 200.0), k=24, n=35)
     assert 0.6 < np.sqrt(np.mean(draws.bias**2)) < 1.35
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_noise_of_the_sensor_that_lasts(kind: str) -> None:
     draws = draw(kind, coloured(0.99, 200.0), k=8, n=2000)
@@ -132,6 +137,7 @@ def test_noise_of_the_sensor_that_lasts(kind: str) -> None:
     assert 0.5 < np.sqrt(np.mean(draws.own**2)) < 1.3  # 1.7 by the memory of each channel alone
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_axes_of_unequal_noise(kind: str) -> None:
     draws = draw(kind, unequal_noise(100, 200, 600), k=7, n=1500)
@@ -139,6 +145,7 @@ def test_axes_of_unequal_noise(kind: str) -> None:
     assert np.sqrt(np.mean(draws.bias[:, 2] ** 2)) < 1.5  # 1.7 to 2.2 with equal noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_axes_of_unequal_noise_lean_no_bias_of_a_vehicle_that_tilts_little(kind: str) -> None:
     """Noise stands in residuals and Jacobian alike: by 1.3 to 2.3 σ where it counts as equal."""
@@ -148,6 +155,7 @@ def test_axes_of_unequal_noise_lean_no_bias_of_a_vehicle_that_tilts_little(kind:
         assert abs(np.mean(bias[:, 2])) < 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 @pytest.mark.parametrize("n", [50, 200])
 def test_noise_that_lasts_in_short_logs(kind: str, n: int) -> None:
@@ -163,6 +171,7 @@ def test_few_levels_an_axis_are_told(kind: str) -> None:
     assert set(draws.verdicts) == {"check"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_a_model_error_shows_in_all_kinds_of_residuals(kind: str) -> None:
     """Compression by length keeps magnitudes within a band of directions; only the dip shows it."""
@@ -171,6 +180,7 @@ def test_a_model_error_shows_in_all_kinds_of_residuals(kind: str) -> None:
     assert np.sqrt(np.mean(draws.bias**2)) < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_a_drift_does_not_hide_as_noise_with_a_long_memory(kind: str) -> None:
     draws = draw(kind, steady_drift(1000.0), k=4, n=2000)
@@ -178,6 +188,7 @@ def test_a_drift_does_not_hide_as_noise_with_a_long_memory(kind: str) -> None:
     assert np.median(draws.own) > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FITS)
 def test_noise_of_the_attitude_is_no_model_error(kind: str) -> None:
     """Noise is in the residuals and in what they are compared with: it must not look like both."""
@@ -189,6 +200,7 @@ def test_noise_of_the_attitude_is_no_model_error(kind: str) -> None:
             assert not {finding.name for finding in fit.findings} & set(CAUSES)
 
 
+@pytest.mark.slow
 def test_errors_of_roll_and_pitch_do_not_look_like_a_disturbance_that_follows_them(
     monkeypatch,
 ) -> None:

@@ -34,6 +34,7 @@ def log(kind: str, seed: int, late_s: float = 0.0, **settings) -> ag.Samples:
     return delayed(late_s)(bare) if late_s else bare
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", list(BROKEN))
 def test_its_error_is_as_stated_beside_a_raw_gyro(broken: str) -> None:
     z = []
@@ -45,6 +46,7 @@ def test_its_error_is_as_stated_beside_a_raw_gyro(broken: str) -> None:
     assert abs(np.mean(z)) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["circle", "car", "boat"])
 def test_a_drive_on_time_is_left_on_time(kind: str) -> None:
     """Where little turns, the noise makes minima far from zero."""
@@ -53,6 +55,7 @@ def test_a_drive_on_time_is_left_on_time(kind: str) -> None:
     assert all(0.0 < fit.left_sd_s <= LATENCY_SD_S for fit in fits)
 
 
+@pytest.mark.slow
 def test_beside_roll_and_pitch_it_is_that_of_the_heading_made_with_them() -> None:
     """Roll and pitch 4 ms early beside the gyro, the readings 11 ms late."""
     found = []
@@ -70,6 +73,7 @@ def test_beside_roll_and_pitch_it_is_that_of_the_heading_made_with_them() -> Non
     assert np.mean(found) == pytest.approx(15.0, abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [-0.5, 0.5])
 def test_clocks_far_apart_are_found(late_s: float) -> None:
     fit = fit_latency(log("circle", 1, late_s))
@@ -150,6 +154,7 @@ def test_the_heading_of_each_row_counts_it(motion, latency_sd_s, least) -> None:
     assert least < np.sqrt(np.mean(squares) / np.mean(stated)) < 1.15
 
 
+@pytest.mark.slow
 def test_the_fit_beside_accelerometer_and_gyro_finds_it_by_itself() -> None:
     made = simulate("circle", tilt_deg=10.0, n=2000, inclination_deg=65.0, seed=6)
     late = delayed(0.1)(with_inertial_unit(seed=6)(made.samples))

@@ -143,6 +143,7 @@ def test_a_recording_tells_which_disturbers_it_can_tell_apart() -> None:
         judge_disturbers(quiet)
 
 
+@pytest.mark.slow
 def test_heater_and_torquers_of_a_satellite_are_found_by_the_magnitude_alone() -> None:
     """No attitude: what an ampere and an A m² add is told by the steadiness of the magnitude."""
     z = []

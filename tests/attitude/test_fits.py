@@ -66,6 +66,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.slow
 def test_another_flight_keeps_its_heading_within_the_stated_error() -> None:
     """Bank ±27°, one magnetometer, 20 nT noise, full matrix and bias."""
     errors, stated = [], []
@@ -111,6 +112,7 @@ def draws(kind: str, k: int, **settings: Any) -> np.ndarray:
     return np.array(z)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "tilt_sd_deg"),
     [("levelled", 0.0), ("levelled", 0.5), ("vector", 0.5), ("interference", 0.0)],
@@ -195,6 +197,7 @@ def test_settings_that_make_no_sense_are_refused() -> None:
         fit_vector(samples, PLACE)
 
 
+@pytest.mark.slow
 def test_a_sensor_mounted_by_another_right_angle_is_refused_with_the_mounting() -> None:
     samples = flown(5)[1]
     mounted = samples.with_columns(field=samples.field[:, [1, 0, 2]] * [1.0, -1.0, 1.0])

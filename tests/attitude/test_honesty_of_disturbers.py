@@ -54,6 +54,7 @@ def tilted(samples: ag.Samples, rng: np.random.Generator) -> ag.Samples:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [lasting, unequal, coarse, late, noisy, tilted])
 def test_bias_and_slopes_are_covered(fault: Fault) -> None:
     bias, slopes = [], []
@@ -76,6 +77,7 @@ def test_bias_and_slopes_are_covered(fault: Fault) -> None:
         assert np.abs(z).max() < 4.0
 
 
+@pytest.mark.slow
 def test_a_current_that_changes_as_quickly_as_noise_keeps_its_slope() -> None:
     z = []
     for seed in range(6):

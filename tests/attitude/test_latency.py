@@ -53,6 +53,7 @@ def late(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "methods", "settings"),
     [
@@ -89,6 +90,7 @@ def test_latency_is_unbiased_and_its_standard_error_honest(kind, methods, settin
         assert np.median(told) < (2.0 if kind == "flight" else 0.6)
 
 
+@pytest.mark.slow
 def test_rows_do_not_attract_the_latency() -> None:
     """A noisy attitude interpolated between rows is less noisy there; that must not count."""
     found = []
@@ -98,6 +100,7 @@ def test_rows_do_not_attract_the_latency() -> None:
     assert np.abs(found).max() < 0.5  # of 20 ms from row to row
 
 
+@pytest.mark.slow
 def test_strays_and_a_magnet_do_not_move_it() -> None:
     samples = late("hand", seed=2, late_ms=14, rate_Hz=100.0, duration_s=100.0)
     spoilt = with_outliers(0.02, seed=1)(samples)
@@ -131,6 +134,7 @@ def test_no_latency_is_not_significant(method: str) -> None:
     assert fit.status.startswith("No latency")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["attitude", "gyro"])
 def test_a_sensor_at_rest_tells_nothing(method: str) -> None:
     noisy = late("static", seed=1, late_ms=15, attitude_deg=0.05, gyro_deg_s=0.05)

@@ -37,6 +37,7 @@ def level_error_deg(
     return float(np.degrees(np.sqrt(np.mean(aside**2))))
 
 
+@pytest.mark.slow
 def test_a_turn_that_no_test_sees_is_in_the_standard_errors() -> None:
     """0.06° about y, in flights that rarely show it; without it the bias is off by 2 σ."""
     turn = Rotation.from_euler("y", 0.06, degrees=True)
@@ -52,6 +53,7 @@ def test_a_turn_that_no_test_sees_is_in_the_standard_errors() -> None:
     assert np.sqrt(np.mean(np.square(z))) < 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fit", [fit_levelled, fit_vector])
 def test_the_error_of_the_reference_reaches_dip_and_azimuth(fit) -> None:
     """The field of the place is wrong by what its source states."""
@@ -95,6 +97,7 @@ LAWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("looks", LAWS)
 def test_a_heading_that_means_something_else_is_told_and_not_used(looks: str) -> None:
     made = flown(1)
@@ -118,6 +121,7 @@ def test_a_magnetic_heading_is_told_by_the_declination() -> None:
     assert check_heading_column(heading, noisy, 12.0) is None
 
 
+@pytest.mark.slow
 def test_roll_and_pitch_of_another_vehicle_are_refused_and_left_out() -> None:
     made, other = flown(1), flown(2)
     samples = made.samples.with_columns(
@@ -152,6 +156,7 @@ def test_a_current_that_switches_unseen_is_in_the_standard_errors() -> None:
     assert level_error_deg(fit.calibration, made.truth) < 3 * fit.coverage.heading_sd_deg
 
 
+@pytest.mark.slow
 def test_a_disturbance_that_follows_the_pitch_is_in_the_standard_errors() -> None:
     """3 µT at 20° nose up, none level; no column tells of it."""
     for seed in range(3):

@@ -15,6 +15,7 @@ from agonic.calibration.timing import follow
 from tests.attitude.test_disturbers import PLACE, TILT, duties, flight
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.15, -0.1])
 def test_how_late_a_source_is_recorded_is_found_and_undone(late: float) -> None:
     quiet, true = flight(1), duties(1)
@@ -39,6 +40,7 @@ def test_how_late_a_source_is_recorded_is_found_and_undone(late: float) -> None:
         ag.fit_levelled(samples, PLACE, sources=("motor1_duty@0.1", "motor1_duty^2"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("constant", [0.3, -0.8])
 def test_the_time_constant_of_a_filter_is_found_with_its_standard_error(constant: float) -> None:
     """A current behind a filtered sensor, and a torquer whose field follows its command."""
@@ -64,6 +66,7 @@ def test_the_time_constant_of_a_filter_is_found_with_its_standard_error(constant
     )
 
 
+@pytest.mark.slow
 def test_the_power_of_a_duty_is_found_where_it_is_another() -> None:
     columns, quiet = duties(4), flight(4)
     added = np.random.default_rng(4).normal(0.0, 9000.0, (3, 4))

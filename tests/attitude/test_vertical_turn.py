@@ -29,6 +29,7 @@ def fly(seed: int, *, turn_deg: float = 0.0, lasting_s: float = 5.0) -> tuple[Fi
     return fit_ellipsoid(samples), samples
 
 
+@pytest.mark.slow
 def test_errors_of_the_attitude_that_last_are_no_turn() -> None:
     """The estimate over its stated error, per axis, and no finding in any flight."""
     z = []

@@ -9,6 +9,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.affine import model_basis, split
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gauge", ["symmetric", "triangular", "free"])
 def test_standard_errors_are_those_of_draws(gauge: str) -> None:
     rng, basis = np.random.default_rng(3), model_basis("full", gauge)

@@ -112,6 +112,7 @@ def test_without_a_base_the_network_gives_the_field():
     assert "without a base" in alone.equation
 
 
+@pytest.mark.slow
 def test_the_uncertainty_is_that_of_many_draws_of_the_weights():
     """Of base and weights drawn from their covariances, to first order."""
     tiny = 1e-8

@@ -22,6 +22,7 @@ def truth_of(made):
     return find_raw_ellipsoid(certain)
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_stated():
     """Over seeds, of sensors with gains, soft iron and axes that are not square.
 
@@ -83,6 +84,7 @@ def test_unequal_gains_leave_it_upright(gains, shape, words, tmp_path, capsys):
         assert all(word in said for word in (words, "Ellipsoid", "Scale", "Angles"))
 
 
+@pytest.mark.slow
 def test_json_has_ellipsoid_scale_factors_angles_and_turn(tmp_path, capsys):
     log = tmp_path / "flight.csv"
     assert run(["simulate", "vehicle", "-o", str(log), "-n", "1500", "--seed", "3"]) == 0

@@ -69,6 +69,7 @@ def test_the_rate_adds_to_the_bias() -> None:
         ag.apply(lagging, samples.with_columns(time=None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gauge", ["symmetric", "free"])
 @pytest.mark.parametrize("rate", [None, [500.0, -300.0, 100.0]])
 def test_uncertainty_is_that_of_many_draws(gauge: str, rate) -> None:

@@ -85,6 +85,7 @@ def test_a_refused_sensor_is_exit_status_1_and_leaves_no_calibration(capsys) -> 
     assert [path.name for path in Path("out").iterdir()] == ["report.html"]
 
 
+@pytest.mark.slow
 def test_a_refusal_names_files_that_an_earlier_run_left(log, capsys) -> None:
     assert run(["calibrate", log, "-o", "out"]) == 0
     run(["simulate", "static", "-o", "still.csv"])

@@ -31,6 +31,7 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict
     return status, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["levelled", "vector", "interference"])
 def test_a_fit_says_and_writes_what_it_found(kind: str, folder, tmp_path, capsys) -> None:
     out = tmp_path / "mag.json"
@@ -44,6 +45,7 @@ def test_a_fit_says_and_writes_what_it_found(kind: str, folder, tmp_path, capsys
     assert found["heading_sd_deg"] < 1.0
 
 
+@pytest.mark.slow
 def test_a_second_magnetometer_is_named(folder, tmp_path, capsys) -> None:
     arguments = ("fit", "interference", str(folder / "both.csv"), "--sensor", "mag1")
     status, found = said(

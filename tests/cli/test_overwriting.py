@@ -74,6 +74,7 @@ def test_replaces_a_foreign_file_only_with_force(made, capsys, command):
     assert Path("mine.csv").read_text() != text
 
 
+@pytest.mark.slow
 def test_replaces_its_own_files_by_what_is_in_them(made, capsys):
     assert run(["simulate", "tumble", "-n", N, "--seed", "2", "-o", "LOG.csv"]) == 0
     for _ in range(2):

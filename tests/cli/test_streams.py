@@ -63,6 +63,7 @@ def in_this_process(encoding: str, *words: str) -> bytes:
     return said.buffer.getvalue()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("encoding", "more", "said"),
     [

@@ -62,6 +62,7 @@ def compute_bound(samples: Samples) -> np.ndarray:
     return NOISE * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_stated_and_reach_the_bound() -> None:
     z, error = [], []
     for seed in range(50):
@@ -76,6 +77,7 @@ def test_errors_are_as_large_as_stated_and_reach_the_bound() -> None:
     assert over_bound == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_three_quarters_of_the_circle_are_honest_too() -> None:
     z = []
     for seed in range(28):
@@ -108,6 +110,7 @@ def test_without_a_place_the_shape_is_the_same() -> None:
     assert "no place was given" in " ".join(alone.remarks)
 
 
+@pytest.mark.slow
 def test_the_standard_error_of_the_heading_is_that_of_headings() -> None:
     heading = np.radians(np.arange(0.0, 360.0, 5.0))
     raw = H * np.stack([np.cos(heading), -np.sin(heading)], axis=1) @ np.linalg.inv(MATRIX) + BIAS

@@ -146,6 +146,7 @@ def test_auto_picks_the_model_and_says_why(model: str, sentence: str) -> None:
     assert crossed.startswith("cross-axis" if model == "full" else "no sign of cross-axis")
 
 
+@pytest.mark.slow
 def test_absence_is_not_concluded_where_nothing_could_be_seen() -> None:
     """Too few directions to see soft iron of 10 %: the small model must not sound sure."""
     seen = []
@@ -207,6 +208,7 @@ def test_the_prior_decides_only_what_the_readings_do_not() -> None:
         assert bool(held.sd[2] > 0.99 * loose.sd[2]) == agree
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(st.integers(0, 2**32 - 1))
 def test_turned_axes_turn_the_result(seed: int) -> None:

@@ -52,6 +52,7 @@ def together(fleet: list[Moments], *more: object, **settings: object) -> Fits:
     return fit_many(*parts, *more, **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("reference", "settings"),
     [

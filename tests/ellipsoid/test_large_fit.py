@@ -89,6 +89,7 @@ def minimum(field: np.ndarray, fit: ag.Fit, robust: bool) -> np.ndarray:
     return np.asarray(solution.params[:3] * size + centre)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strays", [0, 400])
 def test_the_numbers_are_those_of_memory_however_it_is_cut(write, strays) -> None:
     field = readings(200_000, 3)
@@ -114,6 +115,7 @@ def test_the_numbers_are_those_of_memory_however_it_is_cut(write, strays) -> Non
     assert apart(ours, theirs) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 def test_the_compiled_sums_are_those_of_the_kernels(robust, kind) -> None:
@@ -141,6 +143,7 @@ def test_the_compiled_sums_are_those_of_the_kernels(robust, kind) -> None:
     assert (both[0].facts[6] > 0) == robust
 
 
+@pytest.mark.slow
 def test_compiled_passes_give_the_same_fit(write, monkeypatch) -> None:
     pytest.importorskip("numba")
     mission = write(readings(60_000, 5))
@@ -149,6 +152,7 @@ def test_compiled_passes_give_the_same_fit(write, monkeypatch) -> None:
     assert apart(ag.fit_recording(mission, REFERENCE), plain) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ar", [0.0, 0.9])
 def test_errors_are_what_the_standard_errors_say(write, monkeypatch, ar) -> None:
     monkeypatch.setattr(large_scan, "MOST", 3000)
@@ -164,6 +168,7 @@ def test_errors_are_what_the_standard_errors_say(write, monkeypatch, ar) -> None
         assert fit.correlation > 4  # of (1 + 0.9)/(1 − 0.9) = 19, less as the sensor turns
 
 
+@pytest.mark.slow
 def test_the_same_rows_are_left_out_as_in_memory(write, monkeypatch) -> None:
     field = readings(60_000, 7)
     time = np.arange(60_000) / 50.0
@@ -181,6 +186,7 @@ def test_the_same_rows_are_left_out_as_in_memory(write, monkeypatch) -> None:
     assert apart(ag.fit_recording(write(field, time), REFERENCE), memory) < 0.01
 
 
+@pytest.mark.slow
 def test_a_magnet_in_the_third_hour_of_ten_is_found(write, monkeypatch) -> None:
     monkeypatch.setattr(large_scan, "MOST", 20_000)
     n = 180_000
@@ -197,6 +203,7 @@ def _moments(text: str) -> list[str]:
     return [part.split(" s")[0] for part in text.split("near ")[1].split(" and ")[:2]]
 
 
+@pytest.mark.slow
 def test_a_change_far_below_the_noise_is_found_and_widens_the_errors(write) -> None:
     n = 150_000
     field = readings(n, 12)
@@ -237,6 +244,7 @@ def test_files_units_and_clocks_are_those_of_the_samples(write, tmp_path) -> Non
         ag.fit_recording(open_mission(paths[::-1]), REFERENCE)
 
 
+@pytest.mark.slow
 def test_memory_stays(write, monkeypatch) -> None:
     monkeypatch.setattr(large_scan, "MOST", 5000)
     peaks = []

@@ -22,6 +22,7 @@ def readings(attitudes: np.ndarray, noise: float, seed: int, times: int = 1) -> 
     return ag.Samples(field=field + noise * rng.standard_normal(field.shape), unit="nT")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [180.0, 60.0])
 def test_fits_on_planned_sets_scatter_as_planned(tilt_deg: float) -> None:
     (sets,) = plan_calibration(noise=100.0, tilt_deg=tilt_deg, steps_deg=(10.0,))

@@ -94,6 +94,7 @@ def test_it_is_the_adjusted_fit_of_python(controller, n, noise, tilt_deg, bias):
     assert result.field_sd == pytest.approx(fit.coverage.field_sd_max, rel=0.15)
 
 
+@pytest.mark.slow
 def test_it_is_as_good_as_the_fit_on_a_computer_and_says_how_good(controller):
     """Over seeds: errors at most 1.1 times those of maximum likelihood, of the stated size."""
     ours, theirs, stated = [], [], []

@@ -111,6 +111,7 @@ def settled() -> tuple[Tracker, tuple]:
     return tracker, made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solve", "gauge"),
     [("full", "symmetric"), ("full", "triangular"), ("gains", "symmetric"), ("bias", "symmetric")],
@@ -134,6 +135,7 @@ def test_it_agrees_with_python(solve, gauge, tmp_path):
     check_agreement(board, tracker)
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 def test_it_agrees_on_the_space_station(recordings, tmp_path):
     """Each reading of the second half, with the walk that the first half would choose."""
@@ -211,6 +213,7 @@ def test_readings_that_are_none_change_nothing(settled, tmp_path):
     assert np.isfinite(board.bias).all()
 
 
+@pytest.mark.slow
 def test_no_input_is_undefined(settled, tmp_path):
     write_tracker(settled[0].params, settled[0].state, tmp_path, name="mag")
     try_extremes(

@@ -81,6 +81,7 @@ def settled() -> tuple[Tracker, ag.Samples]:
     return tracker, second
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("solve", "gauge"), [("bias", ""), ("full", ""), ("full", "free")])
 def test_it_agrees_with_python(solve: str, gauge: str, tmp_path: Path) -> None:
     made = turn_about(2, soft_iron=0.02 if solve == "full" else 0.0)
@@ -102,6 +103,7 @@ def test_it_agrees_with_python(solve: str, gauge: str, tmp_path: Path) -> None:
     check_agreement(board, tracker)
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 def test_it_agrees_while_a_magnet_comes_and_goes(recordings: Path, tmp_path: Path) -> None:
     samples = ag.read(recordings / "vehicle/broad/34_disturbed_attached_magnet_3cm.mat")
@@ -122,6 +124,7 @@ def test_it_agrees_while_a_magnet_comes_and_goes(recordings: Path, tmp_path: Pat
     check_agreement(board, tracker, share=0.2)
 
 
+@pytest.mark.slow
 def test_it_goes_on_byte_for_byte_after_a_power_cut(settled, tmp_path: Path) -> None:
     tracker, rest = settled
     first, second = halves(rest, 200)
@@ -139,6 +142,7 @@ def test_it_goes_on_byte_for_byte_after_a_power_cut(settled, tmp_path: Path) -> 
     assert board.state.raw == end
 
 
+@pytest.mark.slow
 def test_readings_that_are_none_change_nothing(settled, tmp_path: Path) -> None:
     tracker, rest = settled
     board = Board(tracker, tmp_path)
@@ -157,6 +161,7 @@ def test_readings_that_are_none_change_nothing(settled, tmp_path: Path) -> None:
         assert board.state.raw == before
 
 
+@pytest.mark.slow
 def test_no_input_is_undefined(settled, tmp_path: Path) -> None:
     write_tracker(settled[0].params, settled[0].state, tmp_path, name="mag")
     try_extremes(

@@ -178,6 +178,7 @@ def test_few_readings_none_and_those_during_a_training(paper, tmp_path):
     assert board.call("add", raw[0], wanted[0])[0] == 0
 
 
+@pytest.mark.slow
 def test_no_input_is_undefined(paper, tmp_path):
     write_training(paper[0], tmp_path, window=100, name="net")
     try_extremes(
@@ -212,6 +213,7 @@ def test_the_command_writes_it(paper, tmp_path, capsys):
     assert "--window is for c" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_retraining_takes_less_than_a_second(paper, tmp_path):
     """The paper's network over its 15 s at 100 Hz, on a Cortex-M4F of 100 MHz, by slices."""
     processor = PROCESSORS["Cortex-M4F"]

@@ -419,6 +419,7 @@ def test_single_precision_only_no_variables_and_nothing_but_math_h(firmware):
         assert written.sizes["compass.c"].constants >= 4 * (plan.constants - 9)
 
 
+@pytest.mark.slow
 def test_two_setups_live_in_one_cpp_program(tmp_path):
     for name in ("boat", "car"):
         write_firmware(Setup(compasses=(HARD,)), tmp_path, name=name, declination=2.5)
@@ -563,6 +564,7 @@ def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path
     assert all(rows.any() for rows in (disturbed, ~disturbed))
 
 
+@pytest.mark.slow
 def test_the_same_setup_gives_the_same_bytes(tmp_path):
     for folder in ("first", "second"):
         write_firmware(Setup(compasses=(HARD,)), tmp_path / folder, declination=GRID)

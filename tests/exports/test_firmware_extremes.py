@@ -66,6 +66,7 @@ int main(void)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", ["accelerometer", "auto", "level"])
 def test_no_input_is_undefined(tilt, tmp_path):
     warm = Compass(calibration=replace(WARM, frame_in="b", frame_out="b"))
@@ -110,6 +111,7 @@ def test_a_place_that_is_none_is_outside(tmp_path):
     assert isinstance(GRID, DeclinationGrid)
 
 
+@pytest.mark.slow
 def test_two_compasses_that_tie_pass_their_self_test(tmp_path):
     """Levelled and without a strength to expect, the dip is off by the same for both."""
     two = tuple(

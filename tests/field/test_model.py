@@ -67,6 +67,7 @@ def test_each_point_has_its_own_epoch() -> None:
         assert np.abs(together.secular_variation[i] - alone.secular_variation).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_many_points_are_as_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pieces, and the compiled kernel where numba is installed, change nothing."""
     rng = np.random.default_rng(3)

@@ -119,6 +119,7 @@ def same(left, right):
     return np.array_equal(left, right) if isinstance(left, np.ndarray) else left == right
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(calibration=AFFINES | ALIGNMENTS | CHAINS)
 def test_every_number_and_word_survives(file, calibration):

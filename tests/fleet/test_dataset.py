@@ -111,6 +111,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 def test_rows_decide_where_moments_cannot(tmp_path):
     """Broken, flat and short logs have the row that a log of their own would have."""
     logs = {"sound": turned(0)}
@@ -156,6 +157,7 @@ def test_moments_alone_say_what_they_can(tmp_path):
     assert "do not determine an ellipsoid" in table["status"][2]
 
 
+@pytest.mark.slow
 def test_planted_faults_are_named_as_in_single_logs(tmp_path):
     """Swapped axes show in gravity alone; no sound board becomes suspect."""
     fleet = simulate_fleet(60, broken=0.2, swapped=0.1, duplicated=0.0, damaged=0.0, seed=2)

@@ -50,6 +50,7 @@ def test_counts_reasons_and_paths_are_told(logs: Path, capsys) -> None:
     assert again["verdicts"] == counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "status"), [("0.05", 1), ("0.5", 1), ("0.6", 0), ("1", 0)])
 def test_the_status_is_by_the_share_without_calibration(logs, share, status, capsys) -> None:
     assert answer(capsys, str(logs), "--fail-above", share)[0] == status  # 8 of 14 are refused

@@ -52,6 +52,7 @@ def test_few_tasks_are_under_way_at_a_time(dask: Dask) -> None:
         assert taken - done <= 3 * 2 * 4 + 4
 
 
+@pytest.mark.slow
 def test_the_table_is_that_of_one_process_though_a_worker_is_killed(
     dask: Dask, cluster: Any, tmp_path: Path
 ) -> None:
@@ -71,6 +72,7 @@ def test_the_table_is_that_of_one_process_though_a_worker_is_killed(
     assert run.table.read_bytes() == here.table.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_task_that_ends_workers_is_lost_alone() -> None:
     done = list(Dask(workers=2, batch=4).run(fatal, range(24, 40)))
     assert sorted(n for n, _ in done) == list(range(24, 40))
@@ -89,12 +91,14 @@ def test_a_scheduler_that_is_not_there_is_said_so(monkeypatch: pytest.MonkeyPatc
         list(Dask(scheduler="tcp://127.0.0.1:9").run(squared, [1]))
 
 
+@pytest.mark.slow
 def test_a_cluster_of_its_own_listens_on_loopback_only() -> None:
     with _start_cluster(distributed, 1) as cluster:
         addresses = [cluster.scheduler_address, *cluster.scheduler_info["workers"]]
         assert {urlsplit(address).hostname for address in addresses} == {"127.0.0.1"}
 
 
+@pytest.mark.slow
 def test_security_is_passed_on(monkeypatch: pytest.MonkeyPatch, dask: Dask) -> None:
     given: dict[str, Any] = {}
 

@@ -75,6 +75,7 @@ def test_processes_that_cannot_begin_are_an_error(tmp_path: Path) -> None:
     assert "__name__" in done.stderr
 
 
+@pytest.mark.slow
 def test_the_table_is_that_of_one_process(tmp_path: Path) -> None:
     write_boards(tmp_path / "logs", 8)
     here = run_here(tmp_path / "logs", out=tmp_path / "here")
@@ -82,6 +83,7 @@ def test_the_table_is_that_of_one_process(tmp_path: Path) -> None:
     assert here.table.read_bytes() == both.table.read_bytes()
 
 
+@pytest.mark.slow
 def test_an_interruption_leaves_no_process_and_a_journal(tmp_path: Path) -> None:
     write_boards(tmp_path / "logs", 24)
     command = [sys.executable, "-m", "agonic", "fleet", "logs", "-o", "out", "--workers", "2"]

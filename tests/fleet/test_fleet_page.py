@@ -323,6 +323,7 @@ def test_without_javascript_the_findings_and_figures_are_there(opened: Any, page
     assert "1 calibration beyond the axes." in text
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_stay_fluent(opened: Any) -> None:
     """Below 15 MB; drawn rows, work of a filter and of a frame do not grow with the fleet.
 

@@ -61,6 +61,7 @@ def test_a_killed_run_goes_on_where_it_was(fleet: Path, tmp_path: Path) -> None:
     assert run.calibrated + run.resumed + run.repeated == len(run.population)
 
 
+@pytest.mark.slow
 def test_a_kill_between_any_two_logs_changes_nothing(
     fleet: Path, tmp_path: Path, monkeypatch
 ) -> None:
@@ -86,6 +87,7 @@ def test_a_kill_between_any_two_logs_changes_nothing(
     ).read_bytes()
 
 
+@pytest.mark.slow
 def test_finished_logs_are_not_read_again(fleet: Path, tmp_path: Path, monkeypatch) -> None:
     out = tmp_path / "out"
     first = run_here(fleet / "logs", out=out)
@@ -104,6 +106,7 @@ def test_finished_logs_are_not_read_again(fleet: Path, tmp_path: Path, monkeypat
     assert table(again) == table(first)
 
 
+@pytest.mark.slow
 def test_what_counts_is_the_content(fleet: Path, tmp_path: Path) -> None:
     logs, out = tmp_path / "logs", tmp_path / "out"
     shutil.copytree(fleet / "logs", logs)
@@ -122,6 +125,7 @@ def test_what_counts_is_the_content(fleet: Path, tmp_path: Path) -> None:
     assert after["board002"].sha256 != before["board002"].sha256
 
 
+@pytest.mark.slow
 def test_other_settings_are_other_work_and_the_old_is_kept(fleet: Path, tmp_path: Path) -> None:
     logs, out = fleet / "logs" / "board00[0-4].csv", tmp_path / "out"
     first = run_here(logs, out=out)

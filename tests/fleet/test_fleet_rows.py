@@ -24,6 +24,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_rows_hold_the_truth(tmp_path: Path) -> None:
     truth = write_boards(tmp_path / "logs", 12, first=20)
     population = run_here(tmp_path / "logs", out=tmp_path / "out").population

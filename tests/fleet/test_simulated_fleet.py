@@ -244,6 +244,7 @@ def judged(fleet: SimulatedFleet, table: Population, row_of: Callable[[int], Row
     return false
 
 
+@pytest.mark.slow
 def test_the_folder_names_every_planted_fault(
     fleet: SimulatedFleet, folder: Path, tmp_path: Path
 ) -> None:
@@ -257,6 +258,7 @@ def test_the_folder_names_every_planted_fault(
     assert {*fleet.truth["source"][copies], *fleet.truth["original"][copies]} <= twice
 
 
+@pytest.mark.slow
 def test_the_dataset_names_every_planted_fault(fleet: SimulatedFleet, tmp_path: Path) -> None:
     path = write_dataset(make_tables(fleet), tmp_path / "all.parquet")
     table = calibrate_dataset(path, FleetSettings(field_nT=FIELD), engine=Here())

@@ -59,6 +59,7 @@ def test_heel_terms_are_found_and_only_where_the_vehicle_heeled() -> None:
     assert "to port and to starboard" in always.status
 
 
+@pytest.mark.slow
 def test_errors_over_sd_are_students_t_for_eight_headings() -> None:
     z = []
     for seed in range(300):
@@ -72,6 +73,7 @@ def test_errors_over_sd_are_students_t_for_eight_headings() -> None:
     assert 0.95 < np.mean(np.abs(z) < 1.96) < 0.985  # all others carry a drift that nobody saw
 
 
+@pytest.mark.slow
 def test_errors_over_sd_are_gaussian_where_the_noise_is_known() -> None:
     z = []
     for seed in range(300):
@@ -82,6 +84,7 @@ def test_errors_over_sd_are_gaussian_where_the_noise_is_known() -> None:
     assert np.std(z) == pytest.approx(1.0, abs=0.06)
 
 
+@pytest.mark.slow
 def test_one_in_ten_strays_costs_nothing() -> None:
     z = []
     for seed in range(120):
@@ -94,6 +97,7 @@ def test_one_in_ten_strays_costs_nothing() -> None:
     assert np.std(z) == pytest.approx(1.0, abs=0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [2, 4])
 def test_noise_that_lasts_is_counted_once(turns: int) -> None:
     """Three thousand rows at 10 Hz whose errors last five seconds: worth some thirty readings."""
@@ -169,6 +173,7 @@ def test_noise_beyond_what_was_stated_is_used_and_named() -> None:
     assert fit.noise_deg == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_plan_is_what_a_swing_then_gives() -> None:
     plan = plan_swing(12, heel_deg=10.0, noise_deg=0.4, rounds=2)
     assert len(plan.compass_deg) == 48
@@ -256,6 +261,7 @@ def test_a_real_quadrotor(recordings: Path) -> None:
         assert np.sqrt(np.mean(wrap_deg(after) ** 2)) < 5.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [8, 9, 12])
 def test_few_headings_state_an_error_that_holds(n) -> None:
     """Eight headings leave three degrees of freedom for the noise: Student's t, not Gauss."""

@@ -116,6 +116,7 @@ def test_a_setup_needs_neither_place_nor_date(capsys) -> None:
     assert abs(said["against_log"]["mean_deg"]) < 1.0
 
 
+@pytest.mark.slow
 def test_the_place_may_be_given(capsys) -> None:
     _, given = answer(capsys, "mag.json", "placeless.csv", "--at", "52,5,100", "--date", WHEN)
     _, logged = answer(capsys, "mag.json", "flight.csv", "--date", WHEN)

@@ -37,6 +37,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.slow
 def test_the_heading_of_another_flight_is_right_to_what_is_stated() -> None:
     """Bank ±27°, one magnetometer, 20 nT noise, full matrix and bias."""
     flights = [told(seed, noise=20.0, attitude_sd_deg=0.0) for seed in range(8)]
@@ -46,6 +47,7 @@ def test_the_heading_of_another_flight_is_right_to_what_is_stated() -> None:
     assert rms(errors / stated) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_it_is_with_errors_of_roll_and_pitch_too() -> None:
     flights = [told(seed, noise=100.0, attitude_sd_deg=0.2) for seed in range(12)]
     z = np.concatenate([error / sd for error, sd in flights])

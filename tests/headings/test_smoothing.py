@@ -36,6 +36,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hand", "car", "flight"])
 def test_it_is_nearer_than_each_row_and_says_how_near(kind) -> None:
     still = {"stray_nT_A": (0.0, 0.0, 0.0)} if kind == "flight" else {}
@@ -53,6 +54,7 @@ def test_it_is_nearer_than_each_row_and_says_how_near(kind) -> None:
     assert 0.3 < rms(np.array(z)) < 1.7
 
 
+@pytest.mark.slow
 def test_the_gyro_bridges_a_magnet() -> None:
     true, logged, calibration = driven("hand", 1)
     near = (true.time > 50.0) & (true.time < 65.0)
@@ -79,6 +81,7 @@ def test_without_a_gyro_each_row_is_taken_by_itself() -> None:
     assert (bare.method, "gyro is not used" in " ".join(bare.notes)) == (both[0].method, False)
 
 
+@pytest.mark.slow
 def test_it_is_taken_where_nobody_says_and_says_why() -> None:
     _, logged, calibration = driven("hand", 0)
     found = heading(logged, setup_for(calibration, tilt="gyro"))

@@ -48,6 +48,7 @@ def fitted(seed: int, noise: float = 200.0):
     return made.truth, fit.calibration
 
 
+@pytest.mark.slow
 def test_on_flights_with_a_fitted_calibration() -> None:
     tilt_sd, declination_sd = 0.4, 0.3
 
@@ -69,6 +70,7 @@ def test_on_flights_with_a_fitted_calibration() -> None:
     assert_standard_normal(scores(draw))
 
 
+@pytest.mark.slow
 def test_the_part_that_lasts_is_honest_by_itself() -> None:
     def draw(seed, rng) -> float:
         truth, calibration = fitted(seed)
@@ -81,6 +83,7 @@ def test_the_part_that_lasts_is_honest_by_itself() -> None:
     assert_standard_normal(scores(draw))
 
 
+@pytest.mark.slow
 def test_a_bias_that_residuals_do_not_show_counts_in_every_row(tmp_path) -> None:
     """Also of a calibration that was saved, and is used in other axes than it was made in."""
     root = np.array([[200.0, 0, 0], [50, 300, 0], [-80, 40, 250]])
@@ -126,6 +129,7 @@ def test_interpolated_readings_are_quieter_by_as_much_as_stated() -> None:
     assert z.std() == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_deviation_adds_its_own_error_and_stretches_the_rest() -> None:
     rng = np.random.default_rng(8)
     root = np.zeros((9, 5))

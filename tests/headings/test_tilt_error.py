@@ -73,6 +73,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["cruise", "banked turns", "orbits", "car"])
 def test_by_gyro(motion) -> None:
     """The speed in turns is learned from the log, and what that leaves is told."""
@@ -83,6 +84,7 @@ def test_by_gyro(motion) -> None:
     assert all("turns are reckoned at" in " ".join(one.notes) for one in found)
 
 
+@pytest.mark.slow
 def test_by_gyro_in_a_boat_the_track_tells_the_speed() -> None:
     _, with_track, found = scored("boat", "gyro")
     _, without, blind = scored("boat", "gyro", **TRACK)

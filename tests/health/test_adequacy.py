@@ -54,6 +54,7 @@ def fitted(seed: int, *faults, motion=tumble, **settings):
     return recording, ag.fit_ellipsoid(recording.samples, KNOWN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "faults",
     [(), (outliers(0.02, 20_000.0),), (coloured(0.9, 200.0),), (unequal_noise(100, 200, 400),)],
@@ -65,6 +66,7 @@ def test_noise_of_any_kind_is_no_fault_of_the_model(faults) -> None:
     assert all(fit.verdict == "good" for fit in alarms)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "cause"),
     [
@@ -142,6 +144,7 @@ def test_some_dozens_of_changes_are_enough_to_tell_a_moving_bias(fault, cause) -
     assert 0.2 < np.median(over) < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [steel_below(3000.0), carried(4000.0)], ids=["steel", "carried"])
 def test_a_field_that_differs_by_attitude_is_seen_by_what_lasts_on_one_side_or_about_an_axis(
     fault,
@@ -165,6 +168,7 @@ def test_where_most_of_the_error_is_for_what_may_be_noise_a_note_says_so() -> No
         assert fit.verdict == "good"
 
 
+@pytest.mark.slow
 def test_what_lasts_may_go_with_the_turning_and_counts_for_the_heading() -> None:
     """Noise with memory and a field that differs by place look alike: the standard errors are those
     of noise, the heading's holds what a bias may have of the other."""
@@ -200,6 +204,7 @@ def test_a_bend_counts_what_of_it_no_magnitude_shows() -> None:
     assert max(over) < 2.2
 
 
+@pytest.mark.slow
 def test_outliers_that_gather_where_an_axis_reads_something_are_a_check() -> None:
     for seed in (0, 2):
         _, fit = fitted(seed, errs_between(10e3, 11e3, 8e3))
@@ -211,6 +216,7 @@ def test_outliers_that_gather_where_an_axis_reads_something_are_a_check() -> Non
         assert fit.verdict == "good"
 
 
+@pytest.mark.slow
 def test_noise_of_all_directions_is_no_moving_bias() -> None:
     names = {"comes and goes", "two populations"}
     for seed in range(4):
@@ -265,6 +271,7 @@ def test_the_normal_at_the_foot_holds_no_noise_of_the_residual() -> None:
     np.testing.assert_allclose(normals.mean(axis=0), -jacobian[:, :3].mean(axis=0), atol=2e-3)
 
 
+@pytest.mark.slow
 def test_two_exact_circles_do_not_determine_an_ellipsoid_and_three_do() -> None:
     for seed in range(30, 34):
         _, fit = fitted(seed, motion=two_circles)

@@ -98,6 +98,7 @@ def test_at_every_dip(kind: str, inclination_deg: float) -> None:
         assert len(told(renamed_log(samples, naming))) == 1
 
 
+@pytest.mark.slow
 def test_no_alarm_where_the_vehicle_manoeuvres() -> None:
     checked = 0
     for seed in range(3):

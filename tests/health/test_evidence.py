@@ -198,6 +198,7 @@ def test_a_level_turn_with_some_tilt_says_which_directions_are_missing() -> None
     assert "turn the sensor until the field points along" in finding.sentence
 
 
+@pytest.mark.slow
 def test_readings_that_scatter_are_called_disturbed() -> None:
     for kind in ("tumble", "hand", "sphere"):
         for seed in SEEDS:

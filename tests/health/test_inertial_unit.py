@@ -100,6 +100,7 @@ def test_which_of_three_sensors_has_other_axes_is_told() -> None:
         assert f"those of the {first} first" in fault.finding.move
 
 
+@pytest.mark.slow
 def test_an_acceleration_in_another_unit_is_used_in_metres_per_second_squared() -> None:
     _, logged, place = drive(tilt_deg=10.0, n=1000)
     mended, _ = mend(logged.with_columns(acceleration=logged.acceleration / G))
@@ -109,6 +110,7 @@ def test_an_acceleration_in_another_unit_is_used_in_metres_per_second_squared() 
     assert fit.verdict == "check"
 
 
+@pytest.mark.slow
 def test_readings_of_a_magnetometer_that_stopped_are_left_out() -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000)
     result = ag.calibrate(logged.with_columns(field=halt(logged.field)), place)

@@ -42,6 +42,7 @@ def test_a_gyro_as_it_should_be_is_not(kind: str) -> None:
         assert check_turning(drive(kind, seed, n=2000)[1]) is None
 
 
+@pytest.mark.slow
 def test_calibrate_goes_back_to_the_magnitude_and_says_why() -> None:
     made, logged, place = drive(tilt_deg=10.0)
     result = ag.calibrate(logged.with_columns(rotation_rate=-logged.rotation_rate), place)

@@ -100,6 +100,7 @@ def test_drift_is_found_with_its_error_and_its_band() -> None:
     assert band.calibration_sd[0] > np.hypot(band.sd[0], 5.0)
 
 
+@pytest.mark.slow
 def test_next_calibration_falls_into_its_band_as_often_as_it_says() -> None:
     z = []
     for seed in range(40):
@@ -203,6 +204,7 @@ def test_matrices_that_stand_still_have_no_trend() -> None:
     assert {one.name[:4] for one in found.trends} == {"bias", "gain"}
 
 
+@pytest.mark.slow
 def test_many_sensors_are_judged_as_one_is(tmp_path) -> None:
     with History.open(tmp_path / "boards.sqlite") as history:
         for number in range(24):

@@ -76,6 +76,7 @@ def kept_rotation():
     return Rotation.from_euler("z", 5, degrees=True)
 
 
+@pytest.mark.slow
 def test_a_mix_finds_its_second_in_another_log(mix: Path, flown: Path, tmp_path, capsys) -> None:
     log = str(flown / "again.csv")
     status, found = said(capsys, "heading", str(mix), log, "-o", str(tmp_path / "h.csv"))
@@ -92,6 +93,7 @@ def test_a_mix_finds_its_second_in_another_log(mix: Path, flown: Path, tmp_path,
     assert page.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_in_a_setup_as_well(mix: Path, flown: Path, tmp_path, capsys) -> None:
     setup = save_setup(Setup(compasses=(Compass(calibration=ag.load(mix)),)), tmp_path / "s.toml")
     out = str(tmp_path / "h.csv")
@@ -144,6 +146,7 @@ def test_a_mean_of_two_knows_the_second() -> None:
     assert mean_of(one, two).second_sensor == "mag2"
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 def test_two_compasses_of_a_quadrotor(recordings, tmp_path, capsys) -> None:
     """One carries the motors' field; the other of the same mast shows it; it crashed at 236 s."""
@@ -170,6 +173,7 @@ def heading_rms(capsys, cal: Path, log: Path, out: Path) -> float:
     return said(capsys, "heading", str(cal), str(log), "-o", str(out))[1]["against_log"]["rms_deg"]
 
 
+@pytest.mark.slow
 def test_a_heading_undoes_it_once(late: Path, flown: Path, tmp_path, capsys) -> None:
     """Against the same calibration without it, or with it twice; alone and in a setup."""
     log, out, kept = flown / "again.csv", tmp_path / "h.csv", ag.load(late)
@@ -212,6 +216,7 @@ def test_checks_and_tables_are_on_time(late: Path, flown: Path, tmp_path, capsys
     )
 
 
+@pytest.mark.slow
 def test_calibrate_writes_it_into_both_files_alike(flown: Path, tmp_path, capsys) -> None:
     out = tmp_path / "out"
     status, found = said(capsys, "calibrate", str(flown / "both.csv"), "-o", str(out))
@@ -226,6 +231,7 @@ def test_calibrate_writes_it_into_both_files_alike(flown: Path, tmp_path, capsys
 # ------------------------------------------------------------------ what is said
 
 
+@pytest.mark.slow
 def test_the_record_tells_sources_gauge_and_latency(flown: Path, capsys) -> None:
     log = ("fit", "vector", str(flown / "both.csv"), "-s", "mag1")
     _, found = said(capsys, *log, "--with", "current_A", "--gauge", "free")
@@ -239,6 +245,7 @@ def test_the_record_tells_sources_gauge_and_latency(flown: Path, capsys) -> None
     assert (found["sources"], found["coefficients"]) == (None, None)
 
 
+@pytest.mark.slow
 def test_standard_errors_are_told_of_what_they_are_of(flown: Path, tmp_path, capsys) -> None:
     out = tmp_path / "m.json"
     log = ("fit", "vector", str(flown / "both.csv"), "-s", "mag1", "-o", str(out))
@@ -250,6 +257,7 @@ def test_standard_errors_are_told_of_what_they_are_of(flown: Path, tmp_path, cap
     assert found["coefficients"][2][0] == pytest.approx(kept.coefficients[2, 0])
 
 
+@pytest.mark.slow
 def test_the_screen_tells_method_latency_and_current(flown: Path, capsys) -> None:
     run(["fit", "vector", str(flown / "both.csv"), "-s", "mag1", "--with", "current_A"])
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]

@@ -30,6 +30,7 @@ HANDLED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", list(HANDLED))
 def test_slow_and_clipped_sensors_are_handled(what: str) -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000)
@@ -39,6 +40,7 @@ def test_slow_and_clipped_sensors_are_handled(what: str) -> None:
     assert (np.abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all()
 
 
+@pytest.mark.slow
 def test_clocks_that_differ_never_make_a_wrong_fit_good() -> None:
     for late_s, worst in ((0.1, 1.5), (1.0, 3.0)):
         made, logged, place = drive(tilt_deg=10.0, n=2000, unit={"late_s": late_s})
@@ -59,6 +61,7 @@ def test_a_gyro_that_clips_in_every_turn_of_a_rover_is_named() -> None:
     assert (np.abs(result.fit.calibration.bias - rover.BIAS) < 4 * result.fit.sd[:3]).all()
 
 
+@pytest.mark.slow
 def test_acceleration_of_the_opposite_sign_is_named() -> None:
     _, logged, place = drive(tilt_deg=10.0, n=2000)
     fit = ag.fit_inertial(logged.with_columns(acceleration=-logged.acceleration), place)
@@ -68,6 +71,7 @@ def test_acceleration_of_the_opposite_sign_is_named() -> None:
     assert "opposite sign" in named[0]
 
 
+@pytest.mark.slow
 def test_sensors_that_no_attitude_fits_are_refused_and_named() -> None:
     """The joint estimate has no minimum there: its steps leave every possible calibration."""
     _, logged, place = drive("boat", n=800)
@@ -76,6 +80,7 @@ def test_sensors_that_no_attitude_fits_are_refused_and_named() -> None:
     assert "no attitude fits all three; check their units, signs" in fit.status
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
@@ -92,6 +97,7 @@ def test_what_was_recorded_wrongly_is_named_where_the_magnitude_alone_is_refused
     assert named in chosen.fit.status
 
 
+@pytest.mark.slow
 def test_a_log_whose_attitudes_nothing_holds_is_refused_in_words(recordings) -> None:
     """Turned by hand; acceleration and rates do not go with the readings of such a field."""
     (logged,) = ag.open_log(recordings / "ros/sparkfun_razor.bag").sensors

@@ -29,6 +29,7 @@ def disturbed(seed: int) -> tuple[ag.Samples, ag.Reference]:
     return quiet.with_columns(field=quiet.field + x @ ADDED.T, disturbers=columns), place
 
 
+@pytest.mark.slow
 def test_what_disturbs_is_found_within_its_standard_error() -> None:
     ratios = []
     for seed in range(2):
@@ -40,6 +41,7 @@ def test_what_disturbs_is_found_within_its_standard_error() -> None:
     assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
+@pytest.mark.slow
 def test_the_command_takes_sources(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     samples, _ = disturbed(0)
     ag.write_csv(samples.select(np.arange(1000)), tmp_path / "log.csv")

@@ -12,6 +12,7 @@ def rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [5.0, 20.0])
 def test_better_than_the_magnitude_alone_and_honest(tilt_deg: float) -> None:
     """A minute each, five turns: little enough for noise that lasts to matter."""
@@ -29,6 +30,7 @@ def test_better_than_the_magnitude_alone_and_honest(tilt_deg: float) -> None:
     assert rms(errors) < (0.9 if tilt_deg < 10 else 0.3)
 
 
+@pytest.mark.slow
 def test_finds_the_errors_of_the_inertial_unit() -> None:
     for seed in range(2):
         _, logged, place = drive("hand", seed, unit={"accelerometer_bias": 0.1})
@@ -40,6 +42,7 @@ def test_finds_the_errors_of_the_inertial_unit() -> None:
         assert abs(fit.inertial_errors[9:]).max() < 0.5  # it is turned where it is
 
 
+@pytest.mark.slow
 def test_the_speed_of_a_plane_is_found_in_its_turns() -> None:
     made, logged, place = drive("flight", n=4000, rate_Hz=25.0, stray_nT_A=(0.0, 0.0, 0.0))
     fit = ag.fit_inertial(logged, place)
@@ -52,6 +55,7 @@ def test_the_speed_of_a_plane_is_found_in_its_turns() -> None:
     assert fit.channels["dip"].noise < 1.5 * fit.channels["magnitude"].noise
 
 
+@pytest.mark.slow
 def test_a_car_that_brakes_and_turns_is_not_told_that_its_gyro_is_wrong() -> None:
     """Braking leans the felt vertical by degrees, and with it the azimuth; wrong axes turn it."""
     for seed in (2, 3):
@@ -72,6 +76,7 @@ def test_an_accelerometer_alone_is_enough() -> None:
     assert used_error_deg(fit.calibration, made, 8.0) < 3 * own < 3.0
 
 
+@pytest.mark.slow
 def test_calibrate_takes_it_where_it_is_surer() -> None:
     _, logged, place = drive(tilt_deg=5.0)
     result = ag.calibrate(logged, place)
@@ -90,6 +95,7 @@ def test_settings_have_to_make_sense() -> None:
         ag.fit_inertial(logged.with_columns(acceleration=None), place)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "tilt_deg", "worst"), [("circle", 5.0, 0.9), ("hand", 60.0, 0.06)]
 )
@@ -108,6 +114,7 @@ def test_dip_and_magnitude_are_found_where_the_log_tells(kind, tilt_deg, worst) 
         assert np.trace(fit.calibration.matrix) / 3 == pytest.approx(gain, rel=0.1)
 
 
+@pytest.mark.slow
 def test_calibrate_takes_it_without_a_place_where_it_is_asked_for() -> None:
     made, logged, _ = drive(tilt_deg=8.0, n=1500)
     for given in (None, ag.Reference.constant(50_000.0)):
@@ -118,6 +125,7 @@ def test_calibrate_takes_it_without_a_place_where_it_is_asked_for() -> None:
         ag.calibrate(made.samples, kind="levelled")
 
 
+@pytest.mark.slow
 def test_a_dip_that_the_log_does_not_tell_is_named() -> None:
     _, logged, _ = drive(tilt_deg=0.1)
     fit = ag.fit_inertial(logged)

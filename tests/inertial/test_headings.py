@@ -67,6 +67,7 @@ def test_gradients_are_those_of_the_cost() -> None:
         assert float(sums.gradient[k] @ move[k]) == pytest.approx(slope, rel=0.1, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_headings_tell_how_the_sensor_is_turned_about_the_vertical() -> None:
     """Their errors last for five seconds, and count as few."""
     alone, joined, z = [], [], []
@@ -88,6 +89,7 @@ def test_headings_tell_how_the_sensor_is_turned_about_the_vertical() -> None:
     assert np.abs(z).max() < 3.0
 
 
+@pytest.mark.slow
 def test_wrong_headings_are_left_out_and_named() -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000, declination_deg=8.0)
     true = made.samples
@@ -107,6 +109,7 @@ def test_wrong_headings_are_left_out_and_named() -> None:
         np.testing.assert_allclose(fit.calibration.bias, without.calibration.bias)
 
 
+@pytest.mark.slow
 def test_headings_of_another_zero_tell_by_their_changes() -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000, declination_deg=8.0)
     fit = ag.fit_inertial(knowing(made, logged, 40.0, 1.0), place)
@@ -117,6 +120,7 @@ def test_headings_of_another_zero_tell_by_their_changes() -> None:
     assert (nowhere.verdict, nowhere.heading_source) == ("good", "GPS yaw")
 
 
+@pytest.mark.slow
 def test_calibrate_says_what_told_the_heading() -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000)
     result = ag.calibrate(knowing(made, logged, 0.0, 1.0, "the course over ground"), place)

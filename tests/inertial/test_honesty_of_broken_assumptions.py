@@ -35,6 +35,7 @@ def shaken(samples: ag.Samples, rng: np.random.Generator) -> ag.Samples:
     return samples.with_columns(acceleration=samples.acceleration + slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [unequal, coarse, shaken, indoors])
 def test_the_stated_error_covers_the_true_one(fault: Fault) -> None:
     z = []
@@ -46,6 +47,7 @@ def test_the_stated_error_covers_the_true_one(fault: Fault) -> None:
     assert np.abs(z).max() < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 6])
 def test_iron_along_the_way_outweighs_neither_gyro_nor_gravity(seed: int) -> None:
     """Taken for white, its thousands of rows turn the attitude after the field: 4° and more."""

@@ -48,6 +48,7 @@ def asked(monkeypatch):
     return ask
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_the_cost(asked) -> None:
     _, logged, place = drive("boat", 1, n=600, rate_Hz=10.0)
     gap = (logged.time > 20.0) & (logged.time < 25.0)
@@ -90,6 +91,7 @@ def test_gradients_are_those_of_the_cost(asked) -> None:
             assert wanted == pytest.approx(slope, rel=0.1, abs=1e-4 * step * group.size)
 
 
+@pytest.mark.slow
 def test_an_accelerometer_that_stretches_is_found_on_request() -> None:
     made, logged, place = drive("tumble", n=3000)
     gain = np.eye(3) + np.array([[0.03, 0.01, 0.0], [0.0, -0.02, 0.0], [-0.01, 0.0, 0.01]])
@@ -100,6 +102,7 @@ def test_an_accelerometer_that_stretches_is_found_on_request() -> None:
     assert (np.abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all()
 
 
+@pytest.mark.slow
 def test_the_noise_of_gyro_and_accelerometer_is_what_they_have(asked) -> None:
     _, logged, place = drive("tumble", 2, n=5000, rate_Hz=25.0)
     problem, log, *rest = asked(logged, place)

@@ -1,6 +1,7 @@
 """Level is what the accelerometer reads, no speed is found in none, a lean is not level."""
 
 import numpy as np
+import pytest
 
 import agonic as ag
 from agonic.attitude.mounted_heading import compute_mounted_heading
@@ -11,6 +12,7 @@ from tests.inertial.drives import drive, used_error_deg
 from tests.live import rover
 
 
+@pytest.mark.slow
 def test_headings_are_right_by_the_tilt_of_the_same_accelerometer() -> None:
     """What the fit takes for the accelerometer's bias does not turn level away from it: 0.1 m/s²
     would be 1.2° of heading at this dip."""
@@ -26,6 +28,7 @@ def test_headings_are_right_by_the_tilt_of_the_same_accelerometer() -> None:
     assert 0.2 < np.sqrt(np.mean(ratio**2)) < 1.4
 
 
+@pytest.mark.slow
 def test_rows_that_count_as_independent_in_one_model_only_do_not_make_a_speed() -> None:
     _, logged, place = drive(tilt_deg=2.0, seed=0)
     assert choose_speed(logged, place, Settings()).sds[9] == SLOW_M_S
@@ -44,6 +47,7 @@ def test_a_short_log_that_leans_states_the_heading_of_a_level_vehicle() -> None:
     np.testing.assert_array_equal(fit.coverage.down, [0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 def test_a_speed_that_looks_like_a_lean_is_doubted_until_the_vehicle_stops() -> None:
     once, stop = rover.turn(0, 720), rover.stand(0, seconds=10)
     for legs, verdict in (((once,), "check"), ((once, stop, rover.turn(0, -360), stop), "good")):

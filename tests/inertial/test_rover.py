@@ -26,6 +26,7 @@ def test_a_rover_is_calibrated_beside_its_inertial_unit(
     assert np.abs(ratio).max() < 3.0
 
 
+@pytest.mark.slow
 def test_a_rover_without_a_place_is_calibrated_beside_its_unit_too() -> None:
     made, logged, place = drive(tilt_deg=8.0, n=2500, rate_Hz=20.0)
     size = float(np.linalg.norm(made.field_n))
@@ -54,6 +55,7 @@ def remounted(samples: ag.Samples, turn: np.ndarray) -> ag.Samples:
     )
 
 
+@pytest.mark.slow
 def test_however_a_board_is_mounted_its_level_heading_is_known_alike() -> None:
     """Level is as the vehicle drives, not z down: those headings alone it will ever have."""
     _, logged, place = drive(n=1500, tilt_deg=4.0)
@@ -67,6 +69,7 @@ def test_however_a_board_is_mounted_its_level_heading_is_known_alike() -> None:
         assert turned.fit.coverage.turns == whole.fit.coverage.turns
 
 
+@pytest.mark.slow
 def test_a_boat_whose_field_changed_is_refused_without_a_place_too() -> None:
     made, logged, _ = drive("boat", 1, n=600, rate_Hz=10.0)
     late = (logged.time > logged.time[-1] / 2)[:, None]

@@ -130,6 +130,7 @@ def test_a_network_on_the_ground_is_refused_in_a_line() -> None:
         fit_inflight(orbit(n=500), ground=trained)
 
 
+@pytest.mark.slow
 def test_gains_and_all_nine_are_found_with_the_ground_as_prior() -> None:
     wrong = replace(GROUND, matrix=TRUTH.matrix @ np.diag([1.01, 0.995, 1.004]))
     for solve, limit in (("gains", 0.003), ("full", 0.002)):
@@ -142,6 +143,7 @@ def test_gains_and_all_nine_are_found_with_the_ground_as_prior() -> None:
     assert alone.calibration.bias == pytest.approx(TRUTH.bias, abs=5 * alone.sd[:3].max())
 
 
+@pytest.mark.slow
 def test_errors_of_the_model_that_last_are_inside_the_standard_error() -> None:
     z, lasting = [], []
     for seed in range(16):
@@ -154,6 +156,7 @@ def test_errors_of_the_model_that_last_are_inside_the_standard_error() -> None:
     assert np.abs(np.mean(z, axis=0)).max() < 4 / np.sqrt(16)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pointing", ["tumble", "nadir"])
 def test_a_ring_current_of_two_hours_leaves_the_errors_honest(pointing: str) -> None:
     """A field that outlasts an orbit, whichever way the sensor turns under it."""
@@ -192,6 +195,7 @@ def test_a_drifting_bias_is_followed_and_a_steady_one_is_not_made_to_drift() -> 
     assert "drifted by" in fit.status
 
 
+@pytest.mark.slow
 def test_a_bias_that_swings_with_the_day_or_faster_is_followed() -> None:
     """Three times a day; a constant bias misses it by 100 nT and states 27."""
     n, z, error = 8640, [], []

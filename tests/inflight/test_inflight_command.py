@@ -115,6 +115,7 @@ def test_bad_input_is_one_line_and_exit_two(options, message: str, capsys) -> No
     assert seen.err.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 def test_the_space_station_keeps_one_side_to_the_earth(recordings, capsys) -> None:
     """Direction by the local-vertical attitude, and a shifted clock named."""

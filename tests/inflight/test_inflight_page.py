@@ -334,6 +334,7 @@ def test_an_evil_title_is_text(opened, fit, samples) -> None:
     assert shown.locator("script").count() == 0
 
 
+@pytest.mark.slow
 def test_the_commands_write_their_pages(tmp_path: Path, monkeypatch, samples, ground) -> None:
     monkeypatch.chdir(tmp_path)
     ag.write_csv(samples, "orbit.csv")

@@ -154,6 +154,7 @@ def test_files_are_read_in_pieces_and_in_order(made, tmp_path) -> None:
         open_mission([])
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_record(made, tmp_path, monkeypatch) -> None:
     """Three times the rows, the same peak, but for the rows that are kept."""
     monkeypatch.setattr(large_scan, "MOST", 2000)

@@ -26,6 +26,7 @@ def test_a_clock_that_is_off_is_named_with_its_seconds(seconds: int) -> None:
     assert found == pytest.approx(-seconds, abs=3.0)
 
 
+@pytest.mark.slow
 def test_heights_off_by_20_km_are_no_bias() -> None:
     """The spline of the bias takes them up, with some 100 nT stated for 300 of error."""
     samples = orbit(2)
@@ -41,6 +42,7 @@ def test_a_bias_that_changes_slowly_is_no_error_of_the_orbit() -> None:
     assert fit.verdict == "good"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["shadow", "panels"])
 def test_a_bias_that_goes_with_the_sunlight_is_in_the_standard_error(kind: str) -> None:
     """Of the shadow 200 nT: error over standard error was 3 to 10, and the verdict good."""
@@ -57,6 +59,7 @@ def test_a_bias_that_goes_with_the_sunlight_is_in_the_standard_error(kind: str) 
     assert checks >= 2
 
 
+@pytest.mark.slow
 def test_nothing_is_said_of_the_sunlight_where_it_does_nothing() -> None:
     for seed in range(3):
         fit = fit_inflight(orbit(seed, step_s=20.0, external=20.0), ground=GROUND)

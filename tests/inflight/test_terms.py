@@ -92,6 +92,7 @@ def test_a_wrong_attitude_is_found_out() -> None:
         ag.fit_inflight(made.samples, attitude="stars")
 
 
+@pytest.mark.slow
 def test_standard_errors_with_the_attitude_are_honest() -> None:
     z = []
     for seed in range(12):
@@ -218,6 +219,7 @@ def test_flagged_rows_and_far_residuals_are_left_out() -> None:
 # --- a scalar instrument and a star camera -----------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_precise_case_is_at_its_bound() -> None:
     """0.1 nT scalar, 0.3 nT vector noise, a star camera of 4″: sub-nT and sub-arcsecond."""
     errors, best, bounds, stated = [], [], [], []

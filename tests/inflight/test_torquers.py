@@ -33,6 +33,7 @@ def flown(seed: int, settling_s: float, n: int = 4000) -> tuple[Samples, Thermal
     return made.samples, made.ground, moved
 
 
+@pytest.mark.slow
 def test_what_a_torquer_adds_is_found_within_its_stated_error() -> None:
     scaled = []
     for seed in range(8):
@@ -45,6 +46,7 @@ def test_what_a_torquer_adds_is_found_within_its_stated_error() -> None:
     assert 0.75 < np.sqrt(np.mean(np.square(scaled))) < 1.25
 
 
+@pytest.mark.slow
 def test_the_time_constant_of_torquers_is_found_and_no_reading_is_lost() -> None:
     """The field follows a command exponentially: modelled, all readings take part."""
     scaled, constants = [], []
@@ -63,6 +65,7 @@ def test_the_time_constant_of_torquers_is_found_and_no_reading_is_lost() -> None
     assert np.abs(np.array(constants) - 2.0).max() < 0.04
 
 
+@pytest.mark.slow
 def test_a_mission_in_pieces_leaves_out_what_one_piece_does(monkeypatch) -> None:
     """Switches are followed across pieces and counted in all rows, not in the thinned ones."""
     samples, ground, _ = flown(4, 2.0, n=20_000)

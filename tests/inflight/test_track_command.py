@@ -28,6 +28,7 @@ def tumbling(name: str = "log.csv", jump: float = 0.0, **settings):
     return made
 
 
+@pytest.mark.slow
 def test_a_log_starts_a_state_and_the_next_resumes_it(capsys) -> None:
     made = tumbling()
     rows = made.samples.columns()["time"] < 20.0
@@ -48,6 +49,7 @@ def test_a_log_starts_a_state_and_the_next_resumes_it(capsys) -> None:
     assert (third["new"], third["bias"]) == (0, second["bias"])
 
 
+@pytest.mark.slow
 def test_people_read_bias_with_its_band(capsys) -> None:
     tumbling()
     assert run(["track", "log.csv", "--state", "state.json", *FIELD]) == 0
@@ -91,6 +93,7 @@ def test_an_orbit_is_followed_from_the_ground_calibration(capsys) -> None:
     assert len(found["history"]["time_s"]) == pytest.approx(200, abs=2)
 
 
+@pytest.mark.slow
 def test_a_thermal_ground_calibration_flagged_rows_and_a_resumed_state(capsys) -> None:
     """Two pieces are the whole, with the shape in temperature kept and torquers passed over."""
     made = simulate_orbit(
@@ -140,6 +143,7 @@ def test_a_thermal_ground_calibration_flagged_rows_and_a_resumed_state(capsys) -
     )
 
 
+@pytest.mark.slow
 def test_a_scalar_instrument_in_the_log_is_followed(capsys) -> None:
     made = simulate_orbit(
         n=3000, noise=0.3, scalar_sd=0.1, thermal=0.0, external=0.0, pointing="tumble", seed=3
@@ -157,6 +161,7 @@ def test_a_scalar_instrument_in_the_log_is_followed(capsys) -> None:
     assert "all 3000 readings are flagged" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_walk_can_be_chosen_by_prediction(capsys) -> None:
     tumbling()
     options = ["--state", "state.json", *FIELD, "--walk", "auto", "--noise", "100", "--json"]

@@ -70,6 +70,7 @@ def batch(samples: ag.Samples, magnitude: float, at: np.ndarray) -> leastsq.Solu
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [300, 5000])
 def test_without_walk_it_equals_the_batch_fit(n: int) -> None:
     """From no knowledge at all, with a bias larger than the field."""
@@ -86,6 +87,7 @@ def test_without_walk_it_equals_the_batch_fit(n: int) -> None:
         assert np.sqrt(np.diag(state.estimate.covariance)[1:]) == pytest.approx(sd, rel=0.08)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["held still", "all"])
 def test_error_over_sd_is_standard_normal(kind: str) -> None:
     walk, external = (3.0, 60.0) if kind == "all" else (0.0, 0.0)
@@ -113,6 +115,7 @@ def test_error_over_sd_is_standard_normal(kind: str) -> None:
     assert np.abs(np.mean(z, axis=0)).max() < 0.7  # 3.5 sd of 1/√24
 
 
+@pytest.mark.slow
 def test_a_walking_bias_is_followed() -> None:
     """It moves some 160 nT on an axis; four sensors that turn about more than one axis."""
     z = []
@@ -127,6 +130,7 @@ def test_a_walking_bias_is_followed() -> None:
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.slow
 def test_a_nanosatellite_is_followed_to_twenty_nanotesla() -> None:
     """A day with a ground calibration in temperature, a bias that moved 2 µT and drifts 200 nT."""
     made = simulate_orbit(moved=2000.0, drift=200.0, external=20.0, pointing="tumble", seed=1)
@@ -153,6 +157,7 @@ def test_a_nanosatellite_is_followed_to_twenty_nanotesla() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cuts", [[1000], [5, 17, 40, 1499, 1505, 1520, 1600, 2900]])
 def test_split_is_whole(cuts: list[int], tmp_path: Path) -> None:
     """In pieces, saved and resumed between them, across the opening and a jump, to rounding."""
@@ -177,6 +182,7 @@ def test_split_is_whole(cuts: list[int], tmp_path: Path) -> None:
     assert [j.time for j in pieces.jumps] == [j.time for j in whole.jumps]
 
 
+@pytest.mark.slow
 def test_flagged_rows_are_passed_over() -> None:
     samples, reference, _, _ = orbiting(2, walk=1.0)
     on = np.arange(len(samples)) % 7 == 3
@@ -205,6 +211,7 @@ def test_one_reading_at_a_time_is_the_same() -> None:
     assert found.residual[0] == pytest.approx(expected.residual[-1], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_jumps_are_found_dated_and_measured() -> None:
     """3 µT: within two minutes, dated to seconds, as large as it was; and nothing else is."""
     z = []
@@ -226,6 +233,7 @@ def test_jumps_are_found_dated_and_measured() -> None:
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_start_from_nothing_knows_how_little_it_knows() -> None:
     """One side to the Earth, the field turns once an orbit: for half of one several biases fit."""
     params = TrackerParams(walk=0.4, external_sd=20.0, history_s=0.0)
@@ -247,6 +255,7 @@ def test_a_start_from_nothing_knows_how_little_it_knows() -> None:
     assert np.sqrt(np.mean(z[len(moments) - 1 :: len(moments)] ** 2)) > 0.3  # nor is it too modest
 
 
+@pytest.mark.slow
 def test_a_jump_before_the_bias_has_settled_is_found() -> None:
     made = simulate_orbit(n=5000, seed=5, thermal=0.0, pointing="nadir", jump=3000.0, jump_at=0.5)
     tracker = Tracker(params=TrackerParams(noise=NOISE, walk=0.4, external_sd=93.0))
@@ -255,6 +264,7 @@ def test_a_jump_before_the_bias_has_settled_is_found() -> None:
     assert np.abs((tracker.bias - made.bias[-1]) / tracker.bias_sd).max() < 4
 
 
+@pytest.mark.slow
 def test_no_jump_is_found_where_there_is_none() -> None:
     samples, reference, _, _ = orbiting(4, n=60_000, walk=0.3, external=60.0, strays=0.01)
     tracker = Tracker(params=replace(PARAMS, walk=0.3, external_sd=60.0))
@@ -262,6 +272,7 @@ def test_no_jump_is_found_where_there_is_none() -> None:
     assert tracker.jumps == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [0.8, 0.99])
 def test_noise_with_memory_is_no_jump_and_is_in_the_standard_error(kept: float) -> None:
     """As much of it as of white noise; a white model says 2.4 and 7.6, and sees jumps."""
@@ -279,6 +290,7 @@ def test_noise_with_memory_is_no_jump_and_is_in_the_standard_error(kept: float) 
     assert np.sqrt(np.mean(np.square(z))) < 1.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sd", "time_s"), [(60.0, 600.0), (150.0, 600.0), (100.0, 5000.0)])
 def test_a_slow_error_of_the_reference_that_nobody_stated_is_no_jump_and_is_told(
     sd: float, time_s: float
@@ -300,6 +312,7 @@ def test_a_slow_error_of_the_reference_that_nobody_stated_is_no_jump_and_is_told
     assert told >= 2 or time_s > 1000
 
 
+@pytest.mark.slow
 def test_white_noise_is_not_called_correlated() -> None:
     for seed in range(5):
         samples, reference, _, _ = orbiting(100 + seed)
@@ -332,6 +345,7 @@ def test_strays_are_refused() -> None:
     assert 0.5 * stray.sum() < tracker.refused <= stray.sum()
 
 
+@pytest.mark.slow
 def test_many_refusals_and_a_wrong_noise_are_said() -> None:
     samples, reference, _, _ = orbiting(6, strays=0.3)
     tracker = Tracker(params=PARAMS)
@@ -386,6 +400,7 @@ def test_only_what_is_asked_for_moves(solve, moved: int) -> None:
     assert np.count_nonzero(np.abs(change) > 1e-12) == moved
 
 
+@pytest.mark.slow
 def test_the_walk_is_chosen_by_prediction() -> None:
     samples, reference, _, _ = orbiting(10, n=1000, walk=10.0)
     choice = choose_walk(samples, reference, params=PARAMS)
@@ -463,6 +478,7 @@ def test_settings_are_checked(settings, said: str) -> None:
         TrackerParams(**settings)
 
 
+@pytest.mark.slow
 def test_dates_put_logs_in_order() -> None:
     """A second log that counts its seconds from another epoch goes on where the first ended."""
     from datetime import UTC, datetime, timedelta

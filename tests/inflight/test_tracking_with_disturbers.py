@@ -43,6 +43,7 @@ def flown(seed: int) -> tuple[Samples, Interference]:
     return samples, before
 
 
+@pytest.mark.slow
 def test_what_disturbs_is_taken_out_before_the_bias_is_followed() -> None:
     """The same to the last digit as following readings of which it was taken before."""
     samples, before = flown(0)

@@ -33,6 +33,7 @@ def collect(state: TrackerState, made: Turned) -> np.ndarray:
     return (found - np.concatenate(truth)) / np.maximum(sd, 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bias", "full", "jump"])
 def test_error_over_sd_is_standard_normal(kind: str) -> None:
     soft_iron = 0.02 if kind == "full" else 0.0
@@ -69,6 +70,7 @@ def test_where_an_assumption_is_broken_the_band_grows_or_the_verdict_falls(broke
         assert far < most or tracker.verdict != "good"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hz", [0.5, 1, 2, 5])
 def test_rates_far_apart_widen_the_band_and_are_told(hz: float) -> None:
     """Between readings the turn is not known, which once made errors of sixty standard errors."""
@@ -100,6 +102,7 @@ def test_a_jump_is_dated_measured_and_does_not_move_the_field() -> None:
         assert "jumped" in tracker.status
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cuts", [[1], [40, 41, 577, 803, 890], [500, 820]])
 def test_split_is_whole(cuts: list[int], tmp_path: Path) -> None:
     """With a jump, a noise that has to be found, and every cut saved and resumed."""
@@ -155,6 +158,7 @@ def heading_error_deg(samples: ag.Samples, field: np.ndarray) -> np.ndarray:
     return np.degrees((error - middle + np.pi) % (2 * np.pi) - np.pi)
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 @pytest.mark.parametrize("number", list(BROAD))
 def test_a_magnet_on_the_sensor_does_not_turn_the_heading(number: str, recordings: Path) -> None:

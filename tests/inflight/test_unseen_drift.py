@@ -7,6 +7,7 @@ from agonic.inflight.fit import fit_inflight
 from tests.inflight.test_fit import GROUND, orbit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.0, 15.0, 30.0])
 def test_it_is_honest_at_the_end_of_the_record(size: float) -> None:
     """Of three to six standard errors; error over σ 2.3 and 3.5 where the bias was constant."""

@@ -20,6 +20,7 @@ def streamed(samples, pieces=1, **settings):
     return live
 
 
+@pytest.mark.slow
 def test_the_way_is_the_same_however_it_is_cut_and_bounded():
     rng = np.random.default_rng(0)
     n = 300_000  # an hour and a half at 60 readings a second, half of it at rest
@@ -55,6 +56,7 @@ def rovers():
     return [(streamed(samples, target_deg=0.3), samples) for samples in made]
 
 
+@pytest.mark.slow
 def test_a_rover_on_a_ramp_ends_well_and_its_error_is_what_is_stated(rovers):
     ratios = []
     for seed, (live, _) in enumerate(rovers):
@@ -67,6 +69,7 @@ def test_a_rover_on_a_ramp_ends_well_and_its_error_is_what_is_stated(rovers):
     assert ((rms > 0.5) & (rms < 1.5)).all()
 
 
+@pytest.mark.slow
 def test_it_accepts_what_calibrate_gives_for_the_same_rows(rovers):
     live, samples = rovers[0]
     accepted, whole = ag.calibrate(live.samples, PLACE), ag.calibrate(samples, PLACE)
@@ -77,6 +80,7 @@ def test_it_accepts_what_calibrate_gives_for_the_same_rows(rovers):
     np.testing.assert_allclose(live.calibration.bias, accepted.calibration.bias, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_missing_headings_are_named_and_what_a_step_brings_is_what_comes(rovers):
     samples = drive(turn(0, 220))
     live = streamed(samples)
@@ -102,6 +106,7 @@ def test_without_a_place_it_is_asked_for():
     assert not told.done
 
 
+@pytest.mark.slow
 def test_what_is_saved_of_a_level_vehicle_gives_the_same_calibration_again(tmp_path):
     """Acceleration and rates are saved with the readings, also where no place told their use."""
     samples = drive(LEVEL, *(stand(0, pitch=tilt) for tilt in (8.0, -8.0)), turn(0, 720, 5.0))
@@ -117,6 +122,7 @@ def test_what_is_saved_of_a_level_vehicle_gives_the_same_calibration_again(tmp_p
     np.testing.assert_allclose(again.calibration.bias, kept.calibration.bias)
 
 
+@pytest.mark.slow
 def test_what_is_turned_over_is_fitted_by_the_magnitude_as_before():
     made = ag.simulate("tumble", n=1500, noise=150.0).samples
     bare = LiveFit(magnitude=50_000.0)

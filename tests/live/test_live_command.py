@@ -18,6 +18,7 @@ from agonic.live.web.watch import WatchedSensor
 from tests.live.rover import AT, ON, drive, stand, turn
 
 
+@pytest.mark.slow
 def test_in_the_terminal_with_the_same_words(tmp_path, capsys):
     assert run(["live", "sim?seed=2", "--speed", "8", "--text", "-o", str(tmp_path)]) == 0
     said = capsys.readouterr().out
@@ -39,6 +40,7 @@ def test_without_a_source_the_ports_are_listed(monkeypatch, capsys):
     assert "No serial port was found." in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_second_session_replaces_what_the_first_wrote(tmp_path, capsys):
     command = ["live", "sim", "--speed", "0", "--text", "--fresh", "-o", str(tmp_path)]
     biases = []
@@ -66,6 +68,7 @@ def test_one_object_for_programs(tmp_path, capsys):
     assert ag.load(out / "mag.json").provenance.inputs[0].name == "mag-readings.csv"
 
 
+@pytest.mark.slow
 def test_a_rover_is_told_what_to_drive_and_accepted_as_calibrate_would(tmp_path, capsys):
     samples = drive(turn(0, 720), stand(0), stand(0, 5.0), stand(0, 0.0, -5.0))
     log, out = ag.write_csv(samples, tmp_path / "rover.csv"), tmp_path / "out"
@@ -84,6 +87,7 @@ def test_a_rover_is_told_what_to_drive_and_accepted_as_calibrate_would(tmp_path,
     assert again["verdict"] == of_mag["verdict"] == "good"
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_terminal_says_what_is_saved(sensor, tmp_path):
     out = tmp_path / "out"
     source = f"tcp://127.0.0.1:{sensor.port}"
@@ -122,6 +126,7 @@ def test_mistakes_are_one_line(arguments, why, tmp_path, capsys):
     assert complaint.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_an_hour_of_turning_takes_no_more_memory_than_a_part_of_it(tmp_path):
     made = ag.simulate("hand", n=30_000, rate_Hz=50.0, noise=150.0).samples
     first = Chunk("mag", made.time[:1], made.field[:1], "nT")

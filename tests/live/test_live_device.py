@@ -80,6 +80,7 @@ def test_a_vehicle_is_written_only_after_a_yes(vehicle, live, page, picture):
     assert {line.split()[0] for line in sets} == set(table)
 
 
+@pytest.mark.slow
 def test_a_motioncal_device_is_written_only_after_a_yes(live, page):
     device = Device()
     try:

@@ -49,6 +49,7 @@ def recording():
     return np.arange(3000) / RATE_HZ, readings(tumbled(rng, 3000), rng)
 
 
+@pytest.mark.slow
 def test_pieces_give_what_the_whole_gives(recording):
     time, field = recording
     whole = LiveFit(magnitude=50_000.0)
@@ -77,6 +78,7 @@ def test_it_agrees_with_the_fit_to_what_was_kept(recording):
     assert np.abs((live.calibration.bias - BIAS) / live.calibration.sd[:3]).max() < 4
 
 
+@pytest.mark.slow
 def test_memory_stays_bounded():
     rng = np.random.default_rng(2)
     live = LiveFit(magnitude=50_000.0)
@@ -180,6 +182,7 @@ def obedient():
     return [obeyed(np.random.default_rng(100 + seed), 0.5) for seed in range(8)]
 
 
+@pytest.mark.slow
 def test_following_the_arrow_saves_half_the_turns(obedient):
     seeds = [np.random.default_rng(seed) for seed in range(3)]
     followed = np.median([turned for turned, _ in obedient])
@@ -189,6 +192,7 @@ def test_following_the_arrow_saves_half_the_turns(obedient):
     assert followed <= 0.6 * tumbling
 
 
+@pytest.mark.slow
 def test_the_standard_error_at_the_stop_is_honest(obedient):
     z = [(live.calibration.bias - BIAS) / live.calibration.sd[:3] for _, live in obedient]
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4
@@ -218,6 +222,7 @@ def passing_iron(time, attitudes, *, at, closest=0.15, speed=0.5, peak=0.2):
     return (share[:, None] * there) @ np.linalg.inv(MATRIX).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [tumbled, waved])
 def test_iron_that_passes_leaves_nothing_behind(turned):
     for seed in range(2):
@@ -238,6 +243,7 @@ def test_iron_that_passes_leaves_nothing_behind(turned):
         assert names(fits[1]) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1019, 1035, 1040])
 def test_good_readings_are_let_in_where_little_was_seen(seed):
     """Paths whose first seconds lie in a plane: a fit to them is far off and sure of itself."""
@@ -250,6 +256,7 @@ def test_good_readings_are_let_in_where_little_was_seen(seed):
     assert np.abs((live.calibration.bias - BIAS) / live.calibration.sd[:3]).max() < 4
 
 
+@pytest.mark.slow
 def test_what_is_not_known_yet_is_not_complained_of():
     rng = np.random.default_rng(0)
     live = LiveFit(magnitude=50_000.0, source="the simulation")
@@ -276,6 +283,7 @@ def test_what_waits_is_part_of_what_is_shown(recording):
     assert len(slow.state.waiting) <= 2000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [0, 137, 1503])
 def test_a_live_fit_that_was_saved_goes_on_exactly(recording, tmp_path, cut):
     time, field = recording
@@ -294,6 +302,7 @@ def test_a_live_fit_that_was_saved_goes_on_exactly(recording, tmp_path, cut):
     assert again.guidance.say == whole.guidance.say
 
 
+@pytest.mark.slow
 def test_the_file_of_a_long_session_is_small(tmp_path):
     rng, live, sizes = np.random.default_rng(2), LiveFit(magnitude=50_000.0), []
     for k in range(6):

@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 import agonic as ag
 from tests.live.browsing import wait
 
@@ -98,6 +100,7 @@ def test_from_the_first_reading_to_the_files(sensor, live, page, picture, tmp_pa
     assert shown.complaints == []
 
 
+@pytest.mark.slow
 def test_the_calibration_before_stands_beside(sensor, live, page, tmp_path):
     before = tmp_path / "before.json"
     ag.save(
@@ -154,6 +157,7 @@ def test_everything_by_keyboard(three_sensors, page):
     assert shown.complaints == []
 
 
+@pytest.mark.slow
 def test_start_again_asks_first(live, page):
     shown = page(live("sim"))
     wait(shown, "window.__stat.points > 100")
@@ -182,6 +186,7 @@ def test_start_again_asks_first(live, page):
     assert shown.is_disabled("#restart")
 
 
+@pytest.mark.slow
 def test_dark_and_light_are_told_apart(three_sensors, page):
     colours = [
         page(three_sensors, color_scheme=scheme).evaluate(

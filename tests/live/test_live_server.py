@@ -130,6 +130,7 @@ async def shout(address, lines):
     return sent
 
 
+@pytest.mark.slow
 def test_twenty_clients_a_deaf_one_and_ten_thousand_malformed_messages(sensor, live):
     address = live(f"tcp://127.0.0.1:{sensor.port}", "--field", "50000")
 

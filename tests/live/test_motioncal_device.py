@@ -12,6 +12,7 @@ from agonic.reference import Reference
 from tests.live.motioncal_device import Device
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wrong", "says"), [(0.0, "read back: the device has it"), (1.0, "V x")])
 def test_the_packet_is_sent_after_the_offer_and_read_back(tmp_path, wrong, says):
     device = Device(wrong)

@@ -184,6 +184,7 @@ def test_a_replay_ends_whatever_its_clock():
         assert events[-1].ended
 
 
+@pytest.mark.slow
 def test_requests_that_are_never_finished_do_not_lock_pages_out(three_sensors):
     from urllib.parse import urlsplit
     from urllib.request import urlopen

@@ -139,6 +139,7 @@ def test_a_log_or_simulation_begins_again(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_the_program_is_stopped_and_started_again(sensor, live, tmp_path):
     source = f"tcp://127.0.0.1:{sensor.port}"
     statuses, *_ = run(lambda: heard(live(source, "--field", "50000"), 1.2))

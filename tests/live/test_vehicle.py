@@ -51,6 +51,7 @@ def until(what, seconds=15.0):
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_readings_are_taken_back_and_a_result_is_written_and_read_back(vehicle, tmp_path):
     session = vehicle(3)
     until(lambda: session.status.sensors and session.status.sensors[0].n > 150)
@@ -81,6 +82,7 @@ def test_readings_are_taken_back_and_a_result_is_written_and_read_back(vehicle, 
     np.testing.assert_allclose(again.bias, RAW_BIAS * MG, atol=0.5 * MG)
 
 
+@pytest.mark.slow
 def test_nothing_is_written_that_was_not_offered(vehicle):
     session = vehicle(3)
     until(lambda: session.status.sensors and session.status.sensors[0].n > 100)

@@ -75,6 +75,7 @@ def test_a_log_is_read_as_from_the_disk(storage: None, tmp_path: Path) -> None:
     assert here.source == there.source  # name, SHA-256 and count: the origin is the content
 
 
+@pytest.mark.slow
 def test_a_long_recording_is_fitted_where_it_lies(storage: None, tmp_path: Path) -> None:
     """No copy is made: only the columns that count are asked for."""
     files = [write_parquet(tmp_path / f"day{k}.parquet", seed=k) for k in (1, 2)]
@@ -86,6 +87,7 @@ def test_a_long_recording_is_fitted_where_it_lies(storage: None, tmp_path: Path)
     assert fits[0].calibration.provenance.inputs == fits[1].calibration.provenance.inputs
 
 
+@pytest.mark.slow
 def test_a_fleet_in_a_bucket_has_the_table_of_one_on_the_disk(
     storage: None, tmp_path: Path
 ) -> None:

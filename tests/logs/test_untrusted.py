@@ -81,6 +81,7 @@ def test_no_damage_to_a_matlab_file_is_more_than_one_line(tmp_path):
                 open_log(path)
 
 
+@pytest.mark.slow
 def test_a_matlab_bomb(tmp_path):
     path = tmp_path / "bomb.mat"
     machine = zlib.compressobj(1)
@@ -97,6 +98,7 @@ def test_a_matlab_bomb(tmp_path):
         open_log(path)
 
 
+@pytest.mark.slow
 def test_numpy_bombs(tmp_path):
     path = tmp_path / "bomb.npz"
     np.savez_compressed(path, mag_uT=np.zeros((1000, 3)))

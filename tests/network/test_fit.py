@@ -53,6 +53,7 @@ def test_the_published_figures_hold(seed):
     assert np.abs(error(again.calibration, changed)).max() < 10.0
 
 
+@pytest.mark.slow
 def test_the_table_of_hidden_nodes_comes_from_directions_that_fill_space():
     """0.9999 for 3 to 7 nodes and 0.82 for 2: √(2/3), for two nodes span a plane of the three."""
     made = simulate_paper(15.0, directions="space", seed=1)
@@ -97,6 +98,7 @@ def test_the_affine_wins_in_the_printed_plane():
     assert np.abs(fit.residuals).max() < 10.0
 
 
+@pytest.mark.slow
 def test_no_table_of_nodes_makes_an_affine_sensor_need_one():
     made = simulate_paper(10.0, directions="space", seed=3)
     choice = choose_network(made.samples, made.reference, hidden=(4, 3))
@@ -104,6 +106,7 @@ def test_no_table_of_nodes_makes_an_affine_sensor_need_one():
     assert choice.sentence == "no network is needed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_what_no_affine_fits_is_halved_at_least_in_every_direction(seed):
     """Saturation of 2 %, axes that mix, and a part that lags behind the temperature."""
@@ -117,6 +120,7 @@ def test_what_no_affine_fits_is_halved_at_least_in_every_direction(seed):
     assert fit.verdict == "good"
 
 
+@pytest.mark.slow
 def test_without_temperature_the_lag_stays():
     """The inputs do it: with the field alone the error of hysteresis is left."""
     made = bent(0, 4000, hysteresis=400.0)
@@ -188,6 +192,7 @@ def test_the_uncertainty_grows_on_the_way_out():
 # Magnitudes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_magnitude_teaches_the_length_as_well_as_a_vector_does(seed):
     """On unseen blocks the length is as good; turns it cannot see, but nothing gets worse."""
@@ -223,6 +228,7 @@ def test_a_magnitude_changes_no_direction():
     assert np.abs(turn).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_on_a_constant_magnitude_noise_is_not_learned():
     """All readings lie on a sphere, and a network could pull every reading onto it."""
     made = simulate_nonaffine(
@@ -237,6 +243,7 @@ def test_on_a_constant_magnitude_noise_is_not_learned():
 # Two hidden layers
 
 
+@pytest.mark.slow
 def test_two_layers_learn_what_one_does():
     """As good where nothing was trained on, and errors as large as stated."""
     ratios = []
@@ -258,6 +265,7 @@ def test_two_layers_learn_what_one_does():
 # Uncertainty
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("target", "noise"), [("vector", 150.0), ("magnitude", 150.0)])
 def test_errors_are_as_large_as_stated(target, noise):
     """Error over stated standard deviation, over twelve seeds and directions: mean 0, sd 1."""
@@ -284,6 +292,7 @@ def test_errors_are_as_large_as_stated(target, noise):
 # Readings that stand out, starts, columns, errors
 
 
+@pytest.mark.slow
 def test_gross_readings_do_no_harm():
     made = bent(2)
     rng = np.random.default_rng(0)
@@ -315,6 +324,7 @@ def test_the_same_seed_gives_the_same_network():
     np.testing.assert_array_equal(both[0].calibration.weights, both[1].calibration.weights)
 
 
+@pytest.mark.slow
 def test_a_given_base_is_kept():
     made = bent(0)
     base = fit_network(made.samples, made.reference, compared=False).base
@@ -343,6 +353,7 @@ def test_a_field_north_east_down_is_turned_by_the_attitude():
     assert np.abs(off.mean(axis=0)).max() < 20.0
 
 
+@pytest.mark.slow
 def test_early_stopping_and_no_restraint_fit_as_well():
     made = bent(0)
     for stopping in ("early", "plain"):

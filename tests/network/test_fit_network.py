@@ -52,6 +52,7 @@ def test_a_network_is_trained_written_and_applied(folder, capsys):
     assert run("verify", "net.json", "bent.csv", "--field", 50_000, capsys=capsys)[0] == 0
 
 
+@pytest.mark.slow
 def test_two_layers_from_the_command_line(folder, capsys):
     words = ["fit", "network", "bent.csv", "--reference", "bent.reference.csv", "--json"]
     words += ["--inputs", "field,temperature", "--hidden", "5,4", "-o", "net.json"]
@@ -84,6 +85,7 @@ def test_on_an_affine_sensor_the_base_is_written(folder, capsys):
     assert ag.load("cal.json").kind == "affine"
 
 
+@pytest.mark.slow
 def test_the_table_of_nodes(folder, capsys):
     status, out, _ = run(
         "fit",
@@ -108,6 +110,7 @@ def test_the_table_of_nodes(folder, capsys):
     assert "hidden nodes" in (folder / "table.svg").read_text()
 
 
+@pytest.mark.slow
 def test_a_magnitude_is_enough(folder, capsys):
     status, out, _ = run(
         "fit", "network", "bent.csv", "--field", 50_000, "--hidden", 6, "--json", capsys=capsys

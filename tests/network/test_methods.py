@@ -53,6 +53,7 @@ def test_too_high_a_rate_ends_early_and_an_adaptive_one_recovers():
     assert kept.mean_square[-1] < 1.05 * descend(made, start, epochs=3000).mean_square[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [3, (3, 3)])
 def test_levenberg_marquardt_needs_a_tenth_of_the_epochs(hidden):
     made = simulate_paper(15.0, seed=2)
@@ -66,6 +67,7 @@ def test_levenberg_marquardt_needs_a_tenth_of_the_epochs(hidden):
     assert descent.epochs == len(descent.mean_square) == 1000
 
 
+@pytest.mark.slow
 def test_the_simulation_of_the_paper_is_one_command(tmp_path, capsys):
     assert run(["simulate", "network", "-o", str(tmp_path / "paper"), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)

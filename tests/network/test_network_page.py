@@ -104,6 +104,7 @@ def test_guard_counts_readings_far_from_the_training(made, fit) -> None:
     assert 'class="guarded"' in page
 
 
+@pytest.mark.slow
 def test_table_of_nodes_has_the_figures_of_the_choice() -> None:
     flat = simulate_paper(15.0, directions="space")
     choice = choose_network(

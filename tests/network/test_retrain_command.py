@@ -28,6 +28,7 @@ def flown(*options: str) -> None:
     assert run([*fit, *options]) in (0, 1)  # 1: on an affine sensor the base is as good
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", ["none", "affine"])
 def test_published_scenario_from_end_to_end(base: str, capsys) -> None:
     flown("--base", base)
@@ -53,6 +54,7 @@ def test_published_scenario_from_end_to_end(base: str, capsys) -> None:
     assert now.max() < 10.0
 
 
+@pytest.mark.slow
 def test_next_log_goes_on_where_the_last_one_ended(capsys) -> None:
     flown()
     flight = ag.read("flight.csv")
@@ -73,6 +75,7 @@ def test_next_log_goes_on_where_the_last_one_ended(capsys) -> None:
     assert "holds its settings already; leave out --window" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_poisoned_end_of_a_log_is_a_check_with_its_reason(capsys) -> None:
     flown()
     known = ag.read("flight.reference.csv")
@@ -117,6 +120,7 @@ def test_wrong_span_is_said_in_a_line(text: str, capsys) -> None:
     assert "is no span" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_page_header_and_report_of_what_was_retrained(capsys) -> None:
     flown("--base", "none", "--report", "fit.html")
     command = ["retrain", "flight.csv", *KNOWN, "--window", "15s", "--ground", "ground.json"]
@@ -139,6 +143,7 @@ def test_page_header_and_report_of_what_was_retrained(capsys) -> None:
     assert "On the log" in Path("log.html").read_text()
 
 
+@pytest.mark.slow
 def test_an_orbit_with_its_network_is_aided_by_attitude(capsys) -> None:
     """The network ends in body axes, as the attitude and the world model do."""
     asked = ("-n", "9000", "--jump", "1500", "--seed", "6", "--external", "0", "--network")

@@ -48,6 +48,7 @@ def spoilt(made: SimulatedField, rows: np.ndarray, raw=None, field=None) -> Simu
     return SimulatedField(samples=samples, field=known, facts=made.facts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("base", "seeds"), [(None, 8), ("affine", 6)])
 def test_published_change_is_learned_with_every_seed(base: str | None, seeds: int) -> None:
     for seed in range(seeds):
@@ -86,6 +87,7 @@ def test_pieces_of_any_size_make_the_whole(tmp_path: Path) -> None:
     np.testing.assert_allclose(pieces.calibration.weights, whole.calibration.weights, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("word", "settings"),
     [
@@ -131,6 +133,7 @@ def test_steady_sensor_raises_no_alarm() -> None:
     assert {one.why for one in retrainer.retrainings} == {"period"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [0.9, 0.97])
 def test_noise_with_memory_is_no_change(kept: float) -> None:
     """Nothing says at first how long residuals last; the readings before an alarm do."""
@@ -151,6 +154,7 @@ def test_noise_with_memory_is_no_change(kept: float) -> None:
         assert {one.why for one in retrainer.retrainings} == {"period"}
 
 
+@pytest.mark.slow
 def test_affine_step_keeps_what_the_network_had_learned() -> None:
     made = simulate_nonaffine(n=9000, hysteresis=0.0, seed=4)
     jump = np.arange(6000, 9000)
@@ -216,6 +220,7 @@ def test_field_in_north_east_down_is_turned_by_the_attitude() -> None:
     np.testing.assert_allclose(retrainer.calibration.bias, [250.0, -100.0, 75.0], atol=15.0)
 
 
+@pytest.mark.slow
 def test_memory_stays_bounded() -> None:
     made = simulate_paper(60.0, rate_Hz=200.0, seed=2)
     params = RetrainerParams(window_n=500, every_n=500)

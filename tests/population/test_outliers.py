@@ -63,6 +63,7 @@ def test_what_is_planted_is_named_for_what_it_is(law: str) -> None:
     assert false < 0.01 * rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_regular_populations_have_hardly_any(law: str) -> None:
     """However they are distributed: less than one in a hundred sensors is named."""
@@ -71,6 +72,7 @@ def test_regular_populations_have_hardly_any(law: str) -> None:
         assert false < 0.01 * n * seeds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [20, 30])
 def test_one_bad_board_among_few_is_named(n: int) -> None:
     """20 spreads off, to a side of its own."""

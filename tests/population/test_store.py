@@ -174,6 +174,7 @@ def test_damaged_rows_are_said_and_names_that_are_no_text_are_kept(path: Path) -
             history.columns("bias_x")
 
 
+@pytest.mark.slow
 def test_what_fails_half_way_leaves_nothing(path: Path) -> None:
     def rows():
         yield from (row(k) for k in range(20_000))
@@ -235,6 +236,7 @@ def test_processes_that_write_at_once_lose_nothing(path: Path) -> None:
         assert [one.calibrations for one in history.sensors()] == [20] * 5
 
 
+@pytest.mark.slow
 def test_a_sensor_among_many_is_found_by_an_index(path: Path) -> None:
     """By the steps of the database, which do not depend on the machine: a scan takes 20 000."""
     with History.open(path) as history:

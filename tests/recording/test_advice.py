@@ -61,6 +61,7 @@ def test_components_of_the_earth_are_no_readings_of_a_sensor() -> None:
     assert not {"static", "plane"} & set(names)
 
 
+@pytest.mark.slow
 def test_a_change_is_followed_by_the_stretch_without_it(capsys) -> None:
     samples = simulate("hand", n=3000, noise=50.0, seed=2).samples
     field = samples.field + np.where(np.arange(3000) < 1000, 9000.0, 0.0)[:, None]
@@ -73,6 +74,7 @@ def test_a_change_is_followed_by_the_stretch_without_it(capsys) -> None:
     assert run([*command[1:], "-o", "again"]) == 0
 
 
+@pytest.mark.slow
 def test_raw_readings_of_the_earth_s_size_are_asked_about(capsys) -> None:
     samples = simulate("hand", n=500, seed=2).samples
     raw = ag.Samples(field=samples.field / 100, unit="raw")
@@ -101,6 +103,7 @@ def test_the_next_command_reads_the_log_as_this_one_did(capsys) -> None:
     assert Path("headings.csv").is_file()
 
 
+@pytest.mark.slow
 def test_a_rover_s_log_without_its_place_is_asked_for_it(capsys) -> None:
     """Beside a gyro it is not needed: the dip is found with the rest."""
     rover = simulate("circle", tilt_deg=5.0, n=1500, seed=1)

@@ -58,6 +58,7 @@ def test_what_the_log_holds_decides() -> None:
     assert by_force.method == "ellipsoid"
 
 
+@pytest.mark.slow
 def test_what_only_directions_show_is_not_left_for_a_fit_by_the_magnitude() -> None:
     for fault in (saturation_across(200_000.0), follows_pitch(2000.0)):
         for seed in range(2):
@@ -78,6 +79,7 @@ def test_an_axis_that_says_nothing_of_its_own_is_refused_and_no_crash(fault) -> 
     assert verdict == "refused"
 
 
+@pytest.mark.slow
 def test_the_user_may_decide() -> None:
     samples, field_n = flight()
     for kind in ("ellipsoid", "levelled", "vector"):
@@ -90,6 +92,7 @@ def test_the_user_may_decide() -> None:
         ag.calibrate(samples, None, kind="levelled")
 
 
+@pytest.mark.slow
 def test_a_current_joins_where_it_moves_the_readings_and_only_there() -> None:
     samples, field_n = flight(stray=(60.0, -35.0, 90.0))
     joined = ag.calibrate(samples.with_columns(heading_estimated=True), field_n)
@@ -100,6 +103,7 @@ def test_a_current_joins_where_it_moves_the_readings_and_only_there() -> None:
     assert not isinstance(alone.fit.calibration, Interference)
 
 
+@pytest.mark.slow
 def test_a_sensor_in_other_axes_is_turned_into_those_of_the_vehicle() -> None:
     made = simulate("tumble", n=3000)
     turned = made.samples.with_columns(field=made.samples.field[:, [1, 2, 0]])

@@ -9,6 +9,7 @@ from agonic.simulation import simulate
 FIELD = 50_000.0
 
 
+@pytest.mark.slow
 def test_standard_errors_of_differences_are_honest():
     """Difference/sd of two fits to the same sensor has mean 0 and sd 1 over seeds."""
     scores, fields, chances = [], [], []

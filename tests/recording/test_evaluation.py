@@ -41,6 +41,7 @@ def test_a_heading_is_judged_after_one_constant_turn():
     assert np.abs(errors["heading"]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_found_errors_are_those_that_are_stated():
     """Over seeds, of a log with an independent heading that the fits are not shown."""
     ratios = []
@@ -56,6 +57,7 @@ def test_found_errors_are_those_that_are_stated():
     assert 0.7 < mean[0] < 1.2  # a tumbling sensor has rows with little horizontal field
 
 
+@pytest.mark.slow
 def test_unseen_rows_are_judged_by_fits_to_others():
     """A stretch with a bias of its own counts as unseen error, though a fit to it would hide it."""
     samples = simulate("tumble", n=800, noise=50.0, seed=2).samples
@@ -86,6 +88,7 @@ def test_what_is_made_worse_is_said():
     assert "3°" in told[0].what
 
 
+@pytest.mark.slow
 def test_command_with_the_truth_of_another_file(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     made = simulate("tumble", n=800, noise=100.0, seed=4)

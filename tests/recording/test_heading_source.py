@@ -57,6 +57,7 @@ def test_calibrate_leaves_out_what_came_before_a_source_had_settled() -> None:
     assert np.abs((found.fit.calibration.bias - truth.bias) / found.fit.sd[:3]).max() < 4
 
 
+@pytest.mark.slow
 def test_worse_headings_count_less() -> None:
     """A third of the headings with eight times the error, by their own account."""
     worse, weighed = [], []
@@ -73,6 +74,7 @@ def test_worse_headings_count_less() -> None:
     assert np.std(weighed) < np.std(worse)
 
 
+@pytest.mark.slow
 def test_a_heading_that_follows_the_magnetometer_is_found_out() -> None:
     samples, place, truth = drive()
     tilt = kernel.tilt_from_angles(samples.roll_deg, samples.pitch_deg)

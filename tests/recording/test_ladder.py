@@ -25,6 +25,7 @@ def true_heading_error_deg(calibration, truth):
     return float(np.sqrt(np.mean(wrap_deg(np.degrees(error)) ** 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["sphere", "diagonal"])
 def test_a_smaller_model_errs_by_what_is_predicted(model):
     """(true − predicted)/sd has mean 0 and sd 1 over seeds."""
@@ -64,6 +65,7 @@ def test_a_sensor_without_soft_iron_needs_no_larger_model():
     assert "no sign of soft iron" in ladder["bias only"].why
 
 
+@pytest.mark.slow
 def test_a_current_on_board_is_a_rung():
     made = simulate("flight", n=4000, noise=50.0, stray_nT_A=(60.0, -35.0, 90.0))
     place = ag.Reference.horizontal_vertical(25_000.0, 43_301.27)

@@ -51,6 +51,7 @@ def test_mountings_that_cannot_be(text: str) -> None:
         parse_mounting(text)
 
 
+@pytest.mark.slow
 def test_the_calibration_takes_readings_as_they_are_logged() -> None:
     samples, field_b, place, turn = flown()
     assert calibrate_as_named(samples, place).method == "ellipsoid"  # in axes of its own
@@ -107,6 +108,7 @@ def test_a_mounting_that_is_certain_is_applied_and_told() -> None:
     assert find_turn(plain, place) is None
 
 
+@pytest.mark.slow
 def test_a_mounting_is_applied_only_where_dip_and_axes_agree() -> None:
     """Roll counted the wrong way round looks like a sensor that lies on its back."""
     samples, _, place, turn = flown()
@@ -119,6 +121,7 @@ def test_a_mounting_is_applied_only_where_dip_and_axes_agree() -> None:
     assert find_turn(samples, ag.Reference.constant(50_000.0)) is None
 
 
+@pytest.mark.slow
 def test_beside_an_accelerometer_the_axes_are_those_of_it() -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000)
     turn = parse_mounting("x backward, y right")

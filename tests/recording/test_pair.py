@@ -22,6 +22,7 @@ def calibrate(sensors: list[ag.Samples]) -> list:
     return [ag.calibrate(one, ag.wmm().along(one)) for one in sensors]
 
 
+@pytest.mark.slow
 def test_opposite_disturbance_is_told_and_mixed_away(tmp_path) -> None:
     sensors = fly(3, (60.0, -35.0, 90.0), "opposite")
     told = tell_pairs(calibrate(sensors))
@@ -40,6 +41,7 @@ def test_opposite_disturbance_is_told_and_mixed_away(tmp_path) -> None:
         assert "was mixed in" in one.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_undisturbed_sensors_are_no_pair(seed: int) -> None:
     first, second = calibrate(fly(seed, (0.0, 0.0, 0.0), "apart"))
@@ -48,6 +50,7 @@ def test_undisturbed_sensors_are_no_pair(seed: int) -> None:
     assert [one.fit.findings for one in again] == [first.fit.findings, second.fit.findings]
 
 
+@pytest.mark.slow
 def test_what_disturbs_both_alike_has_no_mix() -> None:
     """A field that changes with the way: alike at both, in whatever direction they point."""
     first, second = fly(5, (0.0, 0.0, 0.0), "apart")

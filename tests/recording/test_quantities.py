@@ -25,6 +25,7 @@ def test_propagated_standard_errors_are_the_scatter_of_many_draws(good, view):
     np.testing.assert_allclose(propagate_sd(fit.calibration, view), scatter, rtol=0.06)
 
 
+@pytest.mark.slow
 def test_the_turn_of_a_sensor_has_the_scatter_of_many_draws(good):
     turn = Rotation.from_rotvec([0.03, -0.05, 0.2]).as_matrix()
     rng = np.random.default_rng(1)

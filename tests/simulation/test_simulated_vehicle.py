@@ -77,6 +77,7 @@ def test_opposite_disturbances_cancel_in_the_mean_of_two() -> None:
     np.testing.assert_allclose((still[0] + still[1]) / 2, earth_b, atol=1e-6 * nT)
 
 
+@pytest.mark.slow
 def test_readings_are_late_by_the_latency_and_it_is_found() -> None:
     late = simulate_vehicle(noise=20.0, latency_s=0.037, attitude_sd_deg=0.05, seed=4)
     prompt = simulate_vehicle(noise=20.0, attitude_sd_deg=0.05, seed=4, calibrations=late.truths)

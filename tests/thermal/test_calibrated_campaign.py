@@ -43,6 +43,7 @@ def made() -> SimulatedCampaign:
     return made_with()
 
 
+@pytest.mark.slow
 def test_all_sensors_of_a_campaign_come_near_the_truth(made) -> None:
     result = calibrated(made.campaign, drift=False)
     assert result.turns == "known"
@@ -63,6 +64,7 @@ def test_the_magnitude_alone_does_it_too(made) -> None:
     assert away(made, "MPU-9255", sensor.fit.calibration) < 2.0
 
 
+@pytest.mark.slow
 def test_turns_that_the_readings_contradict_are_not_used() -> None:
     made = made_with(Faults(swapped=(4, 9)))
     result = calibrated(made.campaign, drift=False)
@@ -73,6 +75,7 @@ def test_turns_that_the_readings_contradict_are_not_used() -> None:
         assert away(made, sensor.name, sensor.fit.calibration) < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "named", "sensors"),
     [
@@ -93,6 +96,7 @@ def test_what_went_wrong_is_named_and_the_rest_is_calibrated(faults, named, sens
         assert away(made, sensor.name, sensor.fit.calibration) < 2.0
 
 
+@pytest.mark.slow
 def test_a_sensor_without_usable_recordings_says_so() -> None:
     result = calibrated(made_with(Faults(stuck="MPU-9255")).campaign)
     refused = result.sensors[1]
@@ -117,6 +121,7 @@ def test_sensors_and_settings_that_are_not_there(made) -> None:
         calibrated(made.campaign, turns="perhaps")
 
 
+@pytest.mark.slow
 def test_progress_is_told_by_sensor(made) -> None:
     told: list[str] = []
 
@@ -142,6 +147,7 @@ def restless() -> SimulatedCampaign:
     return simulate_campaign("2xMMC5883MA,MPU-9255", rate_Hz=0.05, seed=3, field_sd=80.0)
 
 
+@pytest.mark.slow
 def test_what_all_sensors_see_alike_is_the_field_of_the_chamber(restless) -> None:
     found = calibrated(restless.campaign).chamber_field
     assert found.axes == ("back", "right", "down")
@@ -156,6 +162,7 @@ def test_what_all_sensors_see_alike_is_the_field_of_the_chamber(restless) -> Non
         assert share.own_sd < 0.5 * found.common_sd
 
 
+@pytest.mark.slow
 def test_the_magnitude_alone_tells_the_change_along_the_field(restless) -> None:
     found = calibrated(restless.campaign, turns="unknown").chamber_field
     assert found.axes == ("along the field",)
@@ -164,6 +171,7 @@ def test_the_magnitude_alone_tells_the_change_along_the_field(restless) -> None:
     assert np.corrcoef(along, found.change[:, 0])[0, 1] > 0.9
 
 
+@pytest.mark.slow
 def test_what_a_polynomial_gets_wrong_is_the_sensors_own_and_not_the_chambers(restless) -> None:
     result = calibrated(restless.campaign)
     seen = {}
@@ -183,10 +191,12 @@ def test_what_a_polynomial_gets_wrong_is_the_sensors_own_and_not_the_chambers(re
     assert found.common_sd == pytest.approx(result.chamber_field.common_sd, rel=0.1)
 
 
+@pytest.mark.slow
 def test_one_sensor_cannot_tell_itself_from_the_chamber(restless) -> None:
     assert calibrated(restless.campaign, only=["MPU-9255"]).chamber_field is None
 
 
+@pytest.mark.slow
 def test_stations_left_out_are_corrected_nearly_as_well(made) -> None:
     (sensor,) = calibrate_campaign(made.campaign, only=["MMC5883MA"], drift=False).sensors
     unseen = sensor.held_out
@@ -199,6 +209,7 @@ def test_stations_left_out_are_corrected_nearly_as_well(made) -> None:
     assert sensor.verdict == "good"
 
 
+@pytest.mark.slow
 def test_iron_beside_one_station_shows_where_it_is_left_out(made) -> None:
     by = dict(made.campaign.recordings["MMC5883MA"])
     by[5] = by[5].with_columns(field=by[5].field * 1.01)

@@ -120,6 +120,7 @@ def recorded() -> str:
     return "recorded"
 
 
+@pytest.mark.slow
 def test_a_campaign_is_fitted(recorded, capsys) -> None:
     status, said = answer(capsys, "fit", "thermal", recorded, "-o", "results")
     assert status == 0
@@ -144,6 +145,7 @@ def test_a_campaign_is_fitted(recorded, capsys) -> None:
         assert json.loads(Path(file).read_text())["calibration"]["kind"] == "thermal"
 
 
+@pytest.mark.slow
 def test_a_campaign_in_words(recorded, capsys) -> None:
     capsys.readouterr()
     assert (
@@ -168,6 +170,7 @@ def test_a_campaign_in_words(recorded, capsys) -> None:
     assert "Nothing was written." in said
 
 
+@pytest.mark.slow
 def test_a_spoilt_campaign_leaves_with_1(capsys) -> None:
     run(
         [

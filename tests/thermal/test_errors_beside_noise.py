@@ -35,6 +35,7 @@ def rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stations", ["known", "unknown"])
 def test_a_thermometer_that_scatters_by_half_a_degree(stations: str) -> None:
     """1.4 to 1.7 before its course was smoothed, and 3 to 4.3 beside the hold in the cold."""
@@ -78,6 +79,7 @@ def test_gaps_and_short_stretches_of_a_noisy_thermometer() -> None:
     assert calm_thermometer(np.array([1.0, 2.0])).temperature.tolist() == [1.0, 2.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stations", ["known", "unknown"])
 def test_a_bias_that_ages_by_20_nT_a_day(stations: str) -> None:
     """Some 45 nT over the campaign, where the bias is stated to 2 nT: 3.1 to 4.6 before."""
@@ -93,6 +95,7 @@ def test_a_bias_that_ages_by_20_nT_a_day(stations: str) -> None:
     assert 0.4 < rms(z) < 1.6
 
 
+@pytest.mark.slow
 def test_ageing_is_told_with_its_size_and_not_taken_for_the_chamber() -> None:
     samples, made = record(3)
     grown = np.array([150.0, -300.0, 200.0])
@@ -109,6 +112,7 @@ def test_ageing_is_told_with_its_size_and_not_taken_for_the_chamber() -> None:
     assert "ageing" not in {finding.name for finding in plain.findings}
 
 
+@pytest.mark.slow
 def test_a_coil_with_a_noisy_thermometer() -> None:
     """Its bias moves by 57 nT/°C."""
     z = []
@@ -122,6 +126,7 @@ def test_a_coil_with_a_noisy_thermometer() -> None:
     assert 0.6 < rms(z) < 1.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("curve", "memory", "degree"), [(0.01, 0.0, "auto"), (0.01, 0.97, 3)])
 def test_a_coil_states_what_an_order_left_out_and_slow_noise_do(curve, memory, degree) -> None:
     """2.1 by the order that residuals ask for, 1.5 by one correlation length."""
@@ -137,6 +142,7 @@ def test_a_coil_states_what_an_order_left_out_and_slow_noise_do(curve, memory, d
     assert 0.5 < rms(z) < 1.3
 
 
+@pytest.mark.slow
 def test_a_straight_course_keeps_its_order() -> None:
     made = [simulate_thermal_coil(1000, seed=seed, curve=0.0) for seed in range(4)]
     found = [fit_thermal(one.samples, one.reference, degree="auto").calibration for one in made]

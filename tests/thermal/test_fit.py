@@ -50,6 +50,7 @@ def draws() -> dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]]:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["unknown", "known", "off by 1°"])
 def test_error_over_sd_is_standard_normal_at_every_temperature(draws, kind: str) -> None:
     z = np.array([error / sd for error, sd, _ in draws[kind]])
@@ -59,6 +60,7 @@ def test_error_over_sd_is_standard_normal_at_every_temperature(draws, kind: str)
     assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["unknown", "known"])
 def test_it_attains_the_bound(draws, kind: str) -> None:
     """Against the linearised efficient estimator on the same readings."""
@@ -68,6 +70,7 @@ def test_it_attains_the_bound(draws, kind: str) -> None:
         assert ours < 1.05 * best
 
 
+@pytest.mark.slow
 def test_fixture_errors_do_not_spoil_the_known_turns(draws) -> None:
     for part in (slice(0, 3), slice(3, 9)):
         known, off, alone = (
@@ -78,6 +81,7 @@ def test_fixture_errors_do_not_spoil_the_known_turns(draws) -> None:
         assert off < 0.8 * alone
 
 
+@pytest.mark.slow
 def test_the_page_s_campaign_reaches_the_page_s_figures() -> None:
     """5400 readings at 100 nT: 1.3/1.6 nT by magnitude and 0.5/0.8 nT by turns were one draw's;
     the bound is 1.4/1.7 and 0.57/0.85. Here a tenth of the readings at 100/√10 nT, rms of six."""
@@ -95,6 +99,7 @@ def test_the_page_s_campaign_reaches_the_page_s_figures() -> None:
         assert rms(error[:, :, 3:]) < 1.25 * matrix
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stations", ["unknown", "known"])
 def test_terms_that_are_not_needed_leave_no_trace(stations: str) -> None:
     made = campaign(11, n=540)
@@ -120,6 +125,7 @@ def test_a_sensor_mounted_anywhere_is_found_with_its_mounting() -> None:
     assert fit.ok
 
 
+@pytest.mark.slow
 def test_without_a_magnitude_the_mean_gain_is_one() -> None:
     made = campaign(1)
     plain = fit_thermal(made.samples, KNOWN, **WIDE).calibration
@@ -197,6 +203,7 @@ def test_hysteresis_is_found_as_a_term_in_the_rate() -> None:
     assert none.calibration.rate is None
 
 
+@pytest.mark.slow
 def test_sums_fed_in_pieces_give_the_same_fit() -> None:
     made = campaign(7)
     whole = fit_thermal(made.samples, KNOWN, stations="known", bin_width_C=2.0)
@@ -234,6 +241,7 @@ def worst(fit, made) -> float:
     return float(np.abs(nine(fit.calibration, AT[1:-1]) - nine(truth, AT[1:-1])).max())
 
 
+@pytest.mark.slow
 def test_nothing_is_said_of_a_good_campaign() -> None:
     samples, made = faulty()
     fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
@@ -242,6 +250,7 @@ def test_nothing_is_said_of_a_good_campaign() -> None:
     assert worst(fit, made) < 25.0
 
 
+@pytest.mark.slow
 def test_missing_stations_are_named_and_what_remains_is_told() -> None:
     samples, made = faulty(missing=(2, 5, 9))
     fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
@@ -255,6 +264,7 @@ def test_missing_stations_are_named_and_what_remains_is_told() -> None:
     assert "stations='known'" in told.move
 
 
+@pytest.mark.slow
 def test_a_field_that_sways_is_not_told_to_lack_stations() -> None:
     samples, _ = faulty()
     sway = 1 + 0.05 * np.sin(samples.time[:, None] / 97.0)
@@ -264,6 +274,7 @@ def test_a_field_that_sways_is_not_told_to_lack_stations() -> None:
     assert "scatter beyond their noise" in told.move
 
 
+@pytest.mark.slow
 def test_a_stuck_thermometer_is_named() -> None:
     samples, _ = faulty(stuck="MMC5883MA")
     with pytest.raises(ag.CoverageError, match="thermometer stands still"):
@@ -287,6 +298,7 @@ def test_exchanged_stations_are_named_and_the_magnitude_used() -> None:
     assert worst(fit, made) < 60.0
 
 
+@pytest.mark.slow
 def test_a_chamber_that_drifted_is_told_from_the_sensor() -> None:
     samples, made = faulty(drift=1000.0)
     fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
@@ -298,6 +310,7 @@ def test_a_chamber_that_drifted_is_told_from_the_sensor() -> None:
 MOVING = {"at rest": {}, "slow changes": {"field_sd": 50.0}, "drift": {"drift": 400.0}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stations", ["known", "unknown"])
 @pytest.mark.parametrize("field", list(MOVING))
 def test_standard_errors_are_honest_in_a_field_that_moves(field: str, stations: str) -> None:
@@ -316,6 +329,7 @@ def test_standard_errors_are_honest_in_a_field_that_moves(field: str, stations: 
     assert 0.65 < rms(np.array(z)) < (1.55 if (field, stations) == ("drift", "unknown") else 1.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stations", ["known", "unknown"])
 def test_another_field_at_each_station_is_in_the_standard_errors(stations: str) -> None:
     """50 nT on each axis, steady at a station: 3.9 to 4.6 standard errors without."""
@@ -333,6 +347,7 @@ def test_another_field_at_each_station_is_in_the_standard_errors(stations: str) 
     assert 0.5 < rms(np.array(z)) < 1.5
 
 
+@pytest.mark.slow
 def test_slow_changes_of_the_field_are_told_with_their_size() -> None:
     samples, made = faulty(3, field_sd=50.0)
     fit = fit_thermal(samples, KNOWN, stations=turns_of(made), **COARSE)
@@ -341,6 +356,7 @@ def test_slow_changes_of_the_field_are_told_with_their_size() -> None:
     assert fit.drift is None
 
 
+@pytest.mark.slow
 def test_a_drift_near_what_can_be_seen_widens_the_errors() -> None:
     """Averaged over being there or not: neither dropped nor believed, and said so."""
     samples, made = faulty(1, drift=100.0)
@@ -418,6 +434,7 @@ def test_what_is_wrong_is_told(changed, settings, error, words) -> None:
 COIL_AT = np.linspace(24.0, 66.0, 9)
 
 
+@pytest.mark.slow
 def test_a_coil_gives_both_gain_and_bias_terms() -> None:
     """Affine with linear temperature took AERO-VISTA's sensors from 4310 to 72 nT."""
     made = simulate_thermal_coil(seed=5)
@@ -442,6 +459,7 @@ def test_a_coil_gives_both_gain_and_bias_terms() -> None:
     assert rms(fit.calibration.correct(clean, temperature=others) - known[::13][:300]) < 25.0
 
 
+@pytest.mark.slow
 def test_a_coil_s_standard_errors_are_honest_at_every_temperature() -> None:
     z = []
     for seed in range(12):

@@ -31,6 +31,7 @@ def test_the_standard_programme() -> None:
     assert profile.at([0, profile.recorded_s / 2, profile.recorded_s]).tolist()[::2] == [50, 50]
 
 
+@pytest.mark.slow
 def test_stations_recorded_again_show_a_step_between_two() -> None:
     """Of the standard twelve alone it was good, and wrong by up to 16 standard errors."""
     plan = plan_thermal("1xMMC5883MA", repeat=3, rate_Hz=0.05)
@@ -99,6 +100,7 @@ def simulated_error(noise: float, seeds: int) -> tuple[float, float]:
     return float(np.sqrt(np.mean(rms[:3] ** 2))), float(np.sqrt(np.mean(rms[3:] ** 2)) * 48_000)
 
 
+@pytest.mark.slow
 def test_the_expected_errors_are_those_that_fits_make() -> None:
     rot_nb = np.array([s.rot_nb.as_matrix() for s in list_standard_stations()])
     field_n = 48_000 * np.array([np.cos(1.134), 0.0, np.sin(1.134)])

@@ -75,6 +75,7 @@ def test_stuck_for_a_while_at_one_station(clean) -> None:
     assert 5 in usable.recordings["MMC5883MA-1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [(4, 9), (1, 2), (11, 12)])
 def test_swapped_stations(pair) -> None:
     _, found = checked(faults=Faults(swapped=pair))
@@ -131,6 +132,7 @@ def test_a_station_that_was_held_too_briefly_was_not_cut(clean, where: str, minu
     assert abs(held - minutes) <= 3  # what the box takes to come near and to leave counts too
 
 
+@pytest.mark.slow
 def test_own_turns_are_not_called_swapped(clean) -> None:
     """Stations turned in an own way: no exchange of two of them explains the readings."""
     turns = Rotation.random(12, rng=np.random.default_rng(1)).as_matrix()

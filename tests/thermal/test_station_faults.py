@@ -45,6 +45,7 @@ def fit_spoilt(
     return fit, max(float(np.sqrt(np.mean(((error - b) / sd) ** 2))) for b in states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "size", "said"),
     [
@@ -73,6 +74,7 @@ def test_the_magnitude_alone_is_never_good_and_wrong(kind: str, size: float) -> 
         assert fit.verdict != "good" or over_stated < WRONG
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stations", ["known", "unknown"])
 def test_campaigns_without_faults_raise_no_alarm(stations: str) -> None:
     """Of 48 others (3 to 12 stations, orders 1 to 3, noise with memory) one had one, refused."""

@@ -30,6 +30,9 @@ def words(page: str) -> str:
     return re.sub(r"\s+", " ", text.replace(THIN, " "))
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def result() -> CalibratedCampaign:
     made = simulate_campaign("2xMMC5883MA", rate_Hz=0.02, seed=6, anomalies=2e-3)

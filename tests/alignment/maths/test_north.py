@@ -83,6 +83,7 @@ def test_transit_is_honest_with_stated_times() -> None:
     assert np.std(z) == pytest.approx(1.0, abs=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [1.3, 4.0])
 def test_the_sinusoid_is_honest(periods: float) -> None:
     rng = np.random.default_rng(1)

@@ -66,6 +66,7 @@ def test_rows_near_ends_and_gaps_are_left_out_and_stretches_keep_to_runs() -> No
     assert record.edges[-1] == len(record.time) == (500 - 2 * 26) + (1000 - 2 * 26)
 
 
+@pytest.mark.slow
 def test_correlated_residuals_widen_the_scatter_of_a_score() -> None:
     """Scatter of Σ J z, for white and for correlated z, against many draws."""
     rng = np.random.default_rng(5)

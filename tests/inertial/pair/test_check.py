@@ -20,6 +20,7 @@ def later(seed: int, **settings) -> SimulatedShots:
     return ag.inertial.simulate_shots(attitudes=8, targets=0, seed=seed, survey=1, **settings)
 
 
+@pytest.mark.slow
 def test_a_setup_that_holds_is_good_and_the_statistic_is_honest() -> None:
     checks = [ag.inertial.check_pair(later(seed).samples, calibrated(seed)) for seed in range(8)]
     assert all(check.verdict == "good" for check in checks)

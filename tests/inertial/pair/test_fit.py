@@ -70,6 +70,7 @@ def test_the_jacobian_is_the_derivative() -> None:
         np.testing.assert_allclose(found.jacobian[:, :, k], slope, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [
@@ -92,6 +93,7 @@ def test_the_standard_errors_are_honest(settings: dict) -> None:
     assert np.abs(np.mean(z, axis=0)).max() < 3.5 / np.sqrt(len(z))  # of 24, the largest
 
 
+@pytest.mark.slow
 def test_the_biases_and_the_dip_are_as_good_as_they_can_be() -> None:
     """Errors beside the Cramér–Rao bound of the whole model: known noise, no prior."""
     z = []
@@ -166,6 +168,7 @@ def test_one_bad_shot_is_named_and_does_no_harm(seed: int) -> None:
     assert np.sqrt(np.mean(errors(fit, bad) ** 2)) < 1.8
 
 
+@pytest.mark.slow
 def test_of_several_bad_shots_no_harm_is_left() -> None:
     square = []
     for seed in range(100, 106):
@@ -274,6 +277,7 @@ def test_without_acceleration_nothing_can_be_done() -> None:
         ag.fit_pair(ag.inertial.simulate_shots().samples.with_columns(acceleration=None))
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 def test_real_instruments_keep_their_sight(recordings) -> None:
     """Each rolled set by the calibration of all other shots; the makers aim at half a degree."""

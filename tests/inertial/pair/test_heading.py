@@ -23,6 +23,7 @@ def look_around(made: SimulatedShots, seed: int, n: int = 150) -> tuple[ag.Sampl
     return ag.Samples(field=raw, acceleration=felt, unit="nT"), angles[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{}, {"targets": 0, "attitudes": 24}])
 def test_headings_are_right_and_their_errors_honest(settings: dict) -> None:
     square, off = [], []

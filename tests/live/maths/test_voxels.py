@@ -33,6 +33,7 @@ def test_the_boxes_hold_the_moments_of_every_reading():
 WHOLE = put(SPHERE)
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, len(SPHERE)), max_size=6))
 def test_chunks_do_not_matter(cuts):
     whole, place = WHOLE

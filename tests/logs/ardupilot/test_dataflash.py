@@ -487,6 +487,7 @@ def test_a_format_that_contradicts_its_length_is_named(tmp_path: Path) -> None:
     assert any("ATT contradicts itself" in note for note in log.notes)
 
 
+@pytest.mark.slow
 def test_every_cut_gives_a_log_or_one_clear_sentence(tmp_path: Path) -> None:
     data, path = sound()[:5000], tmp_path / "cut.bin"
     first = data.index(b"\xa3\x95\x67", 89 * 4) + len(data[:0])

@@ -474,6 +474,7 @@ def test_noise_costs_only_what_it_hits(written: Any) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 def test_damaged_recordings_are_read_or_refused(recordings: Path, tmp_path: Path) -> None:
     data = np.fromfile(recordings / "vehicle/ardusub/small.tlog", np.uint8)[:400_000]

@@ -46,6 +46,7 @@ def fits(recordings: Path) -> dict[str, LatencyFit]:
     return {n: fit_latency(trial(recordings, n)) for n in ("02", "07", "12", "32", "34")}
 
 
+@pytest.mark.slow
 def test_the_magnetometer_is_late_by_the_same_in_every_trial(fits) -> None:
     assert 1000 * fits["07"].latency_s == pytest.approx(14, abs=4)
     assert 1000 * fits["07"].sd_s < 0.5
@@ -56,6 +57,7 @@ def test_the_magnetometer_is_late_by_the_same_in_every_trial(fits) -> None:
         assert fit.residual_after <= fit.residual_before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ["02", "07"])
 def test_beside_the_gyro_it_is_late_too(recordings: Path, number: str) -> None:
     fit = fit_latency(trial(recordings, number), method="gyro")
@@ -63,6 +65,7 @@ def test_beside_the_gyro_it_is_late_too(recordings: Path, number: str) -> None:
     assert 1000 * fit.latency_s == pytest.approx(11, abs=1)
 
 
+@pytest.mark.slow
 def test_undone_the_heading_spread_of_fast_turns_falls_to_a_third(recordings: Path, fits) -> None:
     samples = trial(recordings, "07")
     assert 11.0 < spread(samples, samples.field) < 13.0
@@ -72,6 +75,7 @@ def test_undone_the_heading_spread_of_fast_turns_falls_to_a_third(recordings: Pa
     assert spread(on_time, calibrated) < 4.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "as_read_deg"), [("32", 80.0), ("34", 29.0)])
 def test_a_fit_across_a_magnet_is_refused_and_one_to_its_stretch_serves(
     recordings: Path, fits, number: str, as_read_deg: float
@@ -90,6 +94,7 @@ def test_a_fit_across_a_magnet_is_refused_and_one_to_its_stretch_serves(
         assert rms(heading_error(fit.calibration.correct(stretch.field), stretch)) < 4.5
 
 
+@pytest.mark.slow
 def test_a_translation_alone_is_refused(recordings: Path, fits) -> None:
     samples = undelayed(trial(recordings, "12"), fits["12"].latency_s)
     assert ag.fit_ellipsoid(samples).verdict == "refused"

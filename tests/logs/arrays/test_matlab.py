@@ -67,6 +67,7 @@ def test_version_7_3_without_h5py(version_7_3, monkeypatch):
         read(path)
 
 
+@pytest.mark.slow
 def test_what_is_no_log(tmp_path, version_7_3):
     path = tmp_path / "other.mat"
     savemat(path, {"picture": np.eye(4)})
@@ -132,6 +133,7 @@ def test_broad_recording(recordings, trial):
         assert rot_nm[~still].apply(moving, inverse=True).std(axis=0).min() > 10000
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 def test_broad_loses_no_reading(recordings):
     from scipy.io import loadmat

@@ -181,6 +181,7 @@ def test_a_cdf_without_a_magnetometer_says_so(written: Reader) -> None:
 # --- damage ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_damage_of_any_kind_gives_a_log_or_one_clear_sentence(tmp_path: Path) -> None:
     data = np.fromfile(write_cdf(tmp_path / "whole.cdf", swarm(2000)), dtype=np.uint8)
     path, rng, read_well = tmp_path / "fuzz.cdf", np.random.default_rng(5), 0

@@ -59,6 +59,7 @@ def test_models_alone_are_no_magnetometer(tmp_path: Path) -> None:
         open_log(path)
 
 
+@pytest.mark.slow
 def test_damage_of_any_kind_gives_a_log_or_one_clear_sentence(tmp_path: Path) -> None:
     data, rng, read_well = np.frombuffer(text().encode(), np.uint8), np.random.default_rng(5), 0
     path = tmp_path / "fuzz.csv"

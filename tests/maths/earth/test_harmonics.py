@@ -94,6 +94,7 @@ def test_every_column_is_a_model_of_its_own() -> None:
     assert np.abs(both - np.vstack(alone)).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_compiled_is_the_same_function() -> None:
     pytest.importorskip("numba")
     position = points(3000)

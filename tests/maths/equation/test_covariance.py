@@ -39,6 +39,7 @@ def test_sums_are_the_same_however_many_rows_a_pass_takes_at_once(monkeypatch) -
             assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(one).max())
 
 
+@pytest.mark.slow
 def test_a_larger_model_is_taken_where_unseen_readings_ask_for_it() -> None:
     """Slow errors hide soft iron from the test; what it predicts shows it all the same."""
     taken = []

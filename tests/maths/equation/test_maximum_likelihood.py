@@ -42,6 +42,7 @@ def test_parameters_are_those_of_the_nearest_matrix_of_the_model() -> None:
     assert nearest_parameters(BIAS, W, model_basis("diagonal"))[3:] == pytest.approx(np.diag(W))
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 9999), min_size=20, max_size=200))
 def test_blocks_add_up_to_one_piece(rows: list[int]) -> None:
     whole = problem(10_000)  # more than two blocks

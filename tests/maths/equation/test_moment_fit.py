@@ -53,6 +53,7 @@ def test_the_polynomial_is_the_residual():
     assert q @ placed == pytest.approx((size**2 - 1) / 2, abs=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "highest"), [(60, 1.0), (300, 1.0), (3000, 1.0), (3000, 0.3)])
 def test_honest_standard_errors(n, highest):
     z = []

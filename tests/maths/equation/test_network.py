@@ -135,6 +135,7 @@ def test_a_step_is_that_of_the_paper():
     assert np.log10(mu) == pytest.approx(round(np.log10(mu)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "hidden", "room"),
     [(0, 3, 1.01), (1, 3, 1.01), (2, 3, 1.01), (3, 3, 1.01), (1, (3, 3), 1.03)],

@@ -105,6 +105,7 @@ def test_the_search_over_k_is_needed_for_a_flat_disc() -> None:
     assert gains[-1] / gains[0] < 3.0
 
 
+@pytest.mark.slow
 @given(SEEDS, st.sampled_from(["adjusted", "li-griffiths", "smallest"]))
 def test_turned_points_give_the_turned_ellipsoid(seed: int, method: str) -> None:
     turn = Rotation.random(random_state=seed).as_matrix()

@@ -198,6 +198,7 @@ def test_mounting_and_exchanged_stations_are_found() -> None:
     assert swap.rms < np.radians(1)
 
 
+@pytest.mark.slow
 def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> None:
     """Noise of 10 % of the field would lower gains by 3 % if it were regressed upon."""
     rng = np.random.default_rng(3)

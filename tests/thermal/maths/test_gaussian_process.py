@@ -88,6 +88,7 @@ def test_nothing_is_found_in_white_noise() -> None:
     assert max(by.gain for by in gains) < 12.0
 
 
+@pytest.mark.slow
 def test_size_and_length_are_found_with_the_parameters_freedom_taken_off() -> None:
     """Noise 1, changes of 2 noises; as fields one is 1/500, for sizes are looked for below 0.02."""
     nothing = (np.zeros(0), np.zeros((0, 6)))

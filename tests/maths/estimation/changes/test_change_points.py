@@ -31,12 +31,14 @@ def stepping(n: int, place: int, size: float) -> np.ndarray:
     return np.full((3, 1), size) * (np.arange(n) >= place)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", MADE_OF.values(), ids=MADE_OF)
 def test_of_many_sensors_without_a_step_hardly_any_has_one(made) -> None:
     named = sum(bool(find_change_points(sensor(10, made, seed), CHANCE)) for seed in range(25))
     assert named <= 1  # 0.1 expected; two or more have a chance of 0.5 %
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", MADE_OF.values(), ids=MADE_OF)
 def test_a_step_of_five_sd_in_the_bias_is_found_where_it_is(made) -> None:
     n, place = 48, 26
@@ -69,6 +71,7 @@ def test_the_last_value_is_given_as_one_that_is_off() -> None:
     assert found.p_value < CHANCE
 
 
+@pytest.mark.slow
 def test_a_long_series_is_looked_through_in_windows() -> None:
     n = 230
     moved = stepping(n, 60, 20.0) - stepping(n, 171, 20.0)

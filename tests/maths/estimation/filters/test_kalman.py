@@ -103,6 +103,7 @@ def test_a_possible_jump_widens_the_bias_and_nothing_else() -> None:
     assert after.covariance == pytest.approx(before.covariance + added, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_it_stays_a_covariance_over_many_updates() -> None:
     """Precise readings in a narrow cone from a prior of 50 µT: condition 1e16, walk off."""
     pytest.importorskip("numba")

@@ -88,6 +88,7 @@ def test_slope_of_large_scatter_has_students_t() -> None:
     assert np.corrcoef(np.log(got), np.log(line))[0, 1] > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [6, 12, 30])
 def test_slope_is_as_sure_as_it_says_over_all_that_a_sensor_may_be_made_of(n: int) -> None:
     errors, chances = [], []
@@ -106,6 +107,7 @@ def test_slope_is_as_sure_as_it_says_over_all_that_a_sensor_may_be_made_of(n: in
     assert np.mean(np.array(chances) < 0.01) < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [6, 20])
 def test_level_is_as_sure_as_it_says(n: int) -> None:
     errors = []

@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from agonic.maths.estimation.noise.few_rows import scatter_of_few
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("memory", "least", "most"), [(0.9, 0.6, 1.6), (0.0, 0.6, 1.05)])
 def test_few_rows_state_what_noise_with_memory_may_have_done(memory, least, most) -> None:
     n, over, white = 40, [], []
