@@ -52,6 +52,19 @@ def test_error_over_sd_is_standard_normal(kind: str) -> None:
     assert np.abs(np.mean(z, axis=0)).max() < 0.95  # 3 sd of 1/√10
 
 
+@pytest.mark.parametrize("kind", ["tumble", "hand"])
+def test_a_clean_log_raises_no_alarm(kind: str) -> None:
+    """Errors of matrix and field of 8 %, times one another far more than the noise of 20 nT."""
+    for seed in (0, 1):
+        made = ag.simulate(kind, n=1500, noise=20.0, seed=seed)
+        tracker = Tracker()
+        tracker.update(made.samples, ag.Reference.constant(50_000.0))
+        assert (tracker.verdict, tracker.findings) == ("good", ())
+        assert tracker.state.noise == pytest.approx(20.0, rel=0.25)
+        z = (tracker.bias - made.truth.bias) / tracker.state.bias_sd
+        assert np.abs(z).max() < 3.5
+
+
 @pytest.mark.parametrize(
     ("broken", "most"),
     [

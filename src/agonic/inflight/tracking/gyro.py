@@ -37,6 +37,8 @@ _LOOK = 16  # readings between which an opening is looked at
 _LASTING_S = 1.0  # what a gyro's bias of unknown direction adds up for
 _APART = (1, 2, 4, 8, 16)  # readings: pairs by which a noise is found
 _APART_S = 0.04  # so long a gyro turns true
+_ROUNDS = 4  # in which a noise is found
+_NEAR = 0.3  # an error of the matrix that few readings can tell
 _RELEASED = 0.02  # of the field: the standard error of a bias at which the rest is estimated too
 _MEASURED = 0.01  # of the field: the standard error of a bias after a jump that is told
 _LOOSE = 3.0  # standard errors of an opening that is left
@@ -125,13 +127,20 @@ def step(
 
 def _find_model(state: TrackerState, params: TrackerParams) -> turning.TurnModel:
     """The noise model; in an opening what is not estimated yet is noise of gyro and readings."""
-    model = params.turn_model(state.noise)
-    if state.opening is None:
+    model, opening = params.turn_model(state.noise), state.opening
+    if opening is None:
         return model
-    if state.opening.learns:
+    if opening.learns:
         return model._replace(jump_level=0.0)
     gyro_noise = float(np.hypot(params.gyro_noise, params.gyro_bias_sd * np.sqrt(_LASTING_S)))
-    return model._replace(gyro_noise=gyro_noise, late_s=params.delay_sd_s)
+    away = _measure_matrix_sd(state, opening.prior.covariance)
+    return model._replace(gyro_noise=gyro_noise, late_s=params.delay_sd_s, away=away)
+
+
+def _measure_matrix_sd(state: TrackerState, covariance: Array) -> float:
+    """The largest standard error of the matrix, of its gain; 0 where it is not estimated."""
+    gain = float(np.mean(state.estimate.matrix[:3]))
+    return float(np.sqrt(covariance.diagonal()[10:].max(initial=0.0))) / gain
 
 
 def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: float) -> TrackerState:
@@ -222,7 +231,7 @@ def _release(state: TrackerState) -> TrackerState:
     if not sd < _RELEASED * size:
         return state
     covariance = opening.prior.covariance
-    away = float(np.sqrt(covariance.diagonal()[10:].max(initial=0.0))) / gain
+    away = _measure_matrix_sd(state, covariance)
     loose = max(_LOOSE * sd, SETTLED * size, away * size)
     covariance[:6] = covariance[:, :6] = 0.0
     covariance[range(6), range(6)] = [(gain * loose) ** 2] * 3 + [loose**2] * 3
@@ -244,9 +253,9 @@ def _find_noise(rows: Array, state: TrackerState) -> float:
 def _measure_noise(rows: Array, state: TrackerState, apart: int) -> float:
     """The sd of a reading by pairs that are some readings `apart`, turned into one another by A.
 
-    raw − A raw₋ = (1 − A) b + (A E − E A) raw₋ + noise, with 1 + E what the matrix is off.
+    raw − A raw₋ = (1 − A) b + (A E − E A) raw₋ + noise, with 1 + E what the matrix W is off and
+    A = W⁻¹ R W; solved again with W (1 + E), for E² would count as noise.
     """
-    inverse = np.linalg.inv(state.base.matrix)
     rate = 0.5 * (rows[1:, 4:7] + rows[:-1, 4:7])
     steps = Rotation.from_rotvec(rate * np.diff(rows[:, 0])[:, None])
     turned = [Rotation.identity()]
@@ -254,16 +263,30 @@ def _measure_noise(rows: Array, state: TrackerState, apart: int) -> float:
         turned.append(turned[-1] * steps[k])
     attitude = Rotation.concatenate(turned)
     turns = (attitude[apart:].inv() * attitude[:-apart]).as_matrix()
-    turns = inverse @ turns @ np.linalg.inv(inverse)
-    earlier = rows[:-apart, 1:4]
-    change = (rows[apart:, 1:4] - np.einsum("kij,kj->ki", turns, earlier)).ravel()
+    matrix, noise = state.base.matrix, np.inf
+    for _ in range(_ROUNDS):
+        by_turn = np.linalg.inv(matrix) @ turns @ matrix
+        found, off = _turn_into_later(rows[:-apart, 1:4], rows[apart:, 1:4], by_turn)
+        if not found < noise:
+            break
+        noise = found
+        if not np.abs(off).max() < _NEAR:
+            break
+        matrix = matrix @ (np.eye(3) + off)
+    return noise
+
+
+def _turn_into_later(earlier: Array, later: Array, turns: Array) -> tuple[float, Array]:
+    """The sd of what is left of later readings after earlier ones turned, and E (3, 3)."""
     errors = unpack_symmetric(np.eye(6))
     by_matrix = np.einsum("kij,ejl,kl->kie", turns, errors, earlier)
     by_matrix -= np.einsum("eij,kjl,kl->kie", errors, turns, earlier)
     by_all = np.concatenate([np.eye(3) - turns, by_matrix], axis=2).reshape(-1, 9)
+    change = (later - np.einsum("kij,kj->ki", turns, earlier)).ravel()
     size = np.maximum(np.sqrt((by_all**2).sum(axis=0)), 1e-300)
     found = np.linalg.lstsq(by_all / size, change, rcond=1e-3)[0]
-    return float(robust_scale(change - by_all @ (found / size)) / np.sqrt(2.0))
+    left = float(robust_scale(change - by_all @ (found / size)) / np.sqrt(2.0))
+    return left, unpack_symmetric((found / size)[3:])
 
 
 def _find_least(state: TrackerState) -> float:

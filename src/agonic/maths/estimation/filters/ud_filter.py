@@ -10,7 +10,8 @@ import functools
 import importlib
 from collections.abc import Callable, Sequence
 from math import exp, sqrt
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 MEMORY_ROWS = 50
 """Readings over which innovations are gathered to see a jump."""
@@ -238,7 +239,11 @@ def compile_filter() -> Callable[..., tuple[int, bool]] | None:
 def compile_parts(
     whole: Callable[..., tuple[int, bool]], parts: Sequence[Callable[..., Any]]
 ) -> Callable[..., tuple[int, bool]] | None:
-    """A function and those that it calls compiled by numba, or `None` without it."""
+    """A function and those that it calls compiled by numba, or `None` without it.
+
+    What numba keeps on the disk it compiles anew where the file of `whole` has changed; a change of
+    any other part has to be seen here.
+    """
     try:
         numba = importlib.import_module("numba")
         extending = importlib.import_module("numba.extending")
@@ -246,9 +251,15 @@ def compile_parts(
         return None
     for part in parts:
         extending.register_jitable(part)
-    kernel: Callable[..., tuple[int, bool]]
+    kernel: Any
     try:
         kernel = numba.njit(cache=True)(whole)
     except RuntimeError:  # no folder that numba may write to
         kernel = numba.njit(whole)
-    return kernel
+        return cast(Callable[..., tuple[int, bool]], kernel)
+    changed = max(Path(part.__code__.co_filename).stat().st_mtime for part in parts)
+    kept = Path(kernel.stats.cache_path).glob(f"*.{whole.__name__}-*.nbi")
+    for index in kept:
+        if index.stat().st_mtime < changed:
+            index.unlink(missing_ok=True)
+    return cast(Callable[..., tuple[int, bool]], kernel)

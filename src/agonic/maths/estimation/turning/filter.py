@@ -46,8 +46,8 @@ class TurnModel(NamedTuple):
     `noise` sd of one reading on one axis; `gyro_noise` rad/√s; `field_walk` nT/√s, what the field
     itself changes on the way; `walk`, `gyro_walk` (rad/s) and `matrix_walk` sd of the change of
     bias, gyro bias and matrix in one second; `external_sd` nT, `external_time_s` the error of the
-    reference magnitude; `gate`, `jump_level`, `jump_sd` as in `kalman.Model`; `late_s` the sd
-    of a delay that is not estimated.
+    reference magnitude; `gate`, `jump_level`, `jump_sd` as in `kalman.Model`; `late_s` and
+    `away` are the sd of a delay and of a relative error of the matrix that are not estimated.
     """
 
     noise: float
@@ -62,6 +62,7 @@ class TurnModel(NamedTuple):
     jump_level: float = 50.0
     jump_sd: float = 2000.0
     late_s: float = 0.0
+    away: float = 0.0
 
 
 class TurnState(kalman.FilterState):

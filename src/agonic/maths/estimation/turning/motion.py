@@ -91,7 +91,9 @@ def turn(
             column[0] += by * hz - bz * hy
             column[1] += bz * hx - bx * hz
             column[2] += bx * hy - by * hx
-    gyro = model[1] * model[1] * elapsed + unseen
+    # an error e of the matrix turns the field by e ω more or less while it turns about: for 1/ω
+    lasting = model[12] * model[12] * sqrt(ax * ax + ay * ay + az * az)
+    gyro = (model[1] * model[1] + lasting) * elapsed + unseen
     bend = 2.0 * unseen * unseen * (hx * hx + hy * hy + hz * hz)  # of an arc beside its tangent
     field = model[2] * model[2] * elapsed + bend
     _triangulate(columns, diagonal, gyro, field, hx, hy, hz, room)

@@ -48,6 +48,8 @@ def take(
     if model[11] > 0.0:
         late = model[11] * model[11] * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) / (gain * gain)
         noise = sqrt(noise * noise + late * (row[4] * row[4] + row[5] * row[5] + row[6] * row[6]))
+    least = noise * gain
+    noise = sqrt(noise * noise + _find_bend(row, gain, x, columns, diagonal))
     jacobian = (room[0], room[1], room[2])
     _find_residual(x, row, m, jacobian, room[3])
     size = _whiten(jacobian, room[3], noise, columns, diagonal, (room[4], room[5], room[7]), seen)
@@ -66,7 +68,6 @@ def take(
             for j in range(m):
                 x[j] -= share[j] * left
     if row[7] > 0.0 and elapsed > 0.0:
-        least = noise * gain
         lasting = model[6] * sqrt(2.0 * model[7] / elapsed)
         _take_magnitude(row[7], least, lasting, model[6], x, columns, diagonal, room)
     for i in range(3):
@@ -164,6 +165,29 @@ def variance_of(i: int, columns: Any, diagonal: Any) -> float:
     return total
 
 
+def _find_bend(row: Any, gain: float, x: Any, columns: Any, diagonal: Any) -> float:
+    """Variance of what a reading bends by: errors of the matrix and of the delay times errors of
+    the field, and times one another.
+
+    With c the relative variance of W⁻¹ (1 + τ [ω]×) and v that of the field, c v + c²h²/2: what a
+    filter of second order adds to the noise of a reading (M. Athans, R. P. Wishner, A. Bertolini
+    1968, IEEE Transactions on Automatic Control 13(5), 504–514). Without it the first readings,
+    linear about a guess, would count as surely as all later ones.
+    """
+    m = len(diagonal)
+    unsure = 0.0
+    for i in range(10, m):
+        unsure += variance_of(i, columns, diagonal)
+    unsure = 3.0 * unsure / ((m - 10) * gain * gain) if m > 10 else 0.0
+    wx, wy, wz = row[4] - x[6], row[5] - x[7], row[6] - x[8]
+    unsure += variance_of(9, columns, diagonal) * (wx * wx + wy * wy + wz * wz)
+    spread = 0.0
+    for i in range(3):
+        spread += variance_of(i, columns, diagonal) / 3.0
+    size = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    return float(unsure * (spread + 0.5 * unsure * size) / (gain * gain))
+
+
 def _take_magnitude(
     magnitude: float,
     noise: float,
@@ -225,5 +249,5 @@ def _is_jump(seen: Any, size: float, watch: Any, level: float, jump_sd: float) -
     return False
 
 
-PARTS = (_find_residual, _whiten, variance_of, _take_magnitude, _is_jump, take)
+PARTS = (_find_residual, _whiten, variance_of, _find_bend, _take_magnitude, _is_jump, take)
 """What numba has to compile, each after what it calls."""
