@@ -61,6 +61,17 @@ def test_a_gyro_that_clips_in_every_turn_of_a_rover_is_named() -> None:
     assert (np.abs(result.fit.calibration.bias - rover.BIAS) < 4 * result.fit.sd[:3]).all()
 
 
+@pytest.mark.parametrize("column", ["field", "acceleration"])
+def test_a_field_that_dips_towards_the_sky_is_not_good(column: str) -> None:
+    """The magnitude of a tumbled sensor tells nothing of its sign, nor of that of gravity."""
+    _, logged, place = drive("tumble", n=1000, rate_Hz=25.0)
+    assert ag.calibrate(logged, place).verdict == "good"
+    reversed_ = logged.with_columns(**{column: -getattr(logged, column)})
+    result = ag.calibrate(reversed_, place)
+    assert result.verdict == "check"
+    assert "seems to dip by -65° where it should by 65°" in result.status
+
+
 @pytest.mark.slow
 def test_acceleration_of_the_opposite_sign_is_named() -> None:
     _, logged, place = drive(tilt_deg=10.0, n=2000)

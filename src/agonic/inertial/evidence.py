@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.attitude.azimuth import check_azimuth
+from agonic.calibration.base import correct_field
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.inertial.start import FOUND, SLOW_M_S, Solved, find_field
+from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.maths.rotations.tilt import down_from_force
 from agonic.maths.rotations.vectors import skew
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -25,6 +28,14 @@ WALKS_DEG = 0.5
 """°/√s: no gyro is as noisy; one with a clock off by 0.3 s, or with other axes, seems so."""
 OPPOSITE_DEG = 15.0
 """A dip is the opposite of the known one to this, and known one steep enough to tell."""
+TURN_ROUND = (
+    "turn that sign round: at rest and level, the axis that points down reads −9.8 m/s², and the "
+    "one that points north a positive field"
+)
+SCATTER = 0.35
+"""Of the field: a vertical part that scatters by more is not that of the accelerometer's axes."""
+FEWEST = 50
+"""Readings whose median tells a dip."""
 
 
 def check_inclination(solved: Solved) -> Finding | None:
@@ -120,16 +131,41 @@ def check_gravity(
     found = find_field(samples, magnitude, replace(settings, inclination_sd=INCLINATION_SD))
     seen = found.values.mean(axis=0)
     known, dip = np.degrees(np.arctan2([below, seen[1]], [level, seen[0]]))
-    if abs(known) < OPPOSITE_DEG or abs(known + dip) > OPPOSITE_DEG:
+    if not _is_opposite(float(dip), float(known)):
         return None
-    return Finding(
-        "inertial unit",
-        "refuse",
-        f"the field seems to dip by {figure(float(dip))}° where it should by "
-        f"{figure(float(known))}°: the acceleration has the opposite sign",
-        "turn the sign of the acceleration round: at rest and level, the axis that points down "
-        "reads −9.8 m/s²",
-    )
+    what = f"{_compare_dips(float(dip), float(known))}: the acceleration has the opposite sign"
+    return Finding("inertial unit", "refuse", what, TURN_ROUND)
+
+
+def check_felt_dip(fit: Fit, samples: Samples, given: Reference | None) -> Finding | None:
+    """The finding that a field calibrated by its magnitude dips towards the sky where it should
+    towards the ground, by what the accelerometer feels.
+
+    The magnitude sees no sign; which of the two sensors has the opposite one, nothing tells.
+    """
+    known = None if given is None else given.inclination_deg
+    if known is None or samples.acceleration is None:
+        return None
+    field = correct_field(fit.calibration, samples)
+    down = down_from_force(samples.acceleration)
+    size = np.sqrt((field**2).sum(axis=1))
+    below = (field * down).sum(axis=1) / np.where(size > 0, size, np.nan)
+    below = below[np.isfinite(below)]
+    if len(below) < FEWEST or robust_scale(below - np.median(below)) > SCATTER:
+        return None
+    dip = float(np.degrees(np.arcsin(np.clip(np.median(below), -1.0, 1.0))))
+    if not _is_opposite(dip, known):
+        return None
+    whose = "acceleration or magnetometer have the opposite sign"
+    return Finding("inertial unit", "check", f"{_compare_dips(dip, known)}: {whose}", TURN_ROUND)
+
+
+def _is_opposite(dip: float, known: float) -> bool:
+    return abs(known) >= OPPOSITE_DEG and abs(known + dip) <= OPPOSITE_DEG
+
+
+def _compare_dips(dip: float, known: float) -> str:
+    return f"the field seems to dip by {figure(dip)}° where it should by {figure(known)}°"
 
 
 def without_scale(fit: Fit, unit: str) -> Fit:

@@ -9,6 +9,7 @@ from typing import Any
 from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.errors import CoverageError, LogError
 from agonic.fit import Fit
+from agonic.inertial.evidence import check_felt_dip
 from agonic.recording.choice.fallback import OF_THE_RECORDING, carry_refusal, find_causes
 from agonic.recording.choice.fits import (
     Choice,
@@ -41,6 +42,10 @@ def choose_surer(
     """
     enough = "the magnitude alone tells the calibration as surely as with the attitude"
     alone = _try_alone(samples, reference, settings)
+    if alone is not None and alone.fit.verdict != "refused":
+        opposite = check_felt_dip(alone.fit, samples, reference)
+        if opposite is not None:
+            return replace(alone, fit=alone.fit.with_findings(opposite), reason=enough)
     if alone is not None and _is_sure(alone.fit):
         return replace(alone, reason=enough)
     try:
