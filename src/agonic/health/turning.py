@@ -28,8 +28,10 @@ SHAKEN = 0.75
 """Of the square of the change of gravity: what a right naming leaves beside other accelerations."""
 CLEARLY = 0.25
 """Of that square: what another naming explains more."""
+FAR_CLEARER = 0.7
+"""Of what the own naming leaves: another that leaves less may leave more in one stretch."""
 _STRETCHES = 8
-"""In all of them but one another naming has to explain more: by chance it does in half of them."""
+"""In all of them another naming has to explain more: by chance it does in half of them."""
 FEWEST = 50
 """Readings that can show a turn."""
 _SMOOTHED_S = (0.3, 1.0, 3.0)
@@ -181,8 +183,9 @@ def _find_shaken_renaming(samples: Samples) -> Renaming | None:
         if left.min() > min(SHAKEN, left[0] - CLEARLY):
             continue
         each = np.array([measure_left(one(smoothed_s)[0], turns, farthest) for one in parts])
-        mostly = (each < each[:, :1]).sum(axis=0) >= _STRETCHES - 1
-        likely = np.flatnonzero(mostly & (left < 1.1 * left.min()))
+        wanted = _STRETCHES - (left < FAR_CLEARER * left[0])
+        nearly_always = (each < each[:, :1]).sum(axis=0) >= wanted
+        likely = np.flatnonzero(nearly_always & (left < 1.1 * left.min()))
         if len(likely):
             best = min(likely, key=lambda which: _count_changes(turns[which]))
             return Renaming(float(left[best]), turns[best], "", float(left[0]))

@@ -36,7 +36,8 @@ _ROUNDS = 4
 _ENOUGH = 1500  # rows to start with
 FOUND = "found beside accelerometer and gyro"
 """The source of a field whose dip is not that of a place."""
-_DIPS = np.radians([-65.0, -20.0, 20.0, 65.0])
+_DIPS = np.radians([65.0, -65.0, 20.0, -20.0])
+_ALIKE = 1.2  # sd of the dip over that of the magnitude: no other dip fits better
 MATTERS = np.repeat([0.02, np.radians(0.1), 0.005, 0.2], 3)
 """Errors of the accelerometer, m/s², of the gyro, rad/s and scale, and a speed, m/s, that are too
 small to act twice."""
@@ -75,7 +76,8 @@ def find_field(samples: Samples, given: Reference | None, settings: Settings) ->
     """Horizontal and vertical intensity that readings and inertial unit agree on.
 
     Without a magnitude it is the one that makes the mean gain one. Some thousand rows tell enough,
-    from several dips, for the dip of the wrong hemisphere is a minimum too.
+    from several dips, for the dip of the wrong hemisphere is a minimum too; but one by which the
+    dip scatters as little as the magnitude is the right one.
     """
     felt = feel_attitude(samples)
     rows = np.flatnonzero(felt.known)
@@ -100,7 +102,10 @@ def find_field(samples: Samples, given: Reference | None, settings: Settings) ->
         gain = float(np.trace(matrix)) / 3 * scale.magnitude / scale.size
         noise = sum(float(np.log(one.sd)) for one in found.noise.values())
         there = dip + INCLINATION_SD * float(params[-1])
-        tried.append((noise if abs(there) < np.pi / 2 else np.inf, there, gain))
+        likely = abs(there) < np.pi / 2
+        tried.append((noise if likely else np.inf, there, gain))
+        if likely and found.noise["dip"].sd < _ALIKE * found.noise["magnitude"].sd:
+            break
     _, dip, gain = min(tried)
     return make_dipping(sizes / gain if given is None else sizes, dip)
 
