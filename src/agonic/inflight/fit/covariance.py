@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces
+from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces, turn_directions
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.correlated_errors import (
     STRETCHES,
@@ -18,6 +19,10 @@ from agonic.maths.estimation.noise.correlated_errors import (
     find_correlated_errors,
 )
 from agonic.maths.estimation.noise.residuals import Noise
+
+
+TURN = 2
+"""Number of the geometry of a kind across the field that is a turn of the attitude."""
 
 
 class RobustCovariance(NamedTuple):
@@ -81,8 +86,12 @@ def compute_covariance(
         freedom = normal.total / max(normal.total - len(params), 1)
         bread += normal.information * curved / mean_correlation
         white[kind] = freedom * squares / of.sd**4
-        errors[kind] = find_correlated_errors(sums, of.sd**2, clock.step_s)
-        extra[kind] = compute_scatter(sums, errors[kind], clock.step_s) / of.sd**4
+        errors[kind] = find_correlated_errors(
+            sums, of.sd**2, clock.step_s, () if kind == "magnitude" else (TURN,)
+        )
+        extra[kind] = (
+            compute_scatter(sums, _share_turns(errors[kind], kind), clock.step_s) / of.sd**4
+        )
     inverse = leastsq.inverse(bread)
     plain = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in white.items()}
     added = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in extra.items()}
@@ -93,6 +102,16 @@ def compute_covariance(
     }
     total = np.sum([*plain.values(), *added.values(), inverse @ information @ inverse], axis=0)
     return RobustCovariance((total + total.T) / 2, correlation, errors)
+
+
+def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[CorrelatedError]:
+    """The errors as they scatter both kinds across the field together.
+
+    A turn of the attitude is one and the same in azimuth and dip. The scatter of a sum of two is at
+    most twice that of each alone added up, and just that where they see the turn alike.
+    """
+    shared = {TURN: 2.0} if kind != "magnitude" else {}
+    return [one._replace(variance=one.variance * shared.get(one.geometry, 1.0)) for one in errors]
 
 
 def _summed(
@@ -107,7 +126,10 @@ def _summed(
 ) -> tuple[Sums, leastsq.Normal, Array]:
     """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
     squares = np.zeros((len(params), len(params)))
-    sums = Sums.empty(clock.count, len(params), (1, 3, 3) if earth_fixed else (1, 3))
+    magnitude = kind == "magnitude"
+    sums = Sums.empty(
+        clock.count, len(params), (1, 3, 3) if earth_fixed or not magnitude else (1, 3)
+    )
 
     def watch(rows: Rows, residuals: Array, jacobian: Array) -> None:
         weights = noise.loss.weight((residuals / noise.sd) ** 2)
@@ -115,6 +137,8 @@ def _summed(
         if earth_fixed:
             assert rows.direction_e is not None
             directions.append(rows.direction_e)
+        if not magnitude:
+            directions.append(turn_directions(rows, kind))
         scored = jacobian * (weights * residuals)[:, None]
         squares[:] += scored.T @ scored
         sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions)

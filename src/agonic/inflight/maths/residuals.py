@@ -172,6 +172,15 @@ def compute_residuals(
     return r, np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
 
 
+def turn_directions(rows: Rows, kind: str) -> Array:
+    """The axes (n, 3) about which a small turn of the attitude moves a residual across the field.
+
+    ∂(u·e)/∂ω = u × e,   u along the aim
+    """
+    assert rows.aim is not None
+    return np.cross(rows.aim, _across(rows, kind))
+
+
 def _across(rows: Rows, kind: str) -> Array:
     assert rows.aim is not None
     assert rows.side is not None

@@ -85,10 +85,13 @@ class CorrelatedError(NamedTuple):
     geometry: int
 
 
-def find_correlated_errors(sums: Sums, white: float, step_s: float) -> tuple[CorrelatedError, ...]:
+def find_correlated_errors(
+    sums: Sums, white: float, step_s: float, absorbed: Sequence[int] = ()
+) -> tuple[CorrelatedError, ...]:
     """The correlated errors that the products of residuals show; none where chance would do.
 
-    Parameters: `white`, variance of one residual; `step_s`, seconds of a stretch.
+    Parameters: `white`, variance of one residual; `step_s`, seconds of a stretch; `absorbed`,
+    geometries whose mean over the record the fit has taken up, so that residuals lack it.
 
     >>> rng = np.random.default_rng(1)
     >>> quiet = Sums.empty(5000, 1, [1])
@@ -118,7 +121,12 @@ def find_correlated_errors(sums: Sums, white: float, step_s: float) -> tuple[Cor
         for directions in sums.directions
     ]
     columns = [
-        (CorrelatedError(1.0, float(tau) * step_s, g), grouped(shape * np.exp(-lags / tau)))
+        (
+            CorrelatedError(1.0, float(tau) * step_s, g),
+            grouped(
+                shape * (np.exp(-lags / tau) - (_mean_variance(tau / k) if g in absorbed else 0.0))
+            ),
+        )
         for g, shape in enumerate(shapes)
         for tau in taus
     ]
@@ -152,6 +160,15 @@ def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float
             followed = scores.T @ autoregress(scores, kept)
             added += error.variance * (followed + followed.T - scores.T @ scores)
     return added
+
+
+def _mean_variance(share: float) -> float:
+    """Of the mean of e(t) over a record, τ being a share of it, over the variance of e.
+
+    >>> round(_mean_variance(0.01), 3), round(_mean_variance(100.0), 3)
+    (0.02, 0.997)
+    """
+    return float(2 * share * (1 + share * np.expm1(-1 / share)))
 
 
 def _products(values: Array, lags: int) -> Array:
