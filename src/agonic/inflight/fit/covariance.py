@@ -20,7 +20,6 @@ from agonic.maths.estimation.noise.correlated_errors import (
 )
 from agonic.maths.estimation.noise.residuals import Noise
 
-
 TURN = 2
 """Number of the geometry of a kind across the field that is a turn of the attitude."""
 
