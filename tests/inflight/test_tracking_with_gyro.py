@@ -65,6 +65,23 @@ def test_a_clean_log_raises_no_alarm(kind: str) -> None:
         assert np.abs(z).max() < 3.5
 
 
+@pytest.mark.parametrize("beside_gyro", [True, False])
+def test_a_bias_that_creeps_is_told_and_widens_the_band(beside_gyro: bool) -> None:
+    """300 nT in 80 s, off by half of it at the end: once eight standard errors."""
+    for seed in (0, 1):
+        made = ag.simulate("tumble", n=4000, noise=50.0, seed=seed)
+        crept = np.linspace(0.0, 300.0, 4000)[:, None] * np.array([0.6, -0.64, 0.48])
+        rate = made.samples.rotation_rate if beside_gyro else None
+        tracker = Tracker()
+        tracker.update(
+            made.samples.with_columns(field=made.samples.field + crept, rotation_rate=rate),
+            ag.Reference.constant(50_000.0),
+        )
+        z = (tracker.bias - made.truth.bias - crept[-1]) / tracker.state.bias_sd
+        assert tracker.verdict == "check"
+        assert np.abs(z).max() < 4.0
+
+
 @pytest.mark.parametrize(
     ("broken", "most"),
     [

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 
 SHORTEST = 128
 """Readings in the shortest batch."""
@@ -29,6 +29,7 @@ LENGTHS = 16
 
 _FEWEST = 4  # batches of one length that tell a scatter
 _CHANCE = 1e-3  # of calling white noise correlated, all lengths and numbers together
+_DOUBLINGS = 2  # over which a growth is measured
 _GROWING = 1.3  # ratio from a length to its double above which longer batches would show more
 
 
@@ -114,7 +115,8 @@ def compute_inflation(means: RunningBatchMeans, covariance: Array) -> Inflation:
 
     Of each number the largest ratio of a length whose batches differ from white noise by more than
     chance, and at least the mean of all numbers: what one direction shows others may hide. Where
-    the longest batches still show more than those half as long, as much more as all readings would.
+    the longest batches still show more than those half as long, as much more as twice all readings
+    would: what wanders is estimated at its middle, and asked for at its end.
 
     >>> rng = np.random.default_rng(0)
     >>> w, white = rng.normal(size=(8192, 2)), rng.normal(size=8192)
@@ -142,11 +144,20 @@ def compute_inflation(means: RunningBatchMeans, covariance: Array) -> Inflation:
     if not significant.any():
         return Inflation(np.ones(m), False)
     largest = np.max(np.where(significant, ratio, 1.0), axis=0)
-    pooled = ratio.mean(axis=1)
-    growing = lengths > 1 and pooled[-1] > _GROWING * pooled[-2]
-    if growing:
-        doublings = np.log2(means.total / rows[-1])
-        largest *= min(pooled[-1] / pooled[-2], 2.0) ** doublings
+    growth = _measure_growth(ratio, significant) if lengths > 1 else np.ones_like(largest)
+    growing = growth > _GROWING
+    doublings = 1.0 + np.log2(means.total / rows[-1])
+    largest *= np.where(growing, np.minimum(growth, 2.0) ** doublings, 1.0)
     factor = np.ones(m)
     factor[known] = np.sqrt(np.maximum(largest, largest.mean()))
-    return Inflation(factor, bool(growing))
+    return Inflation(factor, bool(growing.any()))
+
+
+def _measure_growth(ratio: Array, significant: Mask) -> Array:
+    """By how much the ratios (k, m) grow from one length to its double, over two doublings: of all
+    numbers together, and of those whose own is significant, for the others may hide it."""
+    steps = min(len(ratio) - 1, _DOUBLINGS)
+    first, last = ratio[-1 - steps], ratio[-1]
+    together = np.full(len(last), last.mean() / first.mean())
+    own = np.where(significant[-1], last / np.maximum(first, 1.0), 0.0)
+    return np.asarray(np.maximum(together, own) ** (1 / steps))

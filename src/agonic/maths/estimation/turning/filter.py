@@ -189,14 +189,25 @@ def advance(
         done, jump = kernel(np.ascontiguousarray(rows), *parts, tuple(model), seen, space)
     table = np.array(seen[:done]).reshape(-1, reading.SEEN)
     used = table[:, 6] > 0.0
-    whiten = np.zeros((done, 3, 3))
-    whiten[:, *np.tril_indices(3)] = table[:, 7:13]
     batches = running_batch_means.add(
-        before.batches, whiten[used].reshape(-1, 3), table[used, 13:16].ravel()
+        before.batches, _find_shown(table[used]).reshape(-1, 3), table[used, 13:16].ravel()
     )
     found = TurnSeen(table[:, :3], table[:, 3:6], used, table[:, 16:19], table[:, 19:22])
     x, columns, diagonal, watch = (np.asarray(part) for part in parts)
     return TurnState(x, columns, diagonal, watch, batches), found, bool(jump)
+
+
+def _find_shown(table: Array) -> Array:
+    """What each innovation shows of the bias, all else being unknown as it is, (n, 3, 3).
+
+    P⁻¹ G, with P the covariance of the bias and G by how much it follows: a row an innovation.
+    """
+    gain = table[:, 22:31].reshape(-1, 3, 3)
+    covariance = np.empty((len(table), 3, 3))
+    low = np.tril_indices(3)
+    covariance[:, *low] = table[:, 31:37]
+    covariance[:, *low[::-1]] = table[:, 31:37]
+    return np.asarray(np.linalg.solve(covariance, gain).swapaxes(1, 2))
 
 
 def run(

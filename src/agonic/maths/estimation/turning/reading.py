@@ -10,9 +10,10 @@ from typing import Any
 
 from agonic.maths.estimation.filters import ud_filter
 
-SEEN = 22
+SEEN = 37
 """Numbers kept of each reading: residual x y z, its sd x y z, whether it was used, L⁻¹ of the
-residual's covariance L Lᵀ (six), innovation L⁻¹ r x y z, field x y z, bias x y z."""
+residual's covariance L Lᵀ (six), innovation L⁻¹ r x y z, field x y z, bias x y z, what each
+innovation moves the bias by (nine, those of x first), covariance of the bias (six)."""
 SCALE, USUAL, LOST, TIME, RATE, UNSEEN, WATCHED = 9, 10, 11, 12, 13, 20, 21
 """Places in `watch`, after the nine sums of the jump test, and how many there are: mean square of
 the clipped innovations, what the test usually comes to, seconds since a reading fitted, time of the
@@ -53,6 +54,7 @@ def take(
     jacobian = (room[0], room[1], room[2])
     _find_residual(x, row, m, jacobian, room[3])
     size = _whiten(jacobian, room[3], noise, columns, diagonal, (room[4], room[5], room[7]), seen)
+    _find_gain(columns, diagonal, (room[4], room[5], room[7]), seen)
     used = row[8] > 0.0 and size <= gate * gate * max(1.0, watch[SCALE])
     seen[6] = 1.0 if used else 0.0
     watch[LOST] = 0.0 if used else watch[LOST] + elapsed
@@ -157,6 +159,30 @@ def _whiten(
     return float(x * x + y * y + z * z)
 
 
+def _find_gain(columns: Any, diagonal: Any, room: Any, seen: Any) -> None:
+    """P Hᵀ L⁻ᵀ of the bias, by which it follows an innovation, and its covariance; `room` holds
+    the Uᵀ h of the three residuals."""
+    m = len(diagonal)
+    at = 31
+    for i in range(3, 6):
+        shared = [diagonal[i] * room[0][i], diagonal[i] * room[1][i], diagonal[i] * room[2][i]]
+        for j in range(i + 1, m):
+            part = columns[j][i] * diagonal[j]
+            for k in range(3):
+                shared[k] += part * room[k][j]
+        a, b, c = shared[0], shared[1], shared[2]
+        first = 22 + 3 * (i - 3)
+        seen[first] = seen[7] * a
+        seen[first + 1] = seen[8] * a + seen[9] * b
+        seen[first + 2] = seen[10] * a + seen[11] * b + seen[12] * c
+        for k in range(3, i + 1):
+            total = diagonal[i] * (1.0 if k == i else columns[i][k])
+            for j in range(i + 1, m):
+                total += columns[j][i] * columns[j][k] * diagonal[j]
+            seen[at] = total
+            at += 1
+
+
 def variance_of(i: int, columns: Any, diagonal: Any) -> float:
     """The variance of number i."""
     total = float(diagonal[i])
@@ -249,5 +275,14 @@ def _is_jump(seen: Any, size: float, watch: Any, level: float, jump_sd: float) -
     return False
 
 
-PARTS = (_find_residual, _whiten, variance_of, _find_bend, _take_magnitude, _is_jump, take)
+PARTS = (
+    _find_residual,
+    _whiten,
+    _find_gain,
+    variance_of,
+    _find_bend,
+    _take_magnitude,
+    _is_jump,
+    take,
+)
 """What numba has to compile, each after what it calls."""
