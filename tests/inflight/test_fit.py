@@ -79,6 +79,21 @@ def test_a_bias_that_moved_since_the_ground_is_found() -> None:
     assert "2200 nT from that of the ground" in fit.status
 
 
+def test_an_axis_reversed_since_the_ground_is_named() -> None:
+    """Else the bias takes it up, and the fit is good."""
+    samples = orbit(n=1200)
+    fit = fit_inflight(samples.with_columns(field=samples.field * [-1.0, 1, 1]), ground=GROUND)
+    assert fit.verdict == "refused"
+    assert "if since then x is reversed" in fit.status
+
+
+def test_a_ground_calibration_of_another_sensor_is_doubted() -> None:
+    other = replace(GROUND, bias=[-9000.0, 7000.0, 4000.0])
+    fit = fit_inflight(orbit(n=1200), ground=other)
+    assert [finding.name for finding in fit.findings] == ["axes of the ground calibration"]
+    assert fit.verdict == "check"
+
+
 def test_a_matrix_that_nobody_doubts_stays_and_is_said_to_be_exact() -> None:
     fit = fit_inflight(
         orbit(moved=np.array([500.0, 0, 0])), ground=replace(GROUND, covariance=None)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
+from agonic.inflight.fit.ground_axes import judge_ground_axes
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
 from agonic.inflight.fit.orbit_errors import (
@@ -48,6 +49,7 @@ def examine(
         *judge_sunlight(sunlight),
         *_scale(fit),
         *_axes(samples),
+        *judge_ground_axes(fit, problem, samples),
         *_undetermined(fit, problem.magnitude),
         *_outliers(fit),
         *_attitude(fit),
