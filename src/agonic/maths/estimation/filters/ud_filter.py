@@ -257,9 +257,9 @@ def compile_parts(
     except RuntimeError:  # no folder that numba may write to
         kernel = numba.njit(whole)
         return cast(Callable[..., tuple[int, bool]], kernel)
-    changed = max(Path(part.__code__.co_filename).stat().st_mtime for part in parts)
-    kept = Path(kernel.stats.cache_path).glob(f"*.{whole.__name__}-*.nbi")
-    for index in kept:
+    files = {Path(part.__code__.co_filename) for part in parts}
+    changed = max((file.stat().st_mtime for file in files if file.is_file()), default=0.0)
+    for index in Path(kernel.stats.cache_path).glob(f"*.{whole.__name__}-*.nbi"):
         if index.stat().st_mtime < changed:
             index.unlink(missing_ok=True)
     return cast(Callable[..., tuple[int, bool]], kernel)

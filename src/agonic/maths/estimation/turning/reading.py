@@ -163,14 +163,15 @@ def _find_gain(columns: Any, diagonal: Any, room: Any, seen: Any) -> None:
     """P Hᵀ L⁻ᵀ of the bias, by which it follows an innovation, and its covariance; `room` holds
     the Uᵀ h of the three residuals."""
     m = len(diagonal)
+    f, g, h = room
     at = 31
     for i in range(3, 6):
-        shared = [diagonal[i] * room[0][i], diagonal[i] * room[1][i], diagonal[i] * room[2][i]]
+        a, b, c = diagonal[i] * f[i], diagonal[i] * g[i], diagonal[i] * h[i]
         for j in range(i + 1, m):
             part = columns[j][i] * diagonal[j]
-            for k in range(3):
-                shared[k] += part * room[k][j]
-        a, b, c = shared[0], shared[1], shared[2]
+            a += part * f[j]
+            b += part * g[j]
+            c += part * h[j]
         first = 22 + 3 * (i - 3)
         seen[first] = seen[7] * a
         seen[first + 1] = seen[8] * a + seen[9] * b
