@@ -26,8 +26,6 @@ EXPLAINED = 0.5
 """Of the square of the change: what a right naming leaves at most."""
 SHAKEN = 0.75
 """Of the square of the change of gravity: what a right naming leaves beside other accelerations."""
-LEANING = 0.12
-"""Of the square of the change of gravity: reversed axes leave less, a vehicle that leans more."""
 CLEARLY = 0.25
 """Of that square: what another naming explains more."""
 EXCHANGED = 0.85
@@ -102,9 +100,6 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
         return None
     samples = find_telling(samples)
     found = find_renaming(samples, _sum_of_gravity(samples), _UNITS[:1])
-    if found is not None and _may_lean(found):
-        steady = _without_centripetal(samples)
-        found = find_renaming(steady, _sum_of_gravity(steady), _UNITS[:1])
     found = found or _find_shaken_renaming(samples)
     if found is None:
         return None
@@ -169,12 +164,6 @@ def find_renaming(
         if left.min() <= min(EXPLAINED, FAR_BETTER * own):
             found.append(Renaming(float(left.min()), turns[turn], units[unit][1], own))
     return min(found, key=lambda one: one.left) if found else None
-
-
-def _may_lean(found: Renaming) -> bool:
-    """Whether a vehicle that leans into its turns would seem to turn as a renaming does, which only
-    reverses axes and leaves much: what it does not lean by is felt the other way."""
-    return bool(found.turn.diagonal().all()) and found.left > LEANING
 
 
 def _find_shaken_renaming(samples: Samples) -> Renaming | None:
