@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.health import Finding
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.turning import measure_left, sum_products
@@ -28,9 +28,6 @@ SHAKEN = 0.75
 """Of the square of the change of gravity: what a right naming leaves beside other accelerations."""
 CLEARLY = 0.25
 """Of that square: what another naming explains more."""
-EXCHANGED = 0.85
-"""Of what the own naming leaves: another that exchanges x and y leaves less, however much is left
-of both, for neither speed nor leaning makes x of y."""
 FAR_CLEARER = 0.7
 """Of what the own naming leaves: another that leaves less may leave more in one stretch."""
 _STRETCHES = 8
@@ -183,34 +180,16 @@ def _find_shaken_renaming(samples: Samples) -> Renaming | None:
     for smoothed_s in _SMOOTHED_S[:2]:
         products, farthest = _sum_of_gravity(samples)(smoothed_s)
         left = measure_left(products, turns, farthest)
+        if left.min() > min(SHAKEN, left[0] - CLEARLY):
+            continue
         each = np.array([measure_left(one(smoothed_s)[0], turns, farthest) for one in parts])
-        wins = (each < each[:, :1]).sum(axis=0)
-        likely = _choose_clearer(left, wins)
-        if not len(likely) and smoothed_s == _SMOOTHED_S[0]:
-            likely = _choose_exchanged(left, wins, turns)
-            likely = likely if explains_change(samples) else likely[:0]
+        wanted = _STRETCHES - (left < FAR_CLEARER * left[0])
+        nearly_always = (each < each[:, :1]).sum(axis=0) >= wanted
+        likely = np.flatnonzero(nearly_always & (left < 1.1 * left.min()))
         if len(likely):
             best = min(likely, key=lambda which: _count_changes(turns[which]))
             return Renaming(float(left[best]), turns[best], "", float(left[0]))
     return None
-
-
-def _choose_clearer(left: Array, wins: Index) -> Index:
-    """The namings that leave hardly more than the best where that leaves clearly less than the own,
-    the first, in nearly every stretch."""
-    if left.min() > min(SHAKEN, left[0] - CLEARLY):
-        return np.zeros(0, dtype=np.intp)
-    wanted = _STRETCHES - (left < FAR_CLEARER * left[0])
-    return np.flatnonzero((wins >= wanted) & (left < 1.1 * left.min()))
-
-
-def _choose_exchanged(left: Array, wins: Index, turns: Array) -> Index:
-    """The best namings where all of them make x of y and y of x, also where most acceleration has
-    nothing to do with the turns, as where a banked turn is not felt."""
-    best = left < 1.02 * left.min()
-    exchanged = (turns[:, 2, 2] != 0) & (turns[:, 0, 0] == 0)
-    clear = exchanged & (left < EXCHANGED * left[0]) & (wins >= _STRETCHES - 1)
-    return np.flatnonzero(best & clear if exchanged[best].all() else np.zeros_like(best))
 
 
 def _without_centripetal(samples: Samples) -> Samples:
