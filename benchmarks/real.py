@@ -123,7 +123,7 @@ def _judge(folder: Path, recording: Recording) -> list[list[str]]:
     if not path.exists():
         return []
     tables.progress(f"real: {recording.name}")
-    samples = _thin(_read(path, recording))
+    samples = thin(read_recording(path, recording))
     blind = samples.with_columns(heading_deg=None)
     reference, settings = choose_reference(blind)
     known = find_known(samples, reference)
@@ -156,7 +156,7 @@ def _list_kinds(known: Known) -> list[str]:
     return ["magnitude", "dip"] if known.dip_deg is not None else ["magnitude"]
 
 
-def _read(path: Path, recording: Recording) -> ag.Samples:
+def read_recording(path: Path, recording: Recording) -> ag.Samples:
     log = open_log(path, unit=recording.unit)
     samples = log.sensor(0 if recording.sensor is None else recording.sensor)
     if recording.between is None or samples.time is None:
@@ -165,7 +165,7 @@ def _read(path: Path, recording: Recording) -> ag.Samples:
     return samples.select((samples.time >= first) & (samples.time <= last))
 
 
-def _thin(samples: ag.Samples) -> ag.Samples:
+def thin(samples: ag.Samples) -> ag.Samples:
     """At most so many rows, evenly, so that the table takes minutes."""
     step = -(-len(samples) // MOST_ROWS)
     return samples if step == 1 else samples.select(np.arange(0, len(samples), step))

@@ -57,7 +57,7 @@ PARTS = (
     Part("fleet_logs", rivals=("dask",), full="--logs 10000"),
     Part("fleet_recording", rivals=("pyarrow",), full="--full"),
     Part("fleet_workers", rivals=("dask",)),  # quotes the two before
-    Part("torture", ("torture", "torture_wings"), full="--draws 20"),
+    Part("torture", ("torture", "torture_wings", "torture_recorded"), full="--draws 20"),
     Part("honesty", full="--full"),
     Part("estimators", rivals=LIBRARIES, full="--full", apart=True),
     Part("thermal", full="--draws 20", shares=True),

@@ -26,6 +26,7 @@ from benchmarks import tables
 from benchmarks.faults import DIP_DEG, KINDS, MAGNITUDE, Kind, Recording
 
 WRONG_SD, WRONG_DEG = 3.0, 0.2
+HEAD = ("kind", "good check refused", "error, °", "stated, °", "wrong", "causes")
 
 INTRODUCTION = """# Torture
 
@@ -52,10 +53,12 @@ class Run:
         return self.verdict == "good" and bool(far)
 
 
-def heading_error_deg(calibration: ag.Affine, recording: Recording) -> float:
+def heading_error_deg(
+    calibration: ag.Affine, recording: Recording, dip_deg: float = DIP_DEG
+) -> float:
     """Error of a level heading, rms over all headings, its mean (a turn of the axes) included."""
     psi = np.radians(np.arange(0, 360, 5))
-    dip = np.radians(DIP_DEG)
+    dip = np.radians(dip_deg)
     level = np.column_stack(
         [np.cos(dip) * np.cos(psi), -np.cos(dip) * np.sin(psi), np.full_like(psi, np.sin(dip))]
     )
@@ -70,16 +73,26 @@ def heading_error_deg(calibration: ag.Affine, recording: Recording) -> float:
 def run(kind: Kind, seed: int) -> Run:
     """One draw of a kind through `calibrate`."""
     recording = kind.recording(seed)
+    return judge(recording, kind.reference(recording))
+
+
+def judge(
+    recording: Recording,
+    reference: ag.Reference | None,
+    dip_deg: float = DIP_DEG,
+    **settings: float,
+) -> Run:
+    """What `calibrate` says of a recording, beside its truth."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            result = ag.calibrate(recording.samples, kind.reference(recording))
+            result = ag.calibrate(recording.samples, reference, **settings)
         except ag.AgonicError as error:
             return Run("refused", np.nan, np.nan, (type(error).__name__,))
         except Exception as error:
             return Run("crash", np.nan, np.nan, (repr(error)[:60],))
     causes = tuple(f.name for f in result.fit.findings if f.severity != "note")
-    error = heading_error_deg(result.fit.calibration, recording)
+    error = heading_error_deg(result.fit.calibration, recording, dip_deg)
     stated = float(result.fit.coverage.heading_sd_deg)
     failed = tuple(c.name for c in result.verification.checks if not c.passed)
     return Run(result.verdict, error, stated, causes or failed)
@@ -91,15 +104,15 @@ def of_kind(work: tuple[int, int]) -> list[Run]:
     return [run(KINDS[number], 1000 * number + seed) for seed in range(draws)]
 
 
-def row(kind: Kind, runs: list[Run]) -> list[str]:
-    """A line of the table."""
+def row(name: str, runs: list[Run]) -> list[str]:
+    """A line of the table: a kind by its name, and its runs."""
     verdicts = Counter(one.verdict for one in runs)
     causes = Counter(cause for one in runs for cause in one.causes).most_common(2)
     kept = [one for one in runs if one.verdict in ("good", "check")]
     errors: NDArray[np.float64] = np.array([one.error_deg for one in kept])
     stated: NDArray[np.float64] = np.array([one.stated_deg for one in kept])
     return [
-        kind.name + (" *" if kind.good else ""),
+        name,
         " ".join(f"{verdicts[word]}" for word in ("good", "check", "refused")),
         f"{np.median(errors):.2f}" if len(kept) else "–",
         f"{np.median(stated):.2f}" if len(kept) else "–",
@@ -119,8 +132,8 @@ def main() -> int:
     chosen = [k for k, kind in enumerate(KINDS) if asked.kind in kind.name]
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(of_kind, [(k, draws) for k in chosen]))
-    head = ["kind", "good check refused", "error, °", "stated, °", "wrong", "causes"]
-    rows = [row(KINDS[k], runs) for k, runs in zip(chosen, results, strict=True)]
+    names = [KINDS[k].name + (" *" if KINDS[k].good else "") for k in chosen]
+    rows = [row(name, runs) for name, runs in zip(names, results, strict=True)]
     everything = [one for runs in results for one in runs]
     wrong, crashed = sum(one.wrong for one in everything), 0
     crashed = sum(one.verdict == "crash" for one in everything)
@@ -128,7 +141,7 @@ def main() -> int:
     alarmed = sum(one.verdict != "good" for one in good)
     print(INTRODUCTION.format(kinds=len(chosen), draws=draws))
     print()
-    print(tables.markdown(head, rows))
+    print(tables.markdown(HEAD, rows))
     print(
         f"\nConfidently wrong: {wrong} of {len(everything)} runs; crashed: {crashed}; "
         f"good recordings (*) not called good: {alarmed} of {len(good)}."

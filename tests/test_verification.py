@@ -108,3 +108,11 @@ def test_a_calibration_that_is_worse_than_the_logged_one_is_told() -> None:
 def test_units_must_meet() -> None:
     with pytest.raises(ag.UnitError):
         ag.verify(EXACT, ag.Samples(field=np.eye(3), unit="raw"))
+
+
+def test_readings_that_are_mostly_zero_have_no_spread_to_compare() -> None:
+    field = np.zeros((30, 3))
+    field[:3] = 1000.0 * np.eye(3)
+    found = ag.verify(ag.Affine(bias=np.ones(3), matrix=np.eye(3)), ag.Samples(field=field))
+    assert found.spread_before == float("inf")
+    assert checks(found)["spread after over before"] == (0.0, True)

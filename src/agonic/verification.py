@@ -145,13 +145,14 @@ def verify(
 
 
 def _spread(magnitude: Array, weights: Array) -> float:
-    """Standard deviation over the mean, readings beyond six robust deviations left out."""
+    """Standard deviation over the mean, readings beyond six robust deviations left out; infinite
+    where most readings are zero."""
     middle = weighted_median(magnitude, weights)
     away = np.abs(magnitude - middle)
     kept = away <= 6 * MAD_TO_SD * weighted_median(away, weights) + 1e-12 * middle
     mean = float(np.average(magnitude[kept], weights=weights[kept]))
     square = np.average((magnitude[kept] - mean) ** 2, weights=weights[kept])
-    return float(np.sqrt(square)) / mean
+    return float(np.sqrt(square)) / mean if mean > 0.0 else float("inf")
 
 
 def _judge(

@@ -81,3 +81,11 @@ def test_evidence_for_a_given_calibration_is_that_of_its_fit() -> None:
     assert again.verdict == "good"
     magnet = magnet_attached(0.0, [5000.0, 0.0, 0.0])(sensor.samples)
     assert evaluate(fit.calibration, magnet, KNOWN).noise > 10 * fit.noise
+
+
+def test_a_fit_that_runs_away_on_three_levels_is_refused_for_their_size() -> None:
+    levels = [[-1, -1, 0], [-1, 0, 0], [0, -1, 0], [0, -1, 1], [0, 0, 0], [0, 0, 1], [0, 1, 0]]
+    times = [7, 20, 148, 1, 32, 122, 102, 4, 14]
+    field = 74_000.0 * np.repeat([*levels, [1, -1, 0], [1, 0, 0]], times, axis=0)
+    with pytest.raises(ag.CoverageError, match="steps of 74000 nT"):
+        ag.fit_ellipsoid(ag.Samples(field=field))

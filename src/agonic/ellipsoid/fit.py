@@ -33,6 +33,7 @@ from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
 from agonic.health import (
     Fitted,
+    check_resolution,
     describe_model_errors,
     examine_model,
     inspect,
@@ -44,6 +45,8 @@ from agonic.maths.equation import moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+_HELD = 1e-9  # of what the readings' own size suggests: a gain beyond that ran away
 
 
 def fit_ellipsoid(
@@ -163,6 +166,8 @@ def _solve(
         found, tests = choose_model(attempt, settings.model, len(points), method)
     except OverflowError:  # an axis that never moves leaves the fit without any hold
         raise _without_hold(samples) from None
+    if not _HELD < np.linalg.norm(found.matrix) < 1 / _HELD:
+        raise _without_hold(samples)
     affine = replace(
         make_calibration_of(samples, found, scale, settings.gauge),
         provenance=Provenance(
@@ -213,6 +218,7 @@ def _find_model_errors(
 
 def _without_hold(samples: Samples) -> CoverageError:
     """The error of readings whose fit runs away, with what they themselves give away of it."""
-    refused = (found for found in inspect(samples) if found.severity == "refuse")
-    cause = next(refused, None)
+    across = float(np.ptp(samples.field, axis=0).max())
+    found = [*inspect(samples), check_resolution(samples.field, across / 2, samples.unit)]
+    cause = next((one for one in found if one is not None and one.severity == "refuse"), None)
     return no_ellipsoid() if cause is None else CoverageError(cause.what, turns=cause.move)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from agonic.arrays import Array
+from agonic.maths.estimation.leastsq import inverse
 
 
 def find_move(terms: Array, slopes: Array, covariance: Array) -> tuple[float, float]:
@@ -13,11 +12,13 @@ def find_move(terms: Array, slopes: Array, covariance: Array) -> tuple[float, fl
         K (x + x' δ) = K x + S x',   so   δ = (kᵀ C⁻¹ s) / (kᵀ C⁻¹ k),   sd² = 1 / (kᵀ C⁻¹ k)
 
     Parameters: `terms` (m,), the coefficients K of x; `slopes` (m,), those S of x' = ∂x/∂θ;
-    `covariance` (m, m) of the slopes.
+    `covariance` (m, m) of the slopes. An infinite standard error where the terms tell nothing.
 
     >>> find_move(np.array([2.0, 4.0]), np.array([0.2, 0.4]), np.eye(2) * 0.2)
     (0.1, 0.1)
     """
-    weighted = np.linalg.solve(covariance, terms)
+    weighted = inverse(covariance) @ terms
     information = float(terms @ weighted)
+    if not information > 0.0:
+        return 0.0, float("inf")
     return float(slopes @ weighted) / information, information**-0.5
