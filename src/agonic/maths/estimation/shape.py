@@ -14,8 +14,10 @@ def find_move(terms: Array, slopes: Array, covariance: Array) -> tuple[float, fl
     Parameters: `terms` (m,), the coefficients K of x; `slopes` (m,), those S of x' = ∂x/∂θ;
     `covariance` (m, m) of the slopes. An infinite standard error where the terms tell nothing.
 
-    >>> find_move(np.array([2.0, 4.0]), np.array([0.2, 0.4]), np.eye(2) * 0.2)
-    (0.1, 0.1)
+    >>> import numpy as np
+    >>> move, sd = find_move(np.array([2.0, 4.0]), np.array([0.2, 0.4]), np.eye(2) * 0.2)
+    >>> f"{move:.3f}", f"{sd:.3f}"
+    ('0.100', '0.100')
     """
     weighted = inverse(covariance) @ terms
     information = float(terms @ weighted)
