@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.health.turning import check_gravity_turning
+from agonic.maths.rotations.turning import measure_left, sum_products
 from agonic.units import STANDARD_GRAVITY_M_S2
 from tests.inertial.drives import drive
 
@@ -41,9 +42,47 @@ def test_a_boat_with_renamed_axes_is_not_good(turn: np.ndarray, looks: str) -> N
     assert looks in result.status
 
 
-@pytest.mark.parametrize("lean", [-0.3, 0.2])
+@pytest.mark.parametrize("looks", ["x and y are exchanged", "lies along −y, x, z"])
+def test_exchanged_axes_are_named_where_a_bank_is_not_felt(looks: str) -> None:
+    """Headings would be off by 30°, at a stated 0.8°."""
+    _, logged, _ = drive("flight", n=2000, rate_Hz=25.0)
+    assert check_gravity_turning(logged) is None
+    renamed = logged.with_columns(acceleration=logged.acceleration @ RENAMED[looks].T)
+    found = check_gravity_turning(renamed)
+    assert found is not None
+    assert looks in found.what
+
+
+@pytest.mark.parametrize("lean", [-0.3, 0.2, 0.3, 0.4, 0.5])
 def test_a_vehicle_that_leans_in_its_turns_is_not_blamed(lean: float) -> None:
     """It feels (1 − lean) v ω across while it rolls as if that were lean v ω the other way."""
+    samples = ride(lean)
+    noise = 0.3 * np.random.default_rng(0).standard_normal((len(samples), 3))
+    assert (
+        check_gravity_turning(samples.with_columns(acceleration=samples.acceleration + noise))
+        is None
+    )
+
+
+def test_a_speed_explains_what_a_leaning_vehicle_feels() -> None:
+    """0.4 of it leaned by: by the roll alone x and z would seem reversed."""
+    samples = ride(lean=0.4)
+    assert samples.time is not None
+    assert samples.acceleration is not None
+    assert samples.rotation_rate is not None
+    products = sum_products(
+        samples.acceleration, samples.rotation_rate, samples.time, smoothed_s=0.3, felt=True
+    )
+    turns = np.stack([np.eye(3), np.diag([-1.0, 1.0, -1.0])])
+    farthest = np.repeat([0.5, 50.0], 3)
+    own, reversed_roll = measure_left(products, turns, farthest)
+    assert own < min(0.04, reversed_roll)  # 0.026 of it for a speed of 8 of at most 50 m/s
+    own, reversed_roll = measure_left(products, turns, farthest[:3])
+    assert own > 1.0 > reversed_roll
+
+
+def ride(lean: float) -> ag.Samples:
+    """At 8 m/s through bends, leaning by a share of what would balance them."""
     time, speed = np.arange(3000) / 25, 8.0
     pace = 2 * np.pi / np.array([11.0, 7.0])
     rate = (0.15 * np.sin(np.outer(time, pace))).sum(axis=1)
@@ -54,12 +93,10 @@ def test_a_vehicle_that_leans_in_its_turns_is_not_blamed(lean: float) -> None:
     rot_nb = Rotation.from_euler("ZX", np.stack([heading, roll], axis=1))
     across = np.stack([-np.sin(heading), np.cos(heading), 0 * heading], axis=1)
     felt = across * (speed * rate)[:, None] - [0, 0, STANDARD_GRAVITY_M_S2]
-    noise = np.random.default_rng(0).standard_normal((3000, 3))
     turning = np.stack([rolls, rate * np.sin(roll), rate * np.cos(roll)], axis=1)
-    samples = ag.Samples(
+    return ag.Samples(
         time=time,
         field=rot_nb.apply([20_000.0, 0.0, 45_000.0], inverse=True),
-        acceleration=rot_nb.apply(felt, inverse=True) + 0.3 * noise,
+        acceleration=rot_nb.apply(felt, inverse=True),
         rotation_rate=turning,
     )
-    assert check_gravity_turning(samples) is None

@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.health import Finding
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.turning import measure_left, sum_products
@@ -28,6 +28,9 @@ SHAKEN = 0.75
 """Of the square of the change of gravity: what a right naming leaves beside other accelerations."""
 CLEARLY = 0.25
 """Of that square: what another naming explains more."""
+EXCHANGED = 0.8
+"""Of what the own naming leaves: another that exchanges x and y leaves less, however much is left
+of both, for neither speed nor leaning makes x of y."""
 FAR_CLEARER = 0.7
 """Of what the own naming leaves: another that leaves less may leave more in one stretch."""
 _STRETCHES = 8
@@ -42,6 +45,8 @@ _FARTHEST = 20.0
 """Of the size of the readings: a bias about their mean so far off is none."""
 _ACCELEROMETER_BIAS = 0.5
 """m/s²: more than an accelerometer reads too much."""
+_SPEED_M_S = 50.0
+"""Faster than what leans into its turns, or feels them."""
 _UNITS = ((1.0, ""), (np.pi / 180, "degrees"), (180 / np.pi, "radians"))
 
 
@@ -136,7 +141,7 @@ def find_telling(samples: Samples) -> Samples:
 
 def find_renaming(
     samples: Samples,
-    sum_of: Callable[[float], tuple[Array, float]],
+    sum_of: Callable[[float], tuple[Array, Array]],
     units: tuple[tuple[float, str], ...],
 ) -> Renaming | None:
     """What the gyro has to be renamed by to turn as another sensor does; `None` where it does, or
@@ -172,7 +177,6 @@ def _find_shaken_renaming(samples: Samples) -> Renaming | None:
     """
     # a gyro reversed is told by the field; here it would look like x and y reversed
     turns = np.concatenate([right_angles(), -right_angles()[1:]])
-    samples = _without_centripetal(samples)
     stretches = np.array_split(np.arange(len(samples)), _STRETCHES)
     if len(stretches[-1]) < FEWEST:
         return None
@@ -180,31 +184,34 @@ def _find_shaken_renaming(samples: Samples) -> Renaming | None:
     for smoothed_s in _SMOOTHED_S[:2]:
         products, farthest = _sum_of_gravity(samples)(smoothed_s)
         left = measure_left(products, turns, farthest)
-        if left.min() > min(SHAKEN, left[0] - CLEARLY):
-            continue
         each = np.array([measure_left(one(smoothed_s)[0], turns, farthest) for one in parts])
-        wanted = _STRETCHES - (left < FAR_CLEARER * left[0])
-        nearly_always = (each < each[:, :1]).sum(axis=0) >= wanted
-        likely = np.flatnonzero(nearly_always & (left < 1.1 * left.min()))
+        wins = (each < each[:, :1]).sum(axis=0)
+        likely = _choose_clearer(left, wins)
+        if not len(likely) and smoothed_s == _SMOOTHED_S[0]:
+            likely = _choose_exchanged(left, wins, turns)
+            likely = likely if explains_change(samples) else likely[:0]
         if len(likely):
             best = min(likely, key=lambda which: _count_changes(turns[which]))
             return Renaming(float(left[best]), turns[best], "", float(left[0]))
     return None
 
 
-def _without_centripetal(samples: Samples) -> Samples:
-    """The samples without the acceleration that goes with the rates, as ω × v does.
+def _choose_clearer(left: Array, wins: Index) -> Index:
+    """The namings that leave hardly more than the best where that leaves clearly less than the own,
+    the first, in nearly every stretch."""
+    if left.min() > min(SHAKEN, left[0] - CLEARLY):
+        return np.zeros(0, dtype=np.intp)
+    wanted = _STRETCHES - (left < FAR_CLEARER * left[0])
+    return np.flatnonzero((wins >= wanted) & (left < 1.1 * left.min()))
 
-    A vehicle that leans into its turns feels less than v ω across, or more if it leans out, and
-    would seem to roll the other way. Gravity itself goes with the angles, a quarter of a swing
-    after the rates.
-    """
-    rate, force = samples.rotation_rate, samples.acceleration
-    assert rate is not None
-    assert force is not None
-    about = rate - rate.mean(axis=0)
-    share = np.linalg.lstsq(about, force - force.mean(axis=0), rcond=None)[0]
-    return samples.with_columns(acceleration=force - about @ share)
+
+def _choose_exchanged(left: Array, wins: Index, turns: Array) -> Index:
+    """The best namings where all of them make x of y and y of x, also where most acceleration has
+    nothing to do with the turns, as where a banked turn is not felt."""
+    best = left < 1.02 * left.min()
+    exchanged = (turns[:, 2, 2] != 0) & (turns[:, 0, 0] == 0)
+    clear = exchanged & (left < EXCHANGED * left[0]) & (wins >= _STRETCHES - 1)
+    return np.flatnonzero(best & clear if exchanged[best].all() else np.zeros_like(best))
 
 
 def _count_changes(turn: Array) -> tuple[int, int]:
@@ -245,7 +252,7 @@ def _can_tell(samples: Samples) -> bool:
     return time is not None and rate is not None and len(time) >= FEWEST
 
 
-def _sum_of_field(samples: Samples) -> Callable[[float], tuple[Array, float]]:
+def _sum_of_field(samples: Samples) -> Callable[[float], tuple[Array, Array]]:
     """`sum_products` of the readings."""
     time, rate = samples.time, samples.rotation_rate
     assert time is not None
@@ -253,17 +260,17 @@ def _sum_of_field(samples: Samples) -> Callable[[float], tuple[Array, float]]:
     size = max(float(np.sqrt((samples.field**2).sum(axis=1).mean())), 1e-300)
     return lambda smoothed_s: (
         sum_products(samples.field, rate, time, smoothed_s),
-        _FARTHEST * size,
+        np.full(3, _FARTHEST * size),
     )
 
 
-def _sum_of_gravity(samples: Samples) -> Callable[[float], tuple[Array, float]]:
+def _sum_of_gravity(samples: Samples) -> Callable[[float], tuple[Array, Array]]:
     """`sum_products` of the acceleration."""
     time, rate, force = samples.time, samples.rotation_rate, samples.acceleration
     assert time is not None
     assert rate is not None
     assert force is not None
     return lambda smoothed_s: (
-        sum_products(force, rate, time, smoothed_s, centred=True),
-        _ACCELEROMETER_BIAS,
+        sum_products(force, rate, time, smoothed_s, felt=True),
+        np.repeat([_ACCELEROMETER_BIAS, _SPEED_M_S], 3),
     )

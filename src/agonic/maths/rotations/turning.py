@@ -18,17 +18,18 @@ _LEVI_CIVITA = skew(np.eye(3)).swapaxes(1, 2)
 
 
 def sum_products(
-    vectors: Array, rate: Array, time: Array, smoothed_s: float, *, centred: bool = False
+    vectors: Array, rate: Array, time: Array, smoothed_s: float, *, felt: bool = False
 ) -> Array:
     """Sums over the rows of products of what the residual of any renaming is made of, (19, 19).
 
     With f the vectors about their mean, the change c − f × ω' − ω' × b of a row under a rate
     ω' = s T ω is a sum of the change c itself, of the nine f × e_k ω_j, times s T_kj, and of the
     nine e_c ω_j: all renamings have their squares and best biases from these sums, and no row is
-    seen again.
+    seen again. What is `felt`, a vector of a known mean and ω' × u, changes by
+    dω'/dt × u − (ω' × u) × ω' more: of each e_c not only ω_j, also dω_j/dt and ω_j ω_k, (55, 55).
 
     Parameters: vectors (n, 3) and rate (n, 3) at time (n,), `smoothed_s` over which both are
-    averaged; `centred` where the vectors are taken as they are, and b is small.
+    averaged; `felt` where the vectors are acceleration, taken as they are, and b is small.
     """
     step = float(np.median(np.diff(time)))
     every = max(1, len(time) // _MOST)
@@ -37,31 +38,59 @@ def sum_products(
     change = np.gradient(vectors, time, axis=0)[::every]
     size = np.sqrt((change**2).sum(axis=1))
     usual = size < 10 * np.median(size) + 1e-12
-    vectors, rate, change = vectors[::every][usual], rate[::every][usual], change[usual]
-    about = vectors if centred else vectors - vectors.mean(axis=0)
-    crossed = skew(about).swapaxes(1, 2)  # (n, k, 3): f × e_k
-    turned = (crossed[:, :, None] * rate[:, None, :, None]).reshape(-1, 9, 3)
-    moved = (np.eye(3)[:, None] * rate[:, None, :, None]).reshape(-1, 9, 3)
-    parts = np.concatenate([change[:, None], turned, moved], axis=1).swapaxes(1, 2).reshape(-1, 19)
-    return np.asarray(parts.T @ parts)
+    about = vectors if felt else vectors - vectors.mean(axis=0)
+    crossed = skew(about[::every][usual]).swapaxes(1, 2)  # (n, k, 3): f × e_k
+    factors = rate[::every][usual]
+    turned = (crossed[:, :, None] * factors[:, None, :, None]).reshape(-1, 9, 3)
+    seen = np.concatenate([change[usual][:, None], turned], axis=1)
+    if felt:
+        faster = np.gradient(rate, time, axis=0)[::every][usual]
+        squares = (factors[:, :, None] * factors[:, None]).reshape(-1, 9)
+        factors = np.concatenate([factors, faster, squares], axis=1)
+    among = seen.swapaxes(0, 1).reshape(10, -1)
+    across = (
+        (factors.T @ seen.reshape(-1, 30)).reshape(-1, 10, 3).transpose(1, 2, 0).reshape(10, -1)
+    )
+    inner = np.kron(np.eye(3), factors.T @ factors)
+    return np.block([[among @ among.T, across], [across.T, inner]])
 
 
-def measure_left(products: Array, turns: Array, farthest: float) -> Array:
+def measure_left(products: Array, turns: Array, farthest: Array) -> Array:
     """What is left of the change of a vector with turns and units (…, 3, 3) of the gyro, as shares.
 
-    Parameters: the sums of `sum_products`; a bias `farthest` off costs as much as all the change.
-    Without that, a bias of 57 fields would explain small turns by a gyro in the wrong unit.
+    Parameters: the sums of `sum_products`; `farthest` (3,), a bias so far off costs as much as all
+    the change, or (6,) with a speed of what is felt. Without that, a bias of 57 fields would
+    explain small turns by a gyro in the wrong unit.
     """
-    shape = turns.shape[:-2]
-    wanted = np.zeros((*shape, 19))
+    shape, size = turns.shape[:-2], len(products)
+    wanted = np.zeros((*shape, size))
     wanted[..., 0], wanted[..., 1:10] = 1.0, -turns.reshape(*shape, 9)
-    by_bias = np.zeros((*shape, 3, 19))  # ω' × e_b, of which e_c holds ε_kbc ω'_k
-    by_bias[..., 10:] = np.einsum("kbc,...kj->...bcj", _LEVI_CIVITA, turns).reshape(*shape, 3, 9)
-    taken = by_bias @ products
-    gram, along = taken @ by_bias.swapaxes(-1, -2), taken @ wanted[..., None]
-    gram = gram + products[0, 0] / farthest**2 * np.eye(3)
-    bias = (np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ along)[..., 0]
-    left = wanted - (bias[..., None, :] @ by_bias)[..., 0, :]
-    far = (bias**2).sum(axis=-1) / farthest**2
+    by_unknown = _spread_unknowns(turns, size)[..., : len(farthest), :]
+    taken = by_unknown @ products
+    gram, along = taken @ by_unknown.swapaxes(-1, -2), taken @ wanted[..., None]
+    gram = gram + products[0, 0] * np.diag(farthest**-2.0)
+    unknown = (np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ along)[..., 0]
+    left = wanted - (unknown[..., None, :] @ by_unknown)[..., 0, :]
+    far = ((unknown / farthest) ** 2).sum(axis=-1)
     square = ((left @ products) * left).sum(axis=-1)
     return np.asarray(far + square / max(float(products[0, 0]), 1e-300))
+
+
+def _spread_unknowns(turns: Array, size: int) -> Array:
+    """What a bias and a speed along each axis change in the terms of `sum_products`, (…, 6, size).
+
+    A bias along b: ω' × e_b, of which e_c holds ε_kbc ω'_k. A speed along b: dω'/dt × e_b, and of
+    −(ω' × e_b) × ω' = ω' (ω' · e_b) − e_b (ω' · ω') what is e_c ω_j ω_k.
+    """
+    shape = turns.shape[:-2]
+    spread = np.zeros((*shape, 6, size))
+    of_axis = spread[..., 10:].reshape(*shape, 6, 3, -1)
+    crossed = np.einsum("kbc,...kj->...bcj", _LEVI_CIVITA, turns)
+    of_axis[..., :3, :, :3] = crossed
+    if size > 19:
+        towards = np.einsum("...cj,...bk->...bcjk", turns, turns)
+        away = np.einsum("bc,...ij,...ik->...bcjk", np.eye(3), turns, turns)
+        of_axis[..., 3:, :, 3:6] = crossed
+        of_axis[..., 3:, :, 6:] = (towards - away).reshape(*shape, 3, 3, 9)
+    spread[..., 10:] = of_axis.reshape(*shape, 6, -1)
+    return spread
