@@ -282,3 +282,29 @@ def test_that_there_is_no_field_is_said_before_all_else(tmp_path):
     )
     with pytest.raises(LogError, match="no magnetometer columns"):
         open_log(path)
+
+
+def test_units_are_read_in_words(tmp_path):
+    header = "timestamp;x (in microteslas);y (in microteslas);z (in microteslas)"
+    check(read(write(tmp_path, header, TIME + UNIX, FIELD, separator=";")))
+
+
+def test_an_id_that_alternates_names_sensors(tmp_path):
+    """As boards that poll several sensors write them, one object a line."""
+    objects = [
+        {"id": (13, 9)[k % 2], "counter": k, "mag_x": x + 9 * (k % 2), "mag_y": y, "mag_z": z}
+        for k, (x, y, z) in enumerate(np.repeat(FIELD, 2, axis=0).tolist())
+    ]
+    path = tmp_path / "imu.txt"
+    path.write_text("\n".join(map(json.dumps, objects)))
+    first, second = open_log(path).sensors
+    assert (first.name, second.name) == ("13", "9")
+    np.testing.assert_allclose(first.field, FIELD)
+    np.testing.assert_allclose(second.field - FIELD, np.tile([9.0, 0.0, 0.0], (N, 1)))
+
+
+@pytest.mark.parametrize("ids", [np.arange(N), np.arange(N) // 20, ZERO])
+def test_an_id_of_rows_or_of_recordings_names_no_sensors(tmp_path, ids):
+    path = write(tmp_path, f"id,time_s,{MAG}", list(ids), TIME, FIELD)
+    (samples,) = open_log(path).sensors
+    np.testing.assert_allclose(samples.field, FIELD * 1e3)

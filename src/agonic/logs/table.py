@@ -15,6 +15,7 @@ from agonic.errors import LogError, TwoAxisError
 from agonic.logs.headers.column_names import suggest_names
 from agonic.logs.headers.columns import (
     FALLBACK,
+    LAST,
     Identified,
     find_quantities,
     find_rivals,
@@ -212,10 +213,10 @@ def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
     if column is None:
         yield "", whole.rows
         return
-    labels = np.array([str(label).strip() for label in whole.table[column.header]])
+    labels = np.array([_write_label(label) for label in whole.table[column.header]])
     names, first, which = np.unique(labels, return_index=True, return_inverse=True)
-    if column.rank == FALLBACK and len(names) == 1:
-        yield "", whole.rows  # all of one device
+    if column.rank >= FALLBACK and not _tells_sensors(which, alternating=column.rank == LAST):
+        yield "", whole.rows
         return
     if len(names) > _MOST_SENSORS:
         raise LogError(f"{column.header!r} names {len(names)} sensors; is it another quantity?")
@@ -223,6 +224,24 @@ def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
         other = identify_column(f"{names[k]} x") if len(names[k]) > 1 else None
         if other is None or other.quantity.column == "field":
             yield str(names[k]), np.flatnonzero(which == k)
+
+
+def _write_label(label: object) -> str:
+    """A name as a text; a number that is whole without a point."""
+    if isinstance(label, float) and label.is_integer():
+        return str(int(label))
+    return str(label).strip()
+
+
+def _tells_sensors(which: Index, *, alternating: bool) -> bool:
+    """Whether a column that may number anything names sensors: the `which`-th in each row.
+
+    Not where all rows are of one, or nearly each has its own number; one that may also count the
+    recordings, whose rows follow each other, only where they alternate.
+    """
+    count = int(which.max()) + 1
+    alternate = np.count_nonzero(np.diff(which)) > 2 * count
+    return 1 < count <= len(which) // 8 and bool(alternate or not alternating)
 
 
 def _name(label: str, number: str) -> str:

@@ -21,6 +21,7 @@ from agonic.logs.headers.header import (
     ALIAS,
     CANONICAL,
     FALLBACK,
+    LAST,
     MOST_COLUMNS,
     PREFERRED,
     Column,
@@ -31,6 +32,7 @@ __all__ = [
     "ALIAS",
     "CANONICAL",
     "FALLBACK",
+    "LAST",
     "MOST_COLUMNS",
     "PREFERRED",
     "Column",
@@ -108,7 +110,7 @@ def identify_columns(headers: Iterable[str]) -> Identified:
             twin = axes.setdefault(column.axis, column)
             if twin.header == "timestamp" and _OF_DEVICE.search(column.header):
                 continue
-            if twin is column or _add_fraction(axes, twin, column):
+            if twin is column or best == LAST or _add_fraction(axes, twin, column):
                 continue
             if (preferred := _prefer(twin, column)) is not None:
                 axes[column.axis] = preferred

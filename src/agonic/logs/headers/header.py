@@ -22,7 +22,7 @@ from agonic.logs.headers.quantities import (
 from agonic.logs.headers.words import ZONE, spell_out
 from agonic.units import find_unit
 
-PREFERRED, CANONICAL, ALIAS, FALLBACK = range(4)
+PREFERRED, CANONICAL, ALIAS, FALLBACK, LAST = range(5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +30,8 @@ class Column:
     """A column that was understood: `header` as written, its quantity, axis, sensor and unit.
 
     `unit` is `None` where the header does not say; for the field it is one of `agonic.units`.
-    `rank` is `PREFERRED`, `CANONICAL`, `ALIAS` or `FALLBACK`; the lowest is taken. `documented` is
-    the format whose documents give the unit, where the header itself does not.
+    `rank` is `PREFERRED`, `CANONICAL`, `ALIAS`, `FALLBACK` or `LAST`; the lowest is taken.
+    `documented` is the format whose documents give the unit, where the header itself does not.
     """
 
     header: str
@@ -53,6 +53,7 @@ for _quantity in QUANTITIES:
     for _rank, _names in (
         (ALIAS, f"{_quantity.name} {_quantity.aliases}"),
         (FALLBACK, _quantity.weak),
+        (LAST, _quantity.last),
         (PREFERRED, _quantity.preferred),
     ):
         for _name in _names.split():
@@ -95,6 +96,8 @@ _LAST_BRACKET = re.compile(
     r"(?P<name>.*[)\]}].*[^\s(\[{])\s*[(\[{](?P<unit>[^()\[\]{}]{2,})[)\]}]\s*"
 )
 """A unit behind a name that has brackets of its own: IMU_ATTI(0):magX[a/d]."""
+_IN = re.compile(r"^\s*(?:in|units?)\b[\s:=]*(?=\w)", re.IGNORECASE)
+"""What may stand before a unit in words: x (in microteslas)."""
 _COMMA = re.compile(r"(?P<name>[^,;]*\w)\s*[,;]\s*(?P<unit>[^,;]+)")
 _OVER = re.compile(r"(?P<name>.*\w)\s+/\s+(?P<unit>\S+)\s*")
 _INDEX = re.compile(r"(?<!q)(?<!quat)\[([012])\]|(?<!q)(?<!quat)\.0([012])\s*$", re.IGNORECASE)
@@ -158,8 +161,8 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
         or _COMMA.fullmatch(text)
         or _OVER.fullmatch(text)
     )
-    name, unit = (split["name"], _squash(split["unit"])) if split else (text, "")
-    unit = f"{unit}s" if unit.endswith("second") else unit  # time(millisecond)
+    name, unit = (split["name"], _squash(_IN.sub("", split["unit"]))) if split else (text, "")
+    unit = f"{unit}s" if unit.lower().endswith("second") and f"{unit}s".lower() in _UNITS else unit
     if unit and not unit.isascii():
         return None
     if split and (named := _OF_GPS.get(_squash(text).lower())):  # Time (GPS TOW)
@@ -205,6 +208,8 @@ def _identify(header: str, name: str, bracket: str, sensor: str = "") -> Column 
     axis = "".join(axes).lower()
     for quantity, rank in choices:
         if rank == FALLBACK and quantity.column == "field" and not _may_be_bare(suffix or bracket):
+            continue
+        if rank == LAST and _squash(header).lower() not in quantity.last.split():
             continue
         if axis not in quantity.axes.split() and (axis or quantity.axes):
             continue

@@ -78,7 +78,8 @@ class Quantity:
     """What a column can hold: the `Samples` column, its canonical name, aliases and units.
 
     `weak` aliases are taken only where no other column is named for the quantity, `preferred` ones
-    before all others. `axes` are those of a vector, or of a quaternion.
+    before all others, and `last` ones, which may stand for anything, after all and as they are.
+    `axes` are those of a vector, or of a quaternion.
     """
 
     column: str
@@ -86,6 +87,7 @@ class Quantity:
     unit: str = ""
     aliases: str = ""
     weak: str = ""
+    last: str = ""
     preferred: str = ""
     units: Mapping[str, Linear] = field(default_factory=dict)
     axes: str = ""
@@ -201,6 +203,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity(
         column="sensor", name="sensor", aliases="sensorid sensorname magid",
         weak="device deviceid devicename deviceaddress macaddress",  # where it is more than one
+        last="id node nodeid imu imuid",
     ),
     Quantity(column="frame", name="frame"),
     Quantity(column="unit", name="unit", aliases="units fieldunit fieldunits magunit magunits"),

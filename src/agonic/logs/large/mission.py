@@ -13,7 +13,7 @@ from agonic.errors import LogError
 from agonic.field.decimal_year import parse_date
 from agonic.logs import parquet
 from agonic.logs.formats import PARQUET
-from agonic.logs.headers.columns import identify_columns
+from agonic.logs.headers.columns import LAST, identify_columns
 from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, find_layout, keep_usable, sweep
 from agonic.logs.read import open_log
@@ -82,7 +82,8 @@ class Mission:
         if not _is_parquet(path):
             return tuple(samples.name for samples in open_log(path, unit=self.unit).sensors)
         table = next(parquet.read_batches(path, _HEAD))
-        if "sensor" in identify_columns(table):
+        label = identify_columns(table).get("sensor", {}).get("", {}).get("")
+        if label is not None and label.rank != LAST:
             return ()
         log = build_log(
             table,
