@@ -83,7 +83,7 @@ def test_a_plan(capsys) -> None:
 
 
 def test_bad_input_is_one_line(capsys) -> None:
-    assert "cannot be read" in complaint(capsys, "fit", "alignment", "nowhere")
+    assert "there is no such file" in complaint(capsys, "fit", "alignment", "nowhere")
     assert run(["simulate", "alignment", "-o", "night", "--orientations", "3", "-n", "3"]) == 0
     assert "solve 'axes' is not known" in complaint(
         capsys, "fit", "alignment", "night", "--solve", "axes"

@@ -87,8 +87,8 @@ def test_gravity_from_a_log(capsys) -> None:
 
 
 def test_bad_input_is_one_line(capsys) -> None:
-    assert "cannot be read" in complaint(capsys, "fit", "north", "nowhere")
-    assert "cannot be read" in complaint(capsys, "fit", "coil", "nowhere")
+    assert "there is no such file" in complaint(capsys, "fit", "north", "nowhere")
+    assert "there is no such file" in complaint(capsys, "fit", "coil", "nowhere")
     assert run(["simulate", "north", "-o", "pier"]) == 0
     assert "--field belongs to DI-flux" in complaint(
         capsys, "fit", "north", "pier", "--field", "5e4"

@@ -183,7 +183,7 @@ WRONG = {
     "identifier": ["boat.toml", "--to", "c", "--declination", "0", "--name", "2nd"],
     "1800": ["boat.toml", "--to", "c", "--at", "52,5", "--date", "1800-01-01"],
     "corrects headings": ["boat-MAG1-deviation.json", "--to", "c"],
-    "cannot be read": ["gone.toml", "--to", "c"],
+    "there is no such file": ["gone.toml", "--to", "c"],
 }
 
 

@@ -137,6 +137,10 @@ def test_what_a_log_holds_is_told_without_scipy() -> None:
         (["heading", "wrong.csv", "wrong.csv", "-o", "x.csv"], "a setup \\(TOML\\) or a calib"),
         (["fit", "north", "wrong.csv"], "north.toml, which describes the recordings"),
         (["fit", "alignment", "folder"], "folder does not hold session.toml"),
+        (["fit", "alignment", "north"], "it holds north.toml, for agonic fit north"),
+        (["fit", "north", "north"], "has no key `settle`"),
+        (["fit", "deviation", "gone.csv"], "there is no such file"),
+        (["fit", "deviation", "swing.csv"], "a swing needs compass_deg"),
         (["fit", "remanence", "wrong.csv"], "the angle of the platform as heading_deg"),
         (["calibrate", "missing.csv"], "there is no such file"),
         (["calibrate", "log.csv", "--method", "best"], "--method"),
@@ -151,6 +155,9 @@ def test_a_wrong_input_is_one_object_for_programs_and_one_line_for_people(
     Path("wrong.csv").write_text("name,age\nbob,3\n")
     Path("empty.csv").write_text("")
     Path("folder").mkdir()
+    Path("north").mkdir()
+    Path("north/north.toml").write_text("settle = 1")
+    Path("swing.csv").write_text("heading,deviation_deg\nN,1E\n")
     assert run([*words, "--json"]) == 2
     told = capsys.readouterr()
     made = json.loads(told.out)

@@ -234,7 +234,7 @@ def test_a_damaged_file_says_what_is_wrong(file, content, says):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(LogError, match="No such file"):
+    with pytest.raises(LogError, match="there is no such file"):
         load(tmp_path / "nothing.json")
 
 

@@ -152,7 +152,7 @@ ONE = '[[compass]]\ncalibration = "mag.json"\n'
         ("compass = 3", "at least one [[compass]]"),
         ('[compass]\ncalibration = "mag.json"', "at least one [[compass]]"),
         ("[[compass]]\nlatency_s = 0.1", "needs the key `calibration`"),
-        ('[[compass]]\ncalibration = "gone.json"', "gone.json: cannot be read"),
+        ('[[compass]]\ncalibration = "gone.json"', "gone.json: there is no such file"),
         (
             '[[compass]]\ncalibration = "other.txt"',
             "other.txt: this is a text, as tables of readings are",
@@ -213,7 +213,7 @@ def test_mistakes_of_value_are_named_beside_the_others() -> None:
 
 
 def test_a_missing_setup_says_so() -> None:
-    with pytest.raises(LogError, match=r"nowhere\.toml: cannot be read"):
+    with pytest.raises(LogError, match=r"nowhere\.toml: there is no such file"):
         load_setup("nowhere.toml")
 
 

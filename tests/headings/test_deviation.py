@@ -325,3 +325,17 @@ def test_the_standard_error_of_few_headings_covers_a_reference_that_drifts() -> 
         closed += names(fit_deviation(again, reference(again, 0.5 * noise + lasts)))
     assert np.sqrt(np.mean(np.square(z))) < 1.3  # 2.0 without
     assert closed.count("drift") >= 18
+
+
+def test_whole_degrees_are_known_no_better_than_their_rounding() -> None:
+    """Residuals of readings that are rounded alike may all be zero."""
+    copied = fit_deviation(ROSE, ROSE)
+    assert copied.noise_deg == pytest.approx(1 / np.sqrt(12))
+    assert names(copied) == {"readings alike": "note"}
+    z = []
+    for seed in range(40):
+        turned = np.random.default_rng(seed).uniform(-5, 5, size=5) * [1, 1, 1, 0.3, 0.3]
+        fit = fit_deviation(ROSE, np.round(ROSE + basis(ROSE)[:, :5] @ turned))
+        z.append((fit.calibration.coefficients - turned) / fit.sd[:5])
+    assert np.abs(z).max() < 3.5
+    assert np.std(z) < 1.0

@@ -102,7 +102,7 @@ def test_true_headings(capsys) -> None:
         (["swing.csv", "--heel"], "no column roll_deg"),
         (["swing.csv", "--card", "card.html", "--paper", "A3"], "A4, A5"),
         (["swing.csv", "--noise-deg", "0"], "> 0"),
-        (["none.csv"], "cannot be read"),
+        (["none.csv"], "there is no such file"),
     ],
 )
 def test_bad_input_is_one_line(capsys, arguments, says) -> None:

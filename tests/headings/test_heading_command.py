@@ -195,7 +195,7 @@ def test_it_says_in_words_what_it_found(capsys) -> None:
         (["mag.json", "counts.csv", "--date", WHEN], "readings in nT and these are in raw"),
         (["mag.json", "flight.csv", "--unit", "furlong"], "furlong"),
         (["mag.json", "gone.csv"], "no such file"),
-        (["gone.toml", "flight.csv"], "cannot be read"),
+        (["gone.toml", "flight.csv"], "there is no such file"),
         (["flight.csv", "flight.csv"], "a setup (TOML) or a calibration file"),
         (["wrong.toml", "flight.csv"], "has no key `colour`"),
         (["other.toml", "flight.csv"], "a compass for MAG7, MAG8 and flight.csv holds mag"),

@@ -97,7 +97,7 @@ def test_which_of_three_sensors_has_other_axes_is_told() -> None:
     for column, first in (("field", "magnetometer"), ("rotation_rate", "gyro")):
         wrong = logged.with_columns(**{column: getattr(logged, column) @ turn.T})
         (fault,) = find_faults(wrong)
-        assert f"those of the {first} first" in fault.finding.move
+        assert first in fault.finding.move.partition(":")[0]
 
 
 @pytest.mark.slow

@@ -1,10 +1,13 @@
 """What goes round with the orbit is not taken for the bias: clocks, tracks, sunlight."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 
 from agonic.inflight.fit import fit_inflight
 from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
+from agonic.simulation import simulate
 from tests.inflight.test_fit import GROUND, orbit
 
 
@@ -24,6 +27,15 @@ def test_a_clock_that_is_off_is_named_with_its_seconds(seconds: int) -> None:
     told = next(finding for finding in fit.findings if finding.name == "reference")
     found = float(told.what.split("positions ")[1].split(" s")[0].replace("−", "-"))
     assert found == pytest.approx(-seconds, abs=3.0)
+
+
+def test_no_clock_is_blamed_where_the_place_hardly_changes() -> None:
+    """A log of one place was told "positions −4 s off in time", as its field could not change."""
+    made, here = simulate("circle", n=600, noise=400.0).samples, np.ones(600)
+    parked = made.with_columns(
+        latitude_deg=52.1 * here, longitude_deg=5.2 * here, epoch=datetime(2026, 5, 1, tzinfo=UTC)
+    )
+    assert "would explain it" not in fit_inflight(parked).status
 
 
 @pytest.mark.slow

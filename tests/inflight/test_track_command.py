@@ -175,7 +175,7 @@ def test_the_walk_can_be_chosen_by_prediction(capsys) -> None:
         (["--no-gyro"], "field at the readings is not known"),
         ([*FIELD, "--walk", "fast"], "neither a number"),
         ([*FIELD, "--solve", "nothing"], "solve 'nothing' is not known"),
-        ([*FIELD, "--ground", "none.json"], "cannot be read"),
+        ([*FIELD, "--ground", "none.json"], "there is no such file"),
         ([*FIELD, "--sensor", "MAG7"], "MAG7"),
         ([*FIELD, "--noise", "-3"], "above zero"),
     ],

@@ -503,7 +503,7 @@ def test_another_file_is_refused(text: str, tmp_path: Path) -> None:
     path.write_text(text)
     with pytest.raises(LogError, match="not a usable track file"):
         Tracker.resume(path)
-    with pytest.raises(LogError, match="cannot be read"):
+    with pytest.raises(LogError, match="there is no such file"):
         Tracker.resume(tmp_path / "none.json")
 
 

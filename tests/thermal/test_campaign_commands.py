@@ -196,6 +196,16 @@ def test_a_spoilt_campaign_leaves_with_1(capsys) -> None:
     assert [sensor["sensor"] for sensor in said["sensors"]] == ["MPU-9255"]
 
 
+def test_one_station_alone_is_refused_with_what_is_missing(recorded, capsys) -> None:
+    alone = f"{recorded}/station-01.csv"
+    status, said = answer(capsys, "fit", "thermal", alone, "-o", "alone", "--no-held-out")
+    assert status == 1
+    told = "stations 2–12 of 12 are missing: 1 left do not determine nine numbers"
+    assert [one["what"] for one in said["findings"]] == [told]
+    refused = "1 of twelve stations cannot determine nine numbers; record the others."
+    assert [sensor["status"] for sensor in said["sensors"]] == [refused, refused]
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -27,8 +27,8 @@ def require_calibration(value: object) -> AnyCalibration:
         return value
     if isinstance(value, Deviation):
         raise AgonicError(
-            "a Deviation corrects headings and a calibration of readings is needed: an Affine, a "
-            "Thermal, a Network, an Alignment or a Chain of them"
+            "a deviation card corrects headings and a calibration of readings is needed; name the "
+            "card in a setup beside the calibration of its compass"
         )
     if "calibration" in getattr(value, "__dataclass_fields__", ()):
         raise AgonicError("a Fit was given and a calibration is needed: give fit.calibration")

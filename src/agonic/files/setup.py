@@ -193,7 +193,11 @@ def _try_to_make(make: Callable[[], Made], where: str, mistakes: list[str]) -> M
 def _calibration(path: Path) -> Calibration:
     found = load(path)
     if isinstance(found, Deviation):
-        raise LogError("a deviation card stands where a calibration is needed", path=path)
+        raise LogError(
+            "a deviation card stands where a calibration is needed: name it in a setup beside the "
+            'calibration of its compass (deviation = "card.json"), and give that setup',
+            path=path,
+        )
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 from msgspec import Struct
@@ -60,14 +60,22 @@ def read_section(
         try:
             msgspec.convert(table[key], hints[key])
         except msgspec.ValidationError as error:
-            text = str(error).replace("Expected", "expected").replace(" | null", "")
-            mistakes.append(f"{where} `{key}` {text}")
+            mistakes.append(f"{where} `{key}` {_word_mistake(table[key], hints[key], error)}")
     needed = [f.name for f in msgspec.structs.fields(kind) if f.required and f.name not in table]
     if needed:
         mistakes.append(f"{where} needs {', '.join(f'`{key}`' for key in needed)}")
     if len(mistakes) > before:
         return None
     return msgspec.convert(dict(table), kind)
+
+
+def _word_mistake(value: Any, hint: Any, error: msgspec.ValidationError) -> str:
+    """A value that cannot be, with the choices where there are some."""
+    hints = (hint, *get_args(hint))
+    choices = [one for kind in hints if get_origin(kind) is Literal for one in get_args(kind)]
+    if choices:
+        return f"{value!r} is not known; use one of {', '.join(map(str, choices))}"
+    return str(error).replace("Expected", "expected").replace(" | null", "")
 
 
 def try_to_make(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:

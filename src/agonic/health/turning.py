@@ -88,7 +88,7 @@ def check_turning(samples: Samples) -> Finding | None:
         "refuse",
         "the gyro does not turn as the magnetometer does; it would if the gyro were "
         + " and ".join(looks),
-        "name units and axes of gyro and magnetometer alike, " + _tell_which(samples, found),
+        _tell_which(samples, found),
     )
 
 
@@ -241,10 +241,12 @@ def _tell_which(samples: Samples, found: Renaming) -> str:
             either = np.stack([np.eye(3), factor * found.turn])
             own, renamed = measure_left(products, either, farthest).tolist()
             if own <= min(EXPLAINED, FAR_BETTER * renamed):
-                return "those of the magnetometer first: gyro and accelerometer go together"
+                return (
+                    "look at the magnetometer's axes: gyro and accelerometer agree with each other"
+                )
             if renamed <= min(EXPLAINED, FAR_BETTER * own):
-                return "those of the gyro first: magnetometer and accelerometer go together"
-    return "and look which of the two is wrong"
+                return "correct the gyro: magnetometer and accelerometer agree with each other"
+    return "name units and axes of gyro and magnetometer alike, and look which of the two is wrong"
 
 
 def _can_tell(samples: Samples) -> bool:

@@ -144,7 +144,9 @@ def fit_inertial(
     told = (check_gyro(fit, solved), *wrong, check_inclination(solved), doubt)
     fit = fit.with_findings(*told, check_speed(fit, solved), clipped)
     refuted = check_contradiction(solved)
-    opposite = check_gravity(fit.with_findings(refuted), samples, reference, settings)
+    opposite = None  # without the gyro that was left out the sign of a level field is open
+    if not any(one.severity == "refuse" for one in wrong):
+        opposite = check_gravity(fit.with_findings(refuted), samples, reference, settings)
     fit = fit.with_findings(opposite or refuted)
     if reference is None:
         fit = without_scale(fit, samples.unit)

@@ -14,13 +14,15 @@ def read_bytes(path: Path | str) -> bytes:
 
     >>> read_bytes("nowhere.json")
     Traceback (most recent call last):
-    agonic.errors.LogError: nowhere.json: cannot be read (No such file or directory)
+    agonic.errors.LogError: nowhere.json: there is no such file
     """
     try:
         if Path(path).exists() and not Path(path).is_file():
             raise LogError("cannot be read (it is a folder, a device or a pipe)", path=path)
         mark_input(path)
         return Path(path).read_bytes()
+    except FileNotFoundError:
+        raise LogError("there is no such file", path=path) from None
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
         raise LogError(f"cannot be read ({why})", path=path) from None

@@ -69,7 +69,8 @@ def describe_campaign(
     """What is said and shown of a campaign; the parameters are those of `campaign_page`."""
     campaign, written = result.campaign, files or {}
     about = (
-        f"{count(len(result.sensors), 'sensor')}, stations {join_numbers(campaign.stations)}, "
+        f"{count(len(result.sensors), 'sensor')}, "
+        f"stations {join_numbers(campaign.stations) or 'none'}, "
         f"{count(campaign.rows, 'reading')}"
     )
     return Document(

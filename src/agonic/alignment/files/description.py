@@ -100,6 +100,10 @@ class Description:
         self.sources.append(Input(name=name, sha256=hash_file(self.home / name), count=count))
 
 
+_KINDS = (("session.toml", "alignment"), ("north.toml", "north"), ("coil.toml", "coil"))
+"""Descriptions, and the fits that they are for."""
+
+
 def read_description(
     path: Path | str,
     name: str,
@@ -122,7 +126,9 @@ def read_description(
     file = given / name if given.is_dir() else given
     needed_file = f"{name}, which describes the recordings beside it in TOML,"
     if given.is_dir() and not file.is_file():
-        raise LogError(f"the folder does not hold {needed_file.rstrip(',')}", path=given)
+        held = [f"{one}, for agonic fit {kind}" for one, kind in _KINDS if (given / one).is_file()]
+        but = f"; it holds {held[0]}" if held else ""
+        raise LogError(f"the folder does not hold {needed_file.rstrip(',')}{but}", path=given)
     table, known = read_toml(file, needed_file), (*sections, *beside)
     mistakes: list[str] = []
     plain = {key: value for key, value in table.items() if key not in known}

@@ -29,6 +29,7 @@ THIRD_DOUBTFUL_DEG = 1.0
 SIGNIFICANT = 0.01
 DRIFT_SIGNIFICANT = 0.001
 DRIFT_LEAST_DEG = 0.5
+ALIKE_DEG = 1e-6
 DRIFT_LIKELY = 0.6  # one in a hundred swings without drift
 
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
@@ -38,14 +39,16 @@ _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 class Evidence:
     """The readings (n,), their rows (n, k), the solution, and the card made of it.
 
-    `level` (5,) and `chosen` (9,) mark the terms that were fitted; `weighted` says whether the
-    robust loss was free to leave out outliers, `drifting` how likely the reference drifted.
+    `difference_deg` (n,) is the reference less the compass. `level` (5,) and `chosen` (9,) mark the
+    terms that were fitted; `weighted` says whether the robust loss was free to leave out outliers,
+    `drifting` how likely the reference drifted.
     """
 
     compass_deg: Array
     rows: Array
     solved: kernel.DeviationSolution
     card: Deviation
+    difference_deg: Array
     level: Mask
     chosen: Mask
     stated_noise_deg: float | None
@@ -63,16 +66,8 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     spread = (_uncertain(evidence), _scatter(evidence))
     if outlier is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
-    others = (
-        _folded(evidence),
-        shape,
-        outlier,
-        *spread,
-        _drift(evidence),
-        _third(evidence),
-        _left_out(evidence),
-    )
-    return sort_findings(others)
+    smaller = (_drift(evidence), _third(evidence), _alike(evidence), _left_out(evidence))
+    return sort_findings((_folded(evidence), shape, outlier, *spread, *smaller))
 
 
 def list_headings(headings_deg: Array) -> str:
@@ -272,6 +267,19 @@ def _third(evidence: Evidence) -> Finding | None:
         f"a part of {figure(size)}° that changes three times round the circle remains",
         "the deviation is too large for A to E: compensate the compass, or calibrate the "
         "magnetometer, and swing again",
+    )
+
+
+def _alike(evidence: Evidence) -> Finding | None:
+    """A reference that follows the compass to the last digit, as one that was copied from it."""
+    if float(np.ptp(evidence.difference_deg)) > ALIKE_DEG or evidence.card.terms == "A":
+        return None
+    return Finding(
+        "readings alike",
+        "note",
+        "compass and reference differ by the same on every heading, to the last digit",
+        "where one was copied from the other the card says nothing; read the reference by itself, "
+        "to a tenth of a degree",
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtrc
+from scipy.special import chdtri
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import PARAMETERS, Deviation, format_east_west, name_heading
@@ -118,8 +118,8 @@ def fit_deviation(
     chosen = np.concatenate([level, np.repeat(np.arange(2) < readings.tilt.shape[1], 2)])
     rows = readings.rows[:, chosen]
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
-    solved, as_stated = _solved(rows, readings.difference, weighted, noise_deg)
-    drift = _average_over_drift(rows, solved, weighted, as_stated)
+    solved, known = _solved(readings, rows, weighted, noise_deg)
+    drift = _average_over_drift(rows, solved, weighted, bool(noise_deg and known))
     solved = solved._replace(covariance=drift.covariance)
     asked = {
         "terms": terms,
@@ -132,8 +132,8 @@ def fit_deviation(
     card = Deviation(
         **_spread(solved, chosen),
         terms=terms,
-        noise_deg=_noise(solved, noise_deg if as_stated else None),
-        freedom=None if as_stated else _freedom(solved),
+        noise_deg=known or _noise(solved),
+        freedom=_freedom(solved) if known is None else None,
         power_state=power_state,
         current_A=current_A,
         largest_gap_deg=swing_plan.compute_largest_gap_deg(
@@ -148,6 +148,7 @@ def fit_deviation(
         rows=rows,
         solved=solved,
         card=card,
+        difference_deg=readings.difference,
         level=level,
         chosen=chosen,
         stated_noise_deg=noise_deg,
@@ -188,24 +189,32 @@ def parse_terms(terms: str) -> Mask:
 
 
 def _solved(
-    rows: Array, difference: Array, robust: bool, noise_deg: float | None
-) -> tuple[kernel.DeviationSolution, bool]:
-    """The solution, and whether the stated noise holds: it does not where residuals exceed it.
+    readings: SwingReadings, rows: Array, robust: bool, noise_deg: float | None
+) -> tuple[kernel.DeviationSolution, float | None]:
+    """The solution, and the noise of a reading where it is known: what was stated, or at least the
+    rounding; `None` where the residuals tell it, as where they exceed it.
 
     Where as many terms as readings leave no residuals, a noise of 1° is taken for unknown.
     """
-    freedom = len(rows) - rows.shape[1]
-    if noise_deg is None:
-        assumed = 1.0 if freedom < 1 else None
-        return kernel.solve(rows, difference, robust=robust, noise_deg=assumed), False
-    if not noise_deg > 0.0:
+    if noise_deg is not None and not noise_deg > 0.0:
         raise AgonicError(
             f"noise_deg is {noise_deg}; give the standard deviation of a reading, > 0"
         )
-    solved = kernel.solve(rows, difference, robust=robust, noise_deg=noise_deg)
-    if freedom < 1 or chdtrc(freedom, freedom * (solved.noise / noise_deg) ** 2) > 0.01:
-        return solved, True
-    return kernel.solve(rows, difference, robust=robust), False
+    difference, freedom = readings.difference, len(rows) - rows.shape[1]
+    if freedom < 1:
+        assumed = noise_deg or 1.0
+        return kernel.solve(rows, difference, robust=robust, noise_deg=assumed), noise_deg
+    solved = kernel.solve(rows, difference, robust=robust)
+    known = readings.rounding_deg if noise_deg is None else noise_deg
+    within = 1.0 if noise_deg is None else _likely(freedom)
+    if solved.noise > known * within:
+        return solved, None
+    return kernel.solve(rows, difference, robust=robust, noise_deg=known), known
+
+
+def _likely(freedom: int) -> float:
+    """The scatter over a stated noise that chance exceeds once in a hundred swings."""
+    return float(np.sqrt(chdtri(freedom, 0.01) / freedom))
 
 
 def _average_over_drift(
@@ -218,10 +227,10 @@ def _average_over_drift(
     return average_over_drift(rows[used], solved.residuals[used], solved.covariance)
 
 
-def _noise(solved: kernel.DeviationSolution, stated: float | None) -> float | None:
+def _noise(solved: kernel.DeviationSolution) -> float | None:
     """The noise of one reading; `None` where nothing is left to see it by."""
     left = len(solved.residuals) > len(solved.params)
-    return solved.noise if stated is None and left else stated
+    return solved.noise if left else None
 
 
 def _spread(solved: kernel.DeviationSolution, chosen: Mask) -> dict[str, Any]:

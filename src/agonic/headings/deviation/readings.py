@@ -11,6 +11,9 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations import deviation as kernel
 
+_STEPS_DEG = (1.0, 0.5, 0.1, 0.01)
+_ALIKE = 1e-6  # of a step: what is left of decimals in double precision
+
 
 class SwingReadings(NamedTuple):
     """The finite rows: compass (n,), reference − compass (n,), roll and pitch (n, 0…2)."""
@@ -26,6 +29,18 @@ class SwingReadings(NamedTuple):
         """The basis of every term, (n, 9)."""
         roll, pitch = np.hstack([self.tilt, np.zeros((len(self.tilt), 2))])[:, :2].T
         return kernel.basis(self.compass, roll, pitch)
+
+    @property
+    def rounding_deg(self) -> float:
+        """Standard deviation of the rounding of a difference, from its decimals: q / √12.
+
+        A step q of more than 1° cannot be told from headings that were steered by multiples of it.
+        """
+        for step in _STEPS_DEG:
+            parts = self.difference / step
+            if np.abs(parts - np.round(parts)).max() < _ALIKE:
+                return float(step / np.sqrt(12.0))
+        return 0.0
 
     @property
     def columns(self) -> Array:

@@ -180,16 +180,16 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, int]:
         if column is not None:
             found[column] = at
     references = [name for name in ("magnetic", "true", "deviation") if name in found]
-    if len(references) > 1:
-        named = " and ".join(header[found[name]] for name in references)
-        raise LogError(
-            f"{named} say the same thing twice; leave one of these columns in", path=path
-        )
     if "compass" not in found or not references:
         raise LogError(
             f"the columns are {', '.join(header)}; a swing needs compass_deg and one of "
             "magnetic_deg, true_deg or deviation_deg",
             path=path,
+        )
+    if len(references) > 1:
+        named = " and ".join(header[found[name]] for name in references)
+        raise LogError(
+            f"{named} say the same thing twice; leave one of these columns in", path=path
         )
     return found
 

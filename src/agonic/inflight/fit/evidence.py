@@ -45,11 +45,11 @@ def examine(
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
+        *judge_ground_axes(fit, problem, samples),
         *judge_swing_with_orbit(fit, samples),
         *judge_sunlight(sunlight),
         *_scale(fit),
         *_axes(samples),
-        *judge_ground_axes(fit, problem, samples),
         *_undetermined(fit, problem.magnitude),
         *_outliers(fit),
         *_attitude(fit),

@@ -51,7 +51,7 @@ def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> l
                 "give the readings in the axes in which the sensor was calibrated",
             )
         ]
-    if moved < DOUBTFUL * problem.magnitude:
+    if not is_far(fit, problem):
         return []
     return [
         Finding(
@@ -61,6 +61,11 @@ def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> l
             "check that the calibration is of this sensor, in these axes and this unit",
         )
     ]
+
+
+def is_far(fit: InflightFit, problem: Problem) -> bool:
+    """Whether the bias moved since the ground by more than hardware hardly makes."""
+    return bool(np.linalg.norm(fit.change.bias) >= DOUBTFUL * problem.magnitude)
 
 
 def _find_nearest(problem: Problem, samples: Samples) -> tuple[str, float, float]:

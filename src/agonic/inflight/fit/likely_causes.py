@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.field.place import field_along
 from agonic.health import figure
+from agonic.inflight.fit.ground_axes import is_far
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
 from agonic.maths.estimation.noise.residuals import robust_scale
@@ -30,6 +32,8 @@ FLAT2 = (1.0 - FLATTENING) ** 2
 SOME = 400
 FAR_BETTER = 0.5
 """A cause is named when it would leave less than this share of what is unexplained."""
+HARDLY_CHANGES = 1e-3
+"""Scatter of the reference over its mean below which no place nor time can be told by it."""
 BETTER = 0.75
 """The same for a clock's error, which is found to the second: chance does not make it."""
 CLOCK_OFF_S = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
@@ -62,10 +66,25 @@ def find_impossible_track(samples: Samples) -> Cause | None:
 
 
 def find_likely_cause(fit: InflightFit, problem: Problem, samples: Samples) -> Cause | None:
-    """The usual mistake that explains the residual best, or None where none does."""
+    """The usual mistake that explains the residual best, or None where none does.
+
+    With the bias far from the ground's the mistake must explain the readings without the ground
+    calibration as well: that of another sensor adds errors which change with temperature.
+    """
+    if float(np.std(problem.wanted)) < HARDLY_CHANGES:
+        return None
+    found = _find_best(problem, samples, problem.samples.field)
+    if found is None or problem.ground is None or not is_far(fit, problem):
+        return found
+    again = _find_best(problem, samples, samples.field)
+    return found if again is not None and again.move == found.move else None
+
+
+def _find_best(problem: Problem, samples: Samples, field: Array) -> Cause | None:
+    """The mistake that leaves least of the changes of F² along the track to the field."""
     rows = np.flatnonzero(problem.used)
     rows = rows[np.linspace(0, len(rows) - 1, min(SOME, len(rows))).astype(int)]
-    some = samples.with_columns(field=problem.samples.field, unit="nT").select(rows)
+    some = samples.with_columns(field=field, unit="nT").select(rows)
     if some.latitude_deg is None or some.longitude_deg is None:
         return None
     now = _misfit(some)

@@ -25,7 +25,7 @@ def find_missing_stations(campaign: Campaign) -> list[Finding]:
             Finding(
                 "missing stations",
                 "refuse",
-                f"{what}: the {left} left do not determine nine numbers",
+                f"{what}: {left} left do not determine nine numbers",
                 "record them",
             )
         ]

@@ -83,12 +83,14 @@ def _judge_undetermined(fit: ThermalFit, faulty: bool) -> Finding | None:
         return None
     determined = [name for name in PARAMETERS if name not in poor]
     worst = float(relative.max())
+    known = f"{', '.join(poor)} {'are' if len(poor) > 1 else 'is'}"
+    left = f"; {', '.join(determined)} remain{'s' if len(determined) == 1 else ''} determined"
+    if not determined:
+        known, left = "none of the nine numbers is determined: they are", ""
     return Finding(
         "undetermined",
         "refuse" if worst > REFUSED else "check",
-        f"{', '.join(poor)} {'are' if len(poor) > 1 else 'is'} known to {figure(100 * worst)} % of "
-        f"the field only; {', '.join(determined) or 'nothing'} "
-        f"remain{'s' if len(determined) == 1 else ''} determined",
+        f"{known} known to {figure(100 * worst)} % of the field only{left}",
         _name_remedy(fit, faulty),
     )
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding, figure, sort_findings
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -30,6 +30,8 @@ from agonic.thermal.maths.estimate import UNREST
 
 METHOD = ("nikolaev-2023", "huber-1981")
 OF_TURNS, OF_CHANGES, OF_DRIFT = "mackay-1992", "patterson-thompson-1971", "hoeting-1999"
+FEWEST_STATIONS = 3
+"""With one or two, whatever their turns, the nine numbers are not determined."""
 _FINEST_DEG = 0.001
 
 
@@ -117,6 +119,11 @@ def fit_binned(
     chosen = Settings(**{**settings, "bin_width_C": sums.width_C})
     if not sums.stations:
         raise AgonicError("no readings were added; add the recordings of the stations first")
+    if len(sums.stations) < FEWEST_STATIONS:
+        raise CoverageError(
+            f"{len(sums.stations)} of twelve stations cannot determine nine numbers",
+            turns="record the others",
+        )
     left_out = recordings.find_still_thermometers(sums)
     readings = select_readings(sums, left_out, reference, facts.unit)
     result = solve(readings, chosen)

@@ -104,7 +104,7 @@ def _find_missing(sums: Binned, settings: Settings, left_out: set[int]) -> list[
         Finding(
             "missing stations",
             "check" if count >= FEWEST or described is not None else "refuse",
-            f"{words} {'are' if len(absent) > 1 else 'is'} missing, {count} are left",
+            f"{words} {'are' if len(absent) > 1 else 'is'} missing, {count} left",
             "record them, or read on for what remains determined",
         )
     ]
