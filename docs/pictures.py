@@ -23,9 +23,9 @@ GALLERY: dict[str, tuple[str, ...]] = {
         "hand/report.html",
     ),
     "heading": (
-        "simulate circle -o circle.csv --tilt 10",
-        "fit ellipsoid hand.csv --field 50000 -o mag.json",
-        "heading mag.json circle.csv --at 47,8 --date 2026-05-01 -o h.csv --report heading.html",
+        "simulate vehicle -o flown.csv -n 6000",
+        "calibrate flown.csv -o flown",
+        "heading flown/setup.toml flown.csv -o h.csv --report heading.html",
         "heading.html",
     ),
     "refused": (

@@ -258,6 +258,8 @@ def make_folder(path: Path | str) -> Path:
     """The folder, made with its parents where it is not there; `AgonicError` where it cannot be."""
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise AgonicError(f"{path} is a file, and a folder is needed: give another name") from None
     except (OSError, ValueError) as error:
         raise AgonicError(f"cannot make the folder {path}: {_words(error)}") from error
     return Path(path)

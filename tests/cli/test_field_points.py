@@ -78,7 +78,7 @@ def test_a_date_for_all_and_a_model_by_name(capsys) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "--at LAT,LON[,ALT], or a table with --points"),
+        ([], "a place (--at LAT,LON[,ALT]) or a table of places (--points CSV)"),
         (["--points", "points.csv", "--at", "1,2"], "not both"),
         (["--at", "1,2", "-o", "x.csv"], "-o writes the table of --points"),
         (["--points", "points.csv", "--model", "wmm"], "points.csv, row 3: WMM2025 holds from"),

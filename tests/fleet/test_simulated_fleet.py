@@ -192,7 +192,7 @@ def test_the_command_writes_logs_and_truth(tmp_path: Path, capsys) -> None:
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        (["--sensors", "many"], "Invalid value for '--sensors': Input should be a valid integer"),
+        (["--sensors", "many"], "Invalid value for '--sensors': it has to be a whole number"),
         (["--sensors", "10", "--broken", "2"], "broken is 2"),
         (["--sensors", "10", "--format", "xml"], "xml"),
         (["--sensors", "10", "--latency", "3"], "--latency"),

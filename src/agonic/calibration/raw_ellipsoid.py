@@ -105,7 +105,7 @@ def _find_tilt(values: Array, vectors: Array, by: Array, covariance: Array) -> t
     # the part of dv square to the sensor's axis is dθ cos θ
     sds = _propagate(along / np.maximum(cosine, 1e-9), covariance)
     spread = np.einsum("kia,kl,lia->i", moved, covariance, moved)
-    return tilt, np.where(known, sds, np.sqrt(spread / 2.0))
+    return tilt, np.where(known, sds, np.sqrt(np.maximum(spread, 0.0) / 2.0))
 
 
 def _pick(quadric: Array, whole: bool) -> Array:

@@ -43,7 +43,8 @@ def field(
     """Print the elements of the geomagnetic field and their change in a year."""
     if (at is None) == (points is None):
         raise AgonicError(
-            "give a place with --at LAT,LON[,ALT], or a table with --points, not both"
+            "give a place (--at LAT,LON[,ALT]) or a table of places (--points CSV)"
+            + ", not both" * (at is not None)
         )
     if at is not None:
         if out is not None:

@@ -20,6 +20,17 @@ _KINDS = {int: "N", float: "NUMBER"}
 """What stands for the value of an option that names none itself, by its type; else its name."""
 
 
+_PLAIN = {
+    "Input should be": "it has to be",
+    "a valid integer, unable to parse string as an integer": "a whole number",
+    "a valid number, unable to parse string as a number": "a number",
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+    "requires an argument": "needs a value",
+}
+"""How the parser of options says what was wrong, and how people do."""
+
+
 class Command(TyperCommand):
     """A command with its own form of help."""
 
@@ -166,4 +177,6 @@ def describe_usage_error(error: Any) -> str:
         said = f"Missing {_name_value(param) if is_argument else max(param.opts, key=len)}"
     if command == "agonic calibrate" and "unexpected extra argument" in said:
         said = "calibrate takes one LOG; for several there is: agonic fleet LOG... -o DIR"
+    for jargon, plain in _PLAIN.items():
+        said = said.replace(jargon, plain)
     return f"{said}{'? See' if 'Did you mean' in said else '; see'} {command} --help"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from typing import Any, Protocol
 
 import typer
@@ -38,7 +39,9 @@ class Kinds(Group):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command of the kind, or an error that names those that there are."""
         if args[0] not in self.commands:
-            self._fail(ctx, f"no kind {args[0]!r} to {ctx.info_name}")
+            near = get_close_matches(args[0], self.commands, n=1)
+            meant = f" (did you mean {near[0]!r}?)" if near else ""
+            self._fail(ctx, f"no kind {args[0]!r} to {ctx.info_name}{meant}")
         return super().resolve_command(ctx, args)
 
     def _fail(self, ctx: Any, what: str) -> None:

@@ -7,6 +7,7 @@ here bring a calibration to that form and say in warnings what could not be kept
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +25,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
-from agonic.calibration.sources import parse_source, spell_source
+from agonic.calibration.sources import name_sources, parse_source, spell_source
 from agonic.calibration.steps import compose, steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
@@ -144,9 +145,8 @@ def hold_sources(
         for step in steps
     ]
     warning = (
-        f"the target has no terms for {', '.join(sources)}: they are held at their average in the "
-        "log, and what they change beside it stays in the field. Export the setup to c to keep "
-        "the terms"
+        f"the target has no terms for {name_sources(sources)}: held at their average in the log, "
+        "and what changes beside it stays in the field. Export the setup to c to keep the terms"
     )
     return held[0] if len(held) == 1 else Chain(steps=tuple(held)), (warning,)
 
@@ -278,10 +278,19 @@ def write_banner(
         f"SHA-256 of the calibration file: {hashlib.sha256(encode(calibration)).hexdigest()}",
         *(f"Warning: {warning}" for warning in warnings),
     )
-    return tuple(
-        " ".join(line.replace("°", "deg ").split()).encode("ascii", "backslashreplace").decode()
-        for line in lines
-    )
+    return tuple(map(_write_ascii, lines))
+
+
+def _write_ascii(text: str) -> str:
+    """A line that any compiler and ground station reads.
+
+    >>> _write_ascii("4.39°, output1…4_duty at −5 °C")
+    '4.39 deg, output1..4_duty at -5 deg C'
+    """
+    text = re.sub(r"(?<=\d)°", " deg", text)
+    for sign, plain in (("°", "deg "), ("…", ".."), ("−", "-")):
+        text = text.replace(sign, plain)
+    return " ".join(text.split()).encode("ascii", "backslashreplace").decode()
 
 
 def format_float32(value: float) -> str:

@@ -123,7 +123,7 @@ def _what_is_missing(samples: Samples) -> str:
     ]
     move = " and ".join(_GIVEN[what] for what in missing)
     return (
-        f"true heading needs the declination and the samples of {samples.name} have no "
+        f"true heading needs the declination, and the samples of {samples.name} have no "
         f"{' and no '.join(missing)} to take it from: give {move}, or a declination in the setup "
         "(0 for headings from magnetic north)"
     )

@@ -151,7 +151,7 @@ def fit_inertial(
     if reference is None:
         fit = without_scale(fit, samples.unit)
     if headings is not None:
-        named = f"{name_heading(samples)} told the heading beside the gyro"
+        named = f"{name_heading(samples)} was used beside the gyro"
         fit = replace(fit, remarks=(*fit.remarks, named))
     fit = keep_latency(fit, solved.samples, late)
     return InertialFit(

@@ -18,7 +18,8 @@ def read_bytes(path: Path | str) -> bytes:
     """
     try:
         if Path(path).exists() and not Path(path).is_file():
-            raise LogError("cannot be read (it is a folder, a device or a pipe)", path=path)
+            what = "it is a folder: name a file in it" if Path(path).is_dir() else "it is no file"
+            raise LogError(what, path=path)
         mark_input(path)
         return Path(path).read_bytes()
     except FileNotFoundError:

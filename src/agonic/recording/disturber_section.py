@@ -9,9 +9,9 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.attitude.disturbers.block_sums import BLOCKS
 from agonic.attitude.disturbers.choice import MATTERS, POWER, Trial
-from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.problem import find_terms
 from agonic.calibration.interference import Interference
+from agonic.calibration.sources import name_sources
 from agonic.recording.calibrated import Calibrated
 from agonic.report import tables
 from agonic.report.digits import percent, quantity, with_sd

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agonic.attitude.disturbers.names import name_sources
 from agonic.calibration.affine import Affine
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
+from agonic.calibration.sources import name_sources
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
 from agonic.recording.quantities import (

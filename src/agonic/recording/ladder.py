@@ -11,13 +11,13 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Index
-from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.fit import CHANNELS, fit_channels_alone, open_channels_parts
 from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
+from agonic.calibration.sources import name_sources
 from agonic.ellipsoid import fit_ellipsoid_alone, open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit

@@ -22,13 +22,12 @@ from scipy.special import stdtrit
 
 from agonic.arrays import Array
 from agonic.attitude.disturbers.block_sums import BLOCKS, BlockSums, Log, sum_blocks
-from agonic.attitude.disturbers.names import MEMBER, name_sources
 from agonic.attitude.disturbers.shape import Shape, find_shapes, list_followed
 from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import list_disturbers
-from agonic.calibration.sources import list_columns
+from agonic.calibration.sources import MEMBER, list_columns, name_sources
 from agonic.health import FEWEST, Finding
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.reference import Reference

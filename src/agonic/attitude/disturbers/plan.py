@@ -8,8 +8,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.attitude.disturbers.choice import POWER, is_duty, list_moving
-from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.problem import find_terms
+from agonic.calibration.sources import name_sources
 from agonic.errors import LogError
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.samples import Samples

@@ -16,11 +16,16 @@ from scipy.special import stdtrit
 
 from agonic.arrays import Array
 from agonic.attitude.disturbers.block_sums import BLOCKS, MOST_ROWS, Log, sum_blocks
-from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.fit import fit_channels_alone
 from agonic.attitude.problem import find_terms
 from agonic.calibration.interference import Interference
-from agonic.calibration.sources import Source, list_columns, parse_source, spell_source
+from agonic.calibration.sources import (
+    Source,
+    list_columns,
+    name_sources,
+    parse_source,
+    spell_source,
+)
 from agonic.errors import AgonicError
 from agonic.maths.estimation.shape import find_move
 from agonic.samples import Samples
@@ -65,10 +70,6 @@ class Shape(NamedTuple):
         if self.value > 0:
             return f"{named} is recorded through a filter with a time constant of {size} s"
         return f"the field follows {named} with a time constant of {size} s"
-
-
-def _spell_columns(source: str) -> str:
-    return "+".join(parse_source(source).columns)
 
 
 def find_shapes(

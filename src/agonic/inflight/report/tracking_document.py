@@ -110,4 +110,4 @@ def _describe_gyro(turn: TurnState) -> str:
     bias = ", ".join(
         f"{axis} {np.degrees(b):.3f}" for axis, b in zip("xyz", turn.gyro_bias, strict=True)
     )
-    return f"bias {bias} °/s; the magnetometer is {1e3 * turn.delay_s:.1f} ms late"
+    return f"bias {bias} °/s; the magnetometer is {group_digits(1e3 * turn.delay_s, 1)} ms late"

@@ -58,7 +58,6 @@ def remove_correction(
     if logged is not None and (in_body or is_corrected_by_driver(parameters)):
         inverse: Array = np.linalg.inv(logged.matrix).astype(np.float64)
         field = correct(field, np.zeros(3), inverse) + logged.bias
-        notes = (*notes, f"the correction that {slot}_* describes was taken out")
     return Readings(field=field, frame="m", rotation_bm=rotation_bm, logged=logged, notes=notes)
 
 

@@ -15,13 +15,13 @@ from agonic.attitude.disturbers.choice import (
     choose_sources,
     list_moving,
 )
-from agonic.attitude.disturbers.names import describe_sources
 from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.settings import Settings
 from agonic.attitude.vector import fit_vector
+from agonic.calibration.sources import describe_sources
 from agonic.ellipsoid import (
     check_by_gravity,
     find_inclination_deg,
@@ -175,7 +175,7 @@ def fit_beside_attitude(
             reason += f", and {describe_sources(list_sources(fit))} the readings"
     if isinstance(fit, InertialFit):
         if fit.heading_source is not None:
-            reason += f", and {fit.heading_source} the heading beside the gyro"
+            reason += f", and {fit.heading_source} was used beside the gyro"
         parts: OpenParts = partial(open_inertial_parts, fit)
         return Choice(fit.samples, fit.reference, fit, method, reason, parts, latency)
     assert reference is not None  # any other fit has asked for it

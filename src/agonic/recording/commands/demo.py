@@ -36,6 +36,7 @@ def demo(
     from agonic.recording.files import write_folder
     from agonic.recording.mounting import calibrate
     from agonic.reference import Reference
+    from agonic.report.digits import round_to_sd
     from agonic.report.section import Section, Table
 
     made = simulation.simulate(
@@ -51,7 +52,7 @@ def demo(
     for name, true, value, sd in zip(PARAMETERS, truth, found, fit.sd, strict=True):
         digits = 1 if name.startswith("bias") else 6
         error = "" if sd == 0 else f"{(value - true) / sd:.2f}"
-        rows.append([name, f"{true:.{digits}f}", f"{value:.{digits}f}", f"{sd:.2g}", error])
+        rows.append([name, f"{true:.{digits}f}", f"{value:.{digits}f}", round_to_sd(sd, sd), error])
     table = Table(["", "truth", "found", "sd", "error/sd"], rows)
     document = describe_recording([result], written=written, schema="agonic/demo@1")
     compared = [replace(s, sections=[Section("", [table], printed=True)]) for s in document.sensors]

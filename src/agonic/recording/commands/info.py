@@ -85,7 +85,7 @@ def _sensor(samples: Samples) -> dict[str, Any]:
         "disturbers": {
             name: [columns[name].min(), columns[name].max()]
             for name in list_disturbers(samples)
-            if name != "second"
+            if name != "second" and np.ptp(columns[name]) > 0
         },
         "corrected": None if samples.logged is None else samples.logged.source,
         "notes": samples.notes,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from agonic.attitude.disturbers.names import name_sources
 from agonic.attitude.disturbers.plan import JudgedDisturber
+from agonic.calibration.sources import name_sources
 from agonic.report.digits import quantity
 from agonic.report.document import Document
 from agonic.report.labels import per_label

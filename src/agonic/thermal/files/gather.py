@@ -107,8 +107,8 @@ class GatheredFiles:
 
     def _explain_nothing(self) -> str:
         return "; ".join(self.damaged[:3]) or (
-            f"the station of {', '.join(self.unnumbered[:3])} is not known: number the files, "
-            "or give them a column station"
+            f"the station is not known (of {', '.join(self.unnumbered[:3])}): number the files, as "
+            "in station-01.csv, or give them a column station"
             if self.unnumbered
             else "no sensor of the description is in the files"
         )
