@@ -3,6 +3,7 @@
 import gc
 import os
 import shutil
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,10 @@ Derivative = Callable[..., np.ndarray]
 # The same examples every time, and none failed for the machine being busy.
 settings.register_profile("steady", derandomize=True, deadline=None)
 settings.load_profile("steady")
+
+# Ctrl+C is tested; a shell that starts the tests in its background turns it off for all of them.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 gc.disable()  # collecting tests makes much that lasts and no garbage: a third of its time
 

@@ -50,7 +50,7 @@ def test_seconds_of_a_log_are_no_date(table) -> None:
     assert read_points(log, "2026-01-01").years.tolist() == [2026.0, 2026.0]
     with pytest.raises(LogError, match="give --date for all"):
         read_points(log)
-    with pytest.raises(LogError, match=r"gone\.csv: cannot be read"):
+    with pytest.raises(LogError, match=r"gone\.csv: there is no such file"):
         read_points("gone.csv")
 
 

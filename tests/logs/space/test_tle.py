@@ -66,7 +66,7 @@ def test_a_file_of_elements(tmp_path: Path) -> None:
     path.write_text(STATION)
     place = positions_from_tle(path, [0.0], NEAR)
     assert place["altitude_m"][0] == positions_from_tle(STATION, [0.0], NEAR)["altitude_m"][0]
-    with pytest.raises(LogError, match=r"none\.tle: cannot be read"):
+    with pytest.raises(LogError, match=r"none\.tle: there is no such file"):
         positions_from_tle(tmp_path / "none.tle", [0.0], NEAR)
 
 
