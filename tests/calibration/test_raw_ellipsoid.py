@@ -70,13 +70,13 @@ def test_a_known_ellipsoid_is_found():
 )
 def test_unequal_gains_leave_it_upright(gains, shape, words, tmp_path, capsys):
     shapes = []
-    for seed in range(10):
+    for seed in range(5):
         made = simulate("tumble", n=600, seed=seed)
         raw = (made.samples.field - made.truth.bias) @ made.truth.matrix.T / np.array(gains)
         samples = made.samples.with_columns(field=raw + 1000.0)
         fit = ag.fit_ellipsoid(samples, FIELD)
         shapes.append(find_raw_ellipsoid(fit.calibration).shape)
-    assert shapes.count(shape) >= 9  # the tests are wrong once in a hundred
+    assert shapes.count(shape) == 5  # the tests are wrong once in a hundred
     if shapes[-1] == shape:
         log = write_csv(samples, tmp_path / "log.csv")
         assert run(["fit", "ellipsoid", str(log), "--field", "50000"]) == 0

@@ -59,7 +59,7 @@ def test_a_second_magnetometer_is_named(folder, tmp_path, capsys) -> None:
 
 
 def test_calibrate_takes_the_method_it_is_told(folder, tmp_path, capsys) -> None:
-    for method in ("ellipsoid", "levelled", "vector"):
+    for method in ("ellipsoid", "levelled"):
         _, found = said(
             capsys,
             "calibrate",

@@ -135,9 +135,9 @@ def test_an_uncertain_reference_makes_gains_uncertain_and_bias_not() -> None:
     ],
 )
 def test_auto_picks_the_model_and_says_why(model: str, sentence: str) -> None:
-    picked = [ag.fit_ellipsoid(made(model, seed=seed).samples, KNOWN) for seed in range(10)]
+    picked = [ag.fit_ellipsoid(made(model, seed=seed).samples, KNOWN) for seed in range(5)]
     right = [fit for fit in picked if fit.calibration.model == model]
-    assert len(right) >= 9  # the tests are wrong once in a hundred
+    assert len(right) == 5  # the tests are wrong once in a hundred
     for fit in right:
         assert sentence in fit.tests[0].sentence
         assert [test.smaller for test in fit.tests] == ["sphere", "diagonal"]

@@ -268,6 +268,19 @@ def test_down_as_a_vector_needs_no_angles(tmp_path):
     assert not got["status"][1:].any()
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory) -> Controller:
+    """A compass that needs no correction, at a known place."""
+    folder = tmp_path_factory.mktemp("plain")
+    setup = Setup(
+        compasses=(Compass(calibration=ag.Affine(bias=np.zeros(3), matrix=np.eye(3))),),
+        horizontal=float(FIELD_N[0]),
+        vertical=float(FIELD_N[2]),
+    )
+    write_firmware(setup, folder, declination=0)
+    return Controller(folder, ("raw", "roll_deg", "pitch_deg"))
+
+
 @pytest.mark.parametrize(
     ("wrong", "status"),
     [
@@ -278,21 +291,13 @@ def test_down_as_a_vector_needs_no_angles(tmp_path):
         ({"nan": True}, prediction.DISTURBED | prediction.VERTICAL),
     ],
 )
-def test_what_makes_a_heading_meaningless_is_flagged(wrong, status, tmp_path):
-    setup = Setup(
-        compasses=(Compass(calibration=ag.Affine(bias=np.zeros(3), matrix=np.eye(3))),),
-        horizontal=float(FIELD_N[0]),
-        vertical=float(FIELD_N[2]),
-    )
-    write_firmware(setup, tmp_path, declination=0)
+def test_what_makes_a_heading_meaningless_is_flagged(wrong, status, plain):
     dip, roll = np.radians(wrong.get("dip", 66.0)), wrong.get("roll", 10.0)
     field_n = 49_000 * wrong.get("scale", 1.0) * np.array([np.cos(dip), 0, np.sin(dip)])
     raw = rot_nb(np.array(roll), np.array(5.0), np.array(200.0)).T @ field_n
     if wrong.get("nan"):
         raw[1] = np.nan
-    got = Controller(tmp_path, ("raw", "roll_deg", "pitch_deg")).heading(
-        raw=raw[None, None], roll_deg=[roll], pitch_deg=[5.0]
-    )
+    got = plain.heading(raw=raw[None, None], roll_deg=[roll], pitch_deg=[5.0])
     assert got["status"].tolist() == [status]
     assert np.isfinite(got["true_deg"][0]) != bool(wrong.get("nan"))
 

@@ -41,8 +41,8 @@ def fitted(samples: ag.Samples, *, known: bool = True) -> ag.Fit:
 
 
 def several(make: Make, n: int) -> list[ag.Fit]:
-    """Fits of several seeds, with and without a reference in turn; one of each where n is large."""
-    seeds = SEEDS if n < 1000 else SEEDS[:2]
+    """Fits of several seeds, with and without a reference in turn; one, without, of a long log."""
+    seeds = SEEDS if n < 1000 else SEEDS[1:2]
     return [fitted(make(n, seed), known=seed % 2 == 0) for seed in seeds]
 
 

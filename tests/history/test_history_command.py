@@ -93,6 +93,17 @@ def test_refused_sensors_are_kept_and_said(capsys) -> None:
     assert told["findings"][0]["name"] == "last one refused"
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the history of one sensor, and a text that is none."""
+    folder = tmp_path_factory.mktemp("kept")
+    (folder / "text.csv").write_text("time_s,mag_x_nT\n" * 100)
+    log = ag.write_csv(ag.simulate("tumble", n=300).samples, folder / "log.csv")
+    store = ["--store", str(folder / "boards.sqlite"), "--as", "7", "-o", str(folder)]
+    assert run(["calibrate", str(log), "--field", "50000", *store]) == 0
+    return folder
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -105,11 +116,8 @@ def test_refused_sensors_are_kept_and_said(capsys) -> None:
         (["7", *STORE, "--date", "1999-01-01"], "before the first"),
     ],
 )
-def test_bad_input_is_one_line(arguments: list[str], words: str, capsys) -> None:
-    Path("text.csv").write_text("time_s,mag_x_nT\n" * 100)
-    row = ag.simulate("tumble", n=300).samples
-    ag.write_csv(row, "log.csv")
-    assert run(["calibrate", "log.csv", "--field", "50000", *STORE, "--as", "7"]) == 0
+def test_bad_input_is_one_line(arguments, words, kept, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(kept)
     capsys.readouterr()
     assert run(["history", *arguments]) == 2
     spoken = capsys.readouterr()

@@ -71,8 +71,11 @@ def clean():
     return live
 
 
-@pytest.mark.parametrize("at", [0, 57, 700])
-@pytest.mark.parametrize("reading", GARBLED, ids=str)
+@pytest.mark.parametrize(
+    ("reading", "at"),
+    [*((reading, 0) for reading in GARBLED), (GARBLED[0], 57), (GARBLED[2], 700)],
+    ids=str,
+)
 def test_a_reading_that_no_sensor_gives_changes_nothing(reading, at, clean):
     live = LiveFit(magnitude=50_000.0)
     field = MADE.field.copy()
