@@ -64,14 +64,18 @@ class Estimated(Judged):
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
+LOOSER = 1.2
+"""A vehicle's heading that is known so much less well than the sensor's is stated beside it."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
     """How well a result is known: the largest standard error of the bias, in `unit`, and those of a
     level heading, degrees, at the dip `inclination_deg`.
 
-    `vehicle_deg` is given where the heading of the vehicle is known less well than that of the
-    sensor's own axes; `alone` where the magnitude, which no turn of the sensor changes, tells
-    nothing of the vehicle's; `delay_deg` is the share of the delay, while turning as in the log.
+    `own_deg` is that of the sensor's own axes, `vehicle_deg` that of the vehicle where it is known;
+    `alone` where the magnitude, which no turn of the sensor changes, tells nothing of the
+    vehicle's; `delay_deg` is the share of the delay, while turning as in the log.
 
     >>> known = {"bias_sd": 5.0, "unit": "nT", "own_deg": 0.4, "inclination_deg": 67.0}
     >>> Accuracy(**known).sentence
@@ -80,6 +84,8 @@ class Accuracy:
     "standard error: bias 5 nT, heading 0.4° of the sensor's own axes (level, dip 67°)"
     >>> Accuracy(**known, vehicle_deg=0.7, delay_deg=0.3).sentence
     'standard error: bias 5 nT, heading 0.5° of the sensor, 0.76° of the vehicle (level, dip 67°)'
+    >>> Accuracy(**known, vehicle_deg=0.42).sentence
+    'standard error: bias 5 nT, heading 0.42° (level, dip 67°)'
     """
 
     bias_sd: float
@@ -96,6 +102,13 @@ class Accuracy:
         return float(np.hypot(self.own_deg, self.delay_deg))
 
     @property
+    def vehicle_heading_deg(self) -> float | None:
+        """That of the vehicle, where it is known, the delay's share in it."""
+        return (
+            None if self.vehicle_deg is None else float(np.hypot(self.vehicle_deg, self.delay_deg))
+        )
+
+    @property
     def sentence(self) -> str:
         """The same in words; at rest as well where most of the heading's error is the delay's."""
         heading = self._say(self.delay_deg)
@@ -110,8 +123,10 @@ class Accuracy:
         own = f"{figure(float(np.hypot(self.own_deg, delay_deg)))}°"
         if self.vehicle_deg is None:
             return f"{own} of the sensor's own axes" if self.alone else own
-        vehicle = figure(float(np.hypot(self.vehicle_deg, delay_deg)))
-        return f"{own} of the sensor, {vehicle}° of the vehicle"
+        vehicle = f"{figure(float(np.hypot(self.vehicle_deg, delay_deg)))}°"
+        if self.vehicle_deg <= LOOSER * self.own_deg:
+            return vehicle
+        return f"{own} of the sensor, {vehicle} of the vehicle"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

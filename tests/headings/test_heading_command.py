@@ -175,7 +175,7 @@ def test_it_says_in_words_what_it_found(capsys) -> None:
     said = capsys.readouterr().out
     for part in (
         "1\u202f500 of mag, 1\u202f500 to trust",
-        "Tilt         log",
+        "Tilt         roll and pitch of the log",
         "the logged heading: true − logged",
         "out.csv",
     ):

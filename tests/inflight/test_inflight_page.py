@@ -201,7 +201,7 @@ def test_the_error_of_the_model_is_said_with_its_scale_and_time(fit, samples) ->
     assert (
         "Of this 80 nT is noise, new in every reading; the other 60 nT are correlated over" in said
     )
-    assert "effective sample size is 1/12 of the readings" in said
+    assert "so that 12 readings count as much as an independent one" in said
     alone = replace(fit, lasting_nT=0.0, lasting_s=0.0)
     assert "Successive residuals are uncorrelated" in words(
         describe_inflight(alone, samples).to_html()

@@ -195,7 +195,7 @@ def test_numbers_have_true_minuses(good):
     finding = Finding("field", "note", "the field dips by -66° since 2015-11-21")
     fit = replace(good.fit, coverage=south, findings=(finding,))
     words = text_of(render([replace(good, fit=fit, status=fit.status)], title="log"))
-    assert "level, at −66° inclination" in words
+    assert "level, dip −66°" in words
     assert words.count("dips by −66° since 2015-11-21") == 2
     assert not re.search(r"(?<![\w.-])-\d", words)
 

@@ -13,7 +13,6 @@ from agonic.attitude.azimuth import check_azimuth
 from agonic.attitude.calibration import make_mean_calibration
 from agonic.attitude.heading_column import check_heading_column
 from agonic.attitude.mounted_heading import (
-    LOOSER,
     MountedHeading,
     check_turned_sensor,
     compute_mounted_heading,
@@ -283,13 +282,12 @@ def _doubt_attitude(tilt_sd: float, felt: bool) -> Finding:
 
 def _state_accuracy(fit: Fit, mounted: MountedHeading, *, doubted: bool) -> Accuracy:
     """How well the result is known; of a mounting that is `doubted` a finding says it."""
-    looser = mounted.vehicle_sd_deg > LOOSER * mounted.own_sd_deg
     return Accuracy(
         bias_sd=float(fit.sd[:3].max()),
         unit=fit.calibration.unit_in,
         own_deg=mounted.own_sd_deg,
         inclination_deg=fit.coverage.inclination_deg,
-        vehicle_deg=mounted.vehicle_sd_deg if looser and not doubted else None,
+        vehicle_deg=None if doubted else mounted.vehicle_sd_deg,
         alone=set(fit.channels) == {"magnitude"},
     )
 

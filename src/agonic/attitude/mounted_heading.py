@@ -21,8 +21,6 @@ _PAIRS = ((6, 9), (7, 10), (8, 11))
 """xy yx, xz zx, yz zy among bias x y z, then matrix xx yy zz xy xz yz yx zx zy."""
 UNSEEN_DEG = 0.5
 """A turn about the vertical that is known no better is told."""
-LOOSER = 1.2
-"""A vehicle's heading that is known so much less well than the sensor's is stated beside it."""
 TURN_DOUBTFUL_DEG = 2.0
 """Of the vehicle's heading: a turn that leaves more than this in doubt has to be looked at."""
 

@@ -16,7 +16,7 @@ from agonic.arrays import Array
 from agonic.attitude.delay import undelayed
 from agonic.attitude.fit import TURN_SIGNIFICANT
 from agonic.attitude.latency import LatencyFit
-from agonic.attitude.mounted_heading import LOOSER, MountedHeading, check_turned_sensor
+from agonic.attitude.mounted_heading import MountedHeading, check_turned_sensor
 from agonic.fit import Fit
 from agonic.fresh import find_fresh
 from agonic.health import find_usable_rows
@@ -88,18 +88,12 @@ def tell_turn(fit: Fit, samples: Samples, latency: LatencyFit | None, move: str)
     mounted = MountedHeading(own, vehicle, found.level_deg, turn_sd_deg=found.level_sd_deg)
     surely = by_degree * found.surely_deg > own
     told = check_turned_sensor(mounted, turned=True) if surely else None
-    fit = _state_vehicle(fit, vehicle)
+    if fit.accuracy is not None:
+        fit = replace(fit, accuracy=replace(fit.accuracy, vehicle_deg=vehicle))
     if told is None:
         return fit
     coverage = replace(fit.coverage, heading_sd_deg=vehicle)
     return replace(fit, coverage=coverage).with_findings(replace(told, move=move))
-
-
-def _state_vehicle(fit: Fit, vehicle_deg: float) -> Fit:
-    """The fit with how well the vehicle's heading is known, where that is worse than its own."""
-    if fit.accuracy is None or vehicle_deg <= LOOSER * fit.accuracy.own_deg:
-        return fit
-    return replace(fit, accuracy=replace(fit.accuracy, vehicle_deg=vehicle_deg))
 
 
 def find_vertical_turn(fit: Fit, samples: Samples) -> VerticalTurn:

@@ -53,7 +53,7 @@ def draw_histogram(
     """
     x = make_axis(values, label)
     counts, edges = np.histogram(np.clip(values, x.low, x.high), BINS, (x.low, x.high))
-    y = Axis("calibrations", 0.0, 1.06 * float(max(counts.max(), 1)))
+    y = Axis("calibrations", 0.0, 1.06 * float(max(counts.max(), 3)))  # whole numbers beside it
     steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)
     layers = [path(f"M0 1000L{points(*steps)}L1000 1000Z", "bars")]
     if usual is not None:

@@ -47,12 +47,13 @@ def describe_headings(
     disagreement = _rms(found.disagreement_deg, trusted)
     against = _compare_with_log(found, samples, trusted)
     n = len(found)
+    tilt = "roll and pitch of the log" if found.tilt == "log" else found.tilt
     noise = f", noise {random_sd:.2f}°" if random_sd else ""  # smoothed headings have none to tell
     entries = {
         "Headings": f"{group_digits(n)} of {', '.join(found.sensors)}, "
         f"{group_digits(int(trusted.sum()))} to trust",
         "Error": "" if sd is None else f"{sd:.2f}° (median standard error){noise}",
-        "Tilt": found.tilt if sd is None else f"{found.tilt}, good to {tilt_sd:.2f}° (median)",
+        "Tilt": tilt if sd is None else f"{tilt}, good to {tilt_sd:.2f}° (median)",
         "Declination": f"{write_minus(f'{declination:.2f}')}°",
         "Method": found.method,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ Severity = Literal["note", "check", "refuse"]
 """A note needs no action, a check asks the user to look, a refusal forbids using the result."""
 
 
+_NAMED = re.compile(r"\w+[._]\w")
 _GRAVEST_FIRST: tuple[Severity, ...] = ("refuse", "check", "note")
 
 Verdict = Literal["good", "check", "refused"]
@@ -127,4 +129,9 @@ class Judged(Readable):
 
 def sentences(*texts: str) -> str:
     """Texts as sentences, each with its capital and its stop."""
-    return " ".join(f"{text[:1].upper()}{text[1:]}." for text in texts)
+    return " ".join(f"{start_sentence(text)}." for text in texts)
+
+
+def start_sentence(text: str) -> str:
+    """A text with a capital first, unless it begins with the name of a file or a column."""
+    return text if _NAMED.match(text) else text[:1].upper() + text[1:]

@@ -225,7 +225,7 @@ def _list_key_figures(result: Calibrated) -> list[tuple[str, str, str]]:
     noise = quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)
     return [
         (SUMMARY[3], tables.spread(result.verification), "held out, before → after"),
-        (SUMMARY[4], heading, f"level, {place}"),
+        (SUMMARY[4], heading, place),
         (SUMMARY[5], noise, "one reading on one axis"),
         (
             "Coverage",

@@ -40,11 +40,15 @@ FAMILIES = {"duty": "Duty", "_Am2": "Torquers", "_A": "Currents"}
 
 
 def describe_heading(result: Calibrated) -> tuple[str, str]:
-    """The standard error of a heading, and where it holds."""
-    coverage = result.fit.coverage
-    place = f"dip {group_digits(coverage.inclination_deg)}°"
-    known = coverage.heading_known
-    return degrees(coverage.heading_sd_deg) if known else UNDETERMINED, place
+    """The standard error of a heading, the vehicle's where it is known, and where it holds."""
+    coverage, known = result.fit.coverage, result.fit.accuracy
+    place = f"level, dip {group_digits(coverage.inclination_deg)}°"
+    if not coverage.heading_known:
+        return UNDETERMINED, place
+    vehicle = None if known is None else known.vehicle_heading_deg
+    if vehicle is None and known is not None and known.alone:
+        place = f"the sensor's own axes, {place}"
+    return degrees(coverage.heading_sd_deg if vehicle is None else vehicle), place
 
 
 def describe_origin(results: Sequence[Calibrated]) -> str:
@@ -111,7 +115,7 @@ def list_details(result: Calibrated) -> dict[str, str]:
     return {
         "Method": f"{result.method}: {result.reason}",
         **{SHORT.get(name, name): text for name, text in views.items()},
-        "Heading": f"{heading} (level, {place})",
+        "Heading": f"{heading} ({place})",
         "Coverage": f"{np.count_nonzero(cells)} of {len(cells)} directions",
         "Checks": "\n".join(
             f"{check.name}: {quantity(check.value, check.unit)}"

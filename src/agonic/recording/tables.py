@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
+from agonic.recording.entries import describe_heading
 from agonic.recording.quantities import (
     Group,
     Quantity,
@@ -14,9 +15,6 @@ from agonic.recording.quantities import (
     mixes_sensors,
 )
 from agonic.report.digits import (
-    UNDETERMINED,
-    degrees,
-    group_digits,
     quantity,
     round_to_sd,
     show_sign,
@@ -48,12 +46,10 @@ def _list_quality(result: Calibrated) -> list[tuple[str, str]]:
     """How good the calibration is: numbers in words with their units."""
     fit, coverage = result.fit, result.fit.coverage
     into, out = (unit_label(u) for u in (fit.calibration.unit_in, fit.calibration.unit_out))
-    heading = (
-        f"Heading standard error, level, at {group_digits(coverage.inclination_deg)}° inclination"
-    )
+    heading, place = describe_heading(result)
     return [
         ("Noise of one reading on one axis", quantity(fit.noise, into)),
-        (heading, degrees(coverage.heading_sd_deg) if coverage.heading_known else UNDETERMINED),
+        (f"Heading standard error, {place}", heading),
         ("Field standard error, worst direction", quantity(coverage.field_sd_max, out)),
         ("Residual of held-out readings, rms", quantity(result.verification.residual_rms, out)),
     ]

@@ -14,6 +14,7 @@ _THOUSANDS = re.compile(
     r"(?<![\w.,\-/])\d{4,15}(?=(?:\.\d+)?[ \N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]?"
     r"(?:nT|µT|mG|raw|readings?|rows?|samples|s|m|°)(?!\w))"
 )  # of a quantity or a count, not of a year or an option
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _HYPHEN = re.compile(r"(?<![\w.\-])-(?=\.?\d)")  # of a number, not of a date or a name
 
 
@@ -60,6 +61,20 @@ def with_sd(value: float, sd: float | None) -> str:
     if not sd:
         return round_to_sd(value, sd)
     return f"{round_to_sd(value, sd)} ±{NO_BREAK}{group_digits(sd, min(_decimals(sd, 2), 12))}"
+
+
+def with_sd_in_powers(value: float, sd: float | None) -> str:
+    """The same, in a power of ten where the number is small.
+
+    >>> with_sd_in_powers(-4.48e-8, 6.6e-9).replace(NO_BREAK, " ")
+    '(−4.48 ± 0.66)·10⁻⁸'
+    """
+    size = max(abs(value), sd or 0.0)
+    if size == 0.0 or size >= 1e-3:
+        return with_sd(value, sd)
+    power = math.floor(math.log10(size))
+    scaled = with_sd(value * 10.0**-power, sd and sd * 10.0**-power)
+    return f"({scaled})·10{str(power).translate(_RAISED)}"
 
 
 def show_sign(text: str) -> str:

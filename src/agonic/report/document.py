@@ -270,7 +270,7 @@ class Document:
             found, at = tables.findings(self.findings), f"{within}findings"
             yield blocks.part("Findings", found, level=level, anchor=at if self.contents else "")
         if self.remarks:
-            notes = [element("p", sentence(note)) for note in self.remarks]
+            notes = [element("p", typeset(sentence(note))) for note in self.remarks]
             yield blocks.part("Notes", *notes, level=level)
 
     def _origin(self, level: str) -> Iterable[Markup]:

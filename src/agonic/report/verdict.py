@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agonic.health import RECORD_LONGER, Finding
+from agonic.health.finding import start_sentence
 
 MEANINGS = {
     "good": ("Good", "ready to use"),
@@ -38,7 +39,7 @@ def moves(findings: Iterable[Finding]) -> list[str]:
 def sentence(text: str) -> str:
     """A capital first and a full stop last.
 
-    >>> sentence("turn it nose down")
-    'Turn it nose down.'
+    >>> sentence("turn it nose down"), sentence("mag1.h: without current_A")
+    ('Turn it nose down.', 'mag1.h: without current_A.')
     """
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?", "…")) else ".")
+    return start_sentence(text) + ("" if text.endswith((".", "!", "?", "…")) else ".")

@@ -10,7 +10,15 @@ from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.decomposition import expand_in_temperature
 from agonic.calibration.thermal import Thermal
-from agonic.report.digits import count, group_digits, quantity, show_sign, with_sd, write_minus
+from agonic.report.digits import (
+    count,
+    group_digits,
+    quantity,
+    show_sign,
+    with_sd,
+    with_sd_in_powers,
+    write_minus,
+)
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, row, table
 from agonic.report.section import Block, Table
@@ -173,7 +181,7 @@ def list_powers(calibration: Thermal) -> Table:
         [
             name.replace("_", " "),
             *(
-                with_sd(float(value), None if sd is None else float(sd[row, k]))
+                with_sd_in_powers(float(value), None if sd is None else float(sd[row, k]))
                 for k, value in enumerate(values[row])
             ),
         ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.health import figure
 from agonic.inflight.report.causes import NAMED, Share
 from agonic.inflight.report.figures import draw_sigmas
 from agonic.inflight.report.flight import Flight
@@ -167,8 +166,8 @@ def describe_model_error(flight: Flight) -> Markup:
     said += (
         f" Of this {quantity(alone, 'nT', 2)} is noise, new in every reading; the other "
         f"{quantity(flight.lasting_nT, 'nT', 2)} are correlated over about "
-        f"{_duration(flight.lasting_s)}, so that the effective sample size is 1/"
-        f"{figure(flight.correlation)} of the readings."
+        f"{_duration(flight.lasting_s)}, so that {quantity(flight.correlation, '', 2)} readings "
+        "count as much as an independent one."
     )
     if not flight.predicted:
         said += " Every standard error on this page takes account of it."

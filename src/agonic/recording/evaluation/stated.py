@@ -32,7 +32,8 @@ def state_errors(
     G is how the parameters move each error and C their covariance. The noise is what the parts of
     its own log that were held out showed, beyond the uncertainty of the fits to the other parts;
     readings that count as outliers are in it, for as many will come again. On a horizontal axis a
-    noise along the field turns the heading by noise/H.
+    noise along the field turns the heading by noise/H, and an error of roll and pitch, which is
+    what the dip scatters by beyond that noise, by its tangent.
     """
     calibration = result.fit.calibration
     sensitivity = calibration.sensitivity(samples.field, **select_columns(calibration, samples))
@@ -41,7 +42,7 @@ def state_errors(
     if known.down is not None:
         below = np.einsum("ni,ni->n", field, known.down)
         level = np.sqrt(np.maximum(1.0 - (below / size) ** 2, 1e-12))
-        noise[HEADING] = float(np.degrees(noise[MAGNITUDE] / 100.0) / np.median(level))
+        noise[HEADING] = _find_heading_noise(noise, float(np.median(level)))
     stated = {}
     for kind, moves in measure_sensitivities(field, sensitivity, known).items():
         by_fit = float(np.einsum("ni,ij,nj->n", moves, result.fit.covariance, moves).mean())
@@ -63,6 +64,17 @@ def _find_noise(result: Calibrated) -> dict[str, float]:
         noise = {kind: max(error, unseen[kind]) for kind, error in noise.items()}
     noise.setdefault(DIP, float(np.degrees(noise[MAGNITUDE] / 100.0)))
     return noise
+
+
+def _find_heading_noise(noise: dict[str, float], level: float) -> float:
+    """Of a heading, degrees, where the cosine of the dip is `level`.
+
+    >>> round(_find_heading_noise({MAGNITUDE: 1.0, DIP: 0.7}, 0.5), 3)
+    1.341
+    """
+    own = float(np.degrees(noise[MAGNITUDE] / 100.0))
+    tilt = np.sqrt(max(noise[DIP] ** 2 - own**2, 0.0))
+    return float(np.hypot(own, np.sqrt(1.0 - level**2) * tilt) / level)
 
 
 def _rms(errors: dict[str, Array]) -> dict[str, float]:

@@ -217,10 +217,11 @@ def _judge_hysteresis(fit: ThermalFit) -> Finding | None:
         return None
     worst = int(np.argmax(size))
     handled = fit.calibration.rate is not None
+    name = PARAMETERS[worst].replace("_", " ")
     return Finding(
         "hysteresis",
         "note" if handled or size[worst] < HYSTERESIS_DOUBTFUL * magnitude else "check",
-        f"{PARAMETERS[worst]} differs by {figure(float(size[worst]))} nT of field between "
+        f"{name} differs by {figure(float(size[worst]))} nT of field between "
         f"cooling and heating{', which the term in dT/dt describes' if handled else ''}",
         "" if handled else "cool and heat more slowly, or fit with rate=True",
     )

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.report.digits import write_minus
 from agonic.report.markup import Markup, element
-from agonic.thermal.campaign.profile import Profile
+from agonic.thermal.campaign.profile import Profile, format_signed
 
 HALF = np.array([1.25, 0.85, 0.5])
 """Half the length (front), width (right side) and height (bottom) of the box."""
@@ -168,7 +169,7 @@ def _draw_grid(x, y, low: float, high: float, total: float) -> list[Markup]:  # 
         parts.append(
             element(
                 "text",
-                f"{level:+.0f} °C".replace("+0", "0"),
+                write_minus(f"{format_signed(level)} °C"),
                 x=LEFT - 6,
                 y=f"{at + 4:.1f}",
                 text_anchor="end",
