@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.health.turning import check_gravity_turning
+from agonic.maths.rotations.mounting import describe_renaming
 from agonic.maths.rotations.turning import measure_left, sum_products
 from agonic.units import STANDARD_GRAVITY_M_S2
 from tests.inertial.drives import drive
@@ -53,7 +54,26 @@ def test_exchanged_axes_are_named_where_a_bank_is_not_felt(looks: str) -> None:
     assert looks in found.what
 
 
-@pytest.mark.parametrize("lean", [-0.3, 0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("turn", [np.diag([-1.0, 1, 1]), np.diag([1.0, -1, 1]), EXCHANGED[::-1]])
+def test_axes_of_a_quadrotor_are_named(turn: np.ndarray) -> None:
+    """It leans as it accelerates, so that nothing but its gusts is felt across."""
+    copter = {"vehicle": "copter", "stray_nT_A": (0.0, 0.0, 0.0)}
+    _, logged, _ = drive("flight", n=2500, rate_Hz=25.0, **copter)
+    assert check_gravity_turning(logged) is None
+    found = check_gravity_turning(logged.with_columns(acceleration=logged.acceleration @ turn.T))
+    assert found is not None
+    assert describe_renaming(turn.T) in found.what
+
+
+@pytest.mark.slow
+def test_no_clean_car_is_blamed() -> None:
+    """Its braking outweighs its slopes threefold, and seems to follow them by chance."""
+    for seed in range(20):
+        _, logged, _ = drive("car", seed, n=2500, rate_Hz=25.0)
+        assert check_gravity_turning(logged) is None
+
+
+@pytest.mark.parametrize("lean", [-0.3, 0.2, 0.3, 0.4, 0.5, 1.0])
 def test_a_vehicle_that_leans_in_its_turns_is_not_blamed(lean: float) -> None:
     """It feels (1 − lean) v ω across while it rolls as if that were lean v ω the other way."""
     samples = ride(lean)

@@ -14,9 +14,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.health import Finding
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
+from agonic.maths.rotations.namings import compare_namings
 from agonic.maths.rotations.turning import measure_left, sum_products
 from agonic.samples import Samples
 
@@ -24,17 +25,14 @@ FAR_BETTER = 0.25
 """Of the square that is left: another naming of axes or unit is believed where it leaves less."""
 EXPLAINED = 0.5
 """Of the square of the change: what a right naming leaves at most."""
-SHAKEN = 0.75
-"""Of the square of the change of gravity: what a right naming leaves beside other accelerations."""
-CLEARLY = 0.25
-"""Of that square: what another naming explains more."""
-EXCHANGED = 0.8
-"""Of what the own naming leaves: another that exchanges x and y leaves less, however much is left
-of both, for neither speed nor leaning makes x of y."""
-FAR_CLEARER = 0.7
-"""Of what the own naming leaves: another that leaves less may leave more in one stretch."""
-_STRETCHES = 8
-"""In all of them another naming has to explain more: by chance it does in half of them."""
+PROBABLE = 15.0
+"""Of the logarithm of the probability of an acceleration: another naming of axes has so much more.
+Of 100 clean cars, whose braking says little of their slopes, the worst had 16, unsteadily."""
+STEADILY = 2.5
+"""Standard errors, by how windows scatter, by which that is above zero, or more is asked for."""
+ALIKE = 3.0
+"""Of that logarithm: namings that differ by less are not told apart."""
+_FEWEST_WINDOWS = 3
 FEWEST = 50
 """Readings that can show a turn."""
 _SMOOTHED_S = (0.3, 1.0, 3.0)
@@ -101,11 +99,13 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
     if samples.acceleration is None or not _can_tell(samples):
         return None
     samples = find_telling(samples)
-    found = find_renaming(samples, _sum_of_gravity(samples), _UNITS[:1])
-    found = found or _find_shaken_renaming(samples)
-    if found is None:
+    turn = _find_probable_naming(samples)
+    if turn is None:
+        found = find_renaming(samples, _sum_of_gravity(samples), _UNITS[:1])
+        turn = None if found is None else found.turn
+    if turn is None:
         return None
-    back = found.turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
+    back = turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
     one, other = sorted((back, -back), key=lambda turn: int(np.count_nonzero(turn < 0)))
     return Finding(
         "inertial unit",
@@ -168,57 +168,32 @@ def find_renaming(
     return min(found, key=lambda one: one.left) if found else None
 
 
-def _find_shaken_renaming(samples: Samples) -> Renaming | None:
-    """What renames the gyro to turn as gravity does where the vehicle is shaken as well.
+def _find_probable_naming(samples: Samples) -> Array | None:
+    """The turn (3, 3) from the axes of the gyro to those of an accelerometer that reads as if its
+    axes were others; `None` where its own names are as probable.
 
-    Acceleration that has nothing to do with the turns adds to what every naming leaves; so the own
-    naming is wrong where another one leaves clearly less, in nearly every stretch. Of those that
-    hardly differ, as by the sign of a turn about the vertical, the simplest is told.
+    Other namings have to be more probable in most windows, not in a few: what accelerates a vehicle
+    may follow its attitude by chance. Of those that hardly differ none is told by which the gyro
+    explains far less of the change.
     """
-    # a gyro reversed is told by the field; here it would look like x and y reversed
-    turns = np.concatenate([right_angles(), -right_angles()[1:]])
-    stretches = np.array_split(np.arange(len(samples)), _STRETCHES)
-    if len(stretches[-1]) < FEWEST:
+    time, rate, force = samples.time, samples.rotation_rate, samples.acceleration
+    if time is None or rate is None or force is None or not explains_change(samples):
         return None
-    parts = [_sum_of_gravity(samples.select(rows)) for rows in stretches]
-    for smoothed_s in _SMOOTHED_S[:2]:
-        products, farthest = _sum_of_gravity(samples)(smoothed_s)
-        left = measure_left(products, turns, farthest)
-        each = np.array([measure_left(one(smoothed_s)[0], turns, farthest) for one in parts])
-        wins = (each < each[:, :1]).sum(axis=0)
-        likely = _choose_clearer(left, wins)
-        if not len(likely) and smoothed_s == _SMOOTHED_S[0]:
-            likely = _choose_exchanged(left, wins, turns)
-            likely = likely if explains_change(samples) else likely[:0]
-        if len(likely):
-            best = min(likely, key=lambda which: _count_changes(turns[which]))
-            return Renaming(float(left[best]), turns[best], "", float(left[0]))
-    return None
-
-
-def _choose_clearer(left: Array, wins: Index) -> Index:
-    """The namings that leave hardly more than the best where that leaves clearly less than the own,
-    the first, in nearly every stretch."""
-    if left.min() > min(SHAKEN, left[0] - CLEARLY):
-        return np.zeros(0, dtype=np.intp)
-    wanted = _STRETCHES - (left < FAR_CLEARER * left[0])
-    return np.flatnonzero((wins >= wanted) & (left < 1.1 * left.min()))
-
-
-def _choose_exchanged(left: Array, wins: Index, turns: Array) -> Index:
-    """The best namings where all of them make x of y and y of x, also where most acceleration has
-    nothing to do with the turns, as where a banked turn is not felt."""
-    best = left < 1.02 * left.min()
-    exchanged = (turns[:, 2, 2] != 0) & (turns[:, 0, 0] == 0)
-    clear = exchanged & (left < EXCHANGED * left[0]) & (wins >= _STRETCHES - 1)
-    return np.flatnonzero(best & clear if exchanged[best].all() else np.zeros_like(best))
-
-
-def _count_changes(turn: Array) -> tuple[int, int]:
-    """How many axes are moved by a renaming of the accelerometer or its opposite, or reversed."""
-    moved = int(np.count_nonzero(np.diag(turn) == 0))
-    reversed_ = int(np.count_nonzero(turn < 0))
-    return moved, min(reversed_, 3 - reversed_)
+    turns = right_angles()  # the opposite of each is as probable
+    each = compare_namings(force, rate, time, turns)
+    more = each - each[0]
+    sums, windows = more.sum(axis=1), each.shape[1]
+    if windows < _FEWEST_WINDOWS or sums.max() < PROBABLE:
+        return None
+    best = int(np.argmax(sums))
+    steady = float(sums[best] / (np.sqrt(windows) * more[best].std(ddof=1)))
+    if sums[best] < PROBABLE * max(1.0, (STEADILY / steady) ** 2):
+        return None
+    likely = np.flatnonzero(sums > sums[best] - ALIKE)
+    products, farthest = _sum_of_gravity(samples)(_SMOOTHED_S[0])
+    left = measure_left(products, turns[likely], farthest)
+    likely = likely[left <= left.min() / FAR_BETTER]
+    return np.asarray(turns[likely[np.argmax(sums[likely])]])
 
 
 def explains_change(samples: Samples) -> bool:

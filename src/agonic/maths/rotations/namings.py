@@ -1,0 +1,150 @@
+"""How probable each naming of an accelerometer's axes is beside a gyro.
+
+Carried along by the gyro gravity stands still, so in a window of time an accelerometer feels
+
+    f = T (−R(t)ᵀ (a + c t) + ω × u + ω̃ × v) + b + noise,
+
+T naming its axes, R being the attitude that the rates ω turn through, a gravity, c what the gyro's
+bias makes of it, and u, v velocities that the vehicle keeps in slow and in fast turns ω̃: in a gust
+it only nods. Whatever else accelerates it is noise, of every axis and octave of frequency its own.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+from agonic.maths.rotations.attitude import integrate_rates
+from agonic.maths.rotations.low_pass import low_pass
+from agonic.maths.rotations.vectors import skew
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+WINDOW_S = 30.0
+"""So long the gyro carries gravity, but for a drift; a shorter log is cut in two."""
+FASTEST_HZ = 2.0
+"""Faster changes are those of vibration, and of sensors that are late."""
+NODDING_S = 1.0
+"""Slower turns change the course."""
+GYRO_BIAS_SD = float(np.radians(1.0))
+SPEED_SD_M_S = 30.0
+TAILS = 3.0
+"""Degrees of freedom of Student's t: a stretch of road may be rougher than the next."""
+_INDEPENDENT_WINDOWS = 1.9
+"""Of windows that overlap by half, under a taper, for every length of a window."""
+_ROUNDS = 15
+
+
+class _Spectra(NamedTuple):
+    """Of window w, axis p and band: products of what the axes feel and of what they may, as if all
+    values were independent, (w, 3, bands, 3 + q, 3 + q), of which there are `values` (bands,).
+    """
+
+    products: Array
+    values: Array
+    prior_sd: Array
+
+
+def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Array:
+    """The logarithm of the probability of what an accelerometer reads in each window, (k, w).
+
+    All that is unknown in a window is integrated out under its prior, and the noise is the most
+    probable one of all windows: marginal likelihood. T and −T are as probable.
+
+    Parameters: specific force (n, 3) m/s² and rate (n, 3) rad/s at time (n,) s; `turns` (k, 3, 3)
+    are signed permutations from the axes of the gyro to those of the accelerometer.
+
+    >>> time = np.arange(1500) / 25
+    >>> rate = np.stack([np.sin(time), np.cos(1.3 * time), 0.2 * np.sin(0.7 * time)], axis=1)
+    >>> force = integrate_rates(rate, time).apply([0.0, 0.0, -9.8], inverse=True)
+    >>> force += 0.1 * np.random.default_rng(0).standard_normal(force.shape)
+    >>> own, reversed_x = compare_namings(
+    ...     force, rate, time, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])])
+    ... )
+    >>> bool((own > reversed_x + 10).all())
+    True
+    """
+    spectra = _measure_spectra(force, rate, time)
+    return np.array([_weigh(spectra, turn) for turn in turns])
+
+
+def _cut_windows(time: Array) -> tuple[int, list[int]]:
+    """How many rows a window has, and where each starts; none across a pause."""
+    n, step = len(time), float(np.median(np.diff(time)))
+    rows = min(round(WINDOW_S / step), n // 2)
+    count = round((n - rows) / (rows / 2)) + 1
+    starts = np.unique(np.linspace(0, n - rows, count).astype(int))
+    span = time[starts + rows - 1] - time[starts]
+    return rows, starts[span < 1.2 * rows * step].tolist()
+
+
+def _measure_spectra(force: Array, rate: Array, time: Array) -> _Spectra:
+    rows, starts = _cut_windows(time)
+    step = float(np.median(np.diff(time)))
+    taper = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) ** 2
+    kept, band = _cut_bands(rows, step)
+    overlap = min(1.0, _INDEPENDENT_WINDOWS * len(time) / rows / max(len(starts), 1))
+    independent = 2 * overlap * (taper**2).mean() ** 2 / (taper**4).mean()
+    slow, parts = low_pass(rate, step, NODDING_S), []
+    for start in starts:
+        part = slice(start, start + rows)
+        columns = _spread_unknowns(rate[part], slow[part], time[part])
+        felt = np.broadcast_to(force[part, None, :], (rows, 3, 3))
+        seen = np.concatenate([felt, columns], axis=2)
+        wave = np.fft.rfft((seen - seen.mean(axis=0)) * taper[:, None, None], axis=0)[kept]
+        both = wave[..., :, None].conj() * wave[..., None, :]
+        parts.append(np.add.reduceat(both.real, np.searchsorted(band, np.unique(band))))
+    products = np.stack(parts) if parts else np.zeros((0, band[-1] + 1, 3, 15, 15))
+    sds = (
+        STANDARD_GRAVITY_M_S2,
+        STANDARD_GRAVITY_M_S2 * GYRO_BIAS_SD * rows * step / 2,
+        SPEED_SD_M_S,
+        SPEED_SD_M_S,
+    )
+    return _Spectra(
+        products.swapaxes(1, 2) * independent / rows,
+        np.bincount(band) * independent,
+        np.repeat(sds, 3),
+    )
+
+
+def _cut_bands(rows: int, step: float) -> tuple[Index, Index]:
+    """Which frequencies count, and the number of the band of each: the lowest two, then octaves."""
+    kept = np.arange(1, max(round(FASTEST_HZ * rows * step), 4))
+    kept = kept[kept <= rows // 2]
+    octave = np.floor(np.log2(np.maximum(kept / 2.5, 0.5))).astype(int) + 1
+    return kept, octave
+
+
+def _spread_unknowns(rate: Array, slow: Array, time: Array) -> Array:
+    """What gravity, its drift and two velocities make each axis feel, (n, 3, 12)."""
+    carried = integrate_rates(rate, time).as_matrix().swapaxes(1, 2)
+    since = (time - time.mean()) / np.ptp(time) * 2
+    turning = skew(slow), skew(rate - slow)
+    return np.concatenate([carried, carried * since[:, None, None], *turning], axis=2)
+
+
+def _weigh(spectra: _Spectra, turn: Array) -> Array:
+    """The logarithm of the probability of each window with one naming, (w,).
+
+    The noise S of an axis and band, and the weight of each window, by expectation and maximisation.
+    """
+    products, n, sds = spectra
+    among, across = products[..., 3:, 3:], products[..., :3, 3:]
+    across = np.einsum("jp,wpbjq->wpbq", turn, across)
+    square = np.einsum("jp,kp,wpbjk->wpb", turn, turn, products[..., :3, :3])
+    weight, noise = np.ones_like(square), np.maximum(square.mean(axis=0) / n, 1e-12)
+    for _ in range(_ROUNDS):
+        share = weight / noise
+        information = np.einsum("wpbij,wpb->wij", among, share) + np.diag(sds**-2.0)
+        covariance = np.linalg.inv(information)
+        found = np.einsum("wij,wpbj,wpb->wi", covariance, across, share)
+        left = square - 2 * np.einsum("wpbi,wi->wpb", across, found)
+        left = np.maximum(left + np.einsum("wpbij,wi,wj->wpb", among, found, found), 0.0)
+        expected = left + np.einsum("wpbij,wji->wpb", among, covariance)
+        weight = (TAILS + n) / (TAILS + expected / noise)
+        noise = np.maximum((weight * expected).mean(axis=0) / n, 1e-12)
+    told = (n * np.log(noise)).sum() + ((TAILS + n) * np.log1p(left / (TAILS * noise))).sum((1, 2))
+    free = np.linalg.slogdet(information * np.outer(sds, sds))[1]
+    return np.asarray(-(told + free + ((found / sds) ** 2).sum(axis=1)) / 2)

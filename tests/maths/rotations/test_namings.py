@@ -1,0 +1,43 @@
+"""Axes of an accelerometer by the probability of what it reads, against a gyro."""
+
+import numpy as np
+import pytest
+
+from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.namings import compare_namings
+from tests.inertial.drives import drive
+
+COPTER = {"vehicle": "copter", "stray_nT_A": (0.0, 0.0, 0.0)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings"), [("boat", {}), ("flight", COPTER), ("circle", {"tilt_deg": 5.0})]
+)
+def test_the_own_names_are_the_most_probable(kind: str, settings: dict) -> None:
+    """The next best has e⁻¹⁵ of their probability and less, where a bank is not felt too."""
+    _, log, _ = drive(kind, n=2500, rate_Hz=25.0, **settings)
+    each = compare_namings(log.acceleration, log.rotation_rate, log.time, right_angles())
+    own, *others = each.sum(axis=1)
+    assert max(others) < own - 15
+
+
+def test_a_renaming_takes_the_probability_with_it() -> None:
+    """What T makes of the readings is as probable with T as the readings are without."""
+    _, log, _ = drive("boat", n=1500, rate_Hz=25.0)
+    turns = right_angles()
+    own = compare_namings(log.acceleration, log.rotation_rate, log.time, turns[:1])
+    for turn in turns[[5, 17]]:
+        renamed = log.acceleration @ turn.T
+        for sign in (1.0, -1.0):
+            there = compare_namings(renamed, log.rotation_rate, log.time, sign * turn[None])
+            assert np.allclose(there, own, atol=1e-6)
+
+
+def test_a_pause_is_in_no_window() -> None:
+    _, log, _ = drive("boat", n=2500, rate_Hz=25.0)
+    later = log.time + 100.0 * (np.arange(2500) > 1000)
+    shape = [
+        compare_namings(log.acceleration, log.rotation_rate, time, right_angles()[:1]).shape[1]
+        for time in (log.time, later)
+    ]
+    assert shape == [6, 4]
