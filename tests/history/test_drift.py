@@ -1,5 +1,6 @@
 """What a sensor's history tells: drift with bands, steps, a last one that does not belong."""
 
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError
+from agonic.history.document import describe_drift
 from agonic.history.drifting_sensors import find_drifting
 from agonic.history.fit import drift
 from agonic.history.trend import YEAR_S
@@ -202,6 +204,18 @@ def test_few_calibrations_are_said_to_be_few() -> None:
 def test_matrices_that_stand_still_have_no_trend() -> None:
     found = drift(in_order(rows_of(8)), AT)  # a diagonal model knows nothing between the axes
     assert {one.name[:4] for one in found.trends} == {"bias", "gain"}
+
+
+def test_calibration_without_gains_does_not_hide_a_step_of_the_gain() -> None:
+    stepped = [
+        replace(row, matrix_xx=row.matrix_xx + (0.01 if k >= 10 else 0.0))
+        for k, row in enumerate(rows_of(20, seed=1))
+    ]
+    bare = {f"matrix_{axis}{end}": None for axis in ("xx", "yy", "zz") for end in ("", "_sd")}
+    stepped[3] = replace(stepped[3], model="sphere", **bare)
+    found = drift(in_order(stepped[::-1]), AT)
+    assert [moved.name for event in found.events for moved in event.parameters] == ["gain x"]
+    assert re.search(r"\bnan\b", describe_drift(found).to_html()) is None
 
 
 @pytest.mark.slow

@@ -84,8 +84,9 @@ def _draw_calibrations(one: Trend, at: Array, y: Axis) -> list[Markup]:
     """Their standard errors, and their values as dots."""
     outlier = np.isin(np.arange(len(one.time)), [s.place for s in one.shifts if s.outlier])
     ends = zip(at, down(y, one.value + one.sd), down(y, one.value - one.sd), strict=True)
-    layers = [path("".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends), "sd")]
-    for name, rows in (("seen", ~outlier), ("astray", outlier)):
+    layers = [path("".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if b == b), "sd")]
+    told = np.isfinite(one.value)
+    for name, rows in (("seen", ~outlier & told), ("astray", outlier & told)):
         if rows.any():
             places = zip(at[rows], down(y, one.value)[rows], strict=True)
             layers.append(path("".join(f"M{a:.1f} {b:.1f}h0" for a, b in places), name))
@@ -99,6 +100,6 @@ def _find_steps(one: Trend, drift: Drift) -> list[Event]:
 
 
 def _make_axis(label: str, values: Array) -> Axis:
-    low, high = float(values.min()), float(values.max())
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = max(0.06 * (high - low), 1e-9 * max(abs(low), abs(high)), 1e-12)
     return Axis(label, low - margin, high + margin)

@@ -93,7 +93,7 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
 
     Parameters
     ----------
-    population : the calibrations of one sensor in order of time, as `History.of` gives them.
+    population : the calibrations of one sensor, in any order, as `History.of` gives them.
     at : the date for which the parameters are predicted, now without.
 
     Raises `AgonicError` where there is no calibration, one has no date, or `at` is before
@@ -118,6 +118,7 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
     moment = (at or datetime.now(UTC)).astimezone(UTC)
     if not len(population):
         raise AgonicError("there is no calibration to follow")
+    population = _sort_by_time(population)
     compared = find_comparable(population)
     chosen = population.select(compared)
     if None in chosen["start"].tolist():
@@ -139,13 +140,18 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
     )
 
 
+def _sort_by_time(population: Population) -> Population:
+    """The calibrations in order of time, those without a date first."""
+    starts = population["start"].tolist()
+    moments = [-np.inf if start is None else start.timestamp() for start in starts]
+    return population.select(np.argsort(moments, kind="stable"))
+
+
 def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[Event, ...]]:
-    """The trends of all parameters that are known throughout and move at all, and what happened."""
-    known = [
-        k
-        for k in range(len(NAMES))
-        if np.isfinite(of.values[:, k]).all() and np.ptp(of.values[:, k]) > 0
-    ]
+    """The trends of all parameters that most calibrations tell and that move at all, and what
+    happened.
+    """
+    known = [k for k in range(len(NAMES)) if _can_follow(of.values[:, k])]
     many = [make_series(time, of.values[:, k], of.sd[:, k]) for k in known]
     found = find_change_points(many, CHANCE)
     trends = []
@@ -162,6 +168,12 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
     names = [NAMES[k] for k in known]
     events = [_make_event(time, many, found, shift, names, units) for shift in found]
     return tuple(trends), tuple(sorted(events, key=lambda event: event.place))
+
+
+def _can_follow(values: Array) -> bool:
+    """Whether enough calibrations tell a parameter, and it moves at all."""
+    told = values[np.isfinite(values)]
+    return len(told) >= FEWEST and 2 * len(told) > len(values) and bool(np.ptp(told) > 0)
 
 
 def _make_event(

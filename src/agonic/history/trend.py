@@ -13,6 +13,7 @@ from agonic.maths.estimation.changes.change_points import ChangePoint
 from agonic.maths.estimation.noise.drift_model import Posterior, Series, mix_normals, predict
 
 YEAR_S = 365.25 * 86_400.0
+_UNKNOWN = 1e4  # error of what is not told, over all that the others differ by
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class Band:
 class Trend:
     """One parameter of a sensor: a line, a random walk, and scatter of its calibrations.
 
-    `time` (n,) in seconds since 1970, `value` and `sd` (n,) as calibrated. `slope` and `slope_sd`
+    `time` (n,) in seconds since 1970, `value` and `sd` (n,) as calibrated, NaN where a calibration
+    has no such parameter. `slope` and `slope_sd`
     are a year's; `p_value` how often chance makes such a slope. `scatter` is what calibrations
     differ by beyond their standard errors, `walk` its random walk in a year, both
     as root mean squares over the posterior.
@@ -59,7 +61,7 @@ class Trend:
         mean, variance = predict(
             self.series, self.posterior, self._scaled(time)[order], self._design(time)[:, order]
         )
-        usual = float(np.median(self.series.variance))
+        usual = float(np.nanmedian(self.sd)) ** 2
         more = variance + self.posterior.scatter[:, None] ** 2 + usual
         weight = self.posterior.weight
         back = np.argsort(order, kind="stable")
@@ -80,7 +82,7 @@ class Trend:
     @property
     def offset(self) -> float:
         """What was taken off the values before anything else."""
-        return float(self.value.mean())
+        return float(np.nanmean(self.value))
 
     def _scaled(self, time: Array) -> Array:
         return np.asarray((time - self.time[0]) / (self.time[-1] - self.time[0]))
@@ -91,9 +93,19 @@ class Trend:
 
 
 def make_series(time: Array, value: Array, sd: Array) -> Series:
-    """A parameter as the kernels take it: time over its span, values about their mean."""
-    span = (time - time[0]) / (time[-1] - time[0])
-    return Series(span, value - value.mean(), sd**2, np.stack([np.ones_like(span), span]))
+    """A parameter as the kernels take it: time over its span, values about their mean.
+
+    What a calibration does not tell is the mean, with an error that leaves it without weight.
+
+    >>> of = make_series(np.arange(3.0), np.array([1.0, np.nan, 5.0]), np.array([0.1, np.nan, 0.1]))
+    >>> of.value.tolist(), bool(of.variance[1] > 1e6)
+    ([-2.0, 0.0, 2.0], True)
+    """
+    span, known = (time - time[0]) / (time[-1] - time[0]), np.isfinite(value)
+    about_mean = np.where(known, value - np.nanmean(value), 0.0)
+    unknown = (_UNKNOWN * (np.ptp(value[known]) + sd[known].max())) ** 2
+    variance = np.where(known, sd**2, unknown)
+    return Series(span, about_mean, variance, np.stack([np.ones_like(span), span]))
 
 
 def make_trend(

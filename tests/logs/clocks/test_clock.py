@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.logs.clocks.clock import read_clock, spread_ties
+from agonic.logs.read import open_log
 
 START = datetime(2026, 3, 1, 12, 0, 0, tzinfo=UTC)
 OFFSETS = np.array([0.25, 0.5, 1.75])
@@ -102,3 +103,23 @@ def test_letters_of_a_zone_cost_no_time():
         np.testing.assert_allclose(time, np.arange(5) + 0.5)
         assert epoch == datetime(2026, 3, 1, hour, tzinfo=UTC)
         assert notes == told
+
+
+@pytest.mark.parametrize(
+    ("begins", "believed"),
+    [
+        ("0", False),
+        ("315964800.0", False),
+        ("946684900", False),
+        ("1740988800", True),
+        ("9e11", False),
+    ],
+)
+def test_date_of_a_clock_that_was_never_set_is_left_out(tmp_path, begins, believed):
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{k},{k},2,3,{begins}\n" for k in range(3))
+    path.write_text("time_s,mag_x_nT,mag_y_nT,mag_z_nT,epoch_unix_s\n" + rows)
+    [samples] = open_log(path).sensors
+    assert (samples.epoch is not None) == believed
+    assert any("no date" in note for note in samples.notes) != believed
+    assert samples.time.tolist() == [0.0, 1.0, 2.0]
