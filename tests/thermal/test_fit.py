@@ -520,3 +520,17 @@ def test_twelve_is_what_known_means() -> None:
     known = fit_thermal(made.samples, KNOWN, stations="known", **WIDE)
     given = fit_thermal(made.samples, KNOWN, stations=described, **WIDE)
     assert given.calibration.bias == pytest.approx(known.calibration.bias, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_station_within_what_the_fixture_promises_is_no_doubt() -> None:
+    made = simulate_campaign("MMC5883MA", seed=4, rate_Hz=0.02)
+    samples = made.campaign.samples("MMC5883MA")
+    stations = made.description.rotations
+    settings = {"stations": stations, "bin_width_C": 2.0}
+    fit = fit_thermal(samples, ag.Reference.constant(48_000.0), **settings)
+    assert fit.fixture is not None
+    assert max(fit.fixture.turned_deg.values()) > 3.0
+    assert fit.verdict == "good"
+    fit = fit_thermal(samples, ag.Reference.constant(48_000.0), fixture_sd_deg=0.3, **settings)
+    assert "fixture" in [finding.name for finding in fit.findings]

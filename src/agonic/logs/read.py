@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
-from agonic.logs.clocks.never_set import leave_out_date
 from agonic.logs.formats import FOLDER, HEAD_BYTES, ROS, Format, find_packing, format_of
 from agonic.logs.headers.column_names import names_for
 from agonic.logs.log import Log
@@ -163,7 +162,7 @@ def _sign(log: Log, sha256: str) -> Log:
     """The log with the hash of its file wherever that is named."""
     sensors = tuple(
         samples.with_source(replace(samples.source or log.source, sha256=sha256))
-        for samples in map(leave_out_date, _tell_apart(log.sensors))
+        for samples in _tell_apart(log.sensors)
     )
     return replace(log, source=replace(log.source, sha256=sha256), sensors=sensors)
 

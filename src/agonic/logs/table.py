@@ -12,6 +12,7 @@ import numpy as np
 
 from agonic.arrays import Index
 from agonic.errors import LogError, TwoAxisError
+from agonic.logs.clocks.never_set import leave_out_date
 from agonic.logs.headers.column_names import suggest_names
 from agonic.logs.headers.columns import (
     FALLBACK,
@@ -166,7 +167,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         remarks = (*remarks, f"{len(foreign)} rows are of other sensors")
     if columns.get("second") is not None:  # `Samples` takes it in the unit of the field
         columns["second"] = columns["second"] / nanotesla_per(unit)
-    return Samples(
+    samples = Samples(
         field=field,
         unit=unit,
         time=time,
@@ -181,6 +182,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         source=replace(part.source, count=len(field)),
         **columns,
     )
+    return leave_out_date(samples)
 
 
 def _put_in_order(part: Part, number: str) -> tuple[Part, tuple[str, ...]]:

@@ -12,7 +12,6 @@ _BEGINNINGS = [
     datetime(1970, 1, 1, tzinfo=UTC),  # Unix
     datetime(1980, 1, 1, tzinfo=UTC),  # MS-DOS, and files on memory cards
     datetime(1980, 1, 6, tzinfo=UTC),  # GPS
-    datetime(2000, 1, 1, tzinfo=UTC),  # clock chips
 ]
 _RUNNING = timedelta(days=2)  # that it may have run for
 

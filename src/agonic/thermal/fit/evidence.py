@@ -18,6 +18,7 @@ from agonic.thermal.names import name_stations
 UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
 REFUSED = 0.05
 ODD_DEG = 3.0
+ODD_SD = 4.0  # of what the fixture is described to: one of twelve stations by chance in 0.4 %
 DRIFT_DOUBTFUL = 1e-3
 EXCESS_DOUBTFUL = 5e-3
 ANOMALIES_DOUBTFUL = 0.05
@@ -29,17 +30,20 @@ def judge_fit(
     readings: ChamberReadings,
     sums: Binned,
     orientations: Orientations | None,
+    *,
+    fixture_sd_deg: float,
     faulty: bool = False,
 ) -> list[Finding]:
     """What the fit says: what is not determined, turns, drift, scatter, hysteresis, anomalies.
 
-    `faulty` is whether the sensor was not the same at all stations.
+    `fixture_sd_deg` is how well the stations were said to stand, `faulty` whether the sensor was
+    not the same at all stations.
     """
     found = [
         _judge_undetermined(fit, faulty),
         *find_narrow_range(readings.scale.low_C, readings.scale.high_C, "cool and heat"),
         _judge_orientations(orientations),
-        _judge_odd(fit),
+        _judge_odd(fit, fixture_sd_deg),
         _judge_drift(fit),
         _judge_ageing(fit),
         _judge_scatter(fit),
@@ -133,11 +137,12 @@ def _judge_orientations(orientations: Orientations | None) -> Finding | None:
     )
 
 
-def _judge_odd(fit: ThermalFit) -> Finding | None:
+def _judge_odd(fit: ThermalFit, fixture_sd_deg: float) -> Finding | None:
     """Stations that stood elsewhere than described."""
     if fit.fixture is None:
         return None
-    odd = {n: angle for n, angle in fit.fixture.turned_deg.items() if angle > ODD_DEG}
+    limit = max(ODD_DEG, ODD_SD * fixture_sd_deg)
+    odd = {n: angle for n, angle in fit.fixture.turned_deg.items() if angle > limit}
     if not odd:
         return None
     return Finding(

@@ -141,7 +141,12 @@ def fit_binned(
         *found,
         *recordings.judge_recordings(sums, left_out, chosen),
         *evidence.judge_fit(
-            fit, readings, sums, result.orientations, faulty=bool(result.faults.found)
+            fit,
+            readings,
+            sums,
+            result.orientations,
+            fixture_sd_deg=float(np.degrees(result.problem.fixture_sd)),
+            faulty=bool(result.faults.found),
         ),
         *judge_faults(result, readings),
     ]
