@@ -1,8 +1,12 @@
-"""Make the pictures that README and documentation show: python docs/pictures.py."""
+"""Make the pictures that README and documentation show: python docs/pictures.py [NAME…].
+
+Names are those of pages of the gallery; without any it makes all, the live page too.
+"""
 
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -91,11 +95,12 @@ GALLERY: dict[str, tuple[str, ...]] = {
 """Commands that make each page of the gallery, and the page."""
 
 
-def gallery_pictures(browser: Browser, folder: str) -> None:
+def gallery_pictures(browser: Browser, folder: str, names: Iterable[str]) -> None:
     """The top of each page, as a screen of 1100 by 1100 points shows it."""
     (STATIC / "gallery").mkdir(exist_ok=True)
     view = browser.new_page(viewport={"width": 1100, "height": 1100})
-    for name, (*commands, page) in GALLERY.items():
+    for name in names:
+        *commands, page = GALLERY[name]
         for command in commands:
             subprocess.run([sys.executable, "-m", "agonic", *command.split()], cwd=folder)
         view.goto(f"file://{folder}/{page}")
@@ -103,27 +108,19 @@ def gallery_pictures(browser: Browser, folder: str) -> None:
         view.screenshot(path=STATIC / "gallery" / f"{name}.png", scale="css")
 
 
-def main() -> None:
+def report_pictures(browser: Browser, folder: str) -> None:
     """Reports of `agonic demo` and of a campaign, as pages of 1100 points show them."""
-    STATIC.mkdir(exist_ok=True)
-    with TemporaryDirectory() as folder, sync_playwright() as playwright:
-        run(["demo", "-o", folder])
-        run([*CAMPAIGN, "-o", f"{folder}/recorded"])
-        run(["fit", "thermal", f"{folder}/recorded", "-o", f"{folder}/chamber"])
-        browser = playwright.chromium.launch(
-            executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
-        )
-        page = browser.new_page(viewport={"width": 1100, "height": 1640})
-        for file, picture in (
-            ("report.html", "report.png"),
-            ("chamber/report.html", "campaign.png"),
-        ):
-            page.goto(f"file://{folder}/{file}")
-            page.wait_for_timeout(500)
-            page.screenshot(path=STATIC / picture)
-        gallery_pictures(browser, folder)
-        browser.close()
-    live_pictures()
+    run(["demo", "-o", folder])
+    run([*CAMPAIGN, "-o", f"{folder}/recorded"])
+    run(["fit", "thermal", f"{folder}/recorded", "-o", f"{folder}/chamber"])
+    page = browser.new_page(viewport={"width": 1100, "height": 1640})
+    for file, picture in (
+        ("report.html", "report.png"),
+        ("chamber/report.html", "campaign.png"),
+    ):
+        page.goto(f"file://{folder}/{file}")
+        page.wait_for_timeout(500)
+        page.screenshot(path=STATIC / picture)
 
 
 def live_pictures() -> None:
@@ -137,4 +134,19 @@ def live_pictures() -> None:
     )
 
 
-main()
+def main(names: list[str]) -> None:
+    """Pictures of these pages, or all."""
+    STATIC.mkdir(exist_ok=True)
+    with TemporaryDirectory() as folder, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
+        )
+        if not names:
+            report_pictures(browser, folder)
+        gallery_pictures(browser, folder, names or GALLERY)
+        browser.close()
+    if not names:
+        live_pictures()
+
+
+main(sys.argv[1:])

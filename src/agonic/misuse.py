@@ -74,7 +74,7 @@ def _describe_misuse(
     wrong = [name for name, value in bound.items() if not is_a(value, hints.get(name, Any))]
     return "; ".join(
         f"{function.__name__}: {name} was given as {describe_kind(bound[name])}; needed: "
-        f"{_needed(function, name, hints[name])}"
+        f"{_describe_parameter(function, name, hints[name])}"
         for name in wrong
     )
 
@@ -93,7 +93,7 @@ def describe_kind(value: Any) -> str:
     return f"{type(value).__name__}{more}"
 
 
-def _needed(function: Callable[..., Any], name: str, hint: Any) -> str:
+def _describe_parameter(function: Callable[..., Any], name: str, hint: Any) -> str:
     """What a parameter is, as the docstring says it; else its type."""
     said = (getdoc(function) or "").partition("\nExamples")[0].split(">>>")[0]
     found = re.search(rf"\b{name}\b[^:\n]* : (.+?)(?:[.;]\s|\n\s*\n|\n\S|$)", said, re.DOTALL)

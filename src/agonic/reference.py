@@ -92,14 +92,14 @@ class Reference(Readable):
         >>> Reference.constant(49.5, unit="uT").values
         array([49500.])
         """
-        return cls._checked("constant", [magnitude], unit, sd, source)
+        return cls._make("constant", [magnitude], unit, sd, source)
 
     @classmethod
     def magnitude(
         cls, magnitudes: ArrayLike, *, unit: str = "nT", sd: float = 0.0, source: str = "given"
     ) -> Reference:
         """`magnitudes` (n,), one for each sample, in `unit`."""
-        return cls._checked("magnitude", magnitudes, unit, sd, source)
+        return cls._make("magnitude", magnitudes, unit, sd, source)
 
     @classmethod
     def horizontal_vertical(
@@ -119,7 +119,7 @@ class Reference(Readable):
         array([[20000., 45000.]])
         """
         pair = np.stack(np.broadcast_arrays(np.atleast_1d(horizontal), np.atleast_1d(vertical)), 1)
-        return cls._checked("horizontal-vertical", pair, unit, sd, source)
+        return cls._make("horizontal-vertical", pair, unit, sd, source)
 
     @classmethod
     def vector(
@@ -133,10 +133,10 @@ class Reference(Readable):
     ) -> Reference:
         """`vectors` (n, 3), one for each sample, or (3,) for all, in the frame of a letter."""
         vectors = np.atleast_2d(np.asarray(vectors, dtype=np.float64))
-        return cls._checked("vector", vectors, unit, sd, source, frame)
+        return cls._make("vector", vectors, unit, sd, source, frame)
 
     @classmethod
-    def _checked(
+    def _make(
         cls,
         kind: Kind,
         values: ArrayLike,

@@ -162,20 +162,20 @@ class Samples(Readable):
         factor = nanotesla_per(self.unit)
         keep, rejected = find_usable(columns, factor)
         kept = {
-            name: None if values is None else _frozen(values if keep.all() else values[keep])
+            name: None if values is None else _freeze(values if keep.all() else values[keep])
             for name, values in columns.items()
         }
         for name in COLUMNS:
             self._put(name, kept[name])
         self._put("disturbers", MappingProxyType({name: kept[name] for name in named}))
-        self._put("rejected", MappingProxyType(_added(self.rejected, rejected)))
+        self._put("rejected", MappingProxyType(_add_counts(self.rejected, rejected)))
         if not keep.any():
             reasons = ", ".join(f"{n} rows: {why}" for why, n in self.rejected.items())
             raise LogError(f"no usable readings ({reasons or 'no rows at all'})")
         if factor != 1.0:
-            self._put("field", _frozen(self.field * factor))
+            self._put("field", _freeze(self.field * factor))
             if self.second is not None:
-                self._put("second", _frozen(self.second * factor))
+                self._put("second", _freeze(self.second * factor))
         self._put("unit", RAW if find_unit(self.unit) == RAW else "nT")
 
     def _put(self, name: str, value: Any) -> None:
@@ -347,10 +347,10 @@ def _disturber_name(name: str) -> str:
     return name
 
 
-def _added(left: Mapping[str, int], right: Mapping[str, int]) -> dict[str, int]:
+def _add_counts(left: Mapping[str, int], right: Mapping[str, int]) -> dict[str, int]:
     return {why: left.get(why, 0) + right.get(why, 0) for why in (*left, *right)}
 
 
-def _frozen(array: Array) -> Array:
+def _freeze(array: Array) -> Array:
     array.flags.writeable = False
     return array

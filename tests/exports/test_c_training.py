@@ -11,7 +11,7 @@ import agonic as ag
 from agonic.calibration.network import Network
 from agonic.cli import run
 from agonic.errors import AgonicError
-from agonic.exports.firmware.ctext import write_array
+from agonic.exports.firmware.c_text import write_array
 from agonic.exports.firmware.training import BLOCKS, write_training
 from agonic.maths.equation.network import forward, split
 from agonic.network.maths.levenberg_marquardt import Problem, train

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.exports.firmware.ctext import fill_template
+from agonic.exports.firmware.c_text import fill_template
 from agonic.simulation import random_calibration
 from tests.exports.controller import library
 

@@ -38,7 +38,7 @@ from benchmarks.torture import heading_error_deg
 
 import agonic as ag
 from agonic.health.adequacy.examine import CAUSES
-from agonic.health.adequacy.feet import find_feet
+from agonic.health.adequacy.foot_points import find_feet
 from agonic.health.adequacy.rows import choose_rows
 from agonic.maths.equation.affine import magnitude_residual
 

@@ -73,7 +73,7 @@ def undelayed(samples: Samples, latency_s: float) -> Samples:
         time=moments[kept],
         **{name: c[kept] for name, c in samples.columns().items() if name in _READ},
         **columns,
-        **_turned(samples, time, at),
+        **_turn_angles(samples, time, at),
         rejected=was | ({} if kept.all() else left_out),
         notes=(*samples.notes, f"a latency of {1e3 * latency_s:.2f} ms was taken off the times"),
     )
@@ -122,7 +122,7 @@ def bring_forward(samples: Samples, late_s: float) -> tuple[Samples, Mask]:
         unknown[run] = time[run] + late_s > time[run[-1]] + 1e-9
     at = np.clip(time + late_s, time[0], time[-1])
     felt = {name: _at(at, time, c) for name, c in samples.columns().items() if name in _FELT}
-    return samples.with_columns(**felt, **_turned(samples, time, at)), unknown
+    return samples.with_columns(**felt, **_turn_angles(samples, time, at)), unknown
 
 
 def advance(field: Array, samples: Samples, calibration: Calibration) -> Array:
@@ -208,7 +208,7 @@ def measure_rate(samples: Samples) -> float:
     return float(np.sqrt(squares / max(count, 1)))
 
 
-def _turned(samples: Samples, time: Array, at: Array) -> dict[str, Array]:
+def _turn_angles(samples: Samples, time: Array, at: Array) -> dict[str, Array]:
     """The recorded angles at other moments, along the shortest turn from row to row."""
     given = [getattr(samples, name) for name in _ANGLES]
     if all(angle is None for angle in given):

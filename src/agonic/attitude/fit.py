@@ -143,7 +143,7 @@ def find_usable(samples: Samples) -> Mask:
     if usable.sum() < FEWEST:
         raise CoverageError(
             f"{int(usable.sum())} usable readings are too few for a fit with the attitude"
-            f"{_left_out(samples, usable)}",
+            f"{_explain_left_out(samples, usable)}",
             turns="record a few minutes of turning through all headings",
         )
     return usable
@@ -247,7 +247,7 @@ def _is_robust(part: Problem, settings: Settings) -> bool:
     return settings.robust and len(part.points) >= 2 * FEWEST
 
 
-def _left_out(samples: Samples, usable: Mask) -> str:
+def _explain_left_out(samples: Samples, usable: Mask) -> str:
     """Why readings are missing, in brackets; nothing where none are."""
     reasons = [f"{n} rows: {why}" for why, n in samples.rejected.items()]
     if not usable.all():

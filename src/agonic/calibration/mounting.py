@@ -22,7 +22,7 @@ def turn_calibration(calibration: Affine, turn: Array) -> Affine:
     >>> bool(np.allclose(turned.correct(raw), plain.correct(raw @ quarter.T)))
     True
     """
-    return _turned(calibration, turn, np.eye(3))
+    return _turn(calibration, turn, np.eye(3))
 
 
 def turn_field(calibration: Affine, turn: Array) -> Affine:
@@ -35,10 +35,10 @@ def turn_field(calibration: Affine, turn: Array) -> Affine:
     >>> bool(np.allclose(turned.correct(raw), plain.correct(raw) @ quarter.T))
     True
     """
-    return _turned(calibration, np.eye(3), turn)
+    return _turn(calibration, np.eye(3), turn)
 
 
-def _turned(calibration: Affine, first: Array, last: Array) -> Affine:
+def _turn(calibration: Affine, first: Array, last: Array) -> Affine:
     """The calibration of readings that are turned first, and its field at last."""
     held = {f.name: getattr(calibration, f.name) for f in fields(calibration)}
     held |= {

@@ -206,10 +206,10 @@ class Network(Correction):
         """
         x = self.scaled(raw, columns)
         inside = self._inside(x)
-        added = self._bounded(self.output_middle + self.output_half * self._forward(x))
+        added = self._bound(self.output_middle + self.output_half * self._forward(x))
         if self.base is None:
             return added, inside
-        field = self._based(raw, columns)
+        field = self._apply_base(raw, columns)
         if len(self.output) == 1:
             added = added * _unit(field)
         return np.asarray(field + inside[..., None] * added), inside
@@ -235,7 +235,7 @@ class Network(Correction):
         own = own + self.unmodelled**2 * np.eye(len(self.output))
         if self.base is None:
             return np.asarray(own + _isotropic((1 - g) * (self.misfit or 0.0)))
-        along = _unit(self._based(rows, columns))[:, :, None]
+        along = _unit(self._apply_base(rows, columns))[:, :, None]
         onto = np.eye(3) if len(self.output) == 3 else along * np.swapaxes(along, 1, 2)
         left = np.eye(3) - (1.0 - self.base_sd_ratio) * g * onto
         below = self.base.uncertainty(rows, **self._for_base(columns))
@@ -291,13 +291,13 @@ class Network(Correction):
     def _inside(self, x: Array) -> Array:
         return domain.taper(domain.compute_distances(x, self.centres), self.reach)
 
-    def _bounded(self, added: Array) -> Array:
+    def _bound(self, added: Array) -> Array:
         if self.bound is None or self.base is None:
             return added
         length = np.linalg.norm(added, axis=-1, keepdims=True)
         return np.asarray(added * np.minimum(1.0, self.bound / np.maximum(length, 1e-300)))
 
-    def _based(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
+    def _apply_base(self, raw: ArrayLike, columns: Mapping[str, ArrayLike]) -> Array:
         assert self.base is not None
         return self.base.correct(raw, **self._for_base(columns))
 

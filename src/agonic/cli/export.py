@@ -128,7 +128,7 @@ def export(
                 "firmware is given the temperature at each reading; --temperature is for targets "
                 "that hold one calibration"
             )
-        setup, source = _placed(load_setup(cal), declination, at, box, tolerance, date)
+        setup, source = _place_setup(load_setup(cal), declination, at, box, tolerance, date)
         prefix = "compass" if name is None else name
         written = write_firmware(setup, out or cal.with_suffix(""), name=prefix, declination=source)
     else:
@@ -165,7 +165,7 @@ def _export_calibration(
 ) -> Export:
     """A calibration file in the form of the target."""
     from agonic.calibration.steps import require_calibration
-    from agonic.exports.firmware.ctext import make_c_name
+    from agonic.exports.firmware.c_text import make_c_name
     from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
 
@@ -203,7 +203,7 @@ def _export_training(cal: Path, to: str, out: Path | None, name: str | None, win
     return write_training(calibration, out or cal.with_suffix(""), window=window, name=name)
 
 
-def _placed(
+def _place_setup(
     setup: Setup,
     declination: float | None,
     at: str | None,

@@ -54,7 +54,7 @@ def field(
     return _table(points, date, model, out, as_json)
 
 
-def _chosen(model: str | None, year: float) -> Model:
+def _choose_model(model: str | None, year: float) -> Model:
     """The model of that name, or the one that holds in a year."""
     from agonic.field.place import choose_model
 
@@ -71,7 +71,7 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
 
     when = date or datetime.now(UTC).date().isoformat()
     latitude, longitude, altitude = parse_position(at)
-    chosen = _chosen(model, float(decimal_year(when)))
+    chosen = _choose_model(model, float(decimal_year(when)))
     here = chosen.at(latitude, longitude, altitude, when)
     elements, change = here.elements(), here.elements_per_year()
     if as_json:
@@ -133,11 +133,11 @@ def _answers(points: Points, model: str | None) -> tuple[list[str], dict[str, Ar
     import numpy as np
 
     years, of_row = np.unique(points.years, return_inverse=True)
-    names = np.array([_chosen(model, year).name for year in years])[of_row]
+    names = np.array([_choose_model(model, year).name for year in years])[of_row]
     answers: dict[str, Array] = {}
     for name in np.unique(names):
         rows = np.flatnonzero(names == name)
-        there = _at_rows(_chosen(model, points.years[rows[0]]), points, rows)
+        there = _at_rows(_choose_model(model, points.years[rows[0]]), points, rows)
         change = {f"{key}_per_year": value for key, value in there.elements_per_year().items()}
         every = {**there.elements(), **change, "declination_sd_deg": there.declination_sd_deg}
         for key, values in every.items():

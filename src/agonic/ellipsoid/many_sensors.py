@@ -131,7 +131,7 @@ def fit_many(
     found = Fits.empty(len(of))
 
     def slab(rows: slice) -> int:
-        normalised, units = _normalised(of[rows], at[rows], over[rows], reference, found, rows)
+        normalised, units = _normalise(of[rows], at[rows], over[rows], reference, found, rows)
         _fit(normalised, units, model, gauge, inclination_deg, found, rows)
         return len(normalised)
 
@@ -143,7 +143,7 @@ def fit_many(
     return found
 
 
-def _normalised(
+def _normalise(
     sums: Array, centre: Array, scale: Array, reference: Reference | None, found: Fits, rows: slice
 ) -> tuple[Array, gauges.Units]:
     """Moments about the middle of each sensor's readings, and the way back."""
@@ -186,7 +186,7 @@ def _fit(
     least = UNKNOWNS.get(model, UNKNOWNS["sphere"])
     for k in np.flatnonzero(count < least):
         part.refusal[k] = _fewer(int(count[k]), model)
-    _chosen(sums, count, model, part)
+    _choose_models(sums, count, model, part)
     here = np.flatnonzero(part.fitted)
     own = units._replace(centre=units.centre[here], size=units.size[here])
     bias, matrix, covariance, magnitude = gauges.convert_to_units(
@@ -208,7 +208,7 @@ def _fewer(count: int, model: Model) -> str:
     return least if count < UNKNOWNS["sphere"] else str(too_few(count, model))
 
 
-def _chosen(sums: Array, count: NDArray[np.int_], model: Model, part: Fits) -> None:
+def _choose_models(sums: Array, count: NDArray[np.int_], model: Model, part: Fits) -> None:
     """The model asked for, or for each sensor the smallest that nested tests do not reject."""
     if model != "auto":
         _attempt(sums, np.flatnonzero(part.fitted), model, part)

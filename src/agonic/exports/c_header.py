@@ -27,7 +27,7 @@ from agonic.exports.convert import (
     reduce,
     write_banner,
 )
-from agonic.exports.firmware.ctext import (
+from agonic.exports.firmware.c_text import (
     fill_template,
     make_c_name,
     require_identifier,

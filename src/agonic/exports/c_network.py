@@ -20,7 +20,7 @@ from agonic.exports.c_network_tables import (
     write_second_table,
 )
 from agonic.exports.convert import format_float32, write_banner
-from agonic.exports.firmware.ctext import (
+from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,

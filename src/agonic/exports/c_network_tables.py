@@ -7,7 +7,7 @@ import numpy as np
 from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.exports.c_network_parts import Parts
-from agonic.exports.firmware.ctext import write_array, write_literal
+from agonic.exports.firmware.c_text import write_array, write_literal
 
 
 def write_affine_table(step: Affine | None, name: str, words: str) -> str:

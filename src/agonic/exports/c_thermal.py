@@ -16,7 +16,7 @@ from agonic.exports.convert import (
     reduce,
     write_banner,
 )
-from agonic.exports.firmware.ctext import (
+from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,

@@ -91,10 +91,13 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
         samples, felt = calibrate_acceleration(samples, setup.accelerometer)
         turn = np.eye(3)
     if source == LEVEL:
-        return _level(samples, setup, turn)
+        return _assume_level(samples, setup, turn)
     if source == "log":
-        roll, pitch = _needed(samples, "roll_deg", source), _needed(samples, "pitch_deg", source)
-        sd = np.full(1, _stated(setup))
+        roll, pitch = (
+            _require_column(samples, "roll_deg", source),
+            _require_column(samples, "pitch_deg", source),
+        )
+        sd = np.full(1, _find_stated_sd(setup))
         tilt = kernel.tilt_from_angles(roll, pitch)
         return Attitude(
             tilt=tilt,
@@ -107,23 +110,26 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
             stated_sd=float(np.radians(setup.tilt_sd_deg or 0.0)),
             notes=why,
         )
-    force = _needed(samples, "acceleration", source) @ turn.T
+    force = _require_column(samples, "acceleration", source) @ turn.T
     if source == "gyro":
-        time = _needed(samples, "time", source)
-        rate = _needed(samples, "rotation_rate", source) @ turn.T
-        speed = _speed(samples, force, rate)
+        time = _require_column(samples, "time", source)
+        rate = _require_column(samples, "rotation_rate", source) @ turn.T
+        speed = _measure_speed(samples, force, rate)
         followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
         if speed.taken:
-            why = (*why, f"turns are reckoned at {figure(speed.taken)} m/s: {_whence(samples)}")
-        return _felt(followed, setup, source, speed, why, felt)
+            why = (
+                *why,
+                f"turns are reckoned at {figure(speed.taken)} m/s: {_name_source(samples)}",
+            )
+        return _find_felt_tilt(followed, setup, source, speed, why, felt)
     if are_shots(samples, setup):
         still = np.zeros(len(force))
         found = FilteredDown(kernel.down_from_force(force), still, still)
         why = (*why, "each row is taken as a shot at rest")
-        return _felt(found, setup, source, AT_REST, why, felt)
-    speed, sds = _shaken(samples, setup, force, turn)
+        return _find_felt_tilt(found, setup, source, AT_REST, why, felt)
+    speed, sds = _measure_shaking(samples, setup, force, turn)
     found = FilteredDown(kernel.down_from_force(force), *sds)
-    return _felt(found, setup, source, speed, why, felt)
+    return _find_felt_tilt(found, setup, source, speed, why, felt)
 
 
 def _choose_source(
@@ -131,7 +137,7 @@ def _choose_source(
 ) -> tuple[str, tuple[str, ...]]:
     """Where the tilt comes from, and why; a compass of two axes can only be level."""
     if not has_two_axes(calibration):
-        return _automatic(samples) if setup.tilt == "auto" else (setup.tilt, ())
+        return _choose_best(samples) if setup.tilt == "auto" else (setup.tilt, ())
     if setup.tilt not in ("auto", LEVEL):
         raise LogError(
             f"{samples.name} is a two-axis compass, whose field cannot be turned by a tilt from "
@@ -172,12 +178,12 @@ def calibrate_acceleration(
     return samples.with_columns(**changed), (about[0], about[1])
 
 
-def _stated(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
+def _find_stated_sd(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
     """The sd of roll and pitch that the setup states, or that of such a source, rad."""
     return float(np.radians(otherwise_deg if setup.tilt_sd_deg is None else setup.tilt_sd_deg))
 
 
-def _felt(
+def _find_felt_tilt(
     found: FilteredDown,
     setup: Setup,
     source: str,
@@ -192,7 +198,7 @@ def _felt(
     """
     tilt = kernel.tilt_from_down(found.down)
     scale = speed.gravity / STANDARD_GRAVITY_M_S2 - 1.0
-    own = _stated(setup) ** 2 + scale**2
+    own = _find_stated_sd(setup) ** 2 + scale**2
     ahead, across = (0.0, 0.0) if felt is None else felt
     # about the level axis ahead, roll turns by 1/cos pitch as much
     roll_sd = np.sqrt(found.roll_sd**2 + own + ahead) / np.maximum(tilt.cos_pitch, 1e-3)
@@ -215,18 +221,18 @@ def _felt(
     )
 
 
-def _speed(samples: Samples, force: Array, rate: Array) -> Speed:
+def _measure_speed(samples: Samples, force: Array, rate: Array) -> Speed:
     assert samples.time is not None
     turn = compute_turn_rate(samples.time, force, rate)
     return estimate_speed(samples.time, force, rate, compute_track_square(samples, turn))
 
 
-def _whence(samples: Samples) -> str:
+def _name_source(samples: Samples) -> str:
     there = samples.latitude_deg is not None
     return "what the accelerometer feels in them" + (", and the track" if there else "")
 
 
-def _shaken(
+def _measure_shaking(
     samples: Samples, setup: Setup, force: Array, turn: Array
 ) -> tuple[Speed, tuple[Array, Array]]:
     """What shakes the accelerometer, for a tilt from it alone: sds of roll and pitch, rad."""
@@ -234,16 +240,16 @@ def _shaken(
     speed = AT_REST
     if rate is not None:
         rate = rate @ turn.T
-        speed = speed if time is None else _speed(samples, force, rate)
+        speed = speed if time is None else _measure_speed(samples, force, rate)
     if time is None:  # each row for itself
         return speed, estimate_shaking(np.arange(float(len(force))), force, None, AT_REST, 1.0)
     return speed, estimate_shaking(time, force, rate, speed, setup.settling_s)
 
 
-def _level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
+def _assume_level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
     """No tilt, and how level that is: by the setup, by what the log tells, or as a rule."""
     zero = np.zeros(1)
-    roll_sd = pitch_sd = np.full(1, _stated(setup, LEVEL_SD_DEG))
+    roll_sd = pitch_sd = np.full(1, _find_stated_sd(setup, LEVEL_SD_DEG))
     notes: tuple[str, ...] = ()
     if setup.tilt_sd_deg is None:
         angles = _recorded(samples, turn)
@@ -284,7 +290,7 @@ def _recorded(samples: Samples, turn: Array) -> tuple[Array, Array] | None:
     return (roll[known], pitch[known]) if known.any() else None
 
 
-def _automatic(samples: Samples) -> tuple[str, tuple[str, ...]]:
+def _choose_best(samples: Samples) -> tuple[str, tuple[str, ...]]:
     """The best source that there is, and why it is that one."""
     there = samples.columns()
     if {"roll_deg", "pitch_deg"} <= there.keys():
@@ -308,7 +314,7 @@ def _automatic(samples: Samples) -> tuple[str, tuple[str, ...]]:
     )
 
 
-def _needed(samples: Samples, name: str, source: str) -> Array:
+def _require_column(samples: Samples, name: str, source: str) -> Array:
     values: Array | None = getattr(samples, name)
     if values is None:
         raise LogError(

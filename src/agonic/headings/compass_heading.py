@@ -80,12 +80,12 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
         )
     late = time + compass.latency_s  # when these moments show in the readings
     own = samples.time[fresh]
-    field = _interpolated(late, own, samples.field[fresh])
+    field = _interpolate(late, own, samples.field[fresh])
     moved = {
         name: (
-            _interpolated(late, own, values[fresh])
+            _interpolate(late, own, values[fresh])
             if name in VECTORS
-            else _interpolated(time, samples.time, values)
+            else _interpolate(time, samples.time, values)
         )
         for name, values in columns.items()
     }
@@ -133,7 +133,7 @@ def _check(samples: Samples, compass: Compass) -> None:
     check_axes(calibration, samples)
 
 
-def _interpolated(wanted: Array, time: Array, values: Array) -> Array:
+def _interpolate(wanted: Array, time: Array, values: Array) -> Array:
     if len(time) < 2:
         raise LogError("a single reading cannot be brought to other times; give a longer log")
     if values.ndim == 1:
@@ -199,7 +199,7 @@ def _piece(
     if compass.deviation is not None:
         heeled = compass.deviation.heel is not None
         heel = kernel.roll_pitch_deg(tilt) if heeled else (0.0, 0.0)
-        magnetic, gain, own = _deviated(compass.deviation, turned.heading_deg, *heel)
+        magnetic, gain, own = _add_deviation(compass.deviation, turned.heading_deg, *heel)
         systematic, random = gain**2 * systematic + own, gain**2 * random
     return Indication(
         turned.heading_deg, magnetic, random, systematic, turned.horizontal, turned.vertical
@@ -255,7 +255,7 @@ def _by_tilt(
     return np.maximum(linear, select_rows(attitude.variance, rows) * tangent**2)
 
 
-def _deviated(
+def _add_deviation(
     card: Deviation, heading_deg: Array, roll_deg: Array | float, pitch_deg: Array | float
 ) -> tuple[Array, Array, Array]:
     """Magnetic heading, d(magnetic)/d(compass), and the variance of the deviation, degrees²."""

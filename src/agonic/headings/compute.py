@@ -104,7 +104,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AgonicWarning)  # the rows have said it by themselves
             looked, smoothed, why = smooth_rows(first, looked, look, setup, around)
-    found = _assembled(first, setup, looked, around, smoothed)
+    found = _make_heading(first, setup, looked, around, smoothed)
     return replace(found, notes=(*said, *found.notes, *why))
 
 
@@ -150,7 +150,7 @@ def _on_the_clock_of(first: Samples, other: Samples) -> Samples:
     return other if late == 0.0 else other.with_columns(time=other.time + late, epoch=first.epoch)
 
 
-def _assembled(
+def _make_heading(
     first: Samples,
     setup: Setup,
     looked: Looked,

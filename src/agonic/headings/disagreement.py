@@ -43,11 +43,13 @@ def compare_with_expected(
     if around.horizontal is None or around.vertical is None:
         size = find_magnitude(compass.calibration)
         if size is None or tilt == LEVEL:
-            return Comparison(None, (_unseen(compass, "no field to compare it with is known"),))
+            return Comparison(
+                None, (_explain_unseen(compass, "no field to compare it with is known"),)
+            )
         return Comparison(_over(np.sqrt(h * h + z * z) / size - 1, setup.magnitude_limit))
     if tilt == LEVEL:
         if raw:
-            return Comparison(None, (_unseen(compass, "its calibration gives raw units"),))
+            return Comparison(None, (_explain_unseen(compass, "its calibration gives raw units"),))
         off = _over(h / around.horizontal - 1, setup.magnitude_limit)
         size = find_magnitude(compass.calibration)
         if has_two_axes(compass.calibration) and size is not None:
@@ -85,7 +87,7 @@ def _tell_other_magnitude(
     )
 
 
-def _unseen(compass: Compass, why: str) -> str:
+def _explain_unseen(compass: Compass, why: str) -> str:
     return f"disturbances of {compass.sensor} were not looked for: {why}"
 
 

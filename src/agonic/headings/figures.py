@@ -21,8 +21,8 @@ def draw_heading(found: Heading) -> Markup:
     """The true heading over time with its band."""
     y = Axis("true heading, °", 0.0, 360.0)
     columns, x = _columns(found)
-    turned = _filled(found.true_deg, found.trusted)
-    reach = WIDE * columns.mean(_filled(found.sd_deg, found.trusted))
+    turned = _fill(found.true_deg, found.trusted)
+    reach = WIDE * columns.mean(_fill(found.sd_deg, found.trusted))
     least, largest, middle = columns.least(turned), columns.largest(turned), columns.mean(turned)
     through_north = (largest - least > 180.0) | (np.abs(np.diff(middle, append=middle[-1])) > 180.0)
     gap = np.where(through_north, np.nan, 0.0)  # 359° is beside 1°, and far on the paper
@@ -38,7 +38,7 @@ def draw_heading(found: Heading) -> Markup:
 def draw_sd(found: Heading) -> Markup:
     """The standard error of the heading over time, and the part that noise makes."""
     columns, x = _columns(found)
-    sd, random = (_filled(v, found.trusted) for v in (found.sd_deg, found.random_sd_deg))
+    sd, random = (_fill(v, found.trusted) for v in (found.sd_deg, found.random_sd_deg))
     top = robust_limit(sd, 0.1, found.trusted.astype(np.float64))
     y = Axis("standard error, °", 0.0, 1.1 * top)
     layers = [
@@ -64,7 +64,7 @@ def draw_field(found: Heading, field: Array) -> list[Markup]:
 
 def _draw_steady(found: Heading, values: Array, name: str, unit: str) -> Markup:
     columns, x = _columns(found)
-    values = _filled(values, np.isfinite(values))
+    values = _fill(values, np.isfinite(values))
     low, high = np.percentile(values, (0.5, 99.5))
     margin = max(0.15 * float(high - low), 1e-3 * abs(float(high)), 1e-9)
     y = Axis(f"{name.split()[0].lower()}, {unit}", float(low) - margin, float(high) + margin)
@@ -93,7 +93,7 @@ def _columns(found: Heading) -> tuple[Columns, Axis]:
     return Columns(x, along), x
 
 
-def _filled(values: Array, known: Mask) -> Array:
+def _fill(values: Array, known: Mask) -> Array:
     """Values with the median of those that are known where there is none."""
     usable = known & np.isfinite(values)
     middle = float(np.median(values[usable])) if usable.any() else 0.0

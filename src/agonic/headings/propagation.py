@@ -100,7 +100,7 @@ def propagate_parts(
     noise: float | None = None
     for step, given, made in zip(reversed(steps), values[-2::-1], values[:0:-1], strict=True):
         calibration, root = step
-        before = _carried_back(calibration, columns, gradient)
+        before = _carry_back(calibration, columns, gradient)
         if root is not None:
             row = _row(calibration, given, made, columns, gradient, before)
             found.append(root.T @ row)
@@ -110,7 +110,7 @@ def propagate_parts(
     return found, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
 
 
-def _carried_back(
+def _carry_back(
     step: Affine | Thermal | Alignment, columns: Mapping[str, Array], gradient: Array
 ) -> Array:
     """Mᵀ g, (3, n), with M what a step multiplies by."""

@@ -75,9 +75,9 @@ def find_change(e: Evidence, *, attitude_aided: bool = False) -> Changed | None:
     """
     rows = choose_evenly(len(e.readings), MOST_ROWS)
     pair = None if attitude_aided else _pair(e, rows)
-    if pair is not None and (mixed := _mixed(pair)) is not None:
+    if pair is not None and (mixed := _check_mixed(pair)) is not None:
         return Changed(mixed, 0.0)
-    rough = _second_population(e, rows, pair) or _stretch_of_its_own(e) or _crowded_outliers(e)
+    rough = _second_population(e, rows, pair) or _stretch_of_its_own(e) or _find_crowded_outliers(e)
     if rough is None:
         return None
     placed = _place(e, rough)
@@ -185,7 +185,7 @@ def _on_the_surface(e: Evidence, rows: Index) -> tuple[Array, Array, Array]:
     return residuals, normals, (feet - e.bias) / e.radius
 
 
-def _crowded_outliers(e: Evidence) -> _Change | None:
+def _find_crowded_outliers(e: Evidence) -> _Change | None:
     """Outliers that come in stretches: the fit holds for the rest of the log only."""
     outlier = e.weights == 0.0
     if not OUTLIERS_DOUBTFUL < outlier.mean() < 1.0:
@@ -198,7 +198,7 @@ def _crowded_outliers(e: Evidence) -> _Change | None:
     return _Change(longest, size, size, e.noise)
 
 
-def _mixed(pair: Pair) -> Finding | None:
+def _check_mixed(pair: Pair) -> Finding | None:
     """Two sensors in one log: the readings lie on two spheres, row by row."""
     second = pair.side[pair.side != 0] > 0
     share = float(second.mean())

@@ -128,7 +128,7 @@ def check_axes(
     clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
     if misfit[0] < VERTICAL_DOUBTFUL or not clear:
         return None
-    turn = _signed(turns[best], down, field[calm], upwards)
+    turn = _choose_sign(turns[best], down, field[calm], upwards)
     return Finding(
         "axes",
         "check",
@@ -187,7 +187,7 @@ def _tilts(down: Array) -> int:
     return len(np.unique(np.rint(4 * down) @ (81.0, 9.0, 1.0)))
 
 
-def _signed(turn: Array, down: Array, field: Array, upwards: bool | None) -> Array:
+def _choose_sign(turn: Array, down: Array, field: Array, upwards: bool | None) -> Array:
     """The turn or its reverse: the one that fits the field's sign, or that reverses fewer axes."""
     if upwards is None:
         return turn if np.count_nonzero(turn < 0) < 2 else 0.0 - turn

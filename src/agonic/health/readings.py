@@ -32,14 +32,14 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     found = [
         *check_rejected(samples.rejected, len(samples) + sum(samples.rejected.values())),
         _few(samples),
-        *(_frozen(rows, axis) for axis, rows in enumerate(stuck)),
-        _clipped(find_clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
+        *(_check_frozen(rows, axis) for axis, rows in enumerate(stuck)),
+        _check_clipped(find_clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
         check_dead_zones(samples.field, find_dead_zones(samples.field), samples.unit),
         _stale(samples.field),
         _gaps(samples),
-        _corrected(samples),
+        _check_corrected(samples),
         _unread(samples),
-        _normalised(samples.field),
+        _check_normalised(samples.field),
     ]
     return tuple(finding for finding in found if finding is not None)
 
@@ -90,7 +90,7 @@ def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
     ]
 
 
-def _normalised(field: Array) -> Finding | None:
+def _check_normalised(field: Array) -> Finding | None:
     """Readings that a driver has divided by their own length: no magnitude is left to fit.
 
     No sensor is so steady: even in one place its noise is some parts in 10⁵.
@@ -165,7 +165,7 @@ def _throughout(stuck: Mask) -> bool:
     return int(np.count_nonzero(~stuck)) < min(FEWEST, len(stuck))
 
 
-def _frozen(stuck: Mask, axis: int) -> Finding | None:
+def _check_frozen(stuck: Mask, axis: int) -> Finding | None:
     """An axis that stands still, throughout or for a time, while the others move."""
     if not stuck.any():
         return None
@@ -220,7 +220,7 @@ def _piles_up(values: Array, others: Array, at_end: Mask) -> bool:
     return bool(spread > 3 * np.sqrt(2 * radius * step))
 
 
-def _clipped(clipped: Mask) -> Finding | None:
+def _check_clipped(clipped: Mask) -> Finding | None:
     if not clipped.any():
         return None
     share = 100 * clipped.mean()
@@ -261,7 +261,7 @@ def _gaps(samples: Samples) -> Finding | None:
     )
 
 
-def _corrected(samples: Samples) -> Finding | None:
+def _check_corrected(samples: Samples) -> Finding | None:
     if not samples.corrected:
         return None
     return Finding(

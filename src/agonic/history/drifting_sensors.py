@@ -91,16 +91,16 @@ def _fit_plain_lines(columns: dict[str, NDArray[Any]], first: Index, last: Index
     of = np.repeat(np.arange(len(first)), last - first)
     rows = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])
 
-    def centred(values: Array) -> Array:
+    def centre(values: Array) -> Array:
         out = np.zeros(size)
         out[rows] = values[rows] - (total(values) / n)[of]
         return out
 
-    time = centred(columns["time"])
+    time = centre(columns["time"])
     span = np.maximum(total(time**2), 1e-300)
     least = np.ones(len(first))
     for axis in "xyz":
-        value = centred(columns[f"bias_{axis}"])
+        value = centre(columns[f"bias_{axis}"])
         slope = total(time * value) / span
         left = np.maximum(total(value**2) - slope**2 * span, 1e-300) / (n - 2)
         least = np.minimum(least, 2 * stdtr(n - 2, -np.abs(slope) / np.sqrt(left / span)))

@@ -129,7 +129,7 @@ class LiveFit:
         if found is None:
             return None
         if self._fitted is None or self._fitted[0] != found.n:
-            self._fitted = (found.n, self._assembled())
+            self._fitted = (found.n, self._make_result())
         return self._fitted[1]
 
     @property
@@ -251,7 +251,7 @@ class LiveFit:
         grave = (finding for finding in made.fit.findings if finding.severity != "note")
         return (*grave, *list_failed(made.verification))
 
-    def _assembled(self) -> tuple[Affine, Coverage]:
+    def _make_result(self) -> tuple[Affine, Coverage]:
         """The last fit in the unit of the readings, and its coverage."""
         found, boxes, reference = self.state.found, self.boxes, self.params.reference
         assert found is not None

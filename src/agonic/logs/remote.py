@@ -54,7 +54,7 @@ class Remote:
     def open(self, mode: str = "rb") -> Any:
         """A file to be read in any order, and in no other mode."""
         system, path = _find_system(self.url)
-        with _explained(self.url):
+        with _explain_errors(self.url):
             return system.open_input_file(path)
 
     def is_file(self) -> bool:
@@ -65,7 +65,7 @@ class Remote:
 
     def hash(self) -> str:
         """The SHA-256 of its content, for which all of it is read once."""
-        with _explained(self.url), self.open() as stream:
+        with _explain_errors(self.url), self.open() as stream:
             found = hashlib.sha256()
             while piece := stream.read(_PIECE):
                 found.update(piece)
@@ -112,7 +112,7 @@ def fetch(name: Path | Remote | str) -> Iterator[Path]:
         return
     with TemporaryDirectory(prefix="agonic-") as folder:
         copy = Path(folder, file.name or "log")
-        with _explained(file.url), file.open() as stream, copy.open("wb") as target:
+        with _explain_errors(file.url), file.open() as stream, copy.open("wb") as target:
             while piece := stream.read(_PIECE):
                 target.write(piece)
         yield copy
@@ -128,7 +128,7 @@ def list_remote(url: str) -> list[Remote]:
     if Remote(url).is_file():
         return [Remote(url)]
     system, path = _find_system(url)
-    with _explained(url):
+    with _explain_errors(url):
         below = system.get_file_info(FileSelector(path, recursive=True, allow_not_found=True))
     head, mark, asked = url.partition("?")
     start = head[: len(head.rstrip("/")) - len(path.rstrip("/"))]
@@ -142,7 +142,7 @@ def list_remote(url: str) -> list[Remote]:
 
 def _describe(file: Remote) -> Any:
     system, path = _find_system(file.url)
-    with _explained(file.url):
+    with _explain_errors(file.url):
         return system.get_file_info(path)
 
 
@@ -152,7 +152,7 @@ def _find_system(url: str) -> tuple[Any, str]:
         from pyarrow.fs import FileSystem, FSSpecHandler, PyFileSystem
     except ImportError:
         raise MissingExtraError("a file in object storage", "tables") from None
-    with _explained(url):
+    with _explain_errors(url):
         if url.partition("://")[0] in NATIVE:
             system, path = FileSystem.from_uri(url.replace(" ", "%20"))
             return system, str(path)
@@ -165,7 +165,7 @@ def _find_system(url: str) -> tuple[Any, str]:
 
 
 @contextmanager
-def _explained(url: str) -> Iterator[None]:
+def _explain_errors(url: str) -> Iterator[None]:
     """What storage objects to, as a `LogError`."""
     try:
         yield

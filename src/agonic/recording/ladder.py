@@ -147,7 +147,7 @@ class _Way(NamedTuple):
     fit: Callable[..., Affine]
     open_parts: Callable[..., FitPart]
 
-    def given(self, **settings: Any) -> _Way:
+    def with_settings(self, **settings: Any) -> _Way:
         """The same with settings."""
         return _Way(partial(self.fit, **settings), partial(self.open_parts, **settings))
 
@@ -165,7 +165,7 @@ def _list_others(
     said = {test.smaller: test.sentence for test in fit.tests if alone}
     for model, name in NAMES.items():
         if not alone or chosen.model != model:
-            yield name, _BY_MAGNITUDE.given(model=model), said.get(model, "")
+            yield name, _BY_MAGNITUDE.with_settings(model=model), said.get(model, "")
     if alone and reference is not None and _varies(samples.current_A):
         yield "full + current_A", _join("magnitude", sources=("current_A",)), ""
     if chosen.needs and method in CHANNELS:
@@ -185,7 +185,7 @@ def _start_near(chosen: Affine, samples: Samples) -> Affine:
 
 def _join(*channels: str, sources: tuple[str, ...] = ()) -> _Way:
     """The fit by those channels, with what sources add."""
-    return _BY_CHANNELS.given(channels=channels, settings=Settings(sources=sources))
+    return _BY_CHANNELS.with_settings(channels=channels, settings=Settings(sources=sources))
 
 
 def _varies(current: Array | None) -> bool:
@@ -245,7 +245,9 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[
     n = len(jacobian)
     by_heading = jacobian @ chosen.covariance[:m, :m] @ jacobian.T
     raw = chosen.magnitude * directions @ np.linalg.inv(chosen.matrix).T + chosen.bias
-    added = _added(chosen, samples) - _added(rung, samples)  # (k, 3), at several moments
+    added = _evaluate_sources(chosen, samples) - _evaluate_sources(
+        rung, samples
+    )  # (k, 3), at several moments
     field = (raw + added[:, None] - rung.bias) @ rung.matrix.T
     if chosen.gauge == FREE and rung.gauge != FREE:
         field = field @ _mount(chosen.matrix @ np.linalg.inv(rung.matrix)).T
@@ -260,7 +262,7 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[
     return size, float(np.sqrt(variance) / (2 * size)) if size else 0.0
 
 
-def _added(calibration: Affine, samples: Samples, moments: int = 25) -> Array:
+def _evaluate_sources(calibration: Affine, samples: Samples, moments: int = 25) -> Array:
     """What sources on board add to the readings, (k, 3), at moments spread over the samples."""
     if not isinstance(calibration, Interference):
         return np.zeros((1, 3))

@@ -164,7 +164,7 @@ def _group(
     compared: bool = True,
 ) -> Group:
     """The numbers that `view` takes out of the new calibration and, compared, of the logged one."""
-    new, logged = result.fit.calibration, _logged(result) if compared else None
+    new, logged = result.fit.calibration, _find_logged(result) if compared else None
     value, errors = view(new).tolist(), propagate_sd(new, view).tolist()
     before = [None] * len(value) if logged is None else view(logged).tolist()
     rows = zip(labels, value, errors, before, strict=True)
@@ -200,12 +200,12 @@ def _move_each(calibration: Affine) -> list[tuple[Affine, Affine]]:
     pairs = _MOVED.get(calibration)  # asked once: its key is all that it holds
     if pairs is None:
         steps = np.diag(_steps(calibration))
-        pairs = [(_moved(calibration, by), _moved(calibration, -by)) for by in steps]
+        pairs = [(_move(calibration, by), _move(calibration, -by)) for by in steps]
         _MOVED[calibration] = pairs
     return pairs
 
 
-def _moved(calibration: Affine, by: Array) -> Affine:
+def _move(calibration: Affine, by: Array) -> Affine:
     """The calibration with its parameters moved."""
     basis = model_basis("full", calibration.gauge)
     size = basis.shape[1]
@@ -220,7 +220,7 @@ def _moved(calibration: Affine, by: Array) -> Affine:
     return replace(calibration, **changed)
 
 
-def _logged(result: Calibrated) -> Affine | None:
+def _find_logged(result: Calibrated) -> Affine | None:
     """The earlier correction as a calibration, so that its numbers are made the same way."""
     logged = result.samples.logged
     if logged is None or mixes_sensors(result.fit.calibration):

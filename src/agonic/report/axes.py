@@ -81,30 +81,30 @@ class Columns:
         self._starts = np.cumsum(self.counts) - self.counts
         self.right = right(x, self.mean(along))
 
-    def _sorted(self, values: Array) -> Array:
+    def _sort(self, values: Array) -> Array:
         return values if self._order is None else values[self._order]
 
     def mean(self, values: Array, weights: Array | None = None) -> Array:
         """The mean of each column, weighted where weights are given; NaN where all are 0."""
         if weights is None:
-            return np.asarray(np.add.reduceat(self._sorted(values), self._starts) / self.counts)
-        total = np.add.reduceat(self._sorted(weights), self._starts)
-        sums = np.add.reduceat(self._sorted(weights * values), self._starts)
+            return np.asarray(np.add.reduceat(self._sort(values), self._starts) / self.counts)
+        total = np.add.reduceat(self._sort(weights), self._starts)
+        sums = np.add.reduceat(self._sort(weights * values), self._starts)
         means = np.full(len(sums), np.nan)
         np.divide(sums, total, out=means, where=total > 0)
         return means
 
     def least(self, values: Array) -> Array:
         """The least value of each column."""
-        return np.asarray(np.minimum.reduceat(self._sorted(values), self._starts))
+        return np.asarray(np.minimum.reduceat(self._sort(values), self._starts))
 
     def largest(self, values: Array) -> Array:
         """The largest value of each column."""
-        return np.asarray(np.maximum.reduceat(self._sorted(values), self._starts))
+        return np.asarray(np.maximum.reduceat(self._sort(values), self._starts))
 
     def percentiles(self, values: Array, wanted: Sequence[float]) -> Array:
         """Percentiles of each column, (len(wanted), k)."""
-        parts = np.split(self._sorted(values), self._starts[1:])
+        parts = np.split(self._sort(values), self._starts[1:])
         return np.array([np.percentile(part, wanted) for part in parts]).T
 
     def edges(self) -> tuple[Array, Array]:

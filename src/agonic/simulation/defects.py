@@ -86,7 +86,7 @@ def with_gap(start: float, stop: float) -> Defect:
     >>> with_gap(1, 3)(Samples(time=[0, 1, 2, 3], field=np.zeros((4, 3)))).time.tolist()
     [0.0, 3.0]
     """
-    return lambda samples: samples.select(~_between(samples, start, stop))
+    return lambda samples: samples.select(~_find_rows_between(samples, start, stop))
 
 
 def frozen(axis: int, *, start: float = -np.inf) -> Defect:
@@ -100,7 +100,7 @@ def frozen(axis: int, *, start: float = -np.inf) -> Defect:
         raise AgonicError(f"axis is {axis}; it needs 0, 1 or 2 for x, y or z")
 
     def defect(samples: Samples) -> Samples:
-        rows = np.flatnonzero(_between(samples, start, np.inf))
+        rows = np.flatnonzero(_find_rows_between(samples, start, np.inf))
         field = samples.field.copy()
         field[rows, axis] = field[rows[:1], axis]
         return samples.with_columns(field=field)
@@ -117,7 +117,7 @@ def magnet_attached(at: float, offset: ArrayLike, *, until: float = np.inf) -> D
     """
 
     def defect(samples: Samples) -> Samples:
-        present = _between(samples, at, until)[:, None]
+        present = _find_rows_between(samples, at, until)[:, None]
         return samples.with_columns(field=samples.field + present * np.asarray(offset, float))
 
     return defect
@@ -234,7 +234,7 @@ def _time(samples: Samples) -> Array:
     return samples.time
 
 
-def _between(samples: Samples, start: float, stop: float) -> Mask:
+def _find_rows_between(samples: Samples, start: float, stop: float) -> Mask:
     """The rows from `start` up to, not including, `stop` seconds."""
     if start == -np.inf and stop == np.inf:
         return np.ones(len(samples), dtype=bool)

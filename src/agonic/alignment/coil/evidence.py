@@ -25,8 +25,8 @@ def examine(fit: CoilFit) -> tuple[Finding, ...]:
         _geodetic,
         _no_inertial_axis,
         _nonlinear,
-        _even,
-        _correlated,
+        _check_even,
+        _check_correlated,
     )
     return tuple(found for check in checks if (found := check(fit)) is not None)
 
@@ -93,7 +93,7 @@ def _nonlinear(fit: CoilFit) -> Finding | None:
     return Finding("nonlinear", "check", what, move)
 
 
-def _even(fit: CoilFit) -> Finding | None:
+def _check_even(fit: CoilFit) -> Finding | None:
     even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
     if not spread.any() or (even**2 / spread).max() <= STANDS_OUT**2:
         return None
@@ -104,7 +104,7 @@ def _even(fit: CoilFit) -> Finding | None:
     return Finding("even in the current", "note", what, move)
 
 
-def _correlated(fit: CoilFit) -> Finding | None:
+def _check_correlated(fit: CoilFit) -> Finding | None:
     length = float(fit.estimate.correlation.max())
     if length <= CORRELATED:
         return None

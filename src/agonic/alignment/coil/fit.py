@@ -162,20 +162,20 @@ def _directions(
     last = known["m"]
     if session.alignment is not None:
         spread = session.alignment.covariance
-        last = _turned(last, session.alignment.frame_out, _onto_p(session), spread)
+        last = _turn_direction(last, session.alignment.frame_out, _onto_p(session), spread)
         known[last.frame] = last
     attitude = session.attitude
     if attitude is None:
         return known
     # the attitude's error stands in the platform's axes, before the turn into north-east-down
-    tilted = _turned(last, last.frame, np.eye(3), attitude.covariance)
-    known["n"] = _turned(tilted, "n", attitude.rot_pn.T, None)
+    tilted = _turn_direction(last, last.frame, np.eye(3), attitude.covariance)
+    known["n"] = _turn_direction(tilted, "n", attitude.rot_pn.T, None)
     if session.site is not None:
         fixed = rot_en(session.site.latitude_deg, session.site.longitude_deg)
-        known["e"] = _turned(known["n"], "e", fixed, None)
+        known["e"] = _turn_direction(known["n"], "e", fixed, None)
         rot_ie = _rot_ie(time)
         if rot_ie is not None:
-            known["i"] = _turned(known["e"], "i", rot_ie, None)
+            known["i"] = _turn_direction(known["e"], "i", rot_ie, None)
     return known
 
 
@@ -189,7 +189,7 @@ def _rot_ie(time: float | None) -> Array | None:
         return None
 
 
-def _turned(given: Direction, frame: str, matrix: Array, spread: Array | None) -> Direction:
+def _turn_direction(given: Direction, frame: str, matrix: Array, spread: Array | None) -> Direction:
     """In other axes; `spread` is the covariance of the turn's own rotation vector there."""
     axis = matrix @ given.axis
     covariance = matrix @ given.covariance @ matrix.T

@@ -25,7 +25,7 @@ ENOUGH, MOST_DRIFT = 16, 16
 
 def find_mistakes(fit: CoilFit) -> list[Finding]:
     """What the axis as drawn, the reference, the size of the current and the halves tell."""
-    return [*_large_current(fit), *_far_from_drawn(fit), *_beside(fit), *_drifting(fit)]
+    return [*_large_current(fit), *_far_from_drawn(fit), *_check_reference(fit), *_drifting(fit)]
 
 
 def _large_current(fit: CoilFit) -> list[Finding]:
@@ -48,7 +48,7 @@ def _far_from_drawn(fit: CoilFit) -> list[Finding]:
     return [Finding("axis not as drawn", "check", what, move)]
 
 
-def _beside(fit: CoilFit) -> list[Finding]:
+def _check_reference(fit: CoilFit) -> list[Finding]:
     """What the reference says: of the coil it should see nothing, of the ambient field all."""
     session = fit.session
     samples, reference = session.magnetometer, session.reference
@@ -73,7 +73,7 @@ def _beside(fit: CoilFit) -> list[Finding]:
         )
         move = "put the reference farther from the coil, or fit without it"
         found.append(Finding("coil in the reference", "check", what, move))
-    ambient = (_corrected(fit) - np.outer(samples.current_A, fit.estimate.linear)).mean(axis=0)
+    ambient = (_correct_field(fit) - np.outer(samples.current_A, fit.estimate.linear)).mean(axis=0)
     more = float(np.linalg.norm(ambient) / np.linalg.norm(beside.mean(axis=0))) - 1
     if abs(more) > OTHER_SIZE:
         what = (
@@ -86,7 +86,7 @@ def _beside(fit: CoilFit) -> list[Finding]:
     return found
 
 
-def _corrected(fit: CoilFit) -> Array:
+def _correct_field(fit: CoilFit) -> Array:
     """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
     known, samples = fit.session.calibration, fit.session.magnetometer
     if known is None:

@@ -83,7 +83,7 @@ class Fitted(NamedTuple):
 
 def evaluate(seen: Stretch, columns: Array, drift: int) -> Fitted:
     """Columns (n, c) of the current beside the drift and the reference, by weighted squares."""
-    parts = [columns, legvander(_centred(seen.time), drift)]
+    parts = [columns, legvander(_centre_times(seen.time), drift)]
     if seen.reference is not None:
         b = seen.reference - seen.reference.mean(axis=0)
         parts.append(b / max(float(np.abs(b).max()), 1e-9))
@@ -142,7 +142,7 @@ def estimate_levels(seen: Stretch, drift: int, level: NDArray[np.int64]) -> tupl
     return found.coefficients / scale, sd / scale
 
 
-def _centred(time: Array) -> Array:
+def _centre_times(time: Array) -> Array:
     """Times brought to −1…1."""
     return np.asarray(2 * (time - time[0]) / max(float(time[-1] - time[0]), 1e-9) - 1)
 

@@ -242,12 +242,14 @@ def _start(since: Array, reading: Array) -> Array:
     span = float(since[-1])
     highest = np.pi / max(float(np.median(np.diff(since))), span / 200)
     trials = np.geomspace(2 * np.pi * _PERIODS / span, highest, _GRID)
-    best = min((_undamped(omega, since, reading) for omega in trials), key=lambda found: found[0])
+    best = min(
+        (_fit_undamped(omega, since, reading) for omega in trials), key=lambda found: found[0]
+    )
     _, linear, omega = best
     return np.array([*linear, 0.0, omega])
 
 
-def _undamped(omega: float, since: Array, reading: Array) -> tuple[float, Array, float]:
+def _fit_undamped(omega: float, since: Array, reading: Array) -> tuple[float, Array, float]:
     design = np.stack([np.ones_like(since), np.cos(omega * since), np.sin(omega * since)], axis=1)
     linear, *_ = np.linalg.lstsq(design, reading, rcond=None)
     return float(((reading - design @ linear) ** 2).sum()), linear, float(omega)

@@ -78,14 +78,14 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
     assert platform is not None, "asked for only with a platform"
     heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
     readings = _read(session, platform)
-    given = _given(platform, heading, readings)
+    given = _average_readings(platform, heading, readings)
     prior = _prior_information(session, north_sd_arcsec)
     at, start = _solve(session, given, prior)
     chance = find_settling_chance(_list_residuals(at, given, readings))
     settled = np.zeros(3)
     if chance < RARE:
         first, last = (
-            _solve(session, _given(platform, heading, half), prior)[0].rot_mc
+            _solve(session, _average_readings(platform, heading, half), prior)[0].rot_mc
             for half in _halve(readings)
         )
         # half of the time apart, so twice that over all of it
@@ -227,7 +227,7 @@ def _halve(readings: _Readings) -> tuple[_Readings, _Readings]:
     return first, last
 
 
-def _given(platform: Platform, heading_deg: Array, readings: _Readings) -> Given:
+def _average_readings(platform: Platform, heading_deg: Array, readings: _Readings) -> Given:
     """Means of every orientation, its attitude and what that is uncertain by."""
     counts = np.array([len(own) for own in readings.field])
     turn = np.swapaxes(rot_nb(platform.roll_deg, platform.pitch_deg, heading_deg), -1, -2)

@@ -105,7 +105,7 @@ def fit_remanence(
     _check_circle(angle, len(visits))
     field = np.array([samples.field[rows].mean(axis=0) for rows in visits])
     noise = _noise(samples.field, visits)
-    beside = _beside(samples, reference, visits)
+    beside = _make_ambient_columns(samples, reference, visits)
     twice = len(visits) >= FOR_TWICE + beside.shape[1] - 2
     found = fit_harmonics(np.radians(angle), field, noise, beside, twice=twice)
     if reference is None:
@@ -166,7 +166,9 @@ def _noise(field: Array, visits: list[Index]) -> Array:
     return np.array([sd / np.sqrt(len(rows)) for rows in visits])
 
 
-def _beside(samples: Samples, reference: Samples | None, visits: list[Index]) -> Array:
+def _make_ambient_columns(
+    samples: Samples, reference: Samples | None, visits: list[Index]
+) -> Array:
     """Columns (k, m) that the ambient field may follow."""
     if samples.time is None:
         return np.zeros((len(visits), 0))

@@ -175,7 +175,7 @@ class _Fields:
         raw, station = session.corrected, session.magnetometer.station
         assert station is not None, "checked when the session is"
         self.rows = _rows(station.astype(np.int64), session.orientations)
-        parts = [_interpolated(time[rows], reference_time) for rows in self.rows]
+        parts = [_find_weights(time[rows], reference_time) for rows in self.rows]
         beside = session.reference.field
         self.field = np.array([raw[rows].mean(axis=0) for rows in self.rows])
         self.reference = np.array([weights @ beside[at] for at, weights in parts])
@@ -199,7 +199,7 @@ class _Fields:
         return np.full(len(self.rows), float(value))
 
 
-def _interpolated(time: Array, known: Array) -> tuple[Index, Array]:
+def _find_weights(time: Array, known: Array) -> tuple[Index, Array]:
     """Rows of the known times and their weights in the mean of linear interpolations at `time`."""
     right = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
     if len(known) == 1:

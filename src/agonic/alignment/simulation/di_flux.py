@@ -71,8 +71,8 @@ def simulate_di_flux(
         ]
     )
     # each circle is set to the minute nearest a zero reading, the fluxgate reads the rest
-    circles[:4, 0] = np.round(_nulled(truth, circles[:4], 0) * 60) / 60
-    circles[4:8, 1] = np.round(_nulled(truth, circles[4:8], 1) * 60) / 60
+    circles[:4, 0] = np.round(_read_null(truth, circles[:4], 0) * 60) / 60
+    circles[4:8, 1] = np.round(_read_null(truth, circles[4:8], 1) * 60) / 60
     circles[8, 1] = circles[7, 1] + 0.18
     at = _at(circles)
     reading = kernel.predict(truth, at)[0] + noise * rng.standard_normal(9)
@@ -100,7 +100,7 @@ def simulate_di_flux(
     )
 
 
-def _nulled(truth: np.ndarray, circles: np.ndarray, which: int) -> np.ndarray:
+def _read_null(truth: np.ndarray, circles: np.ndarray, which: int) -> np.ndarray:
     """The readings (n,), degrees, of one circle at which the fluxgate reads nothing."""
     turned = circles.copy()
     for _ in range(8):

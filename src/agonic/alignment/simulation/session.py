@@ -106,7 +106,7 @@ def simulate_session(
     number = np.repeat(np.arange(len(rot)), readings).astype(np.int64)
     clock = _clock(len(rot), readings)
     seconds = clock.astype(np.float64)
-    beside = np.asarray(field_n) + _varied(np.arange(clock[-1] + TURN_S, dtype=np.float64), rng)
+    beside = np.asarray(field_n) + _vary_field(np.arange(clock[-1] + TURN_S, dtype=np.float64), rng)
     offset, zero = np.asarray(pier, dtype=np.float64), np.asarray(bias, dtype=np.float64)
     if remanence:
         zero = zero + remanence * np.array([0.6, -0.8, 0.0])
@@ -177,7 +177,7 @@ def _clock(count: int, readings: int) -> NDArray[np.int64]:
     return np.asarray((begin[:, None] + np.arange(readings)).ravel() + 5)
 
 
-def _varied(time: Array, rng: np.random.Generator) -> Array:
+def _vary_field(time: Array, rng: np.random.Generator) -> Array:
     """The field's slow variation (n, 3), nT."""
     periods = np.array([2_400.0, 5_100.0, 13_000.0])
     size = _VARIATION * rng.standard_normal((3, 3)) / 2

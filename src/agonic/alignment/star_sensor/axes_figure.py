@@ -29,8 +29,8 @@ def draw_axes(alpha_deg: float, beta_deg: float, gamma_deg: float) -> Markup:
     star = np.eye(3)
     flat = _choose_view(np.concatenate([star, last]))
     parts = [
-        *_between(flat, once[0], 0.9, "x₁"),
-        *_between(flat, twice[0], 0.5, "x₂"),
+        *_draw_axis_between(flat, once[0], 0.9, "x₁"),
+        *_draw_axis_between(flat, twice[0], 0.5, "x₂"),
         *_arc(flat, star[0], star[2], alpha_deg, "α", 0.9),
         *_arc(flat, once[2], once[1], beta_deg, "β", 0.7),
         *_arc(flat, twice[0], twice[2], gamma_deg, "γ", 0.5),
@@ -76,7 +76,7 @@ def _axis(flat: Array, end: Array, name: str, sign: str) -> list[Markup]:
     return [_line(flat, end, f"{kind} line"), svg_text(x, y + 4, f"{name}{sign}", kind)]
 
 
-def _between(flat: Array, end: Array, long: float, name: str) -> list[Markup]:
+def _draw_axis_between(flat: Array, end: Array, long: float, name: str) -> list[Markup]:
     """An axis half-way through the turns, with its name."""
     x, y = _place(flat, (long + 0.12) * end)
     return [_line(flat, end, "between", long), svg_text(x, y + 4, name, "half-way")]

@@ -56,7 +56,7 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         key_figures=[] if refused else _key_figures(fit),
         entries={} if refused else _entries(fit),
         entries_title="",
-        sections=[*([] if refused else [_alignment(fit)]), *list_evidence(fit)],
+        sections=[*([] if refused else [_describe_alignment(fit)]), *list_evidence(fit)],
         values={**_rank(fit), **({} if refused else _numbers(fit))},
         calibration=fit.calibration,
         styles=["alignment.css"],
@@ -127,7 +127,7 @@ def _with_sds(values: Array, sds: Array) -> str:
     return ", ".join(with_sd(float(v), float(s)) for v, s in zip(values, sds, strict=True))
 
 
-def _alignment(fit: AlignmentFit) -> Section:
+def _describe_alignment(fit: AlignmentFit) -> Section:
     """Angles, quaternion, matrix, and what else was solved for."""
     angles = [
         [f"{name}, degrees", group_digits(float(value), 7), f"{significant(float(sd), 2)}″"]

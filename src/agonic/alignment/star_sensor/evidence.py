@@ -51,7 +51,7 @@ def examine(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
     known = replace(fit, undetermined=words, add=add)
     spoilt = _spoilt(known)
     doubts = [] if spoilt else doubt(known)
-    findings = _undetermined(known) + doubts
+    findings = _check_undetermined(known) + doubts
     if not doubts:  # else these are what the same cause does
         findings += [] if spoilt else _loose(known, wanted_sd_arcsec)
         findings += _below_horizon(known) + _scatter(known)
@@ -95,7 +95,7 @@ def _moves(fit: AlignmentFit) -> str:
     return "add orientations: " + "; ".join(map(format_orientation, fit.add))
 
 
-def _undetermined(fit: AlignmentFit) -> list[Finding]:
+def _check_undetermined(fit: AlignmentFit) -> list[Finding]:
     """Combinations that nothing determines: some that matter to the alignment, others not."""
     if not fit.undetermined:
         return []

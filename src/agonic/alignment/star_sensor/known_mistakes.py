@@ -129,7 +129,7 @@ def _of_date_frames(session: Session) -> Iterator[Mistake]:
         yield _attitude(
             f"attitudes in {name}, not J2000",
             "turn them into J2000 (GCRS)",
-            partial(_turned_by, matrix),
+            partial(_turn_attitudes, matrix),
         )
     origins = erfa.gst06a(UNIX_JD, tt, UNIX_JD, tt) - erfa.era00(UNIX_JD, tt)
     for sign, words in (
@@ -141,7 +141,7 @@ def _of_date_frames(session: Session) -> Iterator[Mistake]:
         yield _attitude(
             words,
             "turn the attitudes into J2000 (GCRS) with one consistent pair",
-            partial(_turned_by, about),
+            partial(_turn_attitudes, about),
         )
     yield _attitude(
         "attitudes in Earth-fixed axes, not J2000",
@@ -150,7 +150,7 @@ def _of_date_frames(session: Session) -> Iterator[Mistake]:
     )
 
 
-def _turned_by(matrix: Array, star: StarReadings) -> Array:
+def _turn_attitudes(matrix: Array, star: StarReadings) -> Array:
     """Attitudes from other axes than inertial ones."""
     return np.asarray(star.rot_ci @ matrix)
 
@@ -232,16 +232,16 @@ def _of_effects(session: Session) -> Iterator[Mistake]:
         yield Mistake(
             f"{effect} {words}",
             f'state {effect} = "{other}"',
-            partial(_stated, effect, other),
+            partial(_state_effect, effect, other),
         )
 
 
-def _stated(effect: str, as_: str, session: Session) -> Session:
+def _state_effect(effect: str, as_: str, session: Session) -> Session:
     changed = {effect: as_}
     return replace(session, star=replace(session.star, **changed))  # type: ignore[arg-type]
 
 
-def _reversed(sign: Array, session: Session) -> Session:
+def _reverse(sign: Array, session: Session) -> Session:
     field = session.magnetometer.field * sign
     return replace(session, magnetometer=session.magnetometer.with_columns(field=field))
 
@@ -269,7 +269,7 @@ def _of_fields() -> Iterator[Mistake]:
         yield Mistake(
             f"left-handed axes of the magnetometer, its {axis} reversed",
             f"change the sign of mag_{axis}",
-            partial(_reversed, sign),
+            partial(_reverse, sign),
         )
     yield Mistake(
         "the pier difference with the sign reversed",

@@ -89,7 +89,7 @@ def _list_causes(
     observed: Observed, solution: Solution, site: Site, jacobian: Array
 ) -> Iterator[_Cause]:
     yield _clock(solution, site)
-    yield from _unsolved(solution, jacobian)
+    yield from _list_unsolved(solution, jacobian)
     turns, shifts = jacobian[:, :, GROUPS["alignment"]], jacobian[:, :, GROUPS["pier"]]
     steadily = (observed.time - observed.time.mean()) / max(float(np.ptp(observed.time)), 1e-9)
     yield _Cause(
@@ -125,7 +125,7 @@ def _clock(solution: Solution, site: Site) -> _Cause:
     return _Cause("clock", moved, words, "correct the times of the star sensor")
 
 
-def _unsolved(solution: Solution, jacobian: Array) -> Iterator[_Cause]:
+def _list_unsolved(solution: Solution, jacobian: Array) -> Iterator[_Cause]:
     """What could be solved for and was not."""
     for groups, what, solved in (
         (("reference",), "axes of the reference", "the axes of the reference"),

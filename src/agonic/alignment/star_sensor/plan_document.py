@@ -43,7 +43,7 @@ def describe_plan(plan: AlignmentPlan) -> Document:
                 style="pair plan",
             ),
             Section("", [ROLL], printed=True),
-            Section("Standard errors to expect", [_expected(plan)], printed=True),
+            Section("Standard errors to expect", [_describe_expected(plan)], printed=True),
         ],
         values={
             "orientations": [
@@ -86,7 +86,7 @@ def _dome(plan: AlignmentPlan) -> Markup:
     )
 
 
-def _expected(plan: AlignmentPlan) -> dict[str, str]:
+def _describe_expected(plan: AlignmentPlan) -> dict[str, str]:
     """Standard errors of every group that is solved for."""
     expected = {}
     for group in plan.solve:

@@ -153,10 +153,10 @@ def solve_for(session: Session, observed: Observed, solve: Collection[str]) -> S
         cost = solution.cost
         if settled or hopeless:
             break
-    return _assembled(session, at, given, groups, free, prior, magnitude, iterations, converged)
+    return _make_solution(session, at, given, groups, free, prior, magnitude, iterations, converged)
 
 
-def _assembled(
+def _make_solution(
     session: Session,
     at: Unknowns,
     given: Given,

@@ -108,15 +108,15 @@ def estimate_gyro(record: Record, time: Array, rotation_rate: Array, limit_s: fl
 
 def _best(record: Record, path_at: Callable[[Array], Path], limit_s: float) -> Estimate:
     """The estimate from the best of a coarse grid, where it is clearly better than from zero."""
-    start = _scanned(record, path_at(np.zeros(3)), limit_s)
-    found = _refined(record, path_at, limit_s, start)
+    start = _scan(record, path_at(np.zeros(3)), limit_s)
+    found = _refine(record, path_at, limit_s, start)
     if abs(start) <= _SCAN_S:
         return found
-    near = _refined(record, path_at, limit_s, 0.0)
+    near = _refine(record, path_at, limit_s, 0.0)
     return found if found.cost < near.cost - _CLEARLY else near
 
 
-def _refined(
+def _refine(
     record: Record, path_at: Callable[[Array], Path], limit_s: float, latency: float
 ) -> Estimate:
     """Gauss–Newton on latency and gyro bias, with Tukey's weights anew at each step."""
@@ -124,10 +124,10 @@ def _refined(
     path = path_at(bias)
     for turn in range(_ITERATIONS):
         seen = _projected(record, path, latency, weights)
-        weights, noise = _weighed(record, seen.residuals)
-        slope, drift = _profiled(seen, weights / noise**2)
-        z, fall = _standardised(seen.residuals, slope, weights, noise)
-        trust = _trusted(z, fall)
+        weights, noise = _weigh_rows(record, seen.residuals)
+        slope, drift = _profile_drifts(seen, weights / noise**2)
+        z, fall = _standardise(seen.residuals, slope, weights, noise)
+        trust = _weigh_blocks(z, fall)
         information = float((trust * fall**2).sum())
         if not information > 0:
             break
@@ -138,10 +138,10 @@ def _refined(
             path = path_at(bias)
         elif step**2 * information < _SETTLED**2:
             break
-    return _concluded(record, path, latency, weights)
+    return _conclude(record, path, latency, weights)
 
 
-def _concluded(record: Record, path: Path, latency: float, weights: Array) -> Estimate:
+def _conclude(record: Record, path: Path, latency: float, weights: Array) -> Estimate:
     """The estimate with its standard error √(Σ J ρ Jᵀ)/H, ρ the correlation of the residuals.
 
     H, the curvature of the cost, is the change of the score over one interval of time: in ΣJ² the
@@ -149,14 +149,16 @@ def _concluded(record: Record, path: Path, latency: float, weights: Array) -> Es
     """
     half = float(np.median(np.diff(record.time))) / 2
     seen = _projected(record, path, latency, weights)
-    noise = _weighed(record, seen.residuals)[1]
-    z, fall = _standardised(seen.residuals, _profiled(seen, weights / noise**2)[0], weights, noise)
-    trust = _trusted(z, fall)
+    noise = _weigh_rows(record, seen.residuals)[1]
+    z, fall = _standardise(
+        seen.residuals, _profile_drifts(seen, weights / noise**2)[0], weights, noise
+    )
+    trust = _weigh_blocks(z, fall)
     scores = []
     for at in (latency - half, latency + half):
         near = _projected(record, path, at, weights)
-        slope, _ = _profiled(near, weights / noise**2)
-        there = _standardised(near.residuals, slope, weights, noise)
+        slope, _ = _profile_drifts(near, weights / noise**2)
+        there = _standardise(near.residuals, slope, weights, noise)
         scores.append(float((trust * there[0] * there[1]).sum()))
     curvature = (scores[0] - scores[1]) / (2 * half)
     scatter = compute_score_variance(z, fall, trust)
@@ -168,7 +170,7 @@ def _concluded(record: Record, path: Path, latency: float, weights: Array) -> Es
     return Estimate(latency, float(sd), _size(none), _size(seen.residuals), counted, cost)
 
 
-def _standardised(
+def _standardise(
     residuals: Array, slope: Array, weights: Array, noise: Array
 ) -> tuple[Array, Array]:
     """Residuals and slopes (n, 3) in units of the noise, weighted."""
@@ -176,7 +178,7 @@ def _standardised(
     return residuals * unit, slope * unit
 
 
-def _trusted(z: Array, fall: Array) -> Array:
+def _weigh_blocks(z: Array, fall: Array) -> Array:
     """Tukey's weight (n, 1) of the block of a row: small where a disturbance spoils the block.
 
     A block's score g = Σ J z over √h, h = Σ J², is judged by the scatter of those of all blocks.
@@ -194,7 +196,7 @@ def _trusted(z: Array, fall: Array) -> Array:
     return np.repeat(weights, np.diff(starts, append=len(z)))[:, None]
 
 
-def _scanned(record: Record, path: Path, limit_s: float) -> float:
+def _scan(record: Record, path: Path, limit_s: float) -> float:
     """The best latency of a coarse grid on some of the rows: Σ n log σ over stretches is least."""
     some = record.thin(_SCAN_ROWS)
     weights = np.ones(len(some.time))
@@ -203,7 +205,7 @@ def _scanned(record: Record, path: Path, limit_s: float) -> float:
     for latency in grid:
         found = _fit_stretches(some, path, latency, weights)
         residuals = found.residuals[found.inside]
-        costs.append(np.log(_weighed(some, residuals)[1]).sum())
+        costs.append(np.log(_weigh_rows(some, residuals)[1]).sum())
     return float(grid[np.argmin(costs)])
 
 
@@ -260,7 +262,7 @@ def _projected(record: Record, path: Path, latency: float, weights: Array) -> _P
     return _Projected(residuals[inside], slopes[:, inside])
 
 
-def _weighed(record: Record, residuals: Array) -> tuple[Array, Array]:
+def _weigh_rows(record: Record, residuals: Array) -> tuple[Array, Array]:
     """Tukey weight and standard deviation (n,) of each row, from the residuals of its stretch."""
     far = np.linalg.norm(residuals, axis=1)
     rows, inside = _fill_up(record.edges)
@@ -273,7 +275,7 @@ def _weighed(record: Record, residuals: Array) -> tuple[Array, Array]:
     return tukey().weight((far / noise) ** 2 / 3), noise
 
 
-def _profiled(seen: _Projected, weights: Array) -> tuple[Array, Array]:
+def _profile_drifts(seen: _Projected, weights: Array) -> tuple[Array, Array]:
     """The slope (n, 3) along latency, less what drifts explain of it; and the step of drifts."""
     along, drifts = seen.slopes[0], seen.slopes[1:]
     if not len(drifts):

@@ -15,7 +15,9 @@ def compute_score_variance(z: Array, fall: Array, trust: Array) -> float:
 
     Parameters: z, fall (the derivative J) (n, 3), in units of the noise; trust (n, 1).
     """
-    return max(_scatter(z, trust * fall), *(_batched(z, fall, count) for count in _BATCHES))
+    return max(
+        _scatter(z, trust * fall), *(_compute_batch_variance(z, fall, count) for count in _BATCHES)
+    )
 
 
 def _scatter(z: Array, fall: Array) -> float:
@@ -30,7 +32,7 @@ def _scatter(z: Array, fall: Array) -> float:
     return float(scores @ scores) * max(1 + 2 * float(rho[1:last] @ along[1:last]), 0.0)
 
 
-def _batched(z: Array, fall: Array, count: int) -> float:
+def _compute_batch_variance(z: Array, fall: Array, count: int) -> float:
     """The variance of Σ s by the scatter of the sums of batches of time, widened by Student's t.
 
     Batches count by their information: a log with three turns has three, however long it is. No

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agonic.atomic import write_atomically
 from agonic.errors import AgonicError
-from agonic.exports.firmware.ctext import fill_template
+from agonic.exports.firmware.c_text import fill_template
 from agonic.version import __version__
 
 URL = "https://github.com/agonic/agonic"

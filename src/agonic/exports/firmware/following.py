@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from agonic.calibration.sources import parse_source
 from agonic.errors import AgonicError
-from agonic.exports.firmware.ctext import fill_template, write_literal
+from agonic.exports.firmware.c_text import fill_template, write_literal
 
 FILTERED = """\
     {{ /* {column} is recorded through a filter, which is undone */

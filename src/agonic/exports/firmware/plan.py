@@ -172,9 +172,9 @@ class Plan:
 
         From the setup, else the magnitude of the calibration; `None` where neither tells.
         """
-        return tuple(self._expected(calibration) for calibration in self.calibrations)
+        return tuple(self._find_expected(calibration) for calibration in self.calibrations)
 
-    def _expected(self, calibration: Affine) -> float | None:
+    def _find_expected(self, calibration: Affine) -> float | None:
         h, v = self.setup.horizontal, self.setup.vertical
         if h is None or v is None:
             return None if self.tilt == "level" else calibration.magnitude

@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.exports.firmware.ctext import (
+from agonic.exports.firmware.c_text import (
     fill_template,
     write_comment,
     write_flash,
@@ -179,13 +179,13 @@ def _entry(plan: Plan, given: dict[str, Array], expected: Prediction, row: int) 
     names = ["raw", *tilt[plan.tilt], *sources, *(["temperature_C"] if plan.warm else [])]
     if isinstance(plan.declination, DeclinationGrid):
         names += ["latitude_deg", "longitude_deg"]
-    values = ", ".join(_nested(given[name][row]) for name in names)
+    values = ", ".join(_write_nested(given[name][row]) for name in names)
     outputs = (expected.magnitude, expected.compass_deg, expected.magnetic_deg, expected.true_deg)
     numbers = ", ".join(write_literal(float(column[row])) for column in outputs)
     return f"    {{{{{values}}}, {numbers}, {expected.used[row]}, {expected.status[row]}}},"
 
 
-def _nested(value: Array) -> str:
+def _write_nested(value: Array) -> str:
     if value.ndim == 0:
         return write_literal(float(value))
-    return "{" + ", ".join(map(_nested, value)) + "}"
+    return "{" + ", ".join(map(_write_nested, value)) + "}"

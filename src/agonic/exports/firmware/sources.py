@@ -10,7 +10,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.sources import Source, parse_source
 from agonic.exports.convert import write_banner
-from agonic.exports.firmware.ctext import (
+from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,

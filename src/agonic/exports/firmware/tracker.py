@@ -12,7 +12,7 @@ from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.errors import AgonicError
 from agonic.exports.convert import write_banner
-from agonic.exports.firmware.ctext import (
+from agonic.exports.firmware.c_text import (
     fill_template,
     make_c_name,
     require_identifier,

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.exports.firmware.ctext import write_array, write_literal
+from agonic.exports.firmware.c_text import write_array, write_literal
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.turning import filter as turning
 from agonic.maths.estimation.turning import reading

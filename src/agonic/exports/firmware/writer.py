@@ -11,7 +11,7 @@ from agonic.calibration.sources import parse_source
 from agonic.errors import AgonicError
 from agonic.exports.c_network_parts import has_network
 from agonic.exports.convert import Export
-from agonic.exports.firmware.ctext import fill_template, require_identifier, write_literal
+from agonic.exports.firmware.c_text import fill_template, require_identifier, write_literal
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.selftest import write_selftest

@@ -74,7 +74,7 @@ def heading(
         for compass, one in zip(chosen.compasses, samples, strict=True)
     )
     found = compute(samples, chosen, smooth=smooth)
-    assumed = _assumed(chosen, recording, samples, at, date)
+    assumed = _list_assumptions(chosen, recording, samples, at, date)
     files = [write_headings(found, out)]
     field = correct_field(chosen.compasses[0].calibration, samples[0]) if report else None
     inputs = [
@@ -86,7 +86,7 @@ def heading(
     return 0 if found.trusted.any() else 1
 
 
-def _assumed(
+def _list_assumptions(
     setup: Setup, log: Log, samples: tuple[Samples, ...], at: str | None, date: str | None
 ) -> list[str]:
     """What was taken for granted because nobody said otherwise, in sentences."""

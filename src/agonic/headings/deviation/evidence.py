@@ -66,8 +66,8 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     spread = (_uncertain(evidence), _scatter(evidence))
     if outlier is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
-    smaller = (_drift(evidence), _third(evidence), _alike(evidence), _left_out(evidence))
-    return sort_findings((_folded(evidence), shape, outlier, *spread, *smaller))
+    smaller = (_drift(evidence), _third(evidence), _alike(evidence), _check_left_out(evidence))
+    return sort_findings((_check_folded(evidence), shape, outlier, *spread, *smaller))
 
 
 def list_headings(headings_deg: Array) -> str:
@@ -132,7 +132,7 @@ def _heel(evidence: Evidence) -> Finding | None:
     return None
 
 
-def _folded(evidence: Evidence) -> Finding | None:
+def _check_folded(evidence: Evidence) -> Finding | None:
     """A deviation that changes faster than the heading, so that a reading has several meanings."""
     if evidence.card.least_turn > 0:
         return None
@@ -172,7 +172,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
             f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for moments when the vehicle turned or a current was switched",
         )
-    worst, off = _deleted(evidence)
+    worst, off = _find_outlier(evidence)
     if worst is None:
         return None
     return Finding(
@@ -184,7 +184,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
     )
 
 
-def _deleted(evidence: Evidence) -> tuple[int | None, float]:
+def _find_outlier(evidence: Evidence) -> tuple[int | None, float]:
     """The reading that the curve of all others does not explain, and how far it is from it.
 
     Externally studentised residuals against Student's t, with Bonferroni's bound for the largest.
@@ -283,7 +283,7 @@ def _alike(evidence: Evidence) -> Finding | None:
     )
 
 
-def _left_out(evidence: Evidence) -> Finding | None:
+def _check_left_out(evidence: Evidence) -> Finding | None:
     if not evidence.left_out:
         return None
     return Finding(

@@ -248,12 +248,12 @@ def _line(panel: Panel, values: Array, name: str) -> Markup:
 
 def _band(panel: Panel, low: Array, high: Array) -> Markup:
     x = panel.right(_CIRCLE_DEG)
-    there = _joined(x, panel.down(high))
-    back = _joined(x[::-1], panel.down(low)[::-1])
+    there = _join_points(x, panel.down(high))
+    back = _join_points(x[::-1], panel.down(low)[::-1])
     return element("path", d=f"M{there}L{back}Z", class_="band")
 
 
-def _joined(right: Array, down: Array) -> str:
+def _join_points(right: Array, down: Array) -> str:
     return "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(right, down, strict=True))
 
 

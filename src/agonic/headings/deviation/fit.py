@@ -118,7 +118,7 @@ def fit_deviation(
     chosen = np.concatenate([level, np.repeat(np.arange(2) < readings.tilt.shape[1], 2)])
     rows = readings.rows[:, chosen]
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
-    solved, known = _solved(readings, rows, weighted, noise_deg)
+    solved, known = _solve(readings, rows, weighted, noise_deg)
     drift = _average_over_drift(rows, solved, weighted, bool(noise_deg and known))
     solved = solved._replace(covariance=drift.covariance)
     asked = {
@@ -156,10 +156,10 @@ def fit_deviation(
         weighted=weighted,
         drifting=drift.probability,
     )
-    return _finished(evidence, _classical(readings))
+    return _make_fit(evidence, _classical(readings))
 
 
-def _finished(evidence: Evidence, classical: Mapping[str, float] | None) -> DeviationFit:
+def _make_fit(evidence: Evidence, classical: Mapping[str, float] | None) -> DeviationFit:
     """The fit with its findings; a refused one boasts of no accuracy."""
     solved, card, findings = evidence.solved, evidence.card, examine(evidence)
     refused = any(finding.severity == "refuse" for finding in findings)
@@ -188,7 +188,7 @@ def parse_terms(terms: str) -> Mask:
     return np.array([term in terms for term in known])
 
 
-def _solved(
+def _solve(
     readings: SwingReadings, rows: Array, robust: bool, noise_deg: float | None
 ) -> tuple[kernel.DeviationSolution, float | None]:
     """The solution, and the noise of a reading where it is known: what was stated, or at least the

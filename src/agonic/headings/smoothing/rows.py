@@ -48,7 +48,11 @@ def smooth_rows(
     if first.time is None or first.rotation_rate is None:
         return looked, None, ()
     if looked.tilt.source not in _IN_MOTION:
-        return looked, None, (_kept(f"tilt from the {looked.tilt.source} follows no motion"),)
+        return (
+            looked,
+            None,
+            (_explain_kept(f"tilt from the {looked.tilt.source} follows no motion"),),
+        )
     turn = find_rate_mounting(first, setup, looked.taken[0].compass.calibration)
     own = first
     for _ in range(CORRECTIONS if looked.tilt.source == "gyro" else 0):
@@ -67,15 +71,15 @@ def smooth_rows(
     sd, alone = float(np.median(np.sqrt(smoothed.variance[rows]))), _typical_sd(looked, rows)
     by_itself = f"{figure(alone)}° each row by itself"
     if sd > alone:
-        return looked, None, (_kept(f"standard error {figure(sd)}° with it, {by_itself}"),)
+        return looked, None, (_explain_kept(f"standard error {figure(sd)}° with it, {by_itself}"),)
     return looked, smoothed, (f"{SMOOTHED}: standard error {figure(sd)}°, {by_itself}",)
 
 
-def _kept(why: str) -> str:
+def _explain_kept(why: str) -> str:
     return f"the gyro is not used: {why}"
 
 
-_TOO_LITTLE = _kept("too few readings are as they should be")
+_TOO_LITTLE = _explain_kept("too few readings are as they should be")
 
 
 def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask], tuple[str, ...]]:

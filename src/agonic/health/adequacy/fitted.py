@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
-from agonic.health.adequacy.feet import find_feet
+from agonic.health.adequacy.foot_points import find_feet
 from agonic.health.adequacy.rows import choose_rows
 from agonic.maths.equation.affine import magnitude_residual, model_basis
 from agonic.maths.equation.coverage import heading_sd_deg, level_directions
@@ -192,7 +192,7 @@ def prepare(fitted: Fitted) -> Work | None:
         views = fitted.look(rows)
         seen, *more = (_see(one, fitted) for one in views)
         again, whole = tuple(more), _stack(views, fitted, rows, scale)
-        even = _even(views.own.kinds, whole)
+        even = _even_weights(views.own.kinds, whole)
     blurred = jacobian_at(again[0].feet * radius) - linear.jacobian
     return Work(
         fitted=fitted,
@@ -219,7 +219,7 @@ def _blur(fitted: Fitted, seen: Seen, normals: Array) -> Seen:
     return seen._replace(feet=seen.feet + blur)
 
 
-def _even(kinds: tuple[Residuals, ...], whole: Linearised) -> Linearised:
+def _even_weights(kinds: tuple[Residuals, ...], whole: Linearised) -> Linearised:
     """The same with weights that do not go by how residuals of a kind go together in time."""
     lengths = [kind.correlation for kind in kinds]
     if max(lengths) < UNEVEN * min(lengths):

@@ -111,7 +111,7 @@ def find_terms(work: Work) -> list[ModelError]:
             return [*found, *_find_possible(work, [(s, c) for s, c, _ in scores[:: len(fits)]])]
         score, cause, _ = max(telling, key=lambda found: _rank(*found))
         found.append(_model_error(work, cause, score))
-        fits = [_beside(fit, cause) for fit in fits]
+        fits = [_add_beside(fit, cause) for fit in fits]
         causes = [other for other in causes if other.name != cause.name]
     return found
 
@@ -177,7 +177,7 @@ def _list_terms(fit: Linearised, cause: _Cause) -> Terms:
     return Terms(columns, noise, shared, surely=noise is None, likely=cause.likely)
 
 
-def _beside(fit: Linearised, cause: _Cause) -> Linearised:
+def _add_beside(fit: Linearised, cause: _Cause) -> Linearised:
     columns, _, shared = cause.seen_by(fit)
     return with_columns(fit, columns, shared)
 

@@ -32,10 +32,10 @@ _NAMES = (
 def examine(fit: PairFit, problem: Problem, disagreeing: bool) -> tuple[Finding, ...]:
     """The findings of a fit: shots, scatter, what is open, what the dip says."""
     checks = (
-        _left_out(fit, disagreeing),
+        _check_left_out(fit, disagreeing),
         _scatter(fit),
         _varies(fit),
-        _missed(problem),
+        _check_missed(problem),
         _astray(fit),
         _open(fit),
         *_signs(fit, problem),
@@ -77,7 +77,7 @@ def find_prior_only(problem: Problem, covariance: Array) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _left_out(fit: PairFit, disagreeing: bool) -> Finding | None:
+def _check_left_out(fit: PairFit, disagreeing: bool) -> Finding | None:
     if not len(fit.left_out):
         return None
     names = ", ".join(str(fit.shot[i]) for i in fit.left_out)
@@ -125,7 +125,7 @@ def _size(fit: PairFit) -> float:
     return float(fit.calibration.magnitude or np.nan) / gain
 
 
-def _missed(problem: Problem) -> Finding | None:
+def _check_missed(problem: Problem) -> Finding | None:
     if not problem.missed:
         return None
     names = ", ".join(f"{name:g}" for name in problem.missed)

@@ -55,7 +55,7 @@ def _iterate(problem: Problem, kept: Index, unknowns: Array, theta: Array) -> So
     """Gauss–Newton, with the noise estimated anew at each step."""
     shots, size = problem.shots.select(kept), 1.0
     for _ in range(_ROUNDS):
-        linear = _posed(problem, shots, unknowns)
+        linear = _pose(problem, shots, unknowns)
         few = {"rounds": _FEW} if size > _NEAR else {}
         theta = estimate_variances(linear, theta, EXPECTED_NOISE**2, **few)
         weighted = weigh(linear, theta)
@@ -70,7 +70,7 @@ def _iterate(problem: Problem, kept: Index, unknowns: Array, theta: Array) -> So
     )
 
 
-def _posed(problem: Problem, shots: Shots, unknowns: Array) -> Linear:
+def _pose(problem: Problem, shots: Shots, unknowns: Array) -> Linear:
     prior = problem.prior
     pull = prior.information @ (unknowns - prior.mean)
     known = prior.information + hold_sight(unknowns)

@@ -100,7 +100,7 @@ def track(
         rows, samples = _usable(open_sensor(log, sensor, unit))
         turning = gyro is not False and samples.rotation_rate is not None
         reference = _reference(samples, at, date, field, scalar, needed=not turning)
-        tracker = _started(samples, reference, ground, settings)
+        tracker = _start_tracker(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
     found = None
     if new.any():
@@ -176,7 +176,7 @@ def _reference(
     return reference
 
 
-def _started(
+def _start_tracker(
     samples: Samples, reference: Reference | None, ground: Path | None, settings: dict[str, Any]
 ) -> Tracker:
     """A tracker before its first reading, from the options."""

@@ -138,7 +138,7 @@ def join_affine(
         bias=ground.bias + np.linalg.solve(ground.matrix, change.bias),
         matrix=change.matrix @ ground.matrix,
         gauge="free",
-        covariance=_joined_covariance(ground, change, rotation_covariance),
+        covariance=_join_covariance(ground, change, rotation_covariance),
         unit_in=ground.unit_in,
         frame_in=ground.frame_in,
         validity=Validity.of(samples),
@@ -153,7 +153,7 @@ def find_rotation_covariance(problem: Problem, estimate: Estimate) -> Array:
     return compute_shape_covariance(problem.ground, estimate.terms.centre_C)[6:, 6:]
 
 
-def _joined_covariance(ground: Affine, change: Affine, rotation_covariance: Array) -> Array:
+def _join_covariance(ground: Affine, change: Affine, rotation_covariance: Array) -> Array:
     """Covariance (12, 12) of bias and matrix of the two in one.
 
         matrix = (1 + Ω) M W,   bias = b + W⁻¹ c

@@ -78,7 +78,7 @@ def compute_covariance(
     bread, white, errors = information.copy(), {}, {}
     extra: dict[str, Array] = {}
     for kind, of in noise.items():
-        sums, normal, squares = _summed(
+        sums, normal, squares = _sum_stretches(
             source, kind, params, layout, of, sds[kind], clock, earth_fixed and kind == "magnitude"
         )
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
@@ -113,7 +113,7 @@ def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[Correlate
     return [one._replace(variance=one.variance * shared.get(one.geometry, 1.0)) for one in errors]
 
 
-def _summed(
+def _sum_stretches(
     source: Source,
     kind: str,
     params: Array,

@@ -50,9 +50,9 @@ def examine(
         *judge_sunlight(sunlight),
         *_scale(fit),
         *_axes(samples),
-        *_undetermined(fit, problem.magnitude),
+        *_check_undetermined(fit, problem.magnitude),
         *_outliers(fit),
-        *_attitude(fit),
+        *_check_attitude(fit),
         *list_torquer_findings(problem.torquers),
     ]
     fit = replace(fit, findings=sort_findings(found))
@@ -105,7 +105,7 @@ def _axes(samples: Samples) -> list[Finding]:
     ]
 
 
-def _undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
+def _check_undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
     """A direction of the bias that the track never showed."""
     variances, axes = np.linalg.eigh(fit.covariance[:3, :3])
     worst = float(np.sqrt(max(variances[-1], 0.0)))
@@ -136,7 +136,7 @@ def _outliers(fit: InflightFit) -> list[Finding]:
     ]
 
 
-def _attitude(fit: InflightFit) -> list[Finding]:
+def _check_attitude(fit: InflightFit) -> list[Finding]:
     """An attitude that the field contradicts."""
     if fit.direction_error_deg is None:
         return []
@@ -173,11 +173,11 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
     if fit.direction_error_deg is not None:
         middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
         said.append(f"the field misses its direction by {figure(middle)}° (median)")
-    said.append(f"residuals: {figure(fit.noise)} nT{_correlated(fit)}")
+    said.append(f"residuals: {figure(fit.noise)} nT{_describe_correlation(fit)}")
     return tuple(said)
 
 
-def _correlated(fit: InflightFit) -> str:
+def _describe_correlation(fit: InflightFit) -> str:
     """How much of the residuals is correlated, for how long, and what that costs."""
     if fit.correlation < 1.05:
         return ""

@@ -185,7 +185,7 @@ def _solve_whole(
             since = switches.measure_since(samples)
             left = is_on(samples, off) | is_settling(since, torquers.settling_s, scan.step_s)
             known = known._replace(magnitudes=np.where(left, np.nan, known.magnitudes))
-            rows = _corrected_rows(problem, estimate, samples, known)
+            rows = _select_corrected_rows(problem, estimate, samples, known)
             taking_part += len(rows.points)
             if len(rows.points):
                 yield rows
@@ -205,7 +205,9 @@ def _solve_whole(
     return add_covariance(problem, whole, source, clock), taking_part
 
 
-def _corrected_rows(problem: Problem, estimate: Estimate, samples: Samples, known: Known) -> Rows:
+def _select_corrected_rows(
+    problem: Problem, estimate: Estimate, samples: Samples, known: Known
+) -> Rows:
     """The readings of a piece that take part, as the kernel takes them."""
     ground = problem.ground
     here = replace(

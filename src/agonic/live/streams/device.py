@@ -53,7 +53,7 @@ class MotionCalDevice:
         """The numbers of the packet beside those that the device told."""
         packet, warnings = make_packet(calibration)
         new = (*packet.offset, packet.field, *packet.matrix)
-        old = self._kept()
+        old = self._read_kept()
         return [Change(n, old.get(n), v) for n, v in zip(_PACKET, new, strict=True)], warnings
 
     def write(
@@ -66,10 +66,10 @@ class MotionCalDevice:
         until = time.monotonic() + ANSWER_S
         while time.monotonic() < until and not {"Cal1", "Cal2"} <= set(self._told):
             time.sleep(0.05)
-        kept = self._kept()
+        kept = self._read_kept()
         return {change.name: kept.get(change.name) for change in changes}
 
-    def _kept(self) -> dict[str, float]:
+    def _read_kept(self) -> dict[str, float]:
         """Offsets and matrix in the answers: accelerometer 3, gyroscope 3, V 3, B; W row by row."""
         first, second = self._told.get("Cal1", ()), self._told.get("Cal2", ())
         kept = dict(zip(_PACKET[:4], first[6:10], strict=True)) if len(first) == 10 else {}

@@ -52,7 +52,7 @@ class Lines:
             for row in rows:
                 found.setdefault(row.sensor, []).append(row)
         events: list[Event] = [self._chunk(rows, now) for rows in found.values()]
-        return events + self._complaint(now)
+        return events + self._tell_unread(now)
 
     def _cut(self, data: bytes) -> list[bytes]:
         """Whole lines; what is too long is passed over to its end."""
@@ -71,7 +71,7 @@ class Lines:
     def _count(self, what: str) -> None:
         self._unread, self._why = self._unread + 1, what
 
-    def _complaint(self, now: float) -> list[Event]:
+    def _tell_unread(self, now: float) -> list[Event]:
         """What was not read, when it is more than a stray line, at most once a second."""
         if now - self._said_at < PATIENCE_S:
             return []

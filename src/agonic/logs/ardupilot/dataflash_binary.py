@@ -129,7 +129,7 @@ def read_binary(path: Path, wanted: Collection[str]) -> Content:
             notes.append(f"the format of {fmt.name} contradicts itself; it was not read")
     tables: dict[str, Table] = {}
     streams = []
-    for kind, rows in _grouped(data[starts + 2], starts).items():
+    for kind, rows in _group_by_kind(data[starts + 2], starts).items():
         fmt = formats[kind]
         if fmt.readable and fmt.name in wanted and len(rows) > len(tables.get(fmt.name, ())):
             tables[fmt.name] = _table(data, rows, fmt)
@@ -190,7 +190,7 @@ def _formats(data: Bytes, headers: Index) -> dict[int, Format]:
     return formats
 
 
-def _grouped(kinds: Bytes, starts: Index) -> dict[int, Index]:
+def _group_by_kind(kinds: Bytes, starts: Index) -> dict[int, Index]:
     """The places of the messages of each type, in the order of the file."""
     order = np.argsort(kinds, kind="stable")
     found, first = np.unique(kinds[order], return_index=True)
@@ -205,7 +205,7 @@ def _table(data: Bytes, starts: Index, fmt: Format, only: Collection[str] = ()) 
         dtype = np.dtype(DTYPES[letter])
         if not only or name in only:
             values = read_values(data, starts, dtype, offset)
-            columns[name] = values if letter in TEXTS else _scaled(values, letter)
+            columns[name] = values if letter in TEXTS else _scale(values, letter)
         offset += dtype.itemsize
     integer = (n for n, letter in zip(fmt.columns, fmt.letters, strict=False) if letter in INTEGERS)
     return Table(starts, columns, frozenset(integer))
@@ -217,6 +217,6 @@ def read_values(data: Bytes, starts: Index, dtype: DTypeLike, offset: int) -> ND
     return np.ndarray(places, dtype, data, offset if places else 0, (1,))[starts]
 
 
-def _scaled(values: NDArray[Any], letter: str) -> Array:
+def _scale(values: NDArray[Any], letter: str) -> Array:
     with np.errstate(invalid="ignore"):  # damaged floats may be signalling NaNs
         return values.astype(np.float64) / PER_UNIT.get(letter, 1.0)

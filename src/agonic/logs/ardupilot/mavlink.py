@@ -113,12 +113,12 @@ def check_intact(data: Bytes, packets: Packets, extra: int) -> Mask:
     crc = np.full(len(packets), 0xFFFF, np.uint16)
     for k in range(int(size.max(initial=0))):
         rows = np.flatnonzero(size > k)
-        crc[rows] = _accumulated(crc[rows], data[first[rows] + k])
-    crc = _accumulated(crc, np.uint8(extra))
+        crc[rows] = _accumulate(crc[rows], data[first[rows] + k])
+    crc = _accumulate(crc, np.uint8(extra))
     return np.asarray(crc == read_values(data, first + size, "<u2", 0))
 
 
-def _accumulated(crc: NDArray[np.uint16], byte: Bytes | np.uint8) -> NDArray[np.uint16]:
+def _accumulate(crc: NDArray[np.uint16], byte: Bytes | np.uint8) -> NDArray[np.uint16]:
     """One byte more, as `crc_accumulate` in checksum.h of the MAVLink C library."""
     low = np.bitwise_xor(byte, crc.astype(np.uint8))
     low ^= low << 4

@@ -150,7 +150,7 @@ def _sensors(
 ) -> tuple[Samples, ...]:
     """Each magnetometer of a vehicle that measures anything."""
     names = SLOTS if autopilot == ARDUPILOT else INERTIAL
-    measured = [name for name in names if name in tables and _answered(tables[name]).any()]
+    measured = [name for name in names if name in tables and _find_answered(tables[name]).any()]
     if autopilot == ARDUPILOT and {"RAW_IMU", "SCALED_IMU"} <= set(measured):
         measured.remove("SCALED_IMU")
     motion = "RAW_IMU" if autopilot == ARDUPILOT else "HIGHRES_IMU"
@@ -163,7 +163,7 @@ def _field(mag: Table) -> Array:
     return np.stack([mag.columns[f"Mag{axis}"] for axis in AXES], axis=1)
 
 
-def _answered(mag: Table) -> Mask:
+def _find_answered(mag: Table) -> Mask:
     """Rows with a reading; zeros or NaN stand for a sensor that is not there or not ready."""
     field = _field(mag)
     return np.asarray(np.isfinite(field).all(axis=1) & field.any(axis=1))
@@ -174,7 +174,7 @@ def _samples(
 ) -> Samples:
     """One magnetometer, with everything else at its rows."""
     sent = tables[name]
-    answered = sent.select(_answered(sent))
+    answered = sent.select(_find_answered(sent))
     wrong = find_misplaced(answered.columns["TimeUS"])
     mag = answered.select(~wrong)
     found = _readings(name, mag, tables.get("PARM"), autopilot)
@@ -213,14 +213,14 @@ def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -
         notes = (_CORRECTED_PX4,) if corrected else ()
         return Readings(field=_field(mag), unit=unit, corrected=corrected, notes=notes)
     slot = SLOTS[name]
-    if parameters is None or not _loaded(parameters, slot):
+    if parameters is None or not _is_loaded(parameters, slot):
         return Readings(field=_field(mag), unit="mG", corrected=True, notes=(_CORRECTED_ARDUPILOT,))
     found = remove_correction(mag, parameters, slot)
     motors = look_up(parameters, "COMPASS_MOTCT", mag.position).any()
     return replace(found, notes=(*found.notes, _MOTORS_LEFT)) if motors else found
 
 
-def _loaded(parameters: Table, slot: str) -> bool:
+def _is_loaded(parameters: Table, slot: str) -> bool:
     """Whether all parameters of a compass are there that its firmware has, none lost on the way."""
     names = set(parameters.columns["Name"].tolist())
     offsets, diagonal, others = (

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import MissingExtraError
-from agonic.logs.apart import call
 from agonic.logs.ardupilot import labelled
 from agonic.logs.arrays import broad
 from agonic.logs.arrays.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.arrays.matlab_5 import read_version_5
 from agonic.logs.arrays.stacked import build_arrays_log, build_tables
+from agonic.logs.child_process import call
 from agonic.logs.log import Log
 from agonic.provenance import Input
 

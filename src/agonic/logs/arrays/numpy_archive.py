@@ -39,7 +39,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 def _read_array(path: Path) -> NDArray[Any]:
     """The one array of a file."""
     with path.open("rb") as stream:
-        declared, size = _declared_bytes(stream), path.stat().st_size
+        declared, size = _read_declared_bytes(stream), path.stat().st_size
         if declared > size - stream.tell():
             raise LogError("damaged: the file is shorter than the array in it; fetch it again")
         check_declared(declared, size)
@@ -61,13 +61,13 @@ def _check_size(path: Path) -> None:
         whole = sum(member.file_size for member in archive.infolist())
         for member in archive.infolist():
             with archive.open(member) as stream:
-                declared = _declared_bytes(stream)
+                declared = _read_declared_bytes(stream)
             if declared > member.file_size:
                 raise LogError(f"damaged: {member.filename} is shorter than the array in it")
     check_declared(whole, path.stat().st_size)
 
 
-def _declared_bytes(stream: IO[bytes]) -> int:
+def _read_declared_bytes(stream: IO[bytes]) -> int:
     """How many bytes the head of an array says its values have; 0 where it has none."""
     try:
         version = np.lib.format.read_magic(stream)

@@ -80,7 +80,7 @@ class Dataset:
     def found(self) -> Identified:
         """The columns that are understood, the one that names the sensor apart."""
         headers = [header for header in self.columns if header != self.sensor]
-        return identify_columns(header for header in headers if self._kept(header))
+        return identify_columns(header for header in headers if self._keeps(header))
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -119,7 +119,7 @@ class Dataset:
         lines = (f"{hash_file(Path(f))}  {os.path.relpath(f, self.path)}\n" for f in self.files)
         return hashlib.sha256("".join(lines).encode()).hexdigest()
 
-    def _kept(self, header: str) -> bool:
+    def _keeps(self, header: str) -> bool:
         column, kind = identify_column(header), self.columns[header]
         if column is None:
             return False

@@ -58,13 +58,13 @@ def find_field_unit(
         no = f"the unit of {x!r} is not known" if unknown else "the table names no unit"
         return RAW, (*notes, f"{no}: the field is left in raw units")
     if documented := axes["x"].documented:
-        return _documented_unit(named, documented, given, field)
+        return _choose_documented_unit(named, documented, given, field)
     if given is not None and find_unit(given) != named:
         return named, (f"the headers say {named}: the given unit {given} is not used",)
     return named, ()
 
 
-def _documented_unit(
+def _choose_documented_unit(
     unit: str, name: str, given: str | None, field: Array
 ) -> tuple[str, tuple[str, ...]]:
     """The given unit, else the documented one where readings of that size can be."""

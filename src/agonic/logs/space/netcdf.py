@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.apart import call
 from agonic.logs.arrays.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.arrays.stacked import is_sampling_rate
+from agonic.logs.child_process import call
 from agonic.logs.clocks.clock import read_clock
 from agonic.logs.headers.columns import refuse_many
 from agonic.logs.log import Log

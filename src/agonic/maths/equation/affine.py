@@ -110,7 +110,7 @@ def magnitude_residual(
     units. Returns r (n,) in raw units and its Jacobian (n, 12), (n, 0) where it was not to
     `differentiate`.
     """
-    d, u = _corrected(raw, bias, matrix)
+    d, u = _correct_by_component(raw, bias, matrix)
     size = np.maximum(np.sqrt(_dot(u, u)), np.finfo(float).tiny)
     unit = u / size
 
@@ -154,7 +154,7 @@ def dip_residual(
     Parameters: as in `magnitude_residual`, and down (n, 3) unit vectors, horizontal and vertical
     (n,) or scalar. Returns r (n,) in raw units and its Jacobian (n, 12).
     """
-    d, u = _corrected(raw, bias, matrix)
+    d, u = _correct_by_component(raw, bias, matrix)
     below = down.T
     f = np.hypot(horizontal, vertical)
     z = _dot(below, u)
@@ -194,7 +194,7 @@ def azimuth_residual(
     horizontal and vertical intensity) a `share` is taken as an angle, as in `dip_residual`: of the
     whole field, and of its horizontal part.
     """
-    d, u = _corrected(raw, bias, matrix)
+    d, u = _correct_by_component(raw, bias, matrix)
     e, none = across.T, np.zeros(len(raw))
     angle = None
     if dip is not None:
@@ -235,7 +235,7 @@ def _make_angle(
     return _Angle(power, factor, gradient)
 
 
-def _corrected(raw: Array, bias: Array, matrix: Array) -> tuple[Array, Array]:
+def _correct_by_component(raw: Array, bias: Array, matrix: Array) -> tuple[Array, Array]:
     """d = raw − bias and u = W d, (3, n): component by component, for long inner loops."""
     d = (raw - bias).T.copy()
     return d, matrix @ d

@@ -112,7 +112,7 @@ def retrain(
     else:
         samples = open_sensor(log, sensor, unit)
         samples, known = _known(samples, log, reference, unit, (at, date, field))
-        retrainer = _started(samples, known, given, spans)
+        retrainer = _start_retrainer(samples, known, given, spans)
     new, seen = _new(retrainer, samples), None
     if new.any():
         seen = retrainer.update(samples.select(new), known.select(new))
@@ -148,7 +148,7 @@ def _require_nothing(given: dict[str, Any], state: Path) -> None:
         )
 
 
-def _started(
+def _start_retrainer(
     samples: Samples, known: Reference, given: dict[str, Any], spans: dict[str, tuple[str, float]]
 ) -> Retrainer:
     """A retrainer before its first reading, from the options."""

@@ -29,7 +29,7 @@ def cross_validate(problem: Problem, used: Index) -> Comparison:
         field, _ = made.evaluated(problem.samples.field[rows], problem.select_columns(rows))
         based, wanted = problem.apply_base(made.base, rows), problem.wanted[rows]
         before[unseen], after[unseen] = compute_errors(based, wanted), compute_errors(field, wanted)
-        outputs.append(_added_by_network(field, based, wanted) - made.output_middle)
+        outputs.append(_measure_network_part(field, based, wanted) - made.output_middle)
         targets.append(-compute_errors(based, wanted) - made.output_middle)
     middle = problem.samples.field[used].mean(axis=0)
     return Comparison(
@@ -42,7 +42,7 @@ def cross_validate(problem: Problem, used: Index) -> Comparison:
     )
 
 
-def _added_by_network(field: Array, based: Array, wanted: Array) -> Array:
+def _measure_network_part(field: Array, based: Array, wanted: Array) -> Array:
     """What the network added, likewise."""
     if wanted.shape[1] == 3:
         return field - based

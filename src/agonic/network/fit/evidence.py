@@ -22,16 +22,16 @@ def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
     """The fit with findings and remarks."""
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
-        *_compared(fit),
+        *_compare_with_base(fit),
         *_targets(fit, samples),
         *_outliers(fit),
         *_few(fit),
-        *_unfinished(fit),
+        *_check_convergence(fit),
     ]
     return replace(fit, findings=sort_findings(found), remarks=_remarks(fit))
 
 
-def _compared(fit: NetworkFit) -> list[Finding]:
+def _compare_with_base(fit: NetworkFit) -> list[Finding]:
     """The base is as good, or better."""
     comparison = fit.comparison
     if comparison is None or comparison.base is None or comparison.winner == "network":
@@ -97,7 +97,7 @@ def _few(fit: NetworkFit) -> list[Finding]:
     ]
 
 
-def _unfinished(fit: NetworkFit) -> list[Finding]:
+def _check_convergence(fit: NetworkFit) -> list[Finding]:
     if fit.converged:
         return []
     return [

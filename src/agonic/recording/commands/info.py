@@ -27,7 +27,7 @@ def info(log: LogPath, unit: Unit = None, mounting: Mounting = None, as_json: Js
     recording = open_log(log, unit=unit)
     if mounting is not None:
         recording = _mount(recording, mounting)
-    found = _described(recording)
+    found = _describe_log(recording)
     if as_json:
         print_json("agonic/info@1", found)
     else:
@@ -46,7 +46,7 @@ def _mount(log: Log, mounting: str) -> Log:
     return replace(log, sensors=tuple(turn_readings(one, turn) for one in log.sensors))
 
 
-def _described(log: Log) -> dict[str, Any]:
+def _describe_log(log: Log) -> dict[str, Any]:
     return {
         "file": log.path.name,
         "format": log.format,

@@ -57,7 +57,11 @@ def _describe_sensor(result: Evaluation) -> Document:
         findings=(*result.findings, *calibrated.fit.findings),
         refused_numbers=True,
         key_figures=[
-            (f"{one.kind.capitalize()}, unseen", _show(one.found, one), f"stated {_stated(one)}")
+            (
+                f"{one.kind.capitalize()}, unseen",
+                _show(one.found, one),
+                f"stated {_show_stated(one)}",
+            )
             for one in result.measures
         ],
         sections=[
@@ -78,14 +82,14 @@ def _drawing(result: Evaluation, one: Measure) -> Callable[[], Markup]:
 
 
 def _cells(one: Measure) -> list[str]:
-    return [_show(one.recorded, one), _show(one.found, one), _stated(one)]
+    return [_show(one.recorded, one), _show(one.found, one), _show_stated(one)]
 
 
 def _show(value: float, one: Measure) -> str:
     return quantity(value, one.unit, 3) if np.isfinite(value) else "–"
 
 
-def _stated(one: Measure) -> str:
+def _show_stated(one: Measure) -> str:
     return _show(one.stated, one)
 
 

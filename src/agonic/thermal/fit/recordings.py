@@ -44,7 +44,7 @@ def judge_recordings(sums: Binned, left_out: set[int], settings: Settings) -> li
     spans = {n: sums.stations[n].warmest - sums.stations[n].coldest for n in used}
     usual = float(np.median(list(spans.values()))) if spans else 0.0
     short = [n for n in used if spans[n] < SHORT * usual]
-    one_way = [n for n in used if n not in short and _went_one_way(sums.stations[n])]
+    one_way = [n for n in used if n not in short and _goes_one_way(sums.stations[n])]
     if short:
         found.append(
             Finding(
@@ -55,7 +55,7 @@ def judge_recordings(sums: Binned, left_out: set[int], settings: Settings) -> li
                 "a file may have ended in the middle: record again, or use the rest as it is",
             )
         )
-    whole = [n for n in used if not _went_one_way(sums.stations[n])]
+    whole = [n for n in used if not _goes_one_way(sums.stations[n])]
     if one_way and whole:
         found.append(
             Finding(
@@ -69,7 +69,7 @@ def judge_recordings(sums: Binned, left_out: set[int], settings: Settings) -> li
     return found
 
 
-def _went_one_way(seen: StationRecord) -> bool:
+def _goes_one_way(seen: StationRecord) -> bool:
     rows = seen.rows + seen.dropped
     return seen.heating < 0.05 * rows or seen.heating > 0.95 * rows
 

@@ -123,10 +123,10 @@ class ThermalPlan:
         for sensor in self.sensors:
             noise = sensor.reading_sd or 0.0
             if noise not in made:
-                made[noise] = self._expected(noise)
+                made[noise] = self._compute_expected(noise)
         return {sensor.name: made[sensor.reading_sd or 0.0] for sensor in self.sensors}
 
-    def _expected(self, noise: float) -> dict[str, ExpectedErrors]:
+    def _compute_expected(self, noise: float) -> dict[str, ExpectedErrors]:
         rot_nb = np.array([s.rot_nb.as_matrix() for s in self.stations if s.rot_nb is not None])
         level, seconds = self.profile.spread(self.bin_width_C)
         scaled = np.interp(level, (self.profile.lowest_C, self.profile.highest_C), (-1.0, 1.0))

@@ -29,7 +29,7 @@ def find_rest(time: Array, *columns: Array) -> NDArray[np.int64]:
         scatter = _running_sd(column, width)
         least = max(float(np.quantile(scatter, _STILLEST)), 1e-6 * float(np.abs(column).max()))
         rest &= scatter <= STILL * least
-    return _numbered(rest, time)
+    return _number_runs(rest, time)
 
 
 def _running_sd(values: Array, width: int) -> Array:
@@ -43,7 +43,7 @@ def _running_sd(values: Array, width: int) -> Array:
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
-def _numbered(rest: Mask, time: Array) -> NDArray[np.int64]:
+def _number_runs(rest: Mask, time: Array) -> NDArray[np.int64]:
     """Runs of rest by number, the short ones and the ends of the others left out."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rest.astype(np.int8), [0]])))
     number = np.full(len(rest), -1)

@@ -249,7 +249,7 @@ def _test(
     by_noise = None if noise is None else (noise.T * fit.weights) @ noise
     clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
     size = np.sqrt(np.diag(square))
-    seen = _seen(left, size, by_noise, clear, HELD if surely else 1e-9, likely)
+    seen = _find_seen(left, size, by_noise, clear, HELD if surely else 1e-9, likely)
     if seen is None:
         return None
     scores = scores @ seen
@@ -310,7 +310,7 @@ def _leave_beside(fit: Linearised, columns: Array) -> Array:
     return np.asarray(fit.residuals - fit.jacobian @ step[:p] - columns @ step[p:])
 
 
-def _seen(
+def _find_seen(
     left: Array, size: Array, by_noise: Array | None, clear: float, held: float, likely: float
 ) -> Array | None:
     """Combinations (k, m) of columns that the fit does not hold already and the rows can show at

@@ -111,11 +111,11 @@ def find_correlated_errors(
     starts = edges[:-1] - 1
     taus = np.geomspace(1.0, longest, max(int(np.log(longest) / np.log(_STEP)), 2))
 
-    def grouped(products: Array) -> Array:
+    def group(products: Array) -> Array:
         return np.asarray(np.add.reduceat(products, starts))
 
-    seen = grouped(_products(sums.residual, longest)[1:])
-    sd = white * np.sqrt(np.maximum(grouped(_products(sums.square, longest)[1:]), 1e-300))
+    seen = group(_products(sums.residual, longest)[1:])
+    sd = white * np.sqrt(np.maximum(group(_products(sums.square, longest)[1:]), 1e-300))
     shapes = [
         sum(_products(column, longest)[1:] for column in directions.T)
         for directions in sums.directions
@@ -123,7 +123,7 @@ def find_correlated_errors(
     columns = [
         (
             CorrelatedError(1.0, float(tau) * step_s, g),
-            grouped(
+            group(
                 shape * (np.exp(-lags / tau) - (_mean_variance(tau / k) if g in absorbed else 0.0))
             ),
         )

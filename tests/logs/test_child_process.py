@@ -7,29 +7,29 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs import apart
+from agonic.logs import child_process
 from agonic.logs.read import open_log
 
 
 def test_what_never_ends_is_stopped(monkeypatch):
-    assert apart.call(len, "warm") == 4
-    monkeypatch.setattr(apart, "LONGEST_S", 0.5)
+    assert child_process.call(len, "warm") == 4
+    monkeypatch.setattr(child_process, "LONGEST_S", 0.5)
     with pytest.raises(LogError, match=r"did not end within 0\.5 s"):
-        apart.call(time.sleep, 86_400)
+        child_process.call(time.sleep, 86_400)
     monkeypatch.undo()
-    assert apart.call(len, "next") == 4
+    assert child_process.call(len, "next") == 4
 
 
 def test_what_crashes_is_told():
     for _ in range(2):
         with pytest.raises(LogError, match="its library crashes"):
-            apart.call(os._exit, 3)
-    assert apart.call(len, "next") == 4
+            child_process.call(os._exit, 3)
+    assert child_process.call(len, "next") == 4
 
 
 def test_what_fails_there_fails_here():
     with pytest.raises(RuntimeError, match="ValueError: invalid literal"):
-        apart.call(int, "x")
+        child_process.call(int, "x")
 
 
 def test_an_hdf5_file_of_numbers(tmp_path):
