@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError, MissingExtraError
-from agonic.headings.attitude import find_attitude
+from agonic.headings.tilt_source import find_attitude
 from agonic.logs.read import read
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import down_b
@@ -123,7 +123,7 @@ def test_auto_takes_the_best_there_is(monkeypatch) -> None:
     by_force = find_attitude(bare.with_columns(rotation_rate=None), setup, plain())
     assert by_force.source == "accelerometer"
     assert "nor a gyro to use: tilt is from the accelerometer alone" in by_force.notes[0]
-    monkeypatch.setattr("agonic.headings.attitude.find_spec", lambda name: None)
+    monkeypatch.setattr("agonic.headings.tilt_source.find_spec", lambda name: None)
     without = find_attitude(bare, setup, plain())
     assert without.source == "accelerometer"
     assert "agonic[gyro]" in without.notes[0]

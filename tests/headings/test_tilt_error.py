@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from agonic.headings.attitude import find_attitude
 from agonic.headings.result import Heading
+from agonic.headings.tilt_source import find_attitude
 from agonic.samples import Samples
 from agonic.simulation import simulate
 from tests.headings.flights import FIELD, each_row, off_deg, plain, setup_for, truth_of

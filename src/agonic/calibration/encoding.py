@@ -33,9 +33,9 @@ from agonic.calibration.schema import (
     DeviationRecord,
     InterferenceRecord,
     NetworkRecord,
-    ProvenanceRecord,
     ThermalRecord,
 )
+from agonic.calibration.schema_fields import ProvenanceRecord
 from agonic.calibration.steps import AnyCalibration, require_calibration
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError

@@ -8,7 +8,7 @@ from agonic.arrays import Array
 from agonic.calibration.base import Calibration, correct_field, has_two_axes
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
-from agonic.headings.attitude import find_mounting
+from agonic.headings.tilt_source import find_mounting
 from agonic.health.inertial_unit import find_faults
 from agonic.samples import Samples
 

@@ -9,12 +9,13 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.setup import Compass, Setup
-from agonic.headings.attitude import Attitude, find_attitude
+from agonic.headings.attitude import Attitude
 from agonic.headings.compass_heading import Indication, Readings, compute_indication
 from agonic.headings.dip_residuals import refine_tilt_sd
 from agonic.headings.disagreement import choose_compass, compare_with_expected
 from agonic.headings.disturbance import add_disturbance, bridge_disturbed
 from agonic.headings.expected_field import Surroundings
+from agonic.headings.tilt_source import find_attitude
 from agonic.samples import Samples
 
 

@@ -14,7 +14,7 @@ from agonic.health.adequacy.foot_points import find_feet
 from agonic.health.adequacy.rows import choose_rows
 from agonic.maths.equation.affine import magnitude_residual, model_basis
 from agonic.maths.equation.coverage import heading_sd_deg, level_directions
-from agonic.maths.estimation.inference.score_test import Linearised, batches_of, find_captured
+from agonic.maths.estimation.inference.linearised import Linearised, batches_of, find_captured
 
 UNEVEN = 3.0
 """Correlation lengths of two kinds of residuals that differ by this factor weigh the kinds."""

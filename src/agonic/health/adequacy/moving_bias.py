@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health.adequacy.fitted import FEWEST_ROWS, ModelError, Work, make_error
-from agonic.maths.estimation.inference.score_test import sums_by
+from agonic.maths.estimation.inference.linearised import sums_by
 
 SIGNIFICANT = 1e-3 / 3
 MOST_WINDOWS, FEWEST_WINDOWS = 600, 16

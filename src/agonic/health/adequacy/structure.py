@@ -7,7 +7,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.health.adequacy.fitted import ModelError, Work, make_error
 from agonic.maths.equation.coverage import find_cells, icosphere
-from agonic.maths.estimation.inference.score_test import sums_by
+from agonic.maths.estimation.inference.linearised import sums_by
 
 SIGNIFICANT = 1e-3 / 3
 

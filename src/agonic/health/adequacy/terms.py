@@ -20,14 +20,12 @@ from agonic.health.adequacy.fitted import (
 from agonic.health.adequacy.ripples import find_ripples
 from agonic.maths.equation import unmodelled
 from agonic.maths.equation.coverage import level_directions
-from agonic.maths.estimation.inference.score_test import (
+from agonic.maths.estimation.inference.linearised import (
     Linearised,
-    Score,
-    Terms,
     find_batches_beside,
-    score_tests,
     with_columns,
 )
+from agonic.maths.estimation.inference.score_test import Score, Terms, score_tests
 
 SIGNIFICANT = 1e-3
 """Of a family of tests together (Bonferroni): clean logs alarm more rarely than this."""

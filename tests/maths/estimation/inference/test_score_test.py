@@ -5,15 +5,13 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
-from agonic.maths.estimation.inference.score_test import (
+from agonic.maths.estimation.inference.linearised import (
     Linearised,
-    Terms,
     batches_of,
     find_batches_beside,
-    score_test,
-    score_tests,
     with_columns,
 )
+from agonic.maths.estimation.inference.score_test import Terms, score_test, score_tests
 from agonic.maths.estimation.noise.residuals import correlation_length
 
 
