@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.headings.files.swing import read_swing, write_form
+from agonic.headings.files.swing import make_form, read_swing
 
 ROSE = np.arange(0, 360, 45.0)
 
@@ -71,7 +71,7 @@ def test_roll_and_pitch_are_heel(tmp_path) -> None:
 
 
 def test_a_form_is_read_back_as_it_was_filled_in(tmp_path) -> None:
-    path = write_form(ROSE, tmp_path / "form.csv")
+    path = written(tmp_path, make_form(ROSE))
     with pytest.raises(LogError, match="fill in the form"):
         read_swing(path)
     lines = path.read_text().splitlines()
@@ -86,7 +86,7 @@ def test_a_form_is_read_back_as_it_was_filled_in(tmp_path) -> None:
 
 
 def test_a_form_with_heel_keeps_the_tilt(tmp_path) -> None:
-    path = write_form([0.0, 0.0], tmp_path / "form.csv", roll_deg=[-10.0, 10.0])
+    path = written(tmp_path, make_form([0.0, 0.0], roll_deg=[-10.0, 10.0]))
     path.write_text(path.read_text().replace("0,-10,", "0,-10,3").replace("0,10,", "0,10,4"))
     assert read_swing(path).heel.tolist() == [-10.0, 10.0]
 

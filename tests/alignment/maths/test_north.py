@@ -51,7 +51,6 @@ def test_transit_by_hand() -> None:
     )
     np.testing.assert_allclose(product, [120.0, -30.0])
     setting = np.array([0.0, 0.5])
-    assert north.fit_transit_constant(setting, product) == pytest.approx(0.5 / 150)
     found, constant, _ = north.fit_transits(setting, product, np.full(2, np.nan))
     assert constant == pytest.approx(0.5 / 150)
     assert found.reading_deg == pytest.approx(0.4)

@@ -107,15 +107,6 @@ def multiply_transits(amplitude_east: Array, amplitude_west: Array, dt_s: Array)
     return np.asarray((amplitude_east + amplitude_west) / 2 * dt_s)
 
 
-def fit_transit_constant(setting_deg: Array, product: Array) -> float:
-    """c = (N′₂ − N′₁)/(a₁Δt₁ − a₂Δt₂) of two settings.
-
-    >>> fit_transit_constant(np.array([0.0, 0.5]), np.array([100.0, -25.0]))
-    0.004
-    """
-    return float((setting_deg[1] - setting_deg[0]) / (product[0] - product[1]))
-
-
 def fit_transits(
     setting_deg: Array,
     product: Array,
@@ -126,7 +117,7 @@ def fit_transits(
     """North N = N′ + c a Δt of n transits, with c and its standard error.
 
     Where c is not given it comes from the settings: a Δt = (N − N′)/c is a straight line in N′,
-    and N where it crosses zero; of two settings that is `fit_transit_constant`. The noise is that
+    and N where it crosses zero; of two settings c = (N′₂ − N′₁)/(a₁Δt₁ − a₂Δt₂). The noise is that
     of a Δt, `product_sd`, unless transits scatter by more; where it is NaN, that of the spread
     about the line.
     """

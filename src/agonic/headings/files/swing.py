@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
-from agonic.atomic import write_atomically
 from agonic.calibration.deviation import POINTS
 from agonic.errors import LogError
 from agonic.logs.contents import read_text
@@ -132,13 +131,6 @@ def read_swing(path: Path | str) -> Swing:
     columns = _columns(table[0][1], path)
     values = {name: _values(table[1:], at, name, separator, path) for name, at in columns.items()}
     return _swing(values, path, _remarks(lines))
-
-
-def write_form(
-    compass_deg: ArrayLike, path: Path | str, *, roll_deg: ArrayLike | None = None
-) -> Path:
-    """Write the form of a swing to fill in, and return the path."""
-    return write_atomically(path, make_form(compass_deg, roll_deg=roll_deg))
 
 
 def make_form(compass_deg: ArrayLike, *, roll_deg: ArrayLike | None = None) -> str:

@@ -7,9 +7,8 @@ Where no name is that of a magnetometer, a lone array of three columns is taken 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,36 +18,18 @@ from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import identify_column
 from agonic.logs.headers.header import names_reading
 from agonic.logs.log import Log
-from agonic.provenance import Input
+from agonic.logs.table import Facts
 
 SAMPLING_RATES = ("samplingrate", "samplerate", "samplingfrequency", "fs", "ratehz", "fshz")
 
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def build_arrays_log(
-    arrays: Arrays,
-    *,
-    path: Path,
-    source: Input,
-    format: str,
-    unit: str | None = None,
-    others: Iterable[str] = (),
-    notes: tuple[str, ...] = (),
-    remarks: tuple[str, ...] = (),
-) -> Log:
+def build_arrays_log(arrays: Arrays, **facts: Unpack[Facts]) -> Log:
     """The log that named arrays are; the rest as for `table.build_log`."""
     tables, unused = build_tables(arrays)
-    return build_groups_log(
-        dict(enumerate(tables)),
-        path=path,
-        source=source,
-        format=format,
-        unit=unit,
-        others=[*unused, *others],
-        notes=notes,
-        remarks=remarks,
-    )
+    facts["others"] = [*unused, *facts.get("others", ())]
+    return build_groups_log(dict(enumerate(tables)), **facts)
 
 
 def build_tables(arrays: Arrays) -> tuple[list[dict[str, NDArray[Any]]], list[str]]:

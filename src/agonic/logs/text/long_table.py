@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.log import Log
-from agonic.logs.table import build_log
-from agonic.provenance import Input
+from agonic.logs.table import Facts, build_log
 
 Table = Mapping[str, NDArray[Any]]
 
@@ -26,18 +25,18 @@ _MOST = 64
 BESIDE = ("acceleration", "rotation_rate")
 
 
-def build_tables_log(table: Table, *, path: Path, source: Input, **facts: Any) -> Log:
+def build_tables_log(table: Table, **facts: Unpack[Facts]) -> Log:
     """The log that a table is, those of its sensors apart where it is a long one.
 
     The rest as for `build_log`.
     """
     parts = split_by_sensor(table)
     if parts is None:
-        return build_log(table, path=path, source=source, **facts)
+        return build_log(table, **facts)
     from agonic.logs.groups import build_groups_log
 
     paths = {name: Path(name) for name in parts}
-    return build_groups_log(parts, path=path, source=source, paths=paths, **facts)
+    return build_groups_log(parts, paths=paths, **facts)
 
 
 def split_by_sensor(table: Table) -> dict[str, Table] | None:
