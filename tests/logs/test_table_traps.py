@@ -185,3 +185,46 @@ def test_other_marks_between_cells(tmp_path):
     tex = HEADER.replace("time_s", "t [s]").replace("mag_x_uT", r"$B_x$ [$\mu$T]")
     tex = tex.replace("mag_y_uT", r"$B_y$ [$\mu$T]").replace("mag_z_uT", r"$B_z$ [$\mu$T]")
     check(read(write(tmp_path, "\n".join([tex, *ROWS]))))
+
+
+@pytest.mark.parametrize("broken", ["ÂµT", "Î¼T", "\ufffdT", "\ufffd\ufffdT", "?T", "¬µT"])
+def test_a_letter_lost_from_microtesla_makes_no_tesla(tmp_path, broken):
+    header = f"Time (s),Magnetic Field x ({broken}),Magnetic Field y ({broken})"
+    check(read(write(tmp_path, "\n".join([f"{header},Magnetic Field z ({broken})", *ROWS]))))
+
+
+@pytest.mark.parametrize("name", ["type", "sensor_type", "Channel"])
+def test_rows_of_several_sensors_by_a_column_of_any_name(tmp_path, name):
+    rows = [
+        f"{stamp},{sensor},{values}"
+        for stamp, _, reading in (row.partition(",") for row in ROWS)
+        for sensor, values in (
+            ("Accelerometer", "0.1,0.2,9.81"),
+            ("Gyroscope", "0.1,0.2,0.3"),
+            ("Magnetometer", reading),
+        )
+    ]
+    text = "\n".join([f"time_s,{name},x,y,z", *rows])
+    records = [dict(zip(("time_s", name, *"xyz"), row.split(","), strict=True)) for row in rows]
+    paths = write(tmp_path, text), write(tmp_path, json.dumps(records), name="log.json")
+    for path in paths:
+        samples = read(path, unit="uT")
+        check(samples)
+        np.testing.assert_allclose(samples.acceleration, np.tile([0.1, 0.2, 9.81], (N, 1)))
+
+
+def test_spans_of_time_that_pandas_writes(tmp_path):
+    rows = [
+        f"0 days 00:00:{t:09.6f},{row.partition(',')[2]}" for t, row in zip(TIME, ROWS, strict=True)
+    ]
+    for first in ("time", ""):
+        header = HEADER.replace("time_s", first)
+        check(read(write(tmp_path, "\n".join([header, *rows]))))
+
+
+@pytest.mark.parametrize(("stem", "unit"), [("gyro_rad[{}]", 1.0), ("As{}(°/s)", np.pi / 180)])
+def test_gyros_as_px4_and_witmotion_name_them(tmp_path, stem, unit):
+    axes = "012" if "[" in stem else "XYZ"
+    header = ",".join([HEADER, *(stem.format(axis) for axis in axes)])
+    samples = read(write(tmp_path, "\n".join([header, *(f"{row},1,-2,3" for row in ROWS)])))
+    np.testing.assert_allclose(samples.rotation_rate, unit * np.tile([1.0, -2.0, 3.0], (N, 1)))

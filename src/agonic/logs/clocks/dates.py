@@ -23,6 +23,7 @@ _SLASHES = re.compile(r"(?P<first>\d{1,2})[-/](?P<other>\d{1,2})[-/](?P<year>\d{
 _DATE = re.compile(r"(?P<date>[^:]*?)[T ,_]*(?P<clock>\d{1,2}:\d\d.*)", re.IGNORECASE)
 _DURATION = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(s|secs?|seconds?|ms|min)", re.IGNORECASE)
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d[.,]\d+)")
+_DAYS = re.compile(r"(-?\d{1,6}) days?,? \+?(\d\d?):(\d\d):(\d\d(?:\.\d+)?)")
 _LONGEST = 80
 _SECONDS = {"ms": 1e-3, "min": 60.0}
 
@@ -111,8 +112,13 @@ def read_duration_s(text: str) -> float | None:
     (0.02, 0.02, None)
     >>> read_duration_s("02:05.5")  # as Excel writes mm:ss.0
     125.5
+    >>> read_duration_s("0 days 00:02:05.5")  # as pandas writes a timedelta
+    125.5
     """
     plain = text[:_LONGEST].strip().strip("\"'")
+    if match := _DAYS.fullmatch(plain):
+        days, hours, minutes, seconds = match.groups()
+        return 86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
     if match := _MINUTES.fullmatch(plain):
         return 60.0 * int(match[1]) + float(match[2].replace(",", "."))
     match = _DURATION.fullmatch(plain)

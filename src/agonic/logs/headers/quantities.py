@@ -28,6 +28,8 @@ _RATE: dict[str, Linear] = {
             "radianss",
             "radianssec",
             "radianspersecond",
+            "rad",
+            "radians",
         ),
         1 / DEGREES_PER_RADIAN: (
             "degs",
@@ -38,6 +40,8 @@ _RATE: dict[str, Linear] = {
             "degreess",
             "degreessec",
             "degreespersecond",
+            "deg",
+            "degrees",
         ),
         1e-3 / DEGREES_PER_RADIAN: ("mdps",),
     }.items()
@@ -156,7 +160,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     ),
     Quantity(
         column="rotation_rate", name="gyro", unit="rad_s", units=_RATE, axes="x y z",
-        aliases="g w gyr gyroscope angularvelocity angularspeed gyrorotation angularrate "
+        aliases="g w gyr as gyroscope angularvelocity angularspeed gyrorotation angularrate "
         "rotationrate turnrate omega",
     ),
     Quantity(

@@ -13,6 +13,20 @@ _SIGNS = str.maketrans(
     {"μ": "u", "µ": "u", "°": "deg", "º": "deg", "%": "percent", "ʯ": "u", "℃": "degC"}
 )
 
+_BROKEN = tuple(
+    (re.compile(pattern), whole)
+    for pattern, whole in (
+        (r"Âµ|Î¼|¬µ|Î1⁄4", "u"),
+        (r"Â°|¬∞", "deg"),
+        (r"Â²|¬≤", "2"),
+        (r"(?<=[\[({_ ,;])(?:\?{1,2}|\ufffd{1,2}|ï¿½)(?=T(?:esla)?\b|s\b)", "u"),
+        (r"(?<=[\[({_ ,;])(?:\?{1,2}|\ufffd{1,2}|ï¿½)(?=/s|[CF]?[\])}]?$)", "deg"),
+        (r"(?<=/s)(?:\?{1,2}|\ufffd{1,2}|ï¿½)", "2"),
+    )
+)
+"""Signs that were read in another encoding than they were written in, or lost: of the units of a
+field, or of a time, only µT and µs have a letter that can be."""
+
 _UNITS = {
     "нтл": "nT", "мктл": "uT", "мтл": "mT", "тл": "T", "гс": "G", "мгс": "mG", "гаусс": "G",
     "с": "s", "сек": "s", "мс": "ms", "мкс": "us", "нс": "ns", "мин": "min",
@@ -76,7 +90,11 @@ def spell_out(text: str) -> str:
 
     >>> spell_out("Магнитное поле X, мкТл"), spell_out("磁场Y(uT)"), spell_out("T, °C")
     ('magneticfield X, uT', ' magneticfield Y(uT)', 'T, degC')
+    >>> spell_out("Bx (ÂµT)"), spell_out("Bx (?T)"), spell_out("acc x (m/s\ufffd)")
+    ('Bx (uT)', 'Bx (uT)', 'acc x (m/s2)')
     """
+    for broken, whole in _BROKEN:
+        text = broken.sub(whole, text)
     plain = unicodedata.normalize("NFC", text).translate(_SIGNS)
     plain = plain.replace("\\mu", "u").replace("$", "")  # as in TeX
     if plain.isascii():

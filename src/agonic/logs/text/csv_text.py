@@ -35,11 +35,12 @@ from agonic.logs.text.layout import (
     sample_lines,
     split_cells,
 )
+from agonic.logs.text.long_table import LABEL, build_tables_log, name_label
 from agonic.logs.text.numbers import read_numbers, split_rows
 from agonic.provenance import Input
 
 _HEAD = 100_000
-_MOMENT = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
+_MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[ T]|-?\d+ days )\+?\d\d:\d\d")
 _LABELS = ("date", "sensor", "frame", "unit")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
 _ABSOLUTES = "# MagPy Absolutes"
@@ -77,9 +78,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         return read_tagged(data[:], tags, path, source, unit, notes)
     table, facts = _read_lines(data, head, sample)
     facts["notes"] = (*notes, *facts["notes"])
-    if "sensor" in find_quantities(table).values():
-        from agonic.logs.text.long_table import build_tables_log
-
+    if LABEL in find_quantities(table).values():
         return build_tables_log(table, path=path, source=source, unit=unit, **facts)
     return build_log(table, path=path, source=source, unit=unit, **facts)
 
@@ -210,7 +209,7 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArra
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
         raise LogError("there is a header and no row below it")
-    header = rename_headers(_name_index(layout.header, first))
+    header = rename_headers(name_label(_name_index(layout.header, first), first))
     vectors = _find_vectors(header, first)
     wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])
     texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}

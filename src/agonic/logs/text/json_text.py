@@ -20,7 +20,8 @@ from agonic.logs.contents import to_number
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
 from agonic.logs.log import Log
-from agonic.logs.text.long_table import build_tables_log
+from agonic.logs.text.layout import SAMPLE
+from agonic.logs.text.long_table import build_tables_log, name_label
 from agonic.provenance import Input
 
 TEXTUAL = ("time", "date", "sensor", "frame", "unit")
@@ -50,7 +51,8 @@ def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], 
     """The columns of objects that are understood, by name, and the names of the others."""
     columns = _make_columns(records)
     names = list(columns)
-    wanted = find_columns(rename_headers(names))
+    texts = [[v if isinstance(v, str) else "" for v in columns[name][:SAMPLE]] for name in names]
+    wanted = find_columns(rename_headers(name_label(names, list(zip(*texts, strict=True)))))
     quantities = find_quantities(wanted.values())
     table = {
         name: to_column(columns[names[i]], textual=quantities[name] in TEXTUAL)

@@ -7,19 +7,20 @@ time,sensor,x,y,z
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.headers.columns import identify_columns
+from agonic.logs.headers.columns import find_quantities, identify_column, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.log import Log
 from agonic.logs.table import Facts, build_log
 
 Table = Mapping[str, NDArray[Any]]
+LABEL = "sensor"
 
 _MOST = 64
 BESIDE = ("acceleration", "rotation_rate")
@@ -37,6 +38,28 @@ def build_tables_log(table: Table, **facts: Unpack[Facts]) -> Log:
 
     paths = {name: Path(name) for name in parts}
     return build_groups_log(parts, paths=paths, **facts)
+
+
+def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The headers, with "sensor" for a column whose cells name a magnetometer and another sensor,
+    whatever it is called: rows of both must not become one sensor's.
+
+    >>> name_label(["t", "type", "x"], [["0", "Gyroscope", "1"], ["0", "Magnetometer", "2"]])
+    ['t', 'sensor', 'x']
+    """
+    names = list(headers)
+    if LABEL in find_quantities(names).values():
+        return names
+    for at, name in enumerate(names):
+        if identify_column(name) is not None:
+            continue
+        cells = {row[at].strip() for row in rows if at < len(row)}
+        if len(cells) > _MOST or not any(cell[:1].isalpha() for cell in cells):
+            continue
+        named = {find_named_quantity(cell) for cell in cells if cell}
+        if "field" in named and named & set(BESIDE):
+            return [*names[:at], LABEL, *names[at + 1 :]]
+    return names
 
 
 def split_by_sensor(table: Table) -> dict[str, Table] | None:
