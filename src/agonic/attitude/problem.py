@@ -15,6 +15,7 @@ from agonic.calibration.timing import find_timing, restore
 from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.health import find_rounding
 from agonic.maths.equation.channels import Dip, Problem
+from agonic.maths.equation.crowding import weigh_places
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -54,7 +55,7 @@ def normalise(
             turns="turn the vehicle through all headings, banking both ways, while recording",
         )
     x = find_terms(samples, settings.sources)
-    middle, spread = x.mean(axis=0), x.std(axis=0)
+    middle, spread = _find_middle(x, samples.field), x.std(axis=0)
     still = spread < 1e-9 * (np.abs(middle) + 1e-9)
     if still.any():
         names = [one for one, never in zip(signals(settings.sources), still, strict=True) if never]
@@ -88,6 +89,14 @@ def normalise(
         rounding=find_rounding(samples.field) / size,
     )
     return problem, Scale(centre, size, magnitude, reference.sd, middle, spread)
+
+
+def _find_middle(x: Array, readings: Array) -> Array:
+    """The mean of terms (n, k) over what was seen, not over time: on the ground before a flight
+    motors stand still, and headings there are all one."""
+    if not x.size:
+        return np.zeros(x.shape[1])
+    return np.asarray(np.average(x, axis=0, weights=weigh_places(readings)))
 
 
 def find_terms(samples: Samples, sources: tuple[str, ...]) -> Array:

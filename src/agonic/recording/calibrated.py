@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -37,9 +37,18 @@ from agonic.recording.choice.fallback import fall_back
 from agonic.recording.choice.fits import Choice, describe_latency
 from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
 from agonic.recording.ladder import Rung, climb
+from agonic.recording.stretch import (
+    describe_stretch,
+    find_refused_change,
+    find_rows,
+    list_stretches,
+)
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import DIP, DIP_REFUSED_DEG, Check, Verification, verify
+
+MOST_TRIED = 3
+"""Stretches of a log whose bias changed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,14 +122,53 @@ def calibrate_as_named(
     kind: Kind = "auto",
     **settings: Any,
 ) -> Calibrated:
-    """`calibrate` along the axes that the readings are named for, whatever their mounting."""
-    meant, reference = as_samples(samples, unit), Reference.of(reference)
-    meant = without_held(meant)
-    choice = choose(meant, reference, kind, settings)
+    """`calibrate` along the axes that the readings are named for, whatever their mounting.
+
+    Where the bias changed on the way, the longest stretch that tells enough is calibrated.
+    """
+    meant, known = without_held(as_samples(samples, unit)), Reference.of(reference)
+    made = _calibrate_whole(meant, known, kind, settings)
+    if made.verdict != "refused":
+        return made
+    return _calibrate_stretch(meant, known, kind, settings, made.fit.findings) or made
+
+
+def _calibrate_stretch(
+    samples: Samples,
+    reference: Reference | None,
+    kind: Kind,
+    settings: Mapping[str, Any],
+    findings: Sequence[Finding],
+) -> Calibrated | None:
+    """The longest stretch without a change of the bias that is not refused; none where the log was
+    refused for something else."""
+    changed, time = find_refused_change(findings), samples.time
+    if changed is None or time is None:
+        return None
+    for first, last in list_stretches(changed, time)[:MOST_TRIED]:
+        rows = find_rows(time, first, last)
+        known = None if reference is None else reference.select(rows)
+        try:
+            made = _calibrate_whole(samples.select(rows), known, kind, settings)
+        except AgonicError:
+            continue
+        if made.verdict != "refused":
+            told = describe_stretch(changed, first, last)
+            fit = replace(made.fit, findings=()).with_findings(told, *made.fit.findings)
+            status = f"{sentences(told.sentence)} {made.status}"
+            return replace(made, fit=fit, verdict="check", status=status)
+    return None
+
+
+def _calibrate_whole(
+    samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
+) -> Calibrated:
+    """The fit of all rows, or a weaker one where what was recorded beside them is wrong."""
+    choice = choose(samples, reference, kind, settings)
     made = _verify(_keep_latency(choice))
     if kind != "auto" or made.verdict != "refused" or choice.method == "ellipsoid":
         return made
-    other = fall_back(replace(choice, fit=made.fit), meant, reference, settings)
+    other = fall_back(replace(choice, fit=made.fit), samples, reference, settings)
     if other.method == choice.method:
         return made
     by_less = _verify(_keep_latency(other))

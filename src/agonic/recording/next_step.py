@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import cast
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Mask
 from agonic.console.standard_input import NAME
 from agonic.console.typed_options import write_options
 from agonic.errors import AgonicError
 from agonic.files.names import file_stem
-from agonic.health import Finding, figure
+from agonic.health import figure
 from agonic.recording.advice import TURNING, is_in_space, lacks_place
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.choose import Kind, choose
 from agonic.recording.choice.sources import list_sources
+from agonic.recording.stretch import CHANGED, find_rows, list_stretches
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER, RAW
 
@@ -31,7 +30,6 @@ _GRAVEST_FIRST = ("refused", "check", "good")
 _OF_READING = ("--unit", "--columns")
 """Options that every command needs which reads the log as this one did."""
 NOTHING: Mapping[str, str] = MappingProxyType({})
-_MOMENT = re.compile(r"t = (-?[\d.]+) s\b")
 
 
 def choose_command(
@@ -98,29 +96,20 @@ def _find_remedy(result: Calibrated, log: str, typed: Mapping[str, str]) -> str:
         return f"agonic fit inflight {log}{write_options(options)}"
     if refused & set(TURNING):  # what was not turned is in no stretch of it, and in no unit
         return again(at="LAT,LON") if lacks_place(samples, result.reference) else ""
-    if "field changed" in grave and refused <= {"field changed"} and samples.time is not None:
-        start, stop = _find_longest_stretch(grave["field changed"], samples.time)
-        if _tells(result, (samples.time >= start) & (samples.time <= stop)):
-            return again(between=f"{figure(start, 6)},{figure(stop, 6)}")
-        return ""
+    if CHANGED in grave and refused <= {CHANGED} and samples.time is not None:
+        stretches = list_stretches(grave[CHANGED], samples.time)
+        if not stretches or not _tells(result, find_rows(samples.time, *stretches[0])):
+            return ""
+        start, stop = stretches[0]
+        return again(between=f"{figure(start, 6)},{figure(stop, 6)}")
     if samples.unit == RAW and not refused and (unit := _guess_unit(result)):
         return again(unit=unit)
     return ""
 
 
-def _find_longest_stretch(changed: Finding, time: Array) -> tuple[float, float]:
-    """The longest interval without a change, by the clock of the log."""
-    first, last = float(time[0]), float(time[-1])
-    moments = sorted(float(moment) for moment in _MOMENT.findall(changed.what))
-    edges = [first, *(moment for moment in moments if first < moment < last), last]
-    return max(pairwise(edges), key=lambda pair: pair[1] - pair[0])
-
-
 def _tells(result: Calibrated, rows: Mask) -> bool:
     """Whether so many of the rows tell a calibration, and no change again: only then is it worth
     leaving the others out. What disturbs on board is what it was found to be."""
-    if rows.all():
-        return False
     known = {} if result.method == "ellipsoid" else {"sources": list_sources(result.fit)}
     reference = None if result.reference is None else result.reference.select(rows)
     try:
@@ -129,7 +118,7 @@ def _tells(result: Calibrated, rows: Mask) -> bool:
     except AgonicError:
         return False
     doubts = {finding.name for finding in fit.findings if finding.severity != "note"}
-    return fit.verdict != "refused" and "field changed" not in doubts
+    return fit.verdict != "refused" and CHANGED not in doubts
 
 
 def _guess_unit(result: Calibrated) -> str:

@@ -51,6 +51,9 @@ not see how it turns about the field."""
 LIKELY = 0.2
 """Of the field: a sensor bends by less at the size of the field, and what goes with bank or pitch
 is less for a vehicle turned by a right angle."""
+DRIFTS = 0.05
+"""Of the field: by so much at most, about, a bias drifts in a log; what a log hardly tells from a
+current, or from its bias before it turned, would else be of any size."""
 UNEVEN = 0.03
 """Of the reading: by so much gains may differ between positive and negative readings."""
 
@@ -218,8 +221,8 @@ def list_causes(work: Work) -> Iterator[_Cause]:
     )
     yield _cause(work, "late", lambda x: unmodelled.lag(x, apart), at_rest=False)
     yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
-    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 1), moved=False)
-    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 4), moved=False)
+    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 1), moved=False, likely=DRIFTS)
+    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 4), moved=False, likely=DRIFTS)
     yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
     yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)
     for name in work.seen.signals:

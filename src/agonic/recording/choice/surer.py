@@ -46,8 +46,8 @@ def choose_surer(
         opposite = check_felt_dip(alone.fit, samples, reference)
         if opposite is not None:
             return replace(alone, fit=alone.fit.with_findings(opposite), reason=enough)
-    if alone is not None and _is_sure(alone.fit):
-        return replace(alone, reason=enough)
+    if alone is not None and (_is_sure(alone.fit) or "static" in find_causes(alone)):
+        return replace(alone, reason=enough)  # what never turned blames no other sensor
     try:
         aided = fit_beside_unit(samples, reference, reason, settings)
     except CoverageError:

@@ -1,0 +1,58 @@
+"""The stretches of a log between the moments at which its bias changed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from agonic.arrays import Array, Mask
+from agonic.health import Finding
+
+CHANGED = "field changed"
+MARGIN = 0.02
+"""Of a stretch: so near to a change its readings may be of either side."""
+_MOMENT = re.compile(r"t = (-?[\d.]+) s\b")
+
+
+def find_refused_change(findings: Iterable[Finding]) -> Finding | None:
+    """The finding that refuses a log for a bias that changed, if one does."""
+    return next((f for f in findings if f.name == CHANGED and f.severity == "refuse"), None)
+
+
+def list_stretches(changed: Finding, time: Array) -> list[tuple[float, float]]:
+    """The intervals without a change, by the clock of the log, the longest first.
+
+    >>> import numpy as np
+    >>> moved = Finding("field changed", "refuse", "the bias moved near t = 2.0 s and t = 9.0 s")
+    >>> list_stretches(moved, np.arange(21.0))
+    [(9.0, 20.0), (2.0, 9.0), (0.0, 2.0)]
+    """
+    begin, end = float(time[0]), float(time[-1])
+    moments = sorted(float(moment) for moment in _MOMENT.findall(changed.what))
+    edges = [begin, *(moment for moment in moments if begin < moment < end), end]
+    found = list(pairwise(edges)) if len(edges) > 2 else []
+    return sorted(found, key=lambda pair: pair[0] - pair[1])
+
+
+def find_rows(time: Array, first: float, last: float) -> Mask:
+    """The rows of a stretch, but for those next to a change."""
+    margin = MARGIN * (last - first)
+    begin = first + margin * (first > time[0])
+    end = last - margin * (last < time[-1])
+    return np.asarray((time >= begin) & (time <= end))
+
+
+def describe_stretch(changed: Finding, first: float, last: float) -> Finding:
+    """What is said of a calibration that is of one stretch."""
+    return replace(
+        changed,
+        severity="check",
+        what=f"{changed.what}; this calibration is of the stretch from t = {first:.1f} s to "
+        f"{last:.1f} s alone",
+        move="use it for how things were then; for another stretch give its times (--between "
+        "START,STOP)",
+    )
