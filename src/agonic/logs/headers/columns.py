@@ -17,16 +17,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from agonic.errors import LogError
-from agonic.logs.headers.header import (
-    ALIAS,
-    CANONICAL,
-    FALLBACK,
-    LAST,
-    MOST_COLUMNS,
-    PREFERRED,
-    Column,
-    identify_column,
-)
+from agonic.logs.headers.header import MOST_COLUMNS, Column, identify_column
+from agonic.logs.headers.patterns import ALIAS, CANONICAL, FALLBACK, LAST, PREFERRED
 
 __all__ = [
     "ALIAS",
