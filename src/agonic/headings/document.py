@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -36,63 +37,67 @@ def describe_headings(
         logged. field : (n, 3) that it gives, whose strength and dip the page draws.
     notes : on what was assumed, beside those of the headings. inputs : files that it rests on.
     """
-    trusted = found.trusted
-    sd, random_sd, tilt_sd = (
-        _median(values, trusted)
-        for values in (found.sd_deg, found.random_sd_deg, found.tilt_sd_deg)
-    )
-    declination = float(np.median(found.declination_deg))
-    flagged = {name: int(rows.sum()) for name, rows in found.flags.items() if rows.any()}
-    used = {name: int((found.used == k).sum()) for k, name in enumerate(found.sensors)}
-    disagreement = _rms(found.disagreement_deg, trusted)
-    against = _compare_with_log(found, samples, trusted)
-    n = len(found)
-    tilt = "roll and pitch of the log" if found.tilt == "log" else found.tilt
-    noise = f", noise {random_sd:.2f}°" if random_sd else ""  # smoothed headings have none to tell
-    entries = {
-        "Headings": f"{group_digits(n)} of {', '.join(found.sensors)}, "
-        f"{group_digits(int(trusted.sum()))} to trust",
-        "Error": "" if sd is None else f"{sd:.2f}° (median standard error){noise}",
-        "Tilt": tilt if sd is None else f"{tilt}, good to {tilt_sd:.2f}° (median)",
-        "Declination": f"{write_minus(f'{declination:.2f}')}°",
-        "Method": found.method,
-    }
-    if flagged:
-        shares = (f"{100 * rows / n:.1f} % {name}" for name, rows in flagged.items())
-        entries["Flagged"] = ", ".join(shares)
-    if disagreement is not None:
-        shares = (f"{name} {100 * rows / n:.0f} %" for name, rows in used.items())
-        entries["Sensors"] = f"differ by {disagreement:.2f}° rms; used: {', '.join(shares)}"
-    if against is not None:
-        entries["Against"] = (
-            f"the logged heading: true − logged, mean {against['mean_deg']:+.2f}°, "
-            f"rms {against['rms_deg']:.2f}°"
-        )
+    values = _list_values(found, samples)
+    said = (*found.notes, *notes)
     return Document(
         schema="agonic/heading@1",
         kind="True headings",
         name=found.sensors[0] if samples is None else samples.name,
-        entries=entries,
+        entries=_list_entries(found, values),
         entries_title="Headings",
         sections=[*_list_sections(found, field), list_inputs(*inputs, equation=EQUATION)],
-        remarks=(*found.notes, *notes),
-        values={
-            "sensors": found.sensors,
-            "n": n,
-            "trusted": int(trusted.sum()),
-            "tilt": found.tilt,
-            "method": found.method,
-            "tilt_sd_deg": tilt_sd,
-            "declination_deg": declination,
-            "sd_deg": sd,
-            "random_sd_deg": random_sd,
-            "flagged": flagged,
-            "used": used,
-            "disagreement_deg": disagreement,
-            "against_log": against,
-            "notes": (*found.notes, *notes),
-        },
+        remarks=said,
+        values=values | {"notes": said},
     )
+
+
+def _list_values(found: Heading, samples: Samples | None) -> dict[str, Any]:
+    """The numbers of the headings, by name."""
+    trusted = found.trusted
+    return {
+        "sensors": found.sensors,
+        "n": len(found),
+        "trusted": int(trusted.sum()),
+        "tilt": found.tilt,
+        "method": found.method,
+        "tilt_sd_deg": _median(found.tilt_sd_deg, trusted),
+        "declination_deg": float(np.median(found.declination_deg)),
+        "sd_deg": _median(found.sd_deg, trusted),
+        "random_sd_deg": _median(found.random_sd_deg, trusted),
+        "flagged": {name: int(rows.sum()) for name, rows in found.flags.items() if rows.any()},
+        "used": {name: int((found.used == k).sum()) for k, name in enumerate(found.sensors)},
+        "disagreement_deg": _rms(found.disagreement_deg, trusted),
+        "against_log": _compare_with_log(found, samples, trusted),
+    }
+
+
+def _list_entries(found: Heading, values: Mapping[str, Any]) -> dict[str, str]:
+    """The same in words; what is not known is left out."""
+    n, sd, tilt_sd = len(found), values["sd_deg"], values["tilt_sd_deg"]
+    random_sd = values["random_sd_deg"]  # smoothed headings have none to tell
+    noise = f", noise {random_sd:.2f}°" if random_sd else ""
+    tilt = "roll and pitch of the log" if found.tilt == "log" else found.tilt
+    declination = write_minus(f"{values['declination_deg']:.2f}")
+    entries = {
+        "Headings": f"{group_digits(n)} of {', '.join(found.sensors)}, "
+        f"{group_digits(values['trusted'])} to trust",
+        "Error": "" if sd is None else f"{sd:.2f}° (median standard error){noise}",
+        "Tilt": tilt if sd is None else f"{tilt}, good to {tilt_sd:.2f}° (median)",
+        "Declination": f"{declination}°",
+        "Method": found.method,
+    }
+    if flagged := values["flagged"]:
+        shares = (f"{100 * rows / n:.1f} % {name}" for name, rows in flagged.items())
+        entries["Flagged"] = ", ".join(shares)
+    if (apart := values["disagreement_deg"]) is not None:
+        shares = (f"{name} {100 * rows / n:.0f} %" for name, rows in values["used"].items())
+        entries["Sensors"] = f"differ by {apart:.2f}° rms; used: {', '.join(shares)}"
+    if (against := values["against_log"]) is not None:
+        entries["Against"] = (
+            f"the logged heading: true − logged, mean {against['mean_deg']:+.2f}°, "
+            f"rms {against['rms_deg']:.2f}°"
+        )
+    return entries
 
 
 def _list_sections(found: Heading, field: Array | None) -> list[Section]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -171,3 +172,17 @@ def count_found(told: int, attitude: Attitude) -> int:
     the first `told` only beside a tilt of our own, whose lasting errors are listed. Those of a
     recorded tilt last as the filter that made it pleases, and would be taken for the compass's."""
     return told if attitude.source == "gyro" else GYRO
+
+
+def list_shared_errors(
+    seen: Sequence[Seen], used: Index, attitude: Attitude, rate: Array, rows: Index
+) -> tuple[Array, Array]:
+    """What errors that the rows (N,) of a compass share, and those of the gyro, do to the heading:
+    (N, k), and that of the delay (N, 1), radians for one standard deviation of each."""
+    columns, delay = [np.zeros((len(rows), GYRO))], np.zeros((len(rows), 1))
+    for k, one in enumerate(seen):
+        own, late = list_compass_errors(one, attitude, rate, rows)
+        mine = (used[rows] == k)[:, None]
+        delay += np.where(mine, late, 0.0)
+        columns.append(np.where(mine, own, 0.0))
+    return np.hstack(columns), delay

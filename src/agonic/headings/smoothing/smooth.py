@@ -38,7 +38,7 @@ from agonic.headings.smoothing.errors import (
     count_found,
     find_sensor_lean,
     follow_axes,
-    list_compass_errors,
+    list_shared_errors,
     list_tilt_errors,
     measure_disturbance,
     turn_by_tilt,
@@ -120,21 +120,16 @@ def smooth_headings(
         return None
     rows = moments.rows[moments.middle]
     heading = carried.heading[moments.middle] + observed.offset
-    columns, delay = [np.zeros((len(rows), GYRO))], np.zeros((len(rows), 1))
-    for k, one in enumerate(seen):
-        own, late = list_compass_errors(one, attitude, rate, rows)
-        mine = (used[rows] == k)[:, None]
-        delay += np.where(mine, late, 0.0)
-        columns.append(np.where(mine, own, 0.0))
+    columns, delay = list_shared_errors(seen, used, attitude, rate, rows)
     steep = vertical[rows] / np.maximum(horizontal[rows], 1e-9)
     lean = follow_axes(_turn(level[rows], heading), moments, settling_s)
     found_lean = find_sensor_lean(
-        np.concatenate(columns, axis=1), lean, observed.variance, (horizontal, vertical),
+        columns, lean, observed.variance, (horizontal, vertical),
         around, attitude, moments,
     )  # fmt: skip
     by_lean = np.nan_to_num(list_tilt_errors(lean, steep))
-    columns.append(by_lean @ np.linalg.cholesky(found_lean))
-    shared = moments.smooth(np.nan_to_num(np.concatenate(columns, axis=1)), STEADY_S)
+    columns = np.hstack([columns, by_lean @ np.linalg.cholesky(found_lean)])
+    shared = moments.smooth(np.nan_to_num(columns), STEADY_S)
     axes = find_shown_axes(level[moments.rows, 2])
     observed = observed._replace(
         by_bias=observed.by_bias @ axes @ axes.T,

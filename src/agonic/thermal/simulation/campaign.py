@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
-from agonic.errors import AgonicError
 from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation.thermal import make_readings, random_drifting
@@ -24,26 +23,7 @@ from agonic.thermal.campaign.sensors import MODELS, Sensor
 from agonic.thermal.fit.readings import KELVIN
 from agonic.thermal.plan.plan import HANDLING_MIN, ThermalPlan, plan_thermal
 from agonic.thermal.simulation.chamber import TICK_S, add_spikes, apply_lag, draw_field
-
-
-@dataclass(frozen=True, kw_only=True)
-class Faults:
-    """What went wrong in a campaign.
-
-    Parameters
-    ----------
-    missing : stations that were never recorded. stuck : the sensor whose thermometer stands still.
-    swapped : two stations exchanged in the description. drift : nT by which the chamber's field
-        moves steadily from the first station to the last. truncated : stations whose recording
-        ends in the middle. kelvin : temperatures are in kelvin and nothing says so.
-    """
-
-    missing: tuple[int, ...] = ()
-    stuck: str = ""
-    swapped: tuple[int, int] | None = None
-    drift: float = 0.0
-    truncated: tuple[int, ...] = ()
-    kelvin: bool = False
+from agonic.thermal.simulation.faults import Faults, check_faults
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -199,23 +179,9 @@ def simulate_campaign(
             inclination_deg=inclination_deg,
         )
     )
-    profile, spoilt = plan.profile, faults or Faults()
-    _check_faults(spoilt, plan)
+    spoilt = faults or Faults()
+    check_faults(spoilt, plan)
     truth_rng, fixture_rng, field_rng = np.random.default_rng(seed).spawn(3)
-    half = profile.span_C / 2
-    rate = profile.cooling_C_per_min / 60.0
-    truth = {
-        sensor.name: random_drifting(
-            truth_rng,
-            centre_C=profile.lowest_C + half,
-            half_range_C=half,
-            drift=drift,
-            gain_drift=gain_drift,
-            per_rate=hysteresis / rate,
-            sensor=sensor.name,
-        )
-        for sensor in plan.sensors
-    }
     errors = Rotation.from_rotvec(
         np.radians(fixture_sd_deg) * fixture_rng.standard_normal((len(plan.stations), 3))
     )
@@ -228,7 +194,7 @@ def simulate_campaign(
     noises = {s.name: _find_noise(s, noise) for s in plan.sensors}
     return SimulatedCampaign(
         description=_describe(plan, spoilt.swapped, noises, quantised),
-        truth=MappingProxyType(truth),
+        truth=MappingProxyType(_draw_truth(truth_rng, plan, drift, gain_drift, hysteresis)),
         rotations=MappingProxyType(rotations),
         faults=spoilt,
         facts=MappingProxyType(
@@ -256,16 +222,24 @@ def simulate_campaign(
     )
 
 
-def _check_faults(faults: Faults, plan: ThermalPlan) -> None:
-    numbers = plan.description.numbers
-    named = {*faults.missing, *faults.truncated, *(faults.swapped or ())}
-    if named - set(numbers):
-        raise AgonicError(f"there is no station {min(named - set(numbers))} to spoil")
-    names = [sensor.name for sensor in plan.sensors]
-    if faults.stuck and faults.stuck not in names:
-        raise AgonicError(f"there is no sensor {faults.stuck!r}; there are {', '.join(names)}")
-    if len(set(numbers) - set(faults.missing)) < 1:
-        raise AgonicError("all stations are missing; nothing is left to simulate")
+def _draw_truth(
+    rng: np.random.Generator, plan: ThermalPlan, drift: float, gain_drift: float, hysteresis: float
+) -> dict[str, Thermal]:
+    """The calibration of each sensor over the range of the plan."""
+    half = plan.profile.span_C / 2
+    rate = plan.profile.cooling_C_per_min / 60.0
+    return {
+        sensor.name: random_drifting(
+            rng,
+            centre_C=plan.profile.lowest_C + half,
+            half_range_C=half,
+            drift=drift,
+            gain_drift=gain_drift,
+            per_rate=hysteresis / rate,
+            sensor=sensor.name,
+        )
+        for sensor in plan.sensors
+    }
 
 
 def _find_noise(sensor: Sensor, given: float | None) -> float:
