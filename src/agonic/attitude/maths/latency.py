@@ -108,20 +108,24 @@ def estimate_gyro(record: Record, time: Array, rotation_rate: Array, limit_s: fl
 
 def _best(record: Record, path_at: Callable[[Array], Path], limit_s: float) -> Estimate:
     """The estimate from the best of a coarse grid, where it is clearly better than from zero."""
-    start = _scan(record, path_at(np.zeros(3)), limit_s)
-    found = _refine(record, path_at, limit_s, start)
-    if abs(start) <= _SCAN_S:
+    unbiased = path_at(np.zeros(3))
+    start = _scan(record, unbiased, limit_s)
+    found = _refine(record, unbiased, path_at, limit_s, start)
+    if min(abs(start), abs(found.latency_s)) <= _SCAN_S:  # which is where zero would lead as well
         return found
-    near = _refine(record, path_at, limit_s, 0.0)
+    near = _refine(record, unbiased, path_at, limit_s, 0.0)
     return found if found.cost < near.cost - _CLEARLY else near
 
 
 def _refine(
-    record: Record, path_at: Callable[[Array], Path], limit_s: float, latency: float
+    record: Record,
+    path: Path,
+    path_at: Callable[[Array], Path],
+    limit_s: float,
+    latency: float,
 ) -> Estimate:
     """Gauss–Newton on latency and gyro bias, with Tukey's weights anew at each step."""
     weights, bias = np.ones(len(record.time)), np.zeros(3)
-    path = path_at(bias)
     for turn in range(_ITERATIONS):
         seen = _projected(record, path, latency, weights)
         weights, noise = _weigh_rows(record, seen.residuals)
@@ -248,7 +252,7 @@ def _fill_up(edges: Index) -> tuple[Index, Mask]:
 def _projected(record: Record, path: Path, latency: float, weights: Array) -> _Projected:
     """Residuals of the weighted least squares of every stretch, and Kaufman's slopes."""
     at = record.time - latency
-    changes = np.stack([-path.entries(at, 1), *(drift(at) for drift in path.drifts)])
+    changes = np.concatenate([-path.entries(at, 1)[None], path.find_drifts(at)])
     rows, inside, basis, scaled, w, found, residuals = _fit_stretches(
         record, path, latency, weights
     )

@@ -19,10 +19,23 @@ _SKEW[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = -1.0
 
 
 class Path(NamedTuple):
-    """Functions of time (9,): the entries of rot_nb, and what unit drifts of a gyro change them."""
+    """The entries of rot_nb as a function of time, (9,); of a gyro also ∫R dt (n, 3, 3) at `time`:
+    its columns turn n by a bias of each axis."""
 
     entries: CubicSpline
-    drifts: tuple[CubicSpline, ...] = ()
+    time: Array | None = None
+    turned: Array | None = None
+
+    def find_drifts(self, at: Array) -> Array:
+        """What unit biases of a gyro change of the entries at times (k,), (3, k, 9); none beside
+        recorded attitudes. Between rows a drift is a straight line."""
+        if self.time is None or self.turned is None:
+            return np.zeros((0, len(at), 9))
+        columns = self.turned.reshape(-1, 9).T
+        turned = np.stack([np.interp(at, self.time, one) for one in columns], axis=1)
+        skewed = np.tensordot(turned.reshape(-1, 3, 3), _SKEW, axes=(1, 0))  # (k, j, a, b)
+        rot_nb = self.entries(at).reshape(-1, 1, 3, 3)
+        return np.asarray((skewed @ rot_nb).swapaxes(0, 1).reshape(3, -1, 9))
 
 
 def attitude_path(time: Array, rot_nb: Array) -> Path:
@@ -40,11 +53,8 @@ def gyro_path(time: Array, rotation_rate: Array) -> Path:
     """The path that a gyro (n, 3) rad/s integrates to, and what a bias on each axis adds to it."""
     from scipy.interpolate import CubicSpline  # slow to load
 
-    rot_nb = integrate_rates(rotation_rate, time).as_matrix()
-    turned = CubicSpline(time, rot_nb).antiderivative()(time)  # ∫R dt: columns turn n per bias
-    drifts = np.einsum("nkj,kab,nbc->jnac", turned, _SKEW, rot_nb).reshape(3, -1, 9)
-    entries = CubicSpline(time, rot_nb.reshape(-1, 9))
-    return Path(entries, tuple(CubicSpline(time, drift) for drift in drifts))
+    entries = CubicSpline(time, integrate_rates(rotation_rate, time).as_matrix().reshape(-1, 9))
+    return Path(entries, time, entries.antiderivative()(time).reshape(-1, 3, 3))
 
 
 def _smooth(rows: Array) -> Array:

@@ -34,6 +34,8 @@ TAILS = 3.0
 _INDEPENDENT_WINDOWS = 1.9
 """Of windows that overlap by half, under a taper, for every length of a window."""
 _ROUNDS = 15
+_SAMPLED = 6
+"""Means in a period of what changes fastest."""
 
 
 class _Spectra(NamedTuple):
@@ -82,8 +84,10 @@ def _cut_windows(time: Array) -> tuple[int, list[int]]:
 def _measure_spectra(force: Array, rate: Array, time: Array) -> _Spectra:
     rows, starts = _cut_windows(time)
     step = float(np.median(np.diff(time)))
-    taper = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) ** 2
-    kept, band = _cut_bands(rows, step)
+    every = max(1, int(1 / (_SAMPLED * FASTEST_HZ * step)))
+    means, length_s = rows // every, rows * step
+    taper = np.sin(np.pi * (np.arange(means) + 0.5) / means) ** 2
+    kept, band = _cut_bands(means, every * step)
     overlap = min(1.0, _INDEPENDENT_WINDOWS * len(time) / rows / max(len(starts), 1))
     independent = 2 * overlap * (taper**2).mean() ** 2 / (taper**4).mean()
     slow, parts = low_pass(rate, step, NODDING_S), []
@@ -91,22 +95,28 @@ def _measure_spectra(force: Array, rate: Array, time: Array) -> _Spectra:
         part = slice(start, start + rows)
         columns = _spread_unknowns(rate[part], slow[part], time[part])
         felt = np.broadcast_to(force[part, None, :], (rows, 3, 3))
-        seen = np.concatenate([felt, columns], axis=2)
+        seen = _average(np.concatenate([felt, columns], axis=2), every)
         wave = np.fft.rfft((seen - seen.mean(axis=0)) * taper[:, None, None], axis=0)[kept]
         both = wave[..., :, None].conj() * wave[..., None, :]
         parts.append(np.add.reduceat(both.real, np.searchsorted(band, np.unique(band))))
     products = np.stack(parts) if parts else np.zeros((0, band[-1] + 1, 3, 15, 15))
     sds = (
         STANDARD_GRAVITY_M_S2,
-        STANDARD_GRAVITY_M_S2 * GYRO_BIAS_SD * rows * step / 2,
+        STANDARD_GRAVITY_M_S2 * GYRO_BIAS_SD * length_s / 2,
         SPEED_SD_M_S,
         SPEED_SD_M_S,
     )
     return _Spectra(
-        products.swapaxes(1, 2) * independent / rows,
+        products.swapaxes(1, 2) * independent / means,
         np.bincount(band) * independent,
         np.repeat(sds, 3),
     )
+
+
+def _average(rows: Array, every: int) -> Array:
+    """Means of so many rows."""
+    means = len(rows) // every
+    return np.asarray(rows[: means * every].reshape(means, every, *rows.shape[1:]).mean(axis=1))
 
 
 def _cut_bands(rows: int, step: float) -> tuple[Index, Index]:
@@ -131,20 +141,22 @@ def _weigh(spectra: _Spectra, turn: Array) -> Array:
     The noise S of an axis and band, and the weight of each window, by expectation and maximisation.
     """
     products, n, sds = spectra
-    among, across = products[..., 3:, 3:], products[..., :3, 3:]
-    across = np.einsum("jp,wpbjq->wpbq", turn, across)
+    among = products[..., 3:, 3:].reshape(len(products), -1, len(sds) ** 2)
+    across = np.einsum("jp,wpbjq->wpbq", turn, products[..., :3, 3:])
     square = np.einsum("jp,kp,wpbjk->wpb", turn, turn, products[..., :3, :3])
+    shape, across = square.shape, across.reshape(len(products), -1, len(sds))
     weight, noise = np.ones_like(square), np.maximum(square.mean(axis=0) / n, 1e-12)
     for _ in range(_ROUNDS):
-        share = weight / noise
-        information = np.einsum("wpbij,wpb->wij", among, share) + np.diag(sds**-2.0)
+        share = (weight / noise).reshape(len(products), 1, -1)
+        information = (share @ among).reshape(-1, len(sds), len(sds)) + np.diag(sds**-2.0)
         covariance = np.linalg.inv(information)
-        found = np.einsum("wij,wpbj,wpb->wi", covariance, across, share)
-        left = square - 2 * np.einsum("wpbi,wi->wpb", across, found)
-        left = np.maximum(left + np.einsum("wpbij,wi,wj->wpb", among, found, found), 0.0)
-        expected = left + np.einsum("wpbij,wji->wpb", among, covariance)
+        found = covariance @ (share @ across).swapaxes(1, 2)  # (w, q, 1)
+        both = np.stack([found @ found.swapaxes(1, 2), covariance], axis=3)
+        taken, doubt = np.moveaxis(among @ both.reshape(len(products), -1, 2), 2, 0)
+        left = np.maximum(square + (taken - 2 * (across @ found)[..., 0]).reshape(shape), 0.0)
+        expected = left + doubt.reshape(shape)
         weight = (TAILS + n) / (TAILS + expected / noise)
         noise = np.maximum((weight * expected).mean(axis=0) / n, 1e-12)
     told = (n * np.log(noise)).sum() + ((TAILS + n) * np.log1p(left / (TAILS * noise))).sum((1, 2))
     free = np.linalg.slogdet(information * np.outer(sds, sds))[1]
-    return np.asarray(-(told + free + ((found / sds) ** 2).sum(axis=1)) / 2)
+    return np.asarray(-(told + free + ((found[..., 0] / sds) ** 2).sum(axis=1)) / 2)
