@@ -24,7 +24,7 @@ from agonic.headings.compass_heading import (
 )
 from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
 from agonic.headings.expected_field import Surroundings, find_surroundings
-from agonic.headings.rates import find_wrong_gyro
+from agonic.headings.rates import mend_unit
 from agonic.headings.result import EACH_ROW, FLAGS, SMOOTHED, Heading
 from agonic.headings.rows import Looked, Taken, look_at_rows
 from agonic.headings.smoothing.rows import bridge, smooth_rows
@@ -65,7 +65,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     Raises
     ------
     LogError where a sensor, the attitude, or the place and date are missing, or the tilt is to come
-    from a gyro that turns otherwise than the magnetometer; ValidityError where
+    from a gyro or an accelerometer that turns otherwise than the magnetometer; ValidityError where
     the date is outside the world models; UnitError, FrameError where readings and calibration do
     not meet; MissingExtraError where the gyro filter is asked for and not installed.
 
@@ -88,9 +88,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
     read = [_leave_out(readings, unknown) for readings in read]
     around = find_surroundings(first, setup)
-    wrong = find_wrong_gyro(first, setup, pairs[0][0].calibration)
-    if wrong is not None:
-        first = first.with_columns(rotation_rate=None)
+    first, said = mend_unit(first, setup, pairs[0][0].calibration)
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
 
     def look(own: Samples) -> Looked:
@@ -99,7 +97,6 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     looked = look(first)
     smoothed: SmoothedHeading | None = None
     why: tuple[str, ...] = ()
-    said = () if wrong is None else (wrong,)
     if smooth:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AgonicWarning)  # the rows have said it by themselves

@@ -15,8 +15,12 @@ from agonic.calibration.thermal import Thermal
 from agonic.headings.attitude import LEVEL
 from agonic.headings.compass_heading import Indication
 from agonic.headings.expected_field import Surroundings
+from agonic.health.finding import figure
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.units import RAW
+
+OPPOSITE_DEG = 15.0
+"""A dip is the opposite of the expected one to this, and that one steep enough to tell."""
 
 
 class Comparison(NamedTuple):
@@ -57,13 +61,29 @@ def compare_with_expected(
         return Comparison(off)
     dip = np.degrees(np.arctan2(z, h) - np.arctan2(around.vertical, around.horizontal))
     distance = _over(dip, setup.dip_limit_deg)
+    opposite = () if tilt == "log" else _tell_opposite_sign(compass, dip, around)
     if not raw:
         expected = np.hypot(around.horizontal, around.vertical)
         share = np.sqrt(h * h + z * z) / expected - 1
         distance = np.maximum(distance, _over(share, setup.magnitude_limit))
         there = expected * (1 + share)
-        return Comparison(distance, _tell_other_magnitude(compass, share, there, setup))
-    return Comparison(distance)
+        other = _tell_other_magnitude(compass, share, there, setup)
+        return Comparison(distance, (*opposite, *other))
+    return Comparison(distance, opposite)
+
+
+def _tell_opposite_sign(compass: Compass, off: Array, around: Surroundings) -> tuple[str, ...]:
+    """What to say of dips (n,), degrees less the expected ones, that are the opposite of these."""
+    assert around.horizontal is not None
+    assert around.vertical is not None
+    expected = float(np.degrees(np.median(np.arctan2(around.vertical, around.horizontal))))
+    dip = expected + float(np.nanmedian(off)) if np.isfinite(off).any() else expected
+    if abs(expected) < OPPOSITE_DEG or abs(dip + expected) > OPPOSITE_DEG:
+        return ()
+    return (
+        f"the field by {compass.sensor} seems to dip by {figure(dip)}° where it should by "
+        f"{figure(expected)}°: the acceleration or the magnetometer has the opposite sign",
+    )
 
 
 def _tell_other_magnitude(

@@ -1,4 +1,4 @@
-"""The rates of a gyro in body axes, and whether they are what the compass turns by."""
+"""Gyro and accelerometer beside a compass: their axes, and whether they turn as it does."""
 
 from __future__ import annotations
 
@@ -21,19 +21,35 @@ def find_rate_mounting(samples: Samples, setup: Setup, calibration: Calibration)
     return find_mounting(calibration)
 
 
-def find_wrong_gyro(samples: Samples, setup: Setup, calibration: Calibration) -> str | None:
-    """What a gyro looks like that does not turn as the calibrated field does, or `None`.
+def mend_unit(
+    samples: Samples, setup: Setup, calibration: Calibration
+) -> tuple[Samples, tuple[str, ...]]:
+    """The samples without a gyro that does not turn as the calibrated field does, and without an
+    accelerometer that does not turn as the gyro does or has another unit, and what to say of it.
 
-    Raises LogError where the setup takes the tilt from it.
+    Raises LogError where the tilt has to come from a sensor that is left out.
     """
-    if samples.time is None or samples.rotation_rate is None or has_two_axes(calibration):
-        return None
+    if samples.time is None or has_two_axes(calibration):
+        return samples, ()
     turn = find_rate_mounting(samples, setup, calibration)
-    field, rate = correct_field(calibration, samples), samples.rotation_rate @ turn.T
-    there = Samples(time=samples.time, field=field, rotation_rate=rate)
-    found = [one.finding for one in find_faults(there) if one.finding.severity == "refuse"]
-    if not found:
-        return None
-    if setup.tilt == "gyro":
-        raise LogError(found[0].sentence)
-    return f"{found[0].what}; it was left out; {found[0].move}"
+    there = {"rotation_rate": samples.rotation_rate}
+    if setup.accelerometer is None:  # which knows its own unit and axes
+        there["acceleration"] = samples.acceleration
+    turned = {name: values @ turn.T for name, values in there.items() if values is not None}
+    compass = Samples(time=samples.time, field=correct_field(calibration, samples))
+    notes = []
+    for column, finding, mended in find_faults(compass.with_columns(**turned)):
+        if mended is None and _needs(samples, setup, column):
+            raise LogError(finding.sentence)
+        samples = samples.with_columns(**{column: None if mended is None else mended @ turn})
+        out = "; it was left out" if finding.severity == "refuse" else ""
+        notes.append("; ".join(part for part in (finding.what + out, finding.move) if part))
+    return samples, tuple(notes)
+
+
+def _needs(samples: Samples, setup: Setup, column: str) -> bool:
+    """Whether the tilt cannot be had without the gyro, or without the acceleration."""
+    if column == "rotation_rate":
+        return setup.tilt == "gyro"
+    recorded = samples.roll_deg is not None and samples.pitch_deg is not None
+    return setup.tilt in ("gyro", "accelerometer") or (setup.tilt == "auto" and not recorded)

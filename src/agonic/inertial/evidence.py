@@ -128,7 +128,7 @@ def check_gravity(
         return None
     level, below = given.horizontal_and_vertical(len(samples)).mean(axis=0)
     magnitude = Reference.constant(float(np.hypot(level, below)))
-    found = find_field(samples, magnitude, replace(settings, inclination_sd=INCLINATION_SD))
+    found, _ = find_field(samples, magnitude, replace(settings, inclination_sd=INCLINATION_SD))
     seen = found.values.mean(axis=0)
     known, dip = np.degrees(np.arctan2([below, seen[1]], [level, seen[0]]))
     if not _is_opposite(float(dip), float(known)):

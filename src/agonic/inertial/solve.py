@@ -41,13 +41,14 @@ def solve(samples: Samples, reference: Reference | None, settings: Settings) -> 
     if samples.time is not None and len(samples) > 1:
         interval = float(np.median(np.diff(samples.time)))
         settings = replace(settings, delay_sd_s=float(np.hypot(LATENCY_SD_S, interval / 12**0.5)))
+    near = None
     if reference is None or reference.values.ndim == 1:
         settings = replace(settings, inclination_sd=INCLINATION_SD)
-        reference = find_field(samples, reference, settings)
+        reference, near = find_field(samples, reference, settings)
     elif samples.rotation_rate is not None:
         size = float(reference.magnitudes(len(samples)).mean())
         settings = replace(settings, inclination_sd=reference.sd / size)
-    solved = choose_speed(samples, reference, settings)
+    solved = choose_speed(samples, reference, settings, near)
     return _free_attitude(solved) if solved.felt.ahead is not None else keep_level(solved)
 
 

@@ -72,8 +72,11 @@ class Solved(NamedTuple):
         return np.asarray(self.found.solution.params[-len(self.sds) :] * self.sds)
 
 
-def find_field(samples: Samples, given: Reference | None, settings: Settings) -> Reference:
-    """Horizontal and vertical intensity that readings and inertial unit agree on.
+def find_field(
+    samples: Samples, given: Reference | None, settings: Settings
+) -> tuple[Reference, Array]:
+    """Horizontal and vertical intensity that readings and inertial unit agree on, and the unknowns
+    that were found with them.
 
     Without a magnitude it is the one that makes the mean gain one. Some thousand rows tell enough,
     from several dips, for the dip of the wrong hemisphere is a minimum too; but one by which the
@@ -86,7 +89,7 @@ def find_field(samples: Samples, given: Reference | None, settings: Settings) ->
     spread = float(np.linalg.norm(few.field.std(axis=0)))
     sizes = np.full(len(samples), spread) if given is None else given.magnitudes(len(samples))
     sizes = np.broadcast_to(sizes, len(samples))
-    tried: list[tuple[float, float, float]] = []
+    tried: list[tuple[float, float, float, Array]] = []
     for dip in _DIPS:
         place = make_dipping(sizes, dip)
         _, usable, problem, scale = pose_felt(
@@ -103,11 +106,12 @@ def find_field(samples: Samples, given: Reference | None, settings: Settings) ->
         noise = sum(float(np.log(one.sd)) for one in found.noise.values())
         there = dip + INCLINATION_SD * float(params[-1])
         likely = abs(there) < np.pi / 2
-        tried.append((noise if likely else np.inf, there, gain))
+        tried.append((noise if likely else np.inf, there, gain, params))
         if likely and found.noise["dip"].sd < _ALIKE * found.noise["magnitude"].sd:
             break
-    _, dip, gain = min(tried)
-    return make_dipping(sizes / gain if given is None else sizes, dip)
+    _, dip, gain, params = min(tried, key=lambda one: one[0])
+    near = np.append(params[:-1], 0.0)  # the dip is that of the reference now
+    return make_dipping(sizes / gain if given is None else sizes, dip), near
 
 
 def make_dipping(sizes: Array, dip: float) -> Reference:
@@ -115,13 +119,15 @@ def make_dipping(sizes: Array, dip: float) -> Reference:
     return Reference.horizontal_vertical(sizes * np.cos(dip), sizes * np.sin(dip), source=FOUND)
 
 
-def choose_speed(samples: Samples, reference: Reference, settings: Settings) -> Solved:
+def choose_speed(
+    samples: Samples, reference: Reference, settings: Settings, near: Array | None = None
+) -> Solved:
     """The estimate of a vehicle that hardly moves, or of one that keeps a speed in turns.
 
     A speed in a steady turn leans the vertical just as a bias of the accelerometer does, so it is
     taken to be there only where it makes the residuals much smaller.
     """
-    still = _solve_with(samples, reference, settings, SLOW_M_S)
+    still = _solve_with(samples, reference, settings, SLOW_M_S, near)
     if still.felt.ahead is None or not _leans(still):
         return still
     near = still.found.solution.params.copy()

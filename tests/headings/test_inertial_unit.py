@@ -1,0 +1,46 @@
+"""Headings beside an accelerometer of another unit, of other axes, or of the opposite sign."""
+
+import numpy as np
+import pytest
+
+from agonic.errors import LogError
+from agonic.headings import heading
+from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
+from tests.headings.flights import setup_for
+from tests.inertial.drives import drive
+
+MADE, LOGGED, _ = drive("boat", n=2500, rate_Hz=25.0)
+SETUP = setup_for(MADE.truth)
+
+
+def of_acceleration(force: np.ndarray) -> Samples:
+    return LOGGED.with_columns(acceleration=force)
+
+
+def test_an_acceleration_in_g_gives_the_same_headings() -> None:
+    """Its headings were "unsure", for it seemed to fall freely."""
+    right = heading(LOGGED, SETUP)
+    found = heading(of_acceleration(LOGGED.acceleration / STANDARD_GRAVITY_M_S2), SETUP)
+    assert np.abs(found.true_deg - right.true_deg).max() < 1e-4
+    assert any("it is in g" in note for note in found.notes)
+
+
+def test_an_accelerometer_of_other_axes_tells_no_tilt() -> None:
+    with pytest.raises(LogError, match="x and y are exchanged"):
+        heading(of_acceleration(LOGGED.acceleration[:, [1, 0, 2]]), SETUP)
+
+
+def test_a_tilt_from_the_log_needs_no_accelerometer() -> None:
+    angles = {name: getattr(MADE.samples, name) for name in ("roll_deg", "pitch_deg")}
+    wrong = of_acceleration(LOGGED.acceleration[:, [1, 0, 2]]).with_columns(**angles)
+    found = heading(wrong, SETUP)
+    assert found.tilt == "log"
+    assert any("x and y are exchanged" in note and "left out" in note for note in found.notes)
+
+
+def test_gravity_of_the_opposite_sign_is_named() -> None:
+    found = heading(of_acceleration(-LOGGED.acceleration), SETUP)
+    assert any("opposite sign" in note for note in found.notes)
+    assert not found.trusted.any()
+    assert not any("opposite sign" in note for note in heading(LOGGED, SETUP).notes)
