@@ -9,10 +9,11 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.health.adequacy.fitted import Fitted, ModelError, prepare
+from agonic.health.adequacy.fitted import Fitted, ModelError
 from agonic.health.adequacy.moving_bias import find_lasting, find_moving_bias
 from agonic.health.adequacy.structure import find_prior, find_structure
 from agonic.health.adequacy.terms import find_terms
+from agonic.health.adequacy.work import prepare
 from agonic.health.finding import Finding, figure
 
 DOUBTFUL_DEG = 0.5
