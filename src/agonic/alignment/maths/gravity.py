@@ -43,11 +43,7 @@ def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimat
     """
     free = 7 if bias else 4
     size = float(np.linalg.norm(field, axis=1).mean())
-    best = min(
-        (_from(start, down, field / size, free) for start in right_angles()),
-        key=lambda found: float(found[2] @ found[2]),
-    )
-    rotation, rest, residuals = best
+    rotation, rest, residuals = _from(right_angles(), down, field / size, free)
     jacobian = _jacobian(rotation, rest, down, field / size)[:, :free]
     freedom = len(down) - free
     variance = float(residuals @ residuals) / freedom if freedom > 0 else np.nan
@@ -61,29 +57,39 @@ def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimat
     )
 
 
-def _from(start: Array, down: Array, field: Array, free: int) -> tuple[Array, Array, Array]:
-    """Gauss–Newton from a rotation: R, (Z, b) and residuals, in units of the field."""
-    rotation, rest = start, np.zeros(4)
-    rest[0] = float(np.einsum("ki,ij,kj->k", down, rotation, field).mean())
+def _from(starts: Array, down: Array, field: Array, free: int) -> tuple[Array, Array, Array]:
+    """Gauss–Newton from rotations (s, 3, 3), all at once: the best R, (Z, b) and residuals.
+
+    In units of the field.
+    """
+    rotation, rest = starts, np.zeros((len(starts), 4))
+    rest[:, 0] = _residual(rotation, rest, down, field).mean(axis=-1)
     for _ in range(_ROUNDS):
         residuals = _residual(rotation, rest, down, field)
-        jacobian = _jacobian(rotation, rest, down, field)[:, :free]
-        step = np.zeros(7)
-        step[:free] = -np.linalg.lstsq(jacobian, residuals, rcond=1e-9)[0]
-        length = float(np.linalg.norm(step[:3]))
-        step *= min(1.0, 0.5 / max(length, 1e-12))  # a turn no larger than half a radian at once
-        rotation = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation
-        rest = rest + step[3:]
+        jacobian = _jacobian(rotation, rest, down, field)[..., :free]
+        step = np.zeros((len(starts), 7))
+        step[:, :free] = -(np.linalg.pinv(jacobian, rcond=1e-9) @ residuals[..., None])[..., 0]
+        length = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
+        step *= np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))  # no further than half a radian
+        rotation = Rotation.from_rotvec(step[:, :3]).as_matrix() @ rotation
+        rest = rest + step[:, 3:]
         if np.abs(step).max() < 1e-12:
             break
-    return rotation, rest, _residual(rotation, rest, down, field)
+    residuals = _residual(rotation, rest, down, field)
+    best = int(np.argmin((residuals**2).sum(axis=-1)))
+    return rotation[best], rest[best], residuals[best]
+
+
+def _seen(rotation: Array, rest: Array, field: Array) -> Array:
+    """The field in the axes of the accelerometer, (…, k, 3)."""
+    return np.asarray((field - rest[..., None, 1:]) @ np.swapaxes(rotation, -1, -2))
 
 
 def _residual(rotation: Array, rest: Array, down: Array, field: Array) -> Array:
-    return np.asarray((down * ((field - rest[1:]) @ rotation.T)).sum(axis=1) - rest[0])
+    return np.asarray((down * _seen(rotation, rest, field)).sum(axis=-1) - rest[..., :1])
 
 
 def _jacobian(rotation: Array, rest: Array, down: Array, field: Array) -> Array:
-    """By the small turn, Z and b, (k, 7): d · (δ × v) = δ · (v × d)."""
-    seen = (field - rest[1:]) @ rotation.T
-    return np.hstack([np.cross(seen, down), -np.ones((len(down), 1)), -down @ rotation])
+    """By the small turn, Z and b, (…, k, 7): d · (δ × v) = δ · (v × d)."""
+    across = np.cross(_seen(rotation, rest, field), down)
+    return np.concatenate([across, -np.ones_like(across[..., :1]), -down @ rotation], axis=-1)

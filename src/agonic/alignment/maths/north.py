@@ -233,17 +233,13 @@ def _start(since: Array, reading: Array) -> Array:
     span = float(since[-1])
     highest = np.pi / max(float(np.median(np.diff(since))), span / 200)
     trials = np.geomspace(2 * np.pi * _PERIODS / span, highest, _GRID)
-    best = min(
-        (_fit_undamped(omega, since, reading) for omega in trials), key=lambda found: found[0]
-    )
-    _, linear, omega = best
-    return np.array([*linear, 0.0, omega])
-
-
-def _fit_undamped(omega: float, since: Array, reading: Array) -> tuple[float, Array, float]:
-    design = np.stack([np.ones_like(since), np.cos(omega * since), np.sin(omega * since)], axis=1)
-    linear, *_ = np.linalg.lstsq(design, reading, rcond=None)
-    return float(((reading - design @ linear) ** 2).sum()), linear, float(omega)
+    phase = np.multiply.outer(trials, since)
+    designs = np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=-1)
+    basis = np.linalg.qr(designs).Q
+    along = (reading - reading.mean()) @ basis  # the mean is in every design
+    best = int(np.argmax((along**2).sum(axis=-1)))
+    linear, *_ = np.linalg.lstsq(designs[best], reading, rcond=None)
+    return np.array([*linear, 0.0, trials[best]])
 
 
 class Pointing(NamedTuple):

@@ -78,15 +78,9 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
     rot_cn = attitude @ np.swapaxes(rot_ne @ rot_ei, 1, 2)
     rows = _rows(star.orientation, session.orientations)
     first = rot_cn[[own[0] for own in rows]]
-    turns = [_turns(rot_cn[own]) for own in rows]
-    star_noise = _star_scatter(turns)
-    covariance = _covariance(star, star_noise)
-    means, spreads = (
-        np.array(part)
-        for part in zip(
-            *(_mean(t, covariance[own]) for t, own in zip(turns, rows, strict=True)), strict=True
-        )
-    )
+    turns = _turns(rot_cn, first, rows)
+    star_noise = _star_scatter(turns, rows)
+    means, spreads = _means(turns, _covariance(star, star_noise), rows)
     fields = _Fields(session)
     boresight = np.array([attitude[own, 2].mean(axis=0) for own in rows])
     return Observed(
@@ -131,22 +125,32 @@ def _rows(numbers: NDArray[np.int64], wanted: NDArray[np.int64]) -> list[Index]:
     return [np.flatnonzero(numbers == number) for number in wanted]
 
 
-def _turns(rot_cn: Array) -> Array:
-    """Rotation vectors (n, 3), camera axes, from the first attitude to each."""
-    return np.asarray(Rotation.from_matrix(rot_cn @ rot_cn[0].T).as_rotvec())
+def _sum_each(values: Array, rows: list[Index]) -> Array:
+    """Sums of values (n, …) over the rows of each orientation, (k, …)."""
+    first = np.cumsum([0, *(len(own) for own in rows[:-1])])
+    return np.asarray(np.add.reduceat(values[np.concatenate(rows)], first, axis=0))
 
 
-def _mean(turns: Array, covariance: Array) -> tuple[Array, Array]:
-    """The weighted mean of turns (n, 3), and its covariance."""
+def _turns(rot_cn: Array, first: Array, rows: list[Index]) -> Array:
+    """Rotation vectors (n, 3), camera axes, from the first attitude of its orientation to each."""
+    from_first = rot_cn.copy()
+    for own, start in zip(rows, first, strict=True):
+        from_first[own] = rot_cn[own] @ start.T
+    return np.asarray(Rotation.from_matrix(from_first).as_rotvec())
+
+
+def _means(turns: Array, covariance: Array, rows: list[Index]) -> tuple[Array, Array]:
+    """The weighted mean of the turns of each orientation, (k, 3), and their covariances."""
     weights = np.linalg.inv(covariance)
-    spread = np.linalg.inv(weights.sum(axis=0))
-    return spread @ np.einsum("nij,nj->i", weights, turns), spread
+    spreads = np.linalg.inv(_sum_each(weights, rows))
+    weighted = _sum_each((weights @ turns[..., None])[..., 0], rows)
+    return (spreads @ weighted[..., None])[..., 0], spreads
 
 
-def _star_scatter(turns: list[Array]) -> Array:
+def _star_scatter(turns: Array, rows: list[Index]) -> Array:
     """Standard deviation of one attitude, across and about the boresight, rad."""
-    squares = np.sum([((t - t.mean(axis=0)) ** 2).sum(axis=0) for t in turns], axis=0)
-    freedom = sum(len(t) - 1 for t in turns)
+    squares = np.sum([((turns[own] - turns[own].mean(axis=0)) ** 2).sum(0) for own in rows], axis=0)
+    freedom = sum(len(own) - 1 for own in rows)
     if freedom < 3:
         return np.full(2, np.nan)
     return np.sqrt(np.array([(squares[0] + squares[1]) / 2, squares[2]]) / freedom)
