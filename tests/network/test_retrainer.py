@@ -87,6 +87,15 @@ def test_pieces_of_any_size_make_the_whole(tmp_path: Path) -> None:
     np.testing.assert_allclose(pieces.calibration.weights, whole.calibration.weights, rtol=1e-6)
 
 
+@pytest.fixture(scope="module")
+def minute() -> tuple[SimulatedField, Network]:
+    """A tumbling sensor for a minute, and a network of its first 25 seconds."""
+    made = simulate_nonaffine(n=6000, rate_Hz=100.0, hysteresis=0.0, seed=2)
+    before = made.select(slice(0, 2500))
+    fit = fit_network(before.samples, before.reference, hidden=6, compared=False)
+    return made, fit.calibration
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("word", "settings"),
@@ -107,21 +116,18 @@ def test_pieces_of_any_size_make_the_whole(tmp_path: Path) -> None:
         ("stuck", {"raw": lambda r: np.broadcast_to(r[0], r.shape)}),
     ],
 )
-def test_poisoned_stretch_is_rejected_with_its_reason(word: str, settings: dict) -> None:
-    # a tumbling sensor for a minute, of which ten seconds from the thirtieth on are spoilt
-    made = simulate_nonaffine(n=6000, rate_Hz=100.0, hysteresis=0.0, seed=2)
-    before = made.select(slice(0, 2500))
-    ground = fit_network(before.samples, before.reference, hidden=6, compared=False).calibration
+def test_poisoned_stretch_is_rejected_with_its_reason(word: str, settings: dict, minute) -> None:
+    # ten seconds from the thirtieth on are spoilt
+    made, ground = minute
     bad = np.arange(3000, 4000)
     retrainer = Retrainer(ground, RetrainerParams(window_n=2500, every_n=500))
     residual = streamed(retrainer, spoilt(made, bad, **settings), 250)
     poisoned = [one for one in retrainer.retrainings if one.poisoned]
     assert any(word in one.reason for one in poisoned), [one.reason for one in poisoned]
     assert not any(one.accepted for one in retrainer.retrainings if 3100 < one.n <= 4000)
-    clean = simulate_nonaffine(n=6000, rate_Hz=100.0, hysteresis=0.0, seed=2)
     after = slice(5000, None)
-    expected, _ = ground.evaluated(clean.samples.field[after], {})
-    allowed = 1.05 * np.sqrt(np.mean((expected - clean.field[after]) ** 2))
+    expected, _ = ground.evaluated(made.samples.field[after], {})
+    allowed = 1.05 * np.sqrt(np.mean((expected - made.field[after]) ** 2))
     assert np.sqrt(np.mean(residual[after] ** 2)) < allowed
 
 

@@ -141,8 +141,9 @@ def _turns(rot_cn: Array, first: Array, rows: list[Index]) -> Array:
 
 def _means(turns: Array, covariance: Array, rows: list[Index]) -> tuple[Array, Array]:
     """The weighted mean of the turns of each orientation, (k, 3), and their covariances."""
-    weights = np.linalg.inv(covariance)
-    spreads = np.linalg.inv(_sum_each(weights, rows))
+    weights = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+    information = _sum_each(weights, rows)
+    spreads = np.asarray(np.linalg.inv(information), dtype=np.float64)
     weighted = _sum_each((weights @ turns[..., None])[..., 0], rows)
     return (spreads @ weighted[..., None])[..., 0], spreads
 
