@@ -306,3 +306,14 @@ def test_every_formula_of_the_api_is_markup_that_closes(monkeypatch: pytest.Monk
 def test_every_job_has_commands_or_code_that_runs(page: Path) -> None:
     """What stands in `{terminal}` is run from an empty folder when the pages are built."""
     assert "```{terminal}" in text_of(page) or FENCE.search(text_of(page))
+
+
+def test_the_architecture_names_the_rooms_and_files_that_there_are() -> None:
+    page, house = text_of(DOCS / "architecture.md"), ROOT / "src" / "agonic"
+    rooms = page[page.index("| room |") : page.index("## The stages")]
+    named = set(re.findall(r"`(\w+)`", rooms))
+    assert {one.parent.name for one in house.glob("*/__init__.py")} <= named
+    walk = page[page.index("## One walk") : page.index("## Recipes")]
+    paths = re.findall(r"`([\w/]+(?:/|\.py))`", walk)
+    assert len(paths) > 10
+    assert [path for path in paths if not (house / path).exists()] == []

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from agonic.report.digits import typeset
 
 WIDTH = 100
+_LEAST_NAME = 12
 SIGNS = {"good": "✓", "check": "!", "refused": "✗"}
 """The sign of each verdict at the head of a line."""
 
@@ -74,28 +75,54 @@ def format_columns(
 ) -> list[str]:
     """A table as lines: names in the first column from the left, all else from the right.
 
-    Columns without an entry, which are there to be filled in on paper, are left out. A table that
-    is wider than `width` becomes a few lines for each row.
+    Columns without an entry, which are there to be filled in on paper, are left out. In a table
+    that is wider than `width` heads and names go over several lines; one that still is becomes a
+    few lines for each row.
 
     >>> format_columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
     ['  nodes  rms, nT', '      3     12.5', '     10      9.1']
+    >>> print("\\n".join(format_columns(["Fit", "Error, rms"], [["full + gyro", "0.4"]], 22)))
+                   Error,
+      Fit             rms
+      full + gyro     0.4
     """
     kept = [k for k in range(len(head)) if any(row[k] for row in rows)]
     table = [[row[k] for k in kept] for row in (head, *rows)]
     wide = [max(map(len, column)) for column in zip(*table, strict=True)]
-    numbered = all(row[0].isdecimal() for row in table[1:])
-    lines = []
-    for first, *others in table:
-        cells = [first.rjust(wide[0]) if numbered else first.ljust(wide[0])]
-        cells += [cell.rjust(w) for cell, w in zip(others, wide[1:], strict=True)]
-        lines.append(f"  {'  '.join(cells)}".rstrip())
+    lines = _lay_out(table, wide)
     if max(map(len, lines)) <= width:
         return lines
+    wide = [
+        max(*map(len, name.split()), *map(len, cells)) for name, *cells in zip(*table, strict=True)
+    ]
+    room = width - sum(wide[1:]) - 2 * len(wide)
+    if room >= min(wide[0], _LEAST_NAME):
+        return _lay_out(table, [min(wide[0], room), *wide[1:]])
     names, *values = table
     lines = []
     for first, *others in values:
         named = {f"  {name}": value for name, value in zip(names[1:], others, strict=True)}
         lines += [f"  {first}", *wrap_entries(named, width=width)]
+    return lines
+
+
+def _lay_out(table: Sequence[Sequence[str]], wide: Sequence[int]) -> list[str]:
+    """The rows of a table, the first its head, in columns so wide; long cells go over lines."""
+    numbered = all(row[0].isdecimal() for row in table[1:])
+    lines = []
+    for k, row in enumerate(table):
+        parts = [
+            textwrap.wrap(cell, w, subsequent_indent="  " * (k > 0)) or [""]
+            for cell, w in zip(row, wide, strict=True)
+        ]
+        depth = max(map(len, parts))
+        for at in range(depth):
+            cells = []
+            for column, (part, w) in enumerate(zip(parts, wide, strict=True)):
+                line = at - (depth - len(part) if k == 0 else 0)  # heads stand on their columns
+                text = part[line] if 0 <= line < len(part) else ""
+                cells.append(text.rjust(w) if column or numbered else text.ljust(w))
+            lines.append(f"  {'  '.join(cells)}".rstrip())
     return lines
 
 
