@@ -135,7 +135,10 @@ class Problem(NamedTuple):
         moved, there = params + step, matrix + change
         if not np.isfinite(there).all():
             return moved  # no step: its cost is no number either
-        further = np.linalg.pinv(there) @ matrix - np.eye(3)
+        try:
+            further = np.linalg.inv(there) @ matrix - np.eye(3)
+        except np.linalg.LinAlgError:
+            return moved
         moved[:m] += basis[:3].T @ (further @ bias)
         if self.terms is not None:
             slopes = slice(m, m + 3 * self.terms.shape[1])

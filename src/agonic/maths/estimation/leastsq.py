@@ -17,6 +17,8 @@ from agonic.maths.estimation.loss import Loss, squares
 Pieces = Callable[[Array], Iterable[tuple[Array, Array]]]
 Prior = Callable[[Array], tuple[Array, Array]]
 
+_TINY = float(np.finfo(float).tiny)
+
 
 class Normal(NamedTuple):
     """What one pass over the pieces adds up, in units of the noise."""
@@ -197,9 +199,9 @@ def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> _S
 
 def _step(information: Array, gradient: Array, damping: float) -> Array:
     """The damped Gauss–Newton step, scaled so that units do not matter."""
-    size = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    scaled = information / np.outer(size, size)
-    scaled[np.diag_indices_from(scaled)] += damping + 1e-13
+    size = np.sqrt(np.maximum(information.diagonal(), _TINY))
+    scaled = information / (size[:, None] * size)
+    scaled.flat[:: len(size) + 1] += damping + 1e-13
     from scipy.linalg.lapack import dposv  # here, so that what only reads a log loads no SciPy
 
     _, step, failed = dposv(scaled, -gradient / size)

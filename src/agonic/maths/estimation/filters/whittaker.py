@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solveh_banded
-from scipy.optimize import minimize_scalar
 
 from agonic.arrays import Array
 
@@ -61,6 +60,7 @@ def _share_of_freedom(stiffness: float) -> float:
 
 def _find_stiffness(values: Array) -> float:
     """The stiffness of the least generalised cross-validation."""
+    from scipy.optimize import minimize_scalar  # slow to load
 
     def cost(log: float) -> float:
         stiffness = float(np.exp(log))

@@ -101,8 +101,6 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
     >>> find_memory(Stretches.of(noise, one, one[:, 0], one, 1), mean, (slice(0, 1),)) is None
     True
     """
-    from scipy.optimize import nnls  # slow to load
-
     k = len(sums.seen)
     if k < FEWEST:
         return None
@@ -110,6 +108,8 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
     seen, sd = lags.seen / lags.sd, lags.sd
     if seen[lags.apart].max() < _DOUBT:
         return None
+    from scipy.optimize import nnls  # slow to load
+
     constant = lags.white() / sd
     first = float(constant @ seen) / float(constant @ constant)
     taus = _STEP ** np.arange(-1.0, np.log2(k) + 0.5)
