@@ -59,7 +59,7 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
         dip_by[-1] = sds[-1]
         down_by = np.pad(down_by, ((0, 0), (0, 0), (0, 1)))
         azimuth_by = np.pad(azimuth_by, ((0, 0), (0, 1)))
-    return Shared(down_by, azimuth_by, dip_by, _without_delay(taken_out))
+    return Shared.of(down_by, azimuth_by, dip_by, _without_delay(taken_out))
 
 
 def _without_delay(taken_out: Array) -> Array:

@@ -8,6 +8,7 @@ unknowns ν, each in units of its standard deviation, that all rows have in comm
 
 where d and e were worked out with ν₀ taken out. ψ_k is free in every stretch k of time and
 eliminated at once (variable projection, Golub & Pereyra 1973, with Kaufman's 1975 Jacobian).
+Inside, all runs component by component, (3, n) and (q, n), for long inner loops.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from agonic.maths.equation.affine import (
     NO_SHARE,
     AttitudeShare,
     azimuth_residual,
-    correct,
     dip_residual,
 )
 from agonic.maths.estimation.loss import tukey
@@ -35,7 +35,8 @@ class Shared(NamedTuple):
     """What one standard deviation of each of q unknowns changes.
 
     `down_by` (n, 3, q) in the axes of the field, `azimuth_by` (n, q) rad, `dip_by` (q,) rad;
-    `taken_out` (q,) is what down and the azimuth are already without.
+    `taken_out` (q,) is what down and the azimuth are already without. Rows are last in memory where
+    they come from `of`.
     """
 
     down_by: Array
@@ -43,9 +44,17 @@ class Shared(NamedTuple):
     dip_by: Array
     taken_out: Array
 
+    @classmethod
+    def of(cls, down_by: Array, azimuth_by: Array, dip_by: Array, taken_out: Array) -> Shared:
+        """The same, laid out for residuals that run over rows."""
+        turned = np.asfortranarray(down_by), np.asfortranarray(azimuth_by)
+        return cls(*turned, dip_by, taken_out)
+
     def subset(self, rows: Index | slice) -> Shared:
         """The same of some rows."""
-        return self._replace(down_by=self.down_by[rows], azimuth_by=self.azimuth_by[rows])
+        return self._replace(
+            down_by=self.down_by.T[..., rows].T, azimuth_by=self.azimuth_by.T[..., rows].T
+        )
 
 
 class Relative(NamedTuple):
@@ -60,9 +69,9 @@ class Relative(NamedTuple):
 
 
 def compute_down(down: Array, shared: Shared, unknowns: Array) -> Array:
-    """Down (n, 3) with the shared errors taken out."""
-    moved = down + shared.down_by @ (unknowns - shared.taken_out)
-    return np.asarray(moved / np.sqrt((moved**2).sum(axis=1, keepdims=True)))
+    """Down (3, n), from (n, 3), with the shared errors taken out."""
+    moved = down.T + np.tensordot(unknowns - shared.taken_out, shared.down_by.T, 1)
+    return np.asarray(moved / np.sqrt(_dot(moved, moved)))
 
 
 def shared_dip_residual(
@@ -75,6 +84,8 @@ def shared_dip_residual(
     unknowns: Array,
     noise_sd: float = 0.0,
     share: AttitudeShare = NO_SHARE,
+    *,
+    differentiate: bool = True,
 ) -> tuple[Array, Array]:
     """`affine.dip_residual` with the shared errors, and its Jacobian (n, 12 + q).
 
@@ -86,19 +97,31 @@ def shared_dip_residual(
     horizontal = level * np.cos(dip) - below * np.sin(dip)
     vertical = below * np.cos(dip) + level * np.sin(dip)
     true = compute_down(down, shared, unknowns)
-    r, jacobian = dip_residual(raw, bias, matrix, true, horizontal, vertical, noise_sd, share)
-    u = correct(raw, bias, matrix)
-    z = (u * true).sum(axis=1)
-    across = u - true * z[:, None]
-    h = np.maximum(np.sqrt((across**2).sum(axis=1)), np.finfo(float).tiny)
+    r, jacobian = dip_residual(
+        raw,
+        bias,
+        matrix,
+        true.T,
+        horizontal,
+        vertical,
+        noise_sd,
+        share,
+        differentiate=differentiate,
+    )
+    if not differentiate:
+        return r, jacobian
+    u = matrix @ (raw - bias).T
+    z = _dot(u, true)
+    across = u - true * z
+    h = np.maximum(np.sqrt(_dot(across, across)), np.finfo(float).tiny)
     f = np.hypot(horizontal, vertical)
-    e = true * (horizontal / f)[:, None] - across * (vertical / f / h)[:, None]
-    size = np.sqrt(((e @ matrix) ** 2).sum(axis=1))
-    size = f * size * (share.gain * np.hypot(h, z) / (f * size)) ** share.whole
-    along = ((horizontal + vertical * z / h) / size)[:, None] * across
-    by_shared = np.einsum("nb,nbq->nq", along, shared.down_by)
-    by_shared -= ((horizontal * h + vertical * z) / size)[:, None] * shared.dip_by
-    return r, np.concatenate([jacobian, by_shared], axis=1)
+    s = matrix.T @ (true * (horizontal / f) - across * (vertical / f / h))
+    size = f * np.sqrt(_dot(s, s))
+    if share.whole:
+        size *= (share.gain * np.hypot(h, z) / size) ** share.whole
+    by_shared = _along(((horizontal + vertical * z / h) / size) * across, shared.down_by)
+    by_shared -= np.multiply.outer(shared.dip_by, (horizontal * h + vertical * z) / size)
+    return r, np.concatenate([jacobian.T, by_shared]).T
 
 
 def relative_azimuth_residual(
@@ -109,55 +132,71 @@ def relative_azimuth_residual(
     relative: Relative,
     shared: Shared,
     unknowns: Array,
+    *,
+    differentiate: bool = True,
 ) -> tuple[Array, Array]:
     """`affine.azimuth_residual` beside the azimuth of each stretch, and its Jacobian (n, 12 + q).
 
     The azimuth of a stretch is the one that its own rows agree on, outliers down-weighted.
     """
     true = compute_down(down, shared, unknowns)
-    ahead = relative.ahead - true * (relative.ahead * true).sum(axis=1, keepdims=True)
-    ahead /= np.sqrt((ahead**2).sum(axis=1, keepdims=True))
-    aside = np.cross(true, ahead)
-    u = correct(raw, bias, matrix)
-    x, y, z = ((u * axis).sum(axis=1) for axis in (ahead, aside, true))
-    moved = shared.azimuth_by @ (unknowns - shared.taken_out)
+    ahead = relative.ahead.T - true * _dot(relative.ahead.T, true)
+    ahead /= np.sqrt(_dot(ahead, ahead))
+    aside = _cross(true, ahead)
+    u = matrix @ (raw - bias).T
+    x, y = _dot(u, ahead), _dot(u, aside)
+    moved = (unknowns - shared.taken_out) @ shared.azimuth_by.T
     found, weights = _agree(np.arctan2(y, x) - moved, x * x + y * y, relative.stretch)
     azimuth = found[relative.stretch] + moved
-    sine, cosine = np.sin(azimuth)[:, None], np.cos(azimuth)[:, None]
+    sine, cosine = np.sin(azimuth), np.cos(azimuth)
     across = cosine * aside - sine * ahead
-    r, jacobian = azimuth_residual(raw, bias, matrix, across)
-    size = np.sqrt(((across @ matrix) ** 2).sum(axis=1))
-    by_azimuth = -(x * cosine[:, 0] + y * sine[:, 0]) / size
-    tilted = np.einsum("nb,nbq->nq", across, shared.down_by) * (-z / size)[:, None]
-    by_shared = tilted + by_azimuth[:, None] * shared.azimuth_by
-    full = np.concatenate([jacobian, by_shared], axis=1)
+    r, jacobian = azimuth_residual(raw, bias, matrix, across.T, differentiate=differentiate)
+    if not differentiate:
+        return r, jacobian
+    s = matrix.T @ across
+    size = np.sqrt(_dot(s, s))
+    by_azimuth = -(x * cosine + y * sine) / size
+    by_shared = _along(across * (-_dot(u, true) / size), shared.down_by)
+    by_shared += by_azimuth * shared.azimuth_by.T
+    full = np.concatenate([jacobian.T, by_shared])
     weights = weights / np.maximum(by_azimuth**2, 1e-300)  # as the mean direction has them
-    return r, _project_out(full, by_azimuth, weights, relative.stretch)
+    return r, _project_out(full, by_azimuth, weights, relative.stretch).T
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """The cross product of vectors (3, n)."""
+    return np.stack([a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))])
+
+
+def _along(direction: Array, by: Array) -> Array:
+    """What vectors (n, 3, q) have along directions (3, n), (q, n)."""
+    return np.asarray(np.einsum("bn,nbq->qn", direction, by))
 
 
 def _agree(azimuth: Array, square: Array, stretch: Index) -> tuple[Array, Array]:
     """The azimuth of each stretch, a robust mean direction, and how much each row moves it."""
     count, loss = int(stretch.max()) + 1, tukey()
-    turned = np.exp(1j * azimuth)
+    cosine, sine, size = np.cos(azimuth), np.sin(azimuth), 2 * np.sqrt(square)
     q = np.zeros(len(azimuth))
     for _ in range(_ROUNDS):
         weights = square * np.maximum(loss.weight(q), _LEAST)
-        real, imaginary = (
-            np.bincount(stretch, weights * part, count) for part in (turned.real, turned.imag)
-        )
+        real, imaginary = (np.bincount(stretch, weights * part, count) for part in (cosine, sine))
         found = np.arctan2(imaginary, real)
-        off = 2 * np.sqrt(square) * np.abs(np.sin((azimuth - found[stretch]) / 2))
+        off = size * np.abs(np.sin((azimuth - found[stretch]) / 2))
         scale = max(MAD_TO_SD * float(np.median(off)), 1e-12)
         q = (off / scale) ** 2
     return found, square * np.maximum(loss.curvature(q), _LEAST)
 
 
 def _project_out(jacobian: Array, along: Array, weights: Array, stretch: Index) -> Array:
-    """What is left of the columns when `along` (n,) is free in every stretch."""
-    count = int(stretch.max()) + 1
+    """What is left of the rows (m, n) when `along` (n,) is free in every stretch."""
+    starts = np.flatnonzero(np.diff(stretch, prepend=-1))
     weighted = weights * along
-    size = np.maximum(np.bincount(stretch, weighted * along, count), 1e-300)
-    order = np.argsort(stretch, kind="stable")
-    starts = np.searchsorted(stretch[order], np.arange(count))
-    shares = np.add.reduceat((weighted[:, None] * jacobian)[order], starts, axis=0) / size[:, None]
-    return np.asarray(jacobian - along[:, None] * shares[stretch])
+    size = np.maximum(np.add.reduceat(weighted * along, starts), 1e-300)
+    shares = np.add.reduceat(weighted * jacobian, starts, axis=1) / size
+    jacobian -= along * np.repeat(shares, np.diff(starts, append=len(along)), axis=1)
+    return jacobian
