@@ -59,4 +59,4 @@ def refused() -> Calibrated:
             turns="nose down, then roll right 90°",
         ),
     )
-    return replace(result, fit=fit, verdict=fit.verdict, status=fit.status)
+    return replace(result, fit=fit)

@@ -142,6 +142,4 @@ def calibrated(samples: Samples, **changed: Any) -> Calibrated:
         verification=verification_of(samples, fit),
         method="ellipsoid",
         reason="the log holds no attitude",
-        verdict=fit.verdict,
-        status=fit.status,
     )

@@ -18,8 +18,9 @@ from benchmarks.torture import heading_error_deg
 import agonic as ag
 from agonic.calibration.interference import Interference
 from agonic.maths.rotations.attitude import down_b
-from agonic.recording.calibrated import calibrate_as_named, judge
+from agonic.recording.calibrated import calibrate_as_named
 from agonic.recording.choice.surer import knows_bias
+from agonic.recording.earlier_calibration import judge
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)

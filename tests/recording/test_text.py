@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.health import figure
+from agonic.health import Finding, figure
 from agonic.recording.document import describe_recording
 from agonic.recording.values import list_values
 from agonic.report.digits import MINUS, THIN
@@ -16,7 +16,8 @@ from agonic.report.tables import NOTHING
 @pytest.mark.parametrize("width", [40, 80, 120, 200])
 def test_three_sensors_fit_the_width_whole(good, logged, refused, width):
     status = "the sensor did not turn enough to say anything " * 9
-    text = describe_recording([good, logged, replace(refused, status=status)]).to_text(width)
+    wordy = refused.with_finding(Finding("static", "refuse", status.strip()))
+    text = describe_recording([good, logged, wordy]).to_text(width)
     assert max(map(len, text.splitlines())) <= width
     assert status.strip()[4:] in " ".join(text.split())
     assert "…" not in text
@@ -80,6 +81,7 @@ def test_a_sensor_that_could_not_be_fitted_is_told_in_a_sentence(good):
 def test_a_heading_that_is_open_has_no_number(good):
     """Of a sensor that hardly turned, thousands of degrees were stated."""
     coverage = replace(good.fit.coverage, heading_sd_deg=27_000.0)
-    result = replace(good, fit=replace(good.fit, coverage=coverage), verdict="refused")
+    result = replace(good, fit=replace(good.fit, coverage=coverage))
+    result = result.with_finding(Finding("static", "refuse", "it did not turn"))
     assert list_values(result)["heading_sd_deg"] is None
     assert "000°" not in describe_recording([result]).to_html()

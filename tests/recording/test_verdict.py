@@ -19,9 +19,9 @@ def test_the_gravest_finding_has_the_first_word(good):
         Finding("range", "check", "the field is weak", "move it away from iron"),
         Finding("static", "refuse", "it did not turn", "turn it about all axes"),
     )
-    refused = replace(good, verdict="refused", fit=replace(good.fit, findings=found))
+    refused = replace(good, fit=replace(good.fit, findings=found))
     assert choose_move(refused) == "turn it about all axes"
-    checked = replace(good, verdict="check", fit=replace(good.fit, findings=found[:2]))
+    checked = replace(good, fit=replace(good.fit, findings=found[:2]))
     assert choose_move(checked) == "move it away from iron"
 
 
@@ -29,7 +29,7 @@ def test_without_a_move_the_check_that_failed_says_what_to_do(good):
     first, *others = good.verification.checks
     failed = replace(first, passed=False, meaning="record again away from the car")
     verification = replace(good.verification, checks=(*others, failed))
-    result = replace(good, verdict="check", verification=verification)
+    result = replace(good, verification=verification)
     assert choose_move(result) == "record again away from the car"
 
 

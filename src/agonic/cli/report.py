@@ -51,9 +51,9 @@ def report(
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
     from agonic.files.calibration import load
-    from agonic.recording.calibrated import judge
     from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.recording.document import describe_recording
+    from agonic.recording.earlier_calibration import judge
 
     given = require_calibration(load(cal))
     step = find_step(given, Network) or find_step(given, Thermal)

@@ -52,7 +52,7 @@ def make_row(
         method=calibrated.method,
         model=found.model,
         gauge=found.gauge,
-        verdict=calibrated.verdict,  # type: ignore[arg-type]
+        verdict=calibrated.verdict,
         status=calibrated.status,
         findings=tuple(_list_findings(calibrated)),
         unit_out=found.unit_out,

@@ -36,7 +36,8 @@ def figure(value: float, digits: int = 2) -> str:
 
 @dataclass(frozen=True)
 class Finding:
-    """A named observation: what was seen, and the move that helps.
+    """A named observation: what was seen, and the move that helps; `moments` in seconds of the
+    log's clock, where it has one, at which something changed.
 
     >>> Finding("static", "refuse", "the sensor did not turn", "turn it about all axes").sentence
     'the sensor did not turn; turn it about all axes'
@@ -46,6 +47,7 @@ class Finding:
     severity: Severity
     what: str
     move: str = ""
+    moments: tuple[float, ...] = ()
 
     @property
     def sentence(self) -> str:

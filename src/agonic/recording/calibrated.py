@@ -16,19 +16,16 @@ from agonic.attitude.delay import keep_latency
 from agonic.attitude.disturbers.choice import SourceChoice
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration, correct_field, select_columns
-from agonic.calibration.inputs import stack_inputs
-from agonic.calibration.interference import Interference
+from agonic.calibration.base import correct_field, select_columns
 from agonic.ellipsoid import (
     Recording,
-    evaluate,
     fit_recording_and_rows,
     open_ellipsoid_parts,
 )
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.fresh import without_held
-from agonic.health import Finding, figure, sentences, verdict_of
+from agonic.health import Finding, Verdict, figure, sentences, verdict_of
 from agonic.logs.natural import Given, as_samples
 from agonic.readable import Readable
 from agonic.recording.advice import suit_advice
@@ -39,7 +36,7 @@ from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
 from agonic.recording.ladder import Rung, climb
 from agonic.recording.stretch import (
     describe_stretch,
-    find_refused_change,
+    find_change,
     find_rows,
     list_stretches,
 )
@@ -58,8 +55,7 @@ class Calibrated(Readable):
     `method` is the word of the fit ("ellipsoid", "levelled", "inertial" or "vector"); `reason` says
     in a sentence why it was chosen; `latency` how late the readings were, where that was found and
     undone; `reference` is that of the samples; `folds` the fits to parts of the log, where any
-    were made; `disturbers` what was tried of what disturbs on board; `verdict` is "good", "check"
-    or "refused" and `status` the sentence to it.
+    were made; `disturbers` what was tried of what disturbs on board.
     """
 
     samples: Samples
@@ -67,8 +63,6 @@ class Calibrated(Readable):
     verification: Verification
     method: str
     reason: str
-    verdict: str
-    status: str
     latency: LatencyFit | None = None
     reference: Reference | None = None
     folds: Folds | None = None
@@ -78,6 +72,26 @@ class Calibrated(Readable):
     def calibration(self) -> Affine:
         """The calibration of the fit."""
         return self.fit.calibration
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """`refused` by the fit, `check` for a finding or a check that failed, or `good`."""
+        return verdict_of(self.fit.findings, failed=bool(list_failed(self.verification)))
+
+    @cached_property
+    def status(self) -> str:
+        """The verdict in words: of the fit, of failed checks, of the latency."""
+        said = [self.fit.status]
+        if self.verdict != "refused":
+            said += [sentences(finding.sentence) for finding in list_failed(self.verification)]
+            if self.latency is not None:
+                said.append(describe_latency(self.latency))
+        return " ".join(said)
+
+    def with_finding(self, finding: Finding) -> Calibrated:
+        """The result with one finding more, before all others as grave, and the verdict of it."""
+        fit = replace(self.fit, findings=()).with_findings(finding, *self.fit.findings)
+        return replace(self, fit=fit)
 
     def _say(self) -> list[str]:
         """Verdict and numbers."""
@@ -140,9 +154,9 @@ def _calibrate_stretch(
     settings: Mapping[str, Any],
     findings: Sequence[Finding],
 ) -> Calibrated | None:
-    """The longest stretch without a change of the bias that is not refused; none where the log was
-    refused for something else."""
-    changed, time = find_refused_change(findings), samples.time
+    """The longest stretch without a change of the bias that is not refused and that its own unseen
+    readings confirm; none where the bias did not change."""
+    changed, time = find_change(findings), samples.time
     if changed is None or time is None:
         return None
     for first, last in list_stretches(changed, time)[:MOST_TRIED]:
@@ -152,11 +166,9 @@ def _calibrate_stretch(
             made = _calibrate_whole(samples.select(rows), known, kind, settings)
         except AgonicError:
             continue
-        if made.verdict != "refused":
-            told = describe_stretch(changed, first, last)
-            fit = replace(made.fit, findings=()).with_findings(told, *made.fit.findings)
-            status = f"{sentences(told.sentence)} {made.status}"
-            return replace(made, fit=fit, verdict="check", status=status)
+        doubtful = made.verdict == "refused" or list_failed(made.verification)
+        if not doubtful and find_change(made.fit.findings) is None:
+            return made.with_finding(describe_stretch(changed, first, last))
     return None
 
 
@@ -225,7 +237,7 @@ def _verify(choice: Choice) -> Calibrated:
     checks = (*verification.checks, compare_folds(folds))
     if not refused:
         choice = replace(choice, fit=fit.with_findings(check_unseen_dip(checks)))
-    return replace(_conclude(choice, replace(verification, checks=checks)), folds=folds)
+    return replace(conclude(choice, replace(verification, checks=checks)), folds=folds)
 
 
 def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
@@ -248,65 +260,20 @@ def _keep_latency(choice: Choice) -> Choice:
     return replace(choice, fit=keep_latency(choice.fit, choice.samples, choice.latency))
 
 
-def judge(
-    calibration: Calibration,
-    samples: Samples,
-    reference: Reference | None = None,
-    **settings: Any,
-) -> Calibrated:
-    """A calibration made earlier, with the evidence and checks that these samples give.
-
-    Parameters: settings as in `evaluate`. Raises `AgonicError` for a calibration that is not
-    affine or carries no covariance.
-    """
-    if not isinstance(calibration, Affine):
-        raise AgonicError(f"a {calibration.kind} calibration cannot be reported yet; an affine can")
-    method = str(calibration.provenance.settings.get("fit", "ellipsoid"))
-    settings["by_magnitude"] = method == "ellipsoid"
-    fit = _evidence(calibration, samples, reference, settings)
-    known = reference if calibration.unit_out == "nT" else None
-    why = "the calibration was made before"
-    given = Choice(samples, reference, fit, method, why, open_ellipsoid_parts)
-    return _conclude(given, verify(calibration, samples, known))
-
-
-def _evidence(
-    calibration: Affine, samples: Samples, reference: Reference | None, settings: dict[str, Any]
-) -> Fit:
-    """What the samples say of a calibration; sources on board are taken at their mean."""
-    if not isinstance(calibration, Interference):
-        return evaluate(calibration, samples, reference, **settings)
-    mean = stack_inputs(calibration.sources, None, select_columns(calibration, samples)).mean(
-        axis=0
-    )
-    cleaned = calibration.cleaned(samples.field, **select_columns(calibration, samples))
-    steady = samples.with_columns(field=cleaned + calibration.coefficients @ mean)
-    fit = evaluate(calibration.at(mean), steady, reference, **settings)
-    return replace(fit, calibration=calibration)
-
-
-def _conclude(choice: Choice, verification: Verification) -> Calibrated:
-    """The verdict: refused by the fit, to be checked for a failed check, or good."""
+def conclude(choice: Choice, verification: Verification) -> Calibrated:
+    """The result of a choice, its advice suited to where the samples were recorded."""
     fit = choice.fit
     suited = suit_advice(fit.findings, choice.samples, choice.reference)
     if suited != fit.findings:
         fit = replace(fit, findings=()).with_findings(*suited)
     late = choice.latency is not None and choice.latency.significant
-    latency, failed = choice.latency if late else None, list_failed(verification)
-    verdict, said = verdict_of(fit.findings, failed=bool(failed)), [fit.status]
-    if verdict != "refused":
-        said += [sentences(finding.sentence) for finding in failed]
-        if latency is not None:
-            said.append(describe_latency(latency))
     return Calibrated(
         samples=choice.samples,
         fit=fit,
         verification=verification,
         method=choice.method,
         reason=choice.reason,
-        verdict=verdict,
-        status=" ".join(said),
-        latency=latency,
+        latency=choice.latency if late else None,
         reference=choice.reference,
         disturbers=choice.disturbers,
     )

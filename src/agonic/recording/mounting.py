@@ -18,7 +18,6 @@ from agonic.health import (
     find_mounting,
     find_side,
     find_usable_rows,
-    sentences,
 )
 from agonic.inertial.attitude import feel_attitude
 from agonic.logs.natural import Given, as_samples
@@ -111,8 +110,7 @@ def _tell_turn(result: Calibrated, turn: Array) -> Calibrated:
         "calibration turns them into the vehicle's axes",
         "if it does not sit like that, name its axes rightly and calibrate again",
     )
-    fit = result.fit.with_findings(found)
-    return replace(result, fit=fit, status=f"{result.status} {sentences(found.sentence)}")
+    return result.with_finding(found)
 
 
 def turn_readings(samples: Samples, turn: Array) -> Samples:

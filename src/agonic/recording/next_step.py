@@ -96,7 +96,7 @@ def _find_remedy(result: Calibrated, log: str, typed: Mapping[str, str]) -> str:
         return f"agonic fit inflight {log}{write_options(options)}"
     if refused & set(TURNING):  # what was not turned is in no stretch of it, and in no unit
         return again(at="LAT,LON") if lacks_place(samples, result.reference) else ""
-    if CHANGED in grave and refused <= {CHANGED} and samples.time is not None:
+    if CHANGED in grave and not refused and samples.time is not None:
         stretches = list_stretches(grave[CHANGED], samples.time)
         if not stretches or not _tells(result, find_rows(samples.time, *stretches[0])):
             return ""

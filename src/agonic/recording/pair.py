@@ -9,8 +9,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import AgonicError
-from agonic.health import Finding, figure, sentences, verdict_of
-from agonic.recording.calibrated import Calibrated, list_failed
+from agonic.health import Finding, figure
+from agonic.recording.calibrated import Calibrated
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -32,7 +32,7 @@ def tell_pairs(results: Sequence[Calibrated]) -> list[Calibrated]:
     for result in results:
         others = [other for other in results if other is not result]
         found = [one for other in others if (one := compare(result, other)) is not None]
-        told.append(_add(result, found[0]) if found else result)
+        told.append(result.with_finding(found[0]) if found else result)
     return told
 
 
@@ -126,14 +126,6 @@ def _is_better(mixed: Calibrated, alone: Calibrated) -> bool:
     if mixed.verdict != alone.verdict:
         return _rank(mixed) < _rank(alone)
     return mixed.verification.spread_after < BETTER * alone.verification.spread_after
-
-
-def _add(result: Calibrated, finding: Finding) -> Calibrated:
-    """A result with one finding more, and the verdict that follows."""
-    fit = result.fit.with_findings(finding)
-    verdict = verdict_of(fit.findings, failed=bool(list_failed(result.verification)))
-    told = "" if verdict == "refused" else sentences(finding.sentence)
-    return replace(result, fit=fit, verdict=verdict, status=f"{result.status} {told}".strip())
 
 
 def require_reference(reference: Reference | None) -> Reference:
