@@ -49,15 +49,15 @@ STATED = "Error of float32: up to "
 @pytest.fixture(scope="module")
 def trained() -> dict[str, Network | Chain]:
     """Networks of every kind of base, input and output."""
-    made = simulate_nonaffine(n=3000, seed=3)
+    made = simulate_nonaffine(n=1500, seed=3)
     hot = Thermal(
         bias=[[120.0, -80.0, 40.0], [30.0, -20.0, 10.0], [4.0, 0.0, -3.0]],
         matrix=[np.eye(3), 0.001 * np.diag([1.0, -2.0, 1.0]), np.zeros((3, 3))],
         centre_C=15.0,
         half_range_C=30.0,
     )
-    current = np.sin(np.arange(3000) / 40.0)
-    duty = np.abs(np.cos(np.arange(3000) / 55.0))
+    current = np.sin(np.arange(1500) / 40.0)
+    duty = np.abs(np.cos(np.arange(1500) / 55.0))
     aboard = Interference(
         bias=[100.0, -50.0, 20.0],
         matrix=np.eye(3),

@@ -178,7 +178,7 @@ def test_the_plan_is_what_a_swing_then_gives() -> None:
     plan = plan_swing(12, heel_deg=10.0, noise_deg=0.4, rounds=2)
     assert len(plan.compass_deg) == 48
     errors = []
-    for seed in range(400):
+    for seed in range(200):
         noise = np.random.default_rng(seed).normal(0, 0.4, 48)
         fit = fit_deviation(
             plan.compass_deg, reference(plan.compass_deg, noise), heel=plan.roll_deg
@@ -268,7 +268,7 @@ def test_few_headings_state_an_error_that_holds(n) -> None:
     compass = np.arange(0, 360, 360 / n)
     true = ag.headings.Deviation(coefficients=[1.0, 12.0, 8.0, 5.0, 1.5])
     z = []
-    for seed in range(300):
+    for seed in range(150):
         rng = np.random.default_rng(seed)
         read = compass + true.at(compass) + 0.5 * rng.standard_normal(n)
         found = fit_deviation(compass, read).calibration

@@ -12,7 +12,7 @@ from agonic.logs.log import Log
 from agonic.logs.read import open_log
 from agonic.samples import Samples
 
-CUTS, MUTATIONS = 12, 25
+CUTS, MUTATIONS = 8, 16  # make fuzz goes on for minutes
 RECORDINGS = (
     "vehicle/ardupilot/center_0003.bin",
     "vehicle/px4/sample_log_small.ulg",

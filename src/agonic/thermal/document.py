@@ -49,7 +49,8 @@ def campaign_page(
     >>> from agonic.thermal.all_sensors import calibrate_campaign
     >>> from agonic.thermal.simulation.campaign import simulate_campaign
     >>> made = simulate_campaign("MMC5883MA", rate_Hz=0.02)
-    >>> page = campaign_page(calibrate_campaign(made.campaign), title="<box>")
+    >>> result = calibrate_campaign(made.campaign, held_out=False)
+    >>> page = campaign_page(result, title="<box>")
     >>> page.count("&lt;box&gt;"), page.count("<article")
     (2, 1)
     """

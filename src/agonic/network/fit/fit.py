@@ -70,7 +70,7 @@ def fit_network(
     Examples
     --------
     >>> from agonic.network.simulate import simulate_nonaffine
-    >>> made = simulate_nonaffine(n=2000, hysteresis=0.0, seed=1)
+    >>> made = simulate_nonaffine(n=1000, hysteresis=0.0, seed=1)
     >>> fit = fit_network(made.samples, made.reference, hidden=6)
     >>> fit.comparison.winner, fit.comparison.ratio < 0.5
     ('network', True)
