@@ -13,8 +13,11 @@ import agonic as ag
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.inflight.fit import fit_inflight
+from agonic.inflight.fit.channel_noise import compute_spreads
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.equation.symmetric import unpack_symmetric
+from agonic.maths.estimation.loss import squares
+from agonic.maths.estimation.noise.residuals import Noise
 from agonic.maths.rotations.polar import split_rotation
 from agonic.network.simulate import simulate_nonaffine
 
@@ -344,3 +347,9 @@ def test_a_storm_day_of_swarm_against_the_main_field(recordings) -> None:
     low = np.abs(samples.latitude_deg) < 55.0
     assert np.sqrt(np.mean(off[low, 0] ** 2)) == pytest.approx(181.0, abs=1.0)
     assert np.sqrt(np.mean(off[:, 0] ** 2)) == pytest.approx(263.0, abs=1.0)
+
+
+def test_noise_beyond_the_field_does_not_run_away() -> None:
+    """Readings a thousand times too small beside a ground calibration ended in an OverflowError."""
+    noise = {kind: Noise(squares(), 1e200, 1.0) for kind in ("magnitude", "dip")}
+    assert compute_spreads(noise, dict.fromkeys(noise, 0.0)) == {"magnitude": 1.0, "dip": 0.0}

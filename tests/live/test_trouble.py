@@ -105,6 +105,22 @@ def test_the_page_tells_of_garbled_readings_and_accept_works(begin):
     assert session.accept()[0].verdict == "good"
 
 
+def test_readings_that_do_not_fit_the_others_are_in_the_verdict(begin):
+    """Half-way the wires of x and y are exchanged: the rest is kept out, and that is said."""
+    other = MADE.field.copy()
+    other[600:] = other[600:, [1, 0, 2]]
+    parts = [slice(k, k + 25) for k in range(0, len(other), 25)]
+    source = Wire()
+    source.events = lambda stop: iter(
+        [Notice(True, "connected"), *(Chunk("mag", MADE.time[p], other[p], "nT") for p in parts)]
+    )
+    session = begin(source)
+    wait_for(lambda: session.status.sensors and session.status.sensors[0].n == len(other))
+    [outcome] = session.accept()
+    assert outcome.verdict == "check"
+    assert "of the readings do not fit the others" in outcome.status
+
+
 def test_a_fit_that_stops_is_told_and_goes_on_with_the_next_readings(begin, monkeypatch):
     session = begin(source := Wire(slice(0, 600)))
     wait_for(lambda: session.status.sensors and session.status.sensors[0].n == 600)

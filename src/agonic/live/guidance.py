@@ -105,7 +105,7 @@ def make_guidance(
     calibration, coverage = fitted
     findings += [
         *_find_near_metal(state, calibration, coverage),
-        *(_find_held_out(state) or _find_scatter(calibration)),
+        *(find_held_out(state) or _find_scatter(calibration)),
         *_find_off_model(params, calibration),
     ]
     if way is not None:
@@ -222,9 +222,13 @@ def _find_near_metal(state: LiveState, calibration: Affine, coverage: Coverage) 
     ]
 
 
-def _find_held_out(state: LiveState) -> list[Finding]:
-    """Much was kept out, and what is near may as well be what was taken for the rest."""
-    share = state.held / state.n
+def find_held_out(state: LiveState) -> list[Finding]:
+    """Much was kept out, and what is near may as well be what was taken for the rest.
+
+    >>> [finding.name for finding in find_held_out(LiveState(n=100, held=40))]
+    ['disturbed']
+    """
+    share = state.held / max(state.n, 1)
     if share < MUCH:
         return []
     what = f"{100 * share:.0f} % of the readings do not fit the others: the field was not the same"

@@ -6,6 +6,8 @@ import numpy as np
 
 from agonic.maths.estimation.noise.residuals import Noise
 
+_LARGEST = 1.0  # of the readings' noise over the field: what it bends residuals by would run away
+
 
 def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:
     """The noise of the readings, and for what is across the field that of the attitude over it.
@@ -14,7 +16,7 @@ def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[s
     attitude's. `before` are those with which `noise` was found.
     """
     own = noise["magnitude"].sd
-    found = {"magnitude": own}
+    found = {"magnitude": min(own, _LARGEST)}
     for kind, of in noise.items():
         if kind != "magnitude":
             whole = (of.sd / own) ** 2 * (1 + before[kind] ** 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ from agonic.atomic import make_folder
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
 from agonic.files.names import file_stem
+from agonic.health import Finding
 from agonic.live.streams import Source
 from agonic.live.web.messages import Outcome
 from agonic.live.web.plan import Plan
@@ -20,6 +21,13 @@ from agonic.recording.files import write_folder
 from agonic.samples import Samples
 
 
+class Seen(NamedTuple):
+    """The readings of a sensor that count, and what is to be said of those that do not."""
+
+    samples: Samples
+    doubts: Sequence[Finding] = ()
+
+
 class Results(NamedTuple):
     """What was calibrated, what was written of each sensor, and both in words."""
 
@@ -28,21 +36,22 @@ class Results(NamedTuple):
     outcomes: list[Outcome]
 
 
-def write_results(plan: Plan, source: Source, samples: Mapping[str, Samples]) -> Results:
+def write_results(plan: Plan, source: Source, seen: Mapping[str, Seen]) -> Results:
     """Calibrate each sensor from its readings, and write the folder of the plan.
 
     Raises `AgonicError` where there are no readings, or the folder cannot be written.
     """
-    if not samples:
+    if not seen:
         raise AgonicError("there are no readings yet; turn the sensor first")
     make_folder(plan.folder)
     results, failures = [], []
-    for name, readings in samples.items():
+    for name, (readings, doubts) in seen.items():
         path = write_csv(readings, plan.folder / f"{file_stem(name)}-readings.csv")
         told = Input(name=path.name, sha256=hash_file(path), count=len(readings))
         try:
             readings = replace(readings, source=told)
-            results.append(calibrate_as_named(readings, plan.reference, **plan.settings))
+            made = calibrate_as_named(readings, plan.reference, **plan.settings)
+            results.append(replace(made, fit=made.fit.with_findings(*doubts)))
         except AgonicError as error:
             failures.append(Outcome(name, "refused", str(error), []))
     written = write_folder(results, plan.folder, title=f"Live: {source.name}", stack=source.stack)

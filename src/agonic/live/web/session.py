@@ -12,13 +12,12 @@ from agonic.live.streams.device import Device
 from agonic.live.web.messages import Outcome, Sensor, Status
 from agonic.live.web.offer import DeviceOffer, make_offer, write_offer
 from agonic.live.web.plan import Plan
-from agonic.live.web.results import write_results
+from agonic.live.web.results import Seen, write_results
 from agonic.live.web.resume import SavedFits
 from agonic.live.web.view import RecentReadings
 from agonic.live.web.watch import WatchedSensor, find_calibration_before
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written
-from agonic.samples import Samples
 
 DIGEST_S = 0.2  # between two fits, and two statuses
 RETRY_S = 1.0  # before a source whose driver failed is opened again
@@ -166,9 +165,9 @@ class Session:
         self._consider_all()
         with self._lock:
             self._sensors = [self._digest_one(one) for one in self._watched.values()]
-            samples = {n: one.samples for n, one in self._watched.items() if one.live.n}
+            seen = {n: one.seen for n, one in self._watched.items() if one.live.n}
         try:
-            outcomes, trouble = self._write(samples), ""
+            outcomes, trouble = self._write(seen), ""
         except (AgonicError, OSError) as error:
             outcomes, trouble = [], str(error)
         except Exception as error:  # the page must hear of it rather than wait for ever
@@ -184,8 +183,8 @@ class Session:
             self._changed()
         return outcomes
 
-    def _write(self, samples: dict[str, Samples]) -> list[Outcome]:
-        made = write_results(self.plan, self.source, samples)
+    def _write(self, seen: dict[str, Seen]) -> list[Outcome]:
+        made = write_results(self.plan, self.source, seen)
         self.results, self.written = made.calibrated, made.written
         return made.outcomes
 

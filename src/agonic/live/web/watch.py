@@ -12,14 +12,15 @@ from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS, Affine
 from agonic.coverage import Coverage
 from agonic.live.fit import LiveFit
+from agonic.live.guidance import find_held_out
 from agonic.live.level import Level, Plan
 from agonic.live.plausible import find_plausible
 from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Rose, Sensor
+from agonic.live.web.results import Seen
 from agonic.live.web.view import RecentReadings
 from agonic.maths.equation.symmetric import pack_symmetric
-from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 PAUSE_S = 10.0
@@ -124,9 +125,12 @@ class WatchedSensor:
         return sum(n for at, n in self._arrived if now - at <= RATE_OVER_S) / RATE_OVER_S
 
     @property
-    def samples(self) -> Samples:
-        """The readings to calibrate from."""
-        return self.live.samples.with_columns(frame=self.frame, notes=("kept of a live session",))
+    def seen(self) -> Seen:
+        """The readings to calibrate from, and what to say of those that were kept out of them."""
+        live, note = self.live, ("kept of a live session",)
+        whole_way = live.aided is not None and live.aided.chosen
+        doubts = () if whole_way else find_held_out(live.state)
+        return Seen(live.samples.with_columns(frame=self.frame, notes=note), doubts)
 
     def status(self) -> Sensor:
         """All that a page shows of it."""

@@ -404,6 +404,13 @@
     return now.sensors.some((one) => one.rose) ? "Drive on" : "Turn the sensor";
   }
 
+  // Beside the button: whether the target is reached, and what stands against the result.
+  function tellWhetherEnough(now, good) {
+    if (good) return "Enough: the target is reached.";
+    if (now.sensors.some((one) => one.problems.length)) return "There is something to look at first: see the notes beside the sphere.";
+    return now.ended ? "The target is not reached." : "You can go on turning: the target is not reached yet.";
+  }
+
   function take(now) {
     status = now;
     heard(now.heard, now.ended ? "ended" : now.connected ? "on" : "");
@@ -419,7 +426,7 @@
     const good = now.sensors.length > 0 && now.sensors.every((one) => one.done);
     text(find("state"), headline(now, good));
     text(find("accept"), now.busy ? "Working …" : "Accept and write the files");
-    text(find("enough"), good ? "Enough: the target is reached." : "You can go on turning: the target is not reached yet.");
+    text(find("enough"), tellWhetherEnough(now, good));
     find("trouble").hidden = !now.trouble;
     text(find("trouble"), now.trouble);
     outcomes(now.outcomes);
