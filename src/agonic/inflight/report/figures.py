@@ -135,11 +135,15 @@ def draw_bias(course: Course, axis: int) -> Markup:
     y = Axis(f"{'xyz'[axis]}, {course.unit}", low - margin, high + margin)
     columns = Columns(x, at, BINS)
     below, above = (columns.mean(bias + side * sd) for side in (-2.0, 2.0))
+    mean = columns.mean(bias)
+    inside = (y.low <= mean) & (
+        mean <= y.high
+    )  # beyond it would run along the edge
     scale = (x.high - x.low) / max(course.time[-1] - course.time[0], 1e-9)
     places = (right(x, np.array((j.time - course.time[0]) * scale)) for j in course.jumps)
     layers = [
         band(columns, y, below, above, "band"),
-        line(columns, y, columns.mean(bias), "bias"),
+        line(columns, y, np.where(inside, mean, np.nan), "bias"),
         *(path(f"M{float(place):.1f} 0V1000", "jump") for place in places),
     ]
     return plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")
