@@ -11,7 +11,7 @@ from agonic.attitude.fit import fit_channels
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -12,11 +12,11 @@ from agonic.arrays import Array
 from agonic.attitude.maths import latency as kernel
 from agonic.calibration.setup import LATENCY_SD_S
 from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.fresh import find_fresh, without_held
 from agonic.health import Finding, sentences
 from agonic.health.inertial_unit import find_faults
 from agonic.health.turning import find_telling
 from agonic.maths.rotations.attitude import down_b, rot_nb
+from agonic.new_rows import find_fresh, without_held
 from agonic.readable import Readable
 from agonic.samples import Samples
 

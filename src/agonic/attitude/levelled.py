@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from agonic.attitude.fit import CHANNELS, fit_channels
 from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.fit import Fit
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
 from agonic.reference import Reference
 
 

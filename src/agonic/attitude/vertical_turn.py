@@ -18,7 +18,6 @@ from agonic.attitude.fit import TURN_SIGNIFICANT
 from agonic.attitude.latency import LatencyFit
 from agonic.attitude.mounted_heading import MountedHeading, check_turned_sensor
 from agonic.fit import Fit
-from agonic.fresh import find_fresh
 from agonic.health import find_usable_rows
 from agonic.maths.estimation.inference.wald import wald
 from agonic.maths.estimation.leastsq import inverse
@@ -26,6 +25,7 @@ from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.noise_with_memory import STRETCHES, Stretches, find_memory
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.rotations.attitude import down_b
+from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 
 TURN_SD_DEG = 2.0

@@ -40,7 +40,7 @@ from agonic.health import (
     widen,
 )
 from agonic.health.adequacy import ModelError
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation import moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference

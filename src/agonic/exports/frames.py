@@ -11,9 +11,9 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.base import apply as apply_to_samples
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.exports.csv import make_table
+from agonic.logs.any_form import as_samples
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.quantities import canonical_header
-from agonic.logs.natural import as_samples
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 

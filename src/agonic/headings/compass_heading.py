@@ -12,12 +12,12 @@ from agonic.calibration.base import check_axes, has_two_axes, select_columns
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import LATENCY_SD_S, Compass
 from agonic.errors import FrameError, LogError, UnitError
-from agonic.fresh import find_fresh
 from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
+from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 from agonic.usable_rows import VECTORS
 

@@ -12,7 +12,6 @@ from agonic.calibration.base import Calibration, has_two_axes
 from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
-from agonic.fresh import without_held
 from agonic.headings.attitude import (
     LEVEL,
     LEVEL_SD_DEG,
@@ -24,6 +23,7 @@ from agonic.headings.attitude import (
 from agonic.headings.felt_tilt import calibrate_acceleration, find_felt_tilt
 from agonic.health.finding import figure
 from agonic.maths.rotations import tilt as kernel
+from agonic.new_rows import without_held
 from agonic.samples import Samples
 
 

@@ -36,8 +36,9 @@ def figure(value: float, digits: int = 2) -> str:
 
 @dataclass(frozen=True)
 class Finding:
-    """A named observation: what was seen, and the move that helps; `moments` in seconds of the
-    log's clock, where it has one, at which something changed.
+    """A named observation: what was seen, and the move that helps.
+
+    `moments` are those at which something changed, in seconds of the log's clock if it has one.
 
     >>> Finding("static", "refuse", "the sensor did not turn", "turn it about all axes").sentence
     'the sensor did not turn; turn it about all axes'

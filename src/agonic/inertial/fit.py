@@ -15,7 +15,6 @@ from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
 from agonic.fit import Fit
-from agonic.fresh import without_held
 from agonic.health.inertial_unit import check_clipping, mend
 from agonic.inertial.evidence import (
     check_contradiction,
@@ -29,6 +28,7 @@ from agonic.inertial.headings import find_headings, name_heading, without_headin
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
 from agonic.inertial.solve import join_headings, solve, solve_beside
+from agonic.new_rows import without_held
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -11,7 +11,6 @@ from agonic.arrays import Array, Mask
 from agonic.attitude.fit import estimate_usable, find_usable, refine_usable
 from agonic.attitude.problem import Scale
 from agonic.errors import CoverageError
-from agonic.fresh import find_fresh
 from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.maths.headings import Headings
@@ -25,6 +24,7 @@ from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.new_rows import find_fresh
 from agonic.reference import Reference
 from agonic.samples import Samples
 

@@ -24,9 +24,9 @@ from agonic.ellipsoid import (
 )
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.fresh import without_held
 from agonic.health import Finding, Verdict, figure, sentences, verdict_of
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
+from agonic.new_rows import without_held
 from agonic.readable import Readable
 from agonic.recording.advice import suit_advice
 from agonic.recording.choice.choose import Kind, choose

@@ -20,7 +20,7 @@ from agonic.health import (
     find_usable_rows,
 )
 from agonic.inertial.attitude import feel_attitude
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.mounting import describe_mounting
 from agonic.recording.calibrated import Calibrated, calibrate_as_named

@@ -23,7 +23,7 @@ from agonic.inertial.pair.changes import (
     list_suspects,
 )
 from agonic.inertial.pair.problem import find_shots, number_targets
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import correction_jacobian, model_basis
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2

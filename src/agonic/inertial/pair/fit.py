@@ -24,7 +24,7 @@ from agonic.inertial.pair.problem import Problem, pose
 from agonic.inertial.pair.result import PairFit, Sight
 from agonic.inertial.pair.settings import Settings
 from agonic.inertial.pair.solve import Solution, compare_shots, find_outlier, solve
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
 from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
 from agonic.reference import Reference

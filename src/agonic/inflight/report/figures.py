@@ -136,9 +136,7 @@ def draw_bias(course: Course, axis: int) -> Markup:
     columns = Columns(x, at, BINS)
     below, above = (columns.mean(bias + side * sd) for side in (-2.0, 2.0))
     mean = columns.mean(bias)
-    inside = (y.low <= mean) & (
-        mean <= y.high
-    )  # beyond it would run along the edge
+    inside = (y.low <= mean) & (mean <= y.high)  # beyond it would run along the edge
     scale = (x.high - x.low) / max(course.time[-1] - course.time[0], 1e-9)
     places = (right(x, np.array((j.time - course.time[0]) * scale)) for j in course.jumps)
     layers = [

@@ -30,12 +30,12 @@ from agonic.ellipsoid import (
     open_ellipsoid_parts,
 )
 from agonic.fit import Fit
-from agonic.fresh import find_fresh
 from agonic.health import Finding
 from agonic.health.inertial_unit import leave_out_faulty, mend
 from agonic.inertial.fit import fit_inertial, open_inertial_parts
 from agonic.inertial.result import InertialFit
 from agonic.maths.equation.coverage import heading_sd_deg
+from agonic.new_rows import find_fresh
 from agonic.recording.choice.sources import add_choice, fit_with_sources, keep_common, list_sources
 from agonic.recording.held_out import FitPart, OpenParts
 from agonic.reference import Reference

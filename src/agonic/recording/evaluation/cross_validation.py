@@ -13,7 +13,7 @@ from agonic.arrays import Array, Index
 from agonic.attitude.delay import advance
 from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
-from agonic.logs.natural import Given, as_samples
+from agonic.logs.any_form import Given, as_samples
 from agonic.recording.calibrated import Calibrated, calibrate_as_named
 from agonic.recording.choice.choose import Kind
 from agonic.recording.evaluation.errors import (
