@@ -163,6 +163,18 @@ def test_apply_writes_the_corrected_field(cal, log, capsys) -> None:
     assert size.std() < 300
 
 
+def test_apply_writes_parquet_where_the_name_says_so(cal, log, capsys) -> None:
+    pytest.importorskip("pyarrow")
+    from agonic import read
+
+    for name in ("field.csv", "field.parquet"):
+        assert answer(capsys, "apply", cal, log, "-o", name)[0] == 0
+    assert Path("field.parquet").read_bytes()[:4] == b"PAR1"
+    assert np.array_equal(read("field.parquet").field, read("field.csv").field)
+    assert run(["apply", cal, log, "-o", "field.xlsx"]) == 2
+    assert "would be a table of text; name it .csv" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("target", ["ardupilot", "px4", "c", "motioncal", "matlab", "ros", "table"])
 def test_export_writes_every_target(cal, target, capsys) -> None:
     status, said = answer(capsys, "export", cal, "--to", target)

@@ -18,21 +18,30 @@ def add_to(app: typer.Typer) -> None:
 def apply(
     cal: CalibrationPath,
     log: LogPath,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="CSV file to write.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="OUT", help="Table to write, .csv or .parquet.")
+    ],
     sensor: Sensor = None,
     unit: Unit = None,
     as_json: Json = False,
 ) -> int:
     """Correct a log's readings and write them with everything recorded beside them."""
+    from agonic.atomic import write_atomically
     from agonic.calibration.base import apply as correct
     from agonic.console.finish import require_table
     from agonic.console.output import print_json, say_made
-    from agonic.exports.csv import write_csv
+    from agonic.exports.csv import make_table, write_csv
+    from agonic.exports.parquet import make_parquet
     from agonic.recording.calibration_and_log import open_calibration_and_log
 
-    require_table(out)
+    as_parquet = out.suffix.lower() == ".parquet"
+    if not as_parquet:
+        require_table(out)
     corrected = correct(*open_calibration_and_log(cal, log, sensor, unit))
-    write_csv(corrected, out)
+    if as_parquet:
+        write_atomically(out, make_parquet(make_table(corrected)))
+    else:
+        write_csv(corrected, out)
     if as_json:
         print_json(
             "agonic/apply@1",

@@ -62,7 +62,7 @@ def calibrate(
         typer.Option(
             "--as",
             metavar="NAME",
-            help="Who the sensor is in the history; default: its device number, or the log's name.",
+            help="Its name in the history; default: its device number, or the log's name.",
         ),
     ] = None,
     verbose: Annotated[

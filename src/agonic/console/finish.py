@@ -21,6 +21,7 @@ PURPOSES = {
     ".csv": "the readings",
 }
 """What a file is for, by its ending."""
+_NO_TEXT = (".html", ".htm", ".json", ".mat", ".ods", ".parquet", ".xlsx")
 
 
 def finish(
@@ -114,11 +115,11 @@ def show_in_browser(page: Path) -> None:
 
 
 def require_table(out: Path) -> None:
-    """Refuse the name of a page for what will be a table."""
+    """Refuse the name of a page or of a binary file for what will be a table of text."""
     from agonic.errors import AgonicError
 
-    if out.suffix.lower() in (".html", ".htm"):
-        raise AgonicError(f"-o {out} would be a table of text, not a page; name it .csv")
+    if out.suffix.lower() in _NO_TEXT:
+        raise AgonicError(f"-o {out} would be a table of text; name it .csv")
 
 
 def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]]) -> str:

@@ -30,7 +30,9 @@ At = Annotated[
 ]
 Date = Annotated[
     str | None,
-    typer.Option("--date", help="Date for the world model, 2026-05-01; default: the log's own."),
+    typer.Option(
+        "--date", help="Date for the world model, 2026-05-01; default: the log's, else today."
+    ),
 ]
 WorldModel = Annotated[
     str | None,

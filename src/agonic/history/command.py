@@ -42,10 +42,10 @@ def history(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Show how calibrations drift, when a sensor stepped, and which ones left the others.
+    """Show how calibrations drift, when a sensor stepped, and which no longer agree with others.
 
-    Exit status 1 where the last calibration of a sensor left the band that the earlier ones
-    predict, or the sensor left its population.
+    Exit status 1 where the last calibration of a sensor lies outside the band that the earlier
+    ones predict, or the sensor no longer agrees with its population.
     """
     from agonic.errors import AgonicError
     from agonic.field.decimal_year import parse_date

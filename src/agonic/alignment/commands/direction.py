@@ -44,17 +44,21 @@ def direction(
         typer.Option(metavar="ARCSEC", help="Error of an attitude across the boresight."),
     ] = None,
     about: Annotated[
-        float | None, typer.Option(metavar="ARCSEC", help="And about the boresight.")
+        float | None,
+        typer.Option(metavar="ARCSEC", help="Error of an attitude about the boresight."),
     ] = None,
     refraction: Effect = "removed",
     aberration: Effect = "removed",
     at: At = None,
     gap: Annotated[
         float | None,
-        typer.Option("--gap", metavar="S", help="Do not join attitudes further apart."),
+        typer.Option(
+            "--gap", metavar="S", help="Longest gap, s, between attitudes that are interpolated."
+        ),
     ] = None,
     noise: Annotated[
-        float | None, typer.Option("--noise", metavar="NT", help="Of one reading on one axis.")
+        float | None,
+        typer.Option("--noise", metavar="NT", help="Noise of one reading on one axis."),
     ] = None,
     sensor: Sensor = None,
     unit: Unit = None,

@@ -55,7 +55,7 @@ def fleet(
     name: Annotated[
         str | None,
         typer.Option(
-            metavar="REGEX", help="Who a sensor is: a group in the path of its log, '/(SN\\d+)_'."
+            metavar="REGEX", help="Name of a sensor: a group in the path of its log, '/(SN\\d+)_'."
         ),
     ] = None,
     sensor_column: Annotated[

@@ -13,7 +13,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
-from agonic.errors import AgonicError, MissingExtraError, check_choice
+from agonic.errors import AgonicError, check_choice
+from agonic.exports.parquet import make_parquet
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 from agonic.thermal.campaign.description import Description
@@ -61,7 +62,7 @@ def write_campaign(
     files = []
     for number, recorded in stations:
         table = _make_table([recorded[sensor.name] for sensor in sensors])
-        made = _format_parquet(table) if format == "parquet" else _format_csv(table)
+        made = make_parquet(table) if format == "parquet" else _format_csv(table)
         files.append(write_atomically(home / pattern.format(station=number), made))
     named = replace(description, sensors=sensors, files=pattern)
     return [*files, write_description(named, home / FILE_NAME)]
@@ -81,17 +82,6 @@ def _make_table(sensors: list[Samples]) -> dict[str, Array]:
         if samples.temperature is not None:
             table[f"temperature{k}_C"] = samples.temperature.round(_DECIMALS["temperature"])
     return table
-
-
-def _format_parquet(table: Mapping[str, Array]) -> bytes:
-    try:
-        import pyarrow as pa
-        from pyarrow import parquet
-    except ImportError:
-        raise MissingExtraError("writing a Parquet file", "tables") from None
-    stream = BytesIO()
-    parquet.write_table(pa.table(dict(table)), stream, compression="zstd")
-    return stream.getvalue()
 
 
 def _format_csv(table: Mapping[str, Array]) -> bytes:
