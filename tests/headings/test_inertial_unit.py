@@ -44,3 +44,13 @@ def test_gravity_of_the_opposite_sign_is_named() -> None:
     assert any("opposite sign" in note for note in found.notes)
     assert not found.trusted.any()
     assert not any("opposite sign" in note for note in heading(LOGGED, SETUP).notes)
+
+
+def test_what_a_gyro_cannot_have_told_is_named() -> None:
+    rate = LOGGED.rotation_rate
+    most = 0.5 * np.abs(rate).max()
+    clipped = LOGGED.with_columns(rotation_rate=np.clip(rate, -most, most))
+    assert any("it clips" in note for note in heading(clipped, SETUP).notes)
+    slow = LOGGED.with_columns(rotation_rate=rate[np.arange(len(rate)) // 10 * 10])
+    assert any("one of 10 rows" in note for note in heading(slow, SETUP).notes)
+    assert not any("gyro" in note and "rows only" in note for note in heading(LOGGED, SETUP).notes)

@@ -65,6 +65,18 @@ def test_axes_of_a_quadrotor_are_named(turn: np.ndarray) -> None:
     assert describe_renaming(turn.T) in found.what
 
 
+@pytest.mark.parametrize(("seed", "late_s", "looks"), [(0, 0.3, "0.36 s"), (1, 1.5, "1.5 s")])
+def test_a_clock_is_not_taken_for_axes(seed: int, late_s: float, looks: str) -> None:
+    """A hand turns by right angles in a second; two axes seemed reversed."""
+    _, logged, _ = drive("hand", seed, n=2500, rate_Hz=25.0)
+    then = logged.time - late_s
+    late = [np.interp(then, logged.time, axis) for axis in logged.acceleration.T]
+    found = check_gravity_turning(logged.with_columns(acceleration=np.stack(late, axis=1)))
+    assert found is not None
+    assert f"about {looks} late" in found.what
+    assert "other axes" not in found.what
+
+
 @pytest.mark.slow
 def test_no_clean_car_is_blamed() -> None:
     """Its braking outweighs its slopes threefold, and seems to follow them by chance."""

@@ -8,8 +8,9 @@ from agonic.arrays import Array
 from agonic.calibration.base import Calibration, correct_field, has_two_axes
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
+from agonic.fresh import find_fresh
 from agonic.headings.tilt_source import find_mounting
-from agonic.health.inertial_unit import find_faults
+from agonic.health.inertial_unit import check_clipping, find_faults
 from agonic.samples import Samples
 
 
@@ -37,7 +38,7 @@ def mend_unit(
         there["acceleration"] = samples.acceleration
     turned = {name: values @ turn.T for name, values in there.items() if values is not None}
     compass = Samples(time=samples.time, field=correct_field(calibration, samples))
-    notes = []
+    notes = _describe_limits(samples)
     for column, finding, mended in find_faults(compass.with_columns(**turned)):
         if mended is None and _needs(samples, setup, column):
             raise LogError(finding.sentence)
@@ -45,6 +46,21 @@ def mend_unit(
         out = "; it was left out" if finding.severity == "refuse" else ""
         notes.append("; ".join(part for part in (finding.what + out, finding.move) if part))
     return samples, tuple(notes)
+
+
+def _describe_limits(samples: Samples) -> list[str]:
+    """What a gyro that clips, or is slower than the log, cannot have told."""
+    rate = samples.rotation_rate
+    if rate is None:
+        return []
+    clipped, fresh = check_clipping(samples), float(find_fresh(rate).mean())
+    said = [] if clipped is None else [clipped.sentence]
+    if fresh < 1.0:
+        said.append(
+            f"the gyro reads anew in one of {1 / fresh:.0f} rows only: faster turns are not seen, "
+            "and the tilt may be off by more than is stated"
+        )
+    return said
 
 
 def _needs(samples: Samples, setup: Setup, column: str) -> bool:

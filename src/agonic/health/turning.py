@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health import Finding
+from agonic.health import Finding, figure
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.namings import compare_namings
 from agonic.maths.rotations.turning import measure_left, sum_products
@@ -33,6 +33,8 @@ STEADILY = 2.5
 ALIKE = 3.0
 """Of that logarithm: namings that differ by less are not told apart."""
 _FEWEST_WINDOWS = 3
+_LATE_S = (0.1, 0.2, 0.35, 0.55, 0.8, 1.1, 1.5, 2.0)
+"""An accelerometer is tried to be about so late, or early, beside a gyro."""
 FEWEST = 50
 """Readings that can show a turn."""
 _SMOOTHED_S = (0.3, 1.0, 3.0)
@@ -105,6 +107,15 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
         turn = None if found is None else found.turn
     if turn is None:
         return None
+    late_s = _find_late(samples, turn)
+    if late_s:
+        return Finding(
+            "inertial unit",
+            "refuse",
+            "gravity does not turn in the accelerometer as the gyro does; it would if the "
+            f"accelerometer were about {figure(abs(late_s))} s {'late' if late_s > 0 else 'early'}",
+            "bring the clocks of accelerometer and gyro together",
+        )
     back = turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
     one, other = sorted((back, -back), key=lambda turn: int(np.count_nonzero(turn < 0)))
     return Finding(
@@ -194,6 +205,25 @@ def _find_probable_naming(samples: Samples) -> Array | None:
     left = measure_left(products, turns[likely], farthest)
     likely = likely[left <= left.min() / FAR_BETTER]
     return np.asarray(turns[likely[np.argmax(sums[likely])]])
+
+
+def _find_late(samples: Samples, turn: Array) -> float:
+    """How late an accelerometer that seems of other axes is beside the gyro, s, where that makes
+    what it reads more probable than those axes; else 0."""
+    time, rate, force = samples.time, samples.rotation_rate, samples.acceleration
+    assert time is not None
+    assert rate is not None
+    assert force is not None
+    step = float(np.median(np.diff(time)))
+    later = np.unique(np.round(np.array(_LATE_S) / step).astype(int))
+    shifts, own = np.concatenate([-later, later]), np.eye(3)[None]
+    probable = []
+    for shift in shifts:  # by whole rows: between them noise would be less
+        moved = np.clip(np.arange(len(time)) + shift, 0, len(time) - 1)
+        probable.append(compare_namings(force[moved], rate, time, own).sum())
+    renamed = compare_namings(force, rate, time, turn[None]).sum()
+    best = int(np.argmax(probable))
+    return float(shifts[best] * step) if probable[best] > renamed + PROBABLE else 0.0
 
 
 def explains_change(samples: Samples) -> bool:
