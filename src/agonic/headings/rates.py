@@ -8,9 +8,9 @@ from agonic.arrays import Array
 from agonic.calibration.base import Calibration, correct_field, has_two_axes
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
-from agonic.fresh import find_fresh
 from agonic.headings.tilt_source import find_mounting
 from agonic.health.inertial_unit import check_clipping, find_faults
+from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 
 
