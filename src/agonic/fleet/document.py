@@ -144,7 +144,7 @@ def _describe_work(run: FleetRun) -> str:
         (run.calibrated, f"{run.made} made in {run.seconds:.1f} s ({run.rate:.3g} a second)"),
         (run.resumed, f"{run.resumed} were finished before"),
         (run.repeated, f"{run.repeated} have the content of another"),
-        (run.skipped, f"{run.skipped} other files were left aside"),
+        (run.skipped, f"{count(run.skipped, 'file')} of another kind left out"),
     )
     return "; ".join(text for n, text in parts if n)
 

@@ -64,7 +64,7 @@ def name_content(data: bytes) -> str:
         kind = format_of(data[:HEAD_BYTES])
     except LogError as error:
         what = str(error).partition(";")[0]
-        return what.removeprefix("this is ").removesuffix(", no log")
+        return what.removeprefix("this is ").partition(", no log")[0]
     if kind == JSON:
         return "JSON of something else"
     return (
