@@ -16,13 +16,8 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.exports.ardupilot import compute_ardupilot_parameters
-from agonic.exports.convert import (
-    format_float32,
-    reduce,
-    split_rotation,
-    turn_into_frame,
-    write_banner,
-)
+from agonic.exports.banner import format_float32, write_banner
+from agonic.exports.convert import reduce, split_rotation, turn_into_frame
 from agonic.exports.px4 import compute_px4_parameters
 from agonic.exports.targets import TARGETS
 from agonic.files.calibration import save

@@ -26,14 +26,8 @@ from agonic.exports.ardupilot_motors import (
     compute_motor_parameters,
     find_motor_terms,
 )
-from agonic.exports.convert import (
-    Export,
-    find_source_term,
-    format_float32,
-    hold_sources,
-    take_symmetric,
-    write_banner,
-)
+from agonic.exports.banner import format_float32, write_banner
+from agonic.exports.convert import Export, find_source_term, hold_sources, take_symmetric
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.maths.equation.symmetric import unpack_symmetric

@@ -16,17 +16,11 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
+from agonic.exports.banner import format_float32, write_banner
 from agonic.exports.c_network import make_network_header
 from agonic.exports.c_network_parts import has_network, hold_network
 from agonic.exports.c_thermal import make_thermal_header
-from agonic.exports.convert import (
-    Export,
-    find_magnitude,
-    format_float32,
-    hold_sources,
-    reduce,
-    write_banner,
-)
+from agonic.exports.convert import Export, find_magnitude, hold_sources, reduce
 from agonic.exports.firmware.c_text import (
     fill_template,
     make_c_name,

@@ -11,6 +11,7 @@ from __future__ import annotations
 from agonic.calibration.base import Calibration
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
+from agonic.exports.banner import format_float32, write_banner
 from agonic.exports.c_network_parts import Parts, split_parts
 from agonic.exports.c_network_selftest import Known, make_known_readings
 from agonic.exports.c_network_tables import (
@@ -19,7 +20,6 @@ from agonic.exports.c_network_tables import (
     write_guard_table,
     write_second_table,
 )
-from agonic.exports.convert import format_float32, write_banner
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,

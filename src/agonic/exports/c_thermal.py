@@ -9,13 +9,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
-from agonic.exports.convert import (
-    find_magnitude,
-    format_float32,
-    list_left_out,
-    reduce,
-    write_banner,
-)
+from agonic.exports.banner import format_float32, write_banner
+from agonic.exports.convert import find_magnitude, list_left_out, reduce
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,

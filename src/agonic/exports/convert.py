@@ -6,9 +6,7 @@ here bring a calibration to that form and say in warnings what could not be kept
 
 from __future__ import annotations
 
-import hashlib
-import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,6 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
-from agonic.calibration.encoding import encode
 from agonic.calibration.interference import Interference, signals
 from agonic.calibration.sources import name_sources, parse_source, spell_source
 from agonic.calibration.steps import compose, steps_of
@@ -258,48 +255,6 @@ def take_symmetric(
             "out, and its field is turned by as much",
         )
     return bias, np.append(np.diag(symmetric), symmetric[[0, 0, 1], [1, 2, 2]]), warnings
-
-
-def write_banner(
-    calibration: Calibration, formula: str, warnings: Iterable[str] = ()
-) -> tuple[str, ...]:
-    """Comment lines, plain ASCII: what the file is, its equation, origin and warnings."""
-    origins = [calibration.provenance, *(step.provenance for step in steps_of(calibration))]
-    inputs = dict.fromkeys(i for origin in origins for i in origin.inputs)
-    methods = dict.fromkeys(key for origin in origins for key in origin.method)
-    software, created = origins[0].software, origins[0].created
-    lines = (
-        f"Calibration of magnetometer {calibration.sensor}, {software}, {created}",
-        f"Calibration: {calibration.equation}, "
-        f"axes {calibration.frame_in} to {calibration.frame_out}",
-        f"This file: {formula}",
-        *(f"Input: {i.name}, {i.count} rows, SHA-256 {i.sha256}" for i in inputs),
-        *(f"Method: {key}" for key in methods),
-        f"SHA-256 of the calibration file: {hashlib.sha256(encode(calibration)).hexdigest()}",
-        *(f"Warning: {warning}" for warning in warnings),
-    )
-    return tuple(map(_write_ascii, lines))
-
-
-def _write_ascii(text: str) -> str:
-    """A line that any compiler and ground station reads.
-
-    >>> _write_ascii("4.39°, output1…4_duty at −5 °C")
-    '4.39 deg, output1..4_duty at -5 deg C'
-    """
-    text = re.sub(r"(?<=\d)°", " deg", text)
-    for sign, plain in (("°", "deg "), ("…", ".."), ("−", "-")):
-        text = text.replace(sign, plain)
-    return " ".join(text.split()).encode("ascii", "backslashreplace").decode()
-
-
-def format_float32(value: float) -> str:
-    """The shortest decimal that reads back as the same float32.
-
-    >>> format_float32(0.1), format_float32(-300.0), format_float32(1e-5)
-    ('0.1', '-300.0', '0.00001')
-    """
-    return np.format_float_positional(np.float32(value + 0.0), unique=True, trim="0")
 
 
 def find_magnitude(calibration: Calibration) -> float | None:

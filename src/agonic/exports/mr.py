@@ -16,7 +16,8 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.calibration.composed_covariance import compute_composed_covariance
-from agonic.exports.convert import Export, hold_sources, reduce, write_banner
+from agonic.exports.banner import write_banner
+from agonic.exports.convert import Export, hold_sources, reduce
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.table import format_rows
 

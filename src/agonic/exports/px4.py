@@ -22,14 +22,13 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
+from agonic.exports.banner import format_float32, write_banner
 from agonic.exports.convert import (
     Export,
     find_source_term,
     find_turns,
-    format_float32,
     hold_sources,
     take_symmetric,
-    write_banner,
 )
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.polynomials import changes_with_temperature

@@ -12,7 +12,8 @@ from pathlib import Path
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
-from agonic.exports.convert import Export, hold_sources, turn_into_frame, write_banner
+from agonic.exports.banner import write_banner
+from agonic.exports.convert import Export, hold_sources, turn_into_frame
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
 

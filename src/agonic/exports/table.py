@@ -15,7 +15,8 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.composed_covariance import compute_composed_covariance
 from agonic.calibration.thermal import Thermal
-from agonic.exports.convert import Export, hold_sources, list_left_out, reduce, write_banner
+from agonic.exports.banner import write_banner
+from agonic.exports.convert import Export, hold_sources, list_left_out, reduce
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.polynomials import RATE, changes_with_temperature, fit_polynomials
 from agonic.maths.equation.affine import join, model_basis

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 from agonic.arrays import Array
 from agonic.errors import LogError
@@ -69,3 +70,15 @@ class Log(Readable):
         if str(which).isdecimal() and int(which) < len(names):
             return self.sensors[int(which)]
         raise LogError(f"no sensor {which!r}; there are {', '.join(names)}", path=self.path)
+
+
+class Facts(TypedDict):
+    """What `table.build_log` and its like have to know of a file beside the tables in it."""
+
+    path: Path
+    source: Input
+    format: str
+    unit: NotRequired[str | None]
+    others: NotRequired[Iterable[str]]
+    notes: NotRequired[tuple[str, ...]]
+    remarks: NotRequired[tuple[str, ...]]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn, NotRequired, TypedDict
+from typing import NoReturn
 
 import numpy as np
 
@@ -48,18 +48,6 @@ _MAGNITUDE = re.compile(
     re.IGNORECASE,
 )
 TWO_AXES = "a two-axis compass, x and y alone, is calibrated with agonic calibrate"
-
-
-class Facts(TypedDict):
-    """What `build_log` and its like have to know of a file beside the tables in it."""
-
-    path: Path
-    source: Input
-    format: str
-    unit: NotRequired[str | None]
-    others: NotRequired[Iterable[str]]
-    notes: NotRequired[tuple[str, ...]]
-    remarks: NotRequired[tuple[str, ...]]
 
 
 def build_log(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.errors import AgonicError
-from agonic.exports.convert import format_float32
+from agonic.exports.banner import format_float32
 
 WIDTH = 96
 

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.sources import Source, parse_source
-from agonic.exports.convert import write_banner
+from agonic.exports.banner import write_banner
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,

@@ -11,7 +11,7 @@ from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.errors import AgonicError
-from agonic.exports.convert import write_banner
+from agonic.exports.banner import write_banner
 from agonic.exports.firmware.c_text import (
     fill_template,
     make_c_name,

@@ -11,7 +11,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams
 from agonic.errors import AgonicError
-from agonic.exports.convert import write_banner
+from agonic.exports.banner import write_banner
 from agonic.exports.firmware.c_text import (
     fill_template,
     make_c_name,

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from agonic.logs.headers.columns import find_quantities, identify_column, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
-from agonic.logs.log import Log
-from agonic.logs.table import Facts, build_log
+from agonic.logs.log import Facts, Log
+from agonic.logs.table import build_log
 
 Table = Mapping[str, NDArray[Any]]
 LABEL = "sensor"
