@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
+from agonic.maths.rotations.attitude import down_b
+from agonic.maths.rotations.tilt import heading_by_vectors_deg
 
 pytestmark = pytest.mark.recordings
 
@@ -171,3 +173,19 @@ def test_spreads_of_the_point_cloud(recordings: Path, calibrated) -> None:
     (result,) = calibrated["pointclouds/aleksandrbazhin_mag_out.txt"]
     assert result.verdict == "good"
     assert result.fit.calibration.model == "full"
+
+
+def test_a_car_in_circles_is_no_sphere_about_their_centre(recordings: Path) -> None:
+    """It is level and its iron halves the field along the road. A circle of readings is a sphere of
+    its own, five times too small, in which the field never dips; its gyro tells how it turned."""
+    whole = ag.read(recordings / "ros" / "data_going_in_circles.csv")
+    car = whole.select(whole.time > 55)
+    fit = ag.fit_levelled(car, ag.igrf().along(car))
+    assert 1.5 < np.trace(fit.calibration.matrix) / 3 < 2.5
+    down = down_b(car.roll_deg, car.pitch_deg)
+    heading = heading_by_vectors_deg(fit.calibration.correct(car.field), down)
+    rate = np.sum(car.rotation_rate * down, axis=1)
+    turned = np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(car.time))]
+    left = np.unwrap(np.radians(heading)) - turned
+    left -= np.polyval(np.polyfit(car.time, left, 1), car.time)
+    assert np.degrees(np.std(left)) < 8.0

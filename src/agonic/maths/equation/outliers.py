@@ -14,6 +14,7 @@ from agonic.maths.estimation.noise.residuals import Noise
 
 _LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _CROWD = 0.2  # of the readings
+_STRANGE = 0.5  # of the field: by more the dip does not scatter where roll and pitch are right
 _ALONE = 0.5  # leverage by which a reading decides more than all others together
 
 
@@ -90,3 +91,13 @@ def compute_surprise(
         fits = np.log(sd) + (residuals[channel] / sd) ** 2 / 2 + _LOG_ROOT_2_PI
         surprise += float(weights @ np.minimum(fits, 0.0))
     return surprise
+
+
+def loses_dip(problem: Problem, params: Array, noise: dict[str, Noise]) -> bool:
+    """Whether the dip scatters by so much of the field that attitude and readings are strangers."""
+    dip = noise.get("dip")
+    if dip is None:
+        return False
+    _, matrix = split(problem.basis @ params[: problem.basis.shape[1]])
+    gain = abs(float(np.trace(matrix))) / 3
+    return dip.sd * gain > _STRANGE * float(np.mean(problem.magnitude))
