@@ -27,9 +27,9 @@ from scipy.linalg import polar
 import agonic as ag
 from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.health.adequacy import examine
+from agonic.health.adequacy.causes import list_causes
 from agonic.health.adequacy.examine import CAUSES
 from agonic.health.adequacy.fitted import Work
-from agonic.health.adequacy.terms import list_causes
 from agonic.maths.estimation.inference.score_test import score_test
 
 PLACE = ag.Reference.vector(FIELD_N, frame="n")

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.health.adequacy.causes import Cause, list_causes
 from agonic.health.adequacy.fitted import (
     ModelError,
-    Seen,
     Work,
     field_per_degree,
-    level_readings,
     make_error,
     moved_field,
 )
-from agonic.health.adequacy.ripples import find_ripples
-from agonic.maths.equation import unmodelled
 from agonic.maths.equation.coverage import level_directions
 from agonic.maths.estimation.inference.linearised import (
     Linearised,
@@ -43,49 +39,6 @@ PROBABLE = 0.1
 
 UNSEEN = 0.02
 """Of the field: by as much at most, about, sensors bend whose residuals do not show it."""
-
-TURNS_SHOWN = 0.5
-"""Of what goes with how fast a vehicle turns: about so much directions of the field tell, which do
-not see how it turns about the field."""
-
-LIKELY = 0.2
-"""Of the field: a sensor bends by less at the size of the field, and what goes with bank or pitch
-is less for a vehicle turned by a right angle."""
-DRIFTS = 0.05
-"""Of the field: by so much at most, about, a bias drifts in a log; what a log hardly tells from a
-current, or from its bias before it turned, would else be of any size."""
-UNEVEN = 0.03
-"""Of the reading: by so much gains may differ between positive and negative readings."""
-
-
-class _Cause(NamedTuple):
-    """A cause: its columns over unit noise, what noise does to them and has in common with the
-    residuals, and the error itself.
-
-    `at_rest` is false for an error that only a turning sensor has, `alone` true for a test with a
-    level of its own, beside the family of all others; `likely` how large its terms are at most,
-    about, as a share of the field; `trials` among how many of its kind it was picked; `told` what
-    share of its size the columns tell.
-    """
-
-    name: str
-    columns: Array
-    noise: Array | None
-    shared: Array | None
-    error: Callable[[Array], Array]
-    level: Callable[[Array], Array] | None
-    at_rest: bool
-    alone: bool
-    likely: float
-    trials: int
-    told: float
-
-    def seen_by(self, fit: Linearised) -> tuple[Array, Array | None, Array | None]:
-        """Columns, their noise and what they share, of a fit to all kinds or the magnitude alone,
-        which comes first."""
-        n = len(fit.residuals)
-        noise = None if self.noise is None else self.noise[:n]
-        return self.columns[:n], noise, self.shared if fit.shared is not None else None
 
 
 def find_terms(work: Work) -> list[ModelError]:
@@ -117,12 +70,12 @@ def find_terms(work: Work) -> list[ModelError]:
     return found
 
 
-def _rank(score: Score, cause: _Cause, square: float) -> float:
+def _rank(score: Score, cause: Cause, square: float) -> float:
     """The share of the squares that a cause explains beyond what so many terms do (AIC)."""
     return float((score.gain - 2 * cause.columns.shape[1]) / square)
 
 
-def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list[ModelError]:
+def _find_possible(work: Work, tried: list[tuple[Score | None, Cause]]) -> list[ModelError]:
     """Bends that are not significant and may be there all the same, by how probable they are.
 
     Of any size about which nothing is known but its score q = γᵀV⁻¹γ of k terms one is, against
@@ -151,7 +104,7 @@ def _find_possible(work: Work, tried: list[tuple[Score | None, _Cause]]) -> list
     return [error.weigh(odds / total * left) for error, odds, left in found]
 
 
-def _test_all(fit: Linearised, causes: Sequence[_Cause], at_most: float) -> list[Score | None]:
+def _test_all(fit: Linearised, causes: Sequence[Cause], at_most: float) -> list[Score | None]:
     """The score tests, but those whose p-value is above `at_most`.
 
     What lasts is not to hide as noise with a long memory; errors of the attitude may last as long
@@ -173,105 +126,17 @@ def _test_all(fit: Linearised, causes: Sequence[_Cause], at_most: float) -> list
     ]
 
 
-def _list_terms(fit: Linearised, cause: _Cause) -> Terms:
+def _list_terms(fit: Linearised, cause: Cause) -> Terms:
     columns, noise, shared = cause.seen_by(fit)
     return Terms(columns, noise, shared, surely=noise is None, likely=cause.likely)
 
 
-def _add_beside(fit: Linearised, cause: _Cause) -> Linearised:
+def _add_beside(fit: Linearised, cause: Cause) -> Linearised:
     columns, _, shared = cause.seen_by(fit)
     return with_columns(fit, columns, shared)
 
 
-def list_causes(work: Work) -> Iterator[_Cause]:
-    """Every cause that can be written as an error of the readings."""
-    n, rows, time = len(work.fitted.readings), work.rows, work.fitted.time
-    t = (rows + 0.5) / n if time is None else (time[rows] - time[0]) / max(np.ptp(time), 1e-9)
-    centre = work.fitted.calibration.bias / work.radius
-    apart = np.r_[True, np.diff(rows) != 1]
-    yield _cause(work, "non-linear", unmodelled.non_linearity, static=True, likely=LIKELY)
-    yield _cause(work, "non-linear", unmodelled.gain_by_sign, static=True, likely=UNEVEN)
-    by_magnitude = work.fitted.look is None
-    if by_magnitude:  # six unknowns hide a small bend among chance; what all axes share is one
-        yield _cause(
-            work, "non-linear", unmodelled.common_bend, static=True, alone=True, likely=LIKELY
-        )
-        yield _cause(work, "non-linear", unmodelled.cross_talk, static=True, likely=LIKELY)
-    yield _cause(
-        work, "compressed", unmodelled.compression, static=True, alone=by_magnitude, likely=LIKELY
-    )
-    ripples = find_ripples(work)
-    if ripples is not None:
-        yield _cause(
-            work,
-            "non-linear",
-            lambda x: unmodelled.ripples(x, ripples.frequencies),
-            static=True,
-            moved=False,
-            likely=LIKELY,
-            trials=ripples.trials,
-        )
-    yield _cause(
-        work,
-        "follows turns",
-        lambda x: unmodelled.turning(x - centre, apart),
-        at_rest=False,
-        likely=LIKELY,
-        told=TURNS_SHOWN,
-    )
-    yield _cause(work, "late", lambda x: unmodelled.lag(x, apart), at_rest=False)
-    yield _cause(work, "memory", lambda x: unmodelled.memory(x - centre))
-    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 1), moved=False, likely=DRIFTS)
-    yield _cause(work, "bias drift", lambda x: unmodelled.drift(t, 4), moved=False, likely=DRIFTS)
-    yield _cause(work, "gain drift", lambda x: unmodelled.gain_drift(x - centre, t))
-    yield _cause(work, "alternating", lambda x: unmodelled.alternation(rows), moved=False)
-    for name in work.seen.signals:
-        yield _cause(work, name, moved=False, at_rest=False, likely=LIKELY)
-
-
-def _cause(
-    work: Work,
-    name: str,
-    terms: unmodelled.Terms | None = None,
-    *,
-    static: bool = False,
-    moved: bool = True,
-    at_rest: bool = True,
-    alone: bool = False,
-    likely: float = np.inf,
-    trials: int = 1,
-    told: float = 1.0,
-) -> _Cause:
-    """A cause from its terms at the feet, or a bias that goes with the signals of that name.
-
-    `static` where the terms are a function of one reading, `moved` where its noise enters them.
-    """
-
-    def errors_at(feet: Array, signals: Mapping[str, Array]) -> unmodelled.Errors:
-        return unmodelled.proportional(signals[name]) if terms is None else terms(feet)
-
-    def column(seen: Seen) -> Array:
-        return errors_at(seen.feet, seen.signals).show(seen.by_reading * work.radius)
-
-    columns = column(work.seen)
-    changes = [column(again) - columns for again in work.again]
-    noise = np.sum(changes, axis=0) if moved else None
-    shared = None
-    if work.fitted.look is not None:
-        moves = [(again.residuals - work.seen.residuals)[:, None] for again in work.again]
-        shared = np.sum([c * by for c, by in zip(changes, moves, strict=True)], axis=0)
-
-    def error(size: Array) -> Array:
-        return errors_at(work.feet, work.seen.signals).add_up(size) * work.radius
-
-    def level(size: Array) -> Array:
-        return errors_at(level_readings(work) / work.radius, {}).add_up(size) * work.radius
-
-    at = level if static else None
-    return _Cause(name, columns, noise, shared, error, at, at_rest, alone, likely, trials, told)
-
-
-def _model_error(work: Work, cause: _Cause, score: Score) -> ModelError:
+def _model_error(work: Work, cause: Cause, score: Score) -> ModelError:
     """The error in the readings, the heading and the covariance, by the mean square of its size."""
     fitted, size = work.fitted, score.size / cause.told
     square = np.outer(size, size) + score.spread / cause.told**2
@@ -306,7 +171,7 @@ def _mean_square(size: Array, unseen: Array) -> float:
     return float(size @ size) / max(len(size) - float(np.trace(unseen)), 1.0)
 
 
-def _level_error(work: Work, cause: _Cause, move: Array, size: Array) -> Array:
+def _level_error(work: Work, cause: Cause, move: Array, size: Array) -> Array:
     """What a term of this size leaves across a level field at even headings (36,), by its own error
     and by how it moves the calibration."""
     assert cause.level is not None

@@ -15,8 +15,6 @@ from agonic.maths.estimation.inference.linearised import Linearised, batches_of,
 
 UNEVEN = 3.0
 """Correlation lengths of two kinds of residuals that differ by this factor weigh the kinds."""
-
-
 WORST_CONDITION = 1e12
 """Of the information over the scales: beyond it the fit itself is undetermined."""
 
