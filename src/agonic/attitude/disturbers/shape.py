@@ -18,6 +18,7 @@ from agonic.arrays import Array
 from agonic.attitude.disturbers.block_sums import BLOCKS, MOST_ROWS, Log, sum_blocks
 from agonic.attitude.fit import fit_channels_alone
 from agonic.attitude.problem import find_terms
+from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import (
     Source,
@@ -132,10 +133,10 @@ def _refine(
     log: Log, others: tuple[str, ...], sources: tuple[str, ...], what: What, value: float
 ) -> Shape:
     """The shape near one of the grid that the log determines, with its standard error."""
-    sd, reach = float("inf"), 0.5 * abs(value)
+    sd, reach, near = float("inf"), 0.5 * abs(value), None
     for _ in range(_ROUNDS):
         try:
-            moved, sd = _measure_move(log, others, sources, what, value)
+            moved, sd, near = _measure_move(log, others, sources, what, value, near)
         except AgonicError:
             break
         nearer = value + float(np.clip(moved, -reach, reach))
@@ -148,9 +149,15 @@ def _refine(
 
 
 def _measure_move(
-    log: Log, others: tuple[str, ...], sources: tuple[str, ...], what: What, value: float
-) -> tuple[float, float]:
-    """How far the log wants the value moved, and the standard error."""
+    log: Log,
+    others: tuple[str, ...],
+    sources: tuple[str, ...],
+    what: What,
+    value: float,
+    near: Affine | None,
+) -> tuple[float, float, Affine]:
+    """How far the log wants the value moved, the standard error, and the fit that tells, which is
+    sought from the one `near` a value before."""
     by = 0.02 * abs(value)
     there, before, after = (
         find_terms(log.samples, _respell(sources, what, one))
@@ -170,9 +177,10 @@ def _measure_move(
         log.reference.select(rows),
         log.channels,
         replace(log.settings, sources=names),
+        near,
     )
     assert isinstance(found, Interference)
-    return _compare_slopes(found, given.shape[1], there.shape[1])
+    return *_compare_slopes(found, given.shape[1], there.shape[1]), found
 
 
 def _compare_slopes(found: Interference, first: int, count: int) -> tuple[float, float]:
