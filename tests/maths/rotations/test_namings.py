@@ -35,9 +35,9 @@ def test_a_renaming_takes_the_probability_with_it() -> None:
 
 def test_a_pause_is_in_no_window() -> None:
     _, log, _ = drive("boat", n=2500, rate_Hz=25.0)
-    later = log.time + 100.0 * (np.arange(2500) > 1000)
+    later, broken = (log.time + 100.0 * (np.arange(2500) // rows) for rows in (1250, 200))
     shape = [
         compare_namings(log.acceleration, log.rotation_rate, time, right_angles()[:1]).shape[1]
-        for time in (log.time, later)
+        for time in (log.time, later, broken)
     ]
-    assert shape == [6, 4]
+    assert shape == [6, 4, 0]

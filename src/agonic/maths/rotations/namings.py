@@ -68,6 +68,8 @@ def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Arr
     True
     """
     spectra = _measure_spectra(force, rate, time)
+    if not len(spectra.products):  # pauses everywhere, as between blocks of a log
+        return np.zeros((len(turns), 0))
     return np.array([_weigh(spectra, turn) for turn in turns])
 
 
