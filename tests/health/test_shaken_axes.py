@@ -132,3 +132,10 @@ def ride(lean: float) -> ag.Samples:
         acceleration=rot_nb.apply(felt, inverse=True),
         rotation_rate=turning,
     )
+
+
+def test_a_log_of_pauses_tells_no_axes() -> None:
+    """As half of a log, in alternate parts, in which no window is without a pause."""
+    _, logged, _ = drive("boat", 0, rate_Hz=25.0)
+    rows = np.flatnonzero(np.arange(len(logged)) // 250 % 2 == 0)
+    assert check_gravity_turning(logged.select(rows)) is None
