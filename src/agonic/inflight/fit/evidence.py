@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
+from agonic.inflight.fit.bias_step import judge_step
 from agonic.inflight.fit.ground_axes import judge_ground_axes
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
@@ -46,7 +47,7 @@ def examine(
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
         *judge_ground_axes(fit, problem, samples),
-        *judge_swing_with_orbit(fit, samples),
+        *(judge_step(fit, problem) or judge_swing_with_orbit(fit, samples)),
         *judge_sunlight(sunlight),
         *_scale(fit),
         *_axes(samples),
