@@ -49,8 +49,8 @@ def judge_step(fit: InflightFit, problem: Problem) -> list[Finding]:
         Finding(
             "bias step",
             "check",
-            f"the bias stepped by {figure(step.size)} nT near t = {step.time:.0f} s, which explains "
-            f"the record as well as the {fit.drift.intervals} intervals of the bias do",
+            f"the bias stepped by {figure(step.size)} nT near t = {step.time:.0f} s, which "
+            f"explains the record as well as the {fit.drift.intervals} intervals of the bias do",
             "see what was switched, moved or exchanged then, and fit before and after it apart "
             "(--between)",
         )
