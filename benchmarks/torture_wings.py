@@ -1,4 +1,4 @@
-"""Recordings that break assumptions, through the tracker, the retrainer, the chamber and the coil.
+"""Recordings that break assumptions, through tracker, retrainer, flight, chamber and coil.
 
 python -m benchmarks.torture_wings [--draws 4] [--kind TEXT]
 
@@ -24,6 +24,7 @@ import agonic as ag
 from agonic.alignment.coil.fit import fit_coil
 from agonic.alignment.simulation.coil import simulate_coil
 from agonic.calibration.retraining import RetrainerParams
+from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.network.fit import fit_network
 from agonic.network.retraining import Retrainer
 from agonic.network.simulate import simulate_paper
@@ -33,8 +34,8 @@ from benchmarks import tables
 Array = NDArray[np.float64]
 WINGS = """## The wings
 
-Tracker, retrainer, chamber and coil, {draws} draws each (`benchmarks/torture_wings.py`): the error
-over what was stated. A refused coil is not wrong, whatever its error.
+Tracker, retrainer, flight, chamber and coil, {draws} draws each (`benchmarks/torture_wings.py`):
+the error over what was stated. A refused coil is not wrong, whatever its error.
 
 """
 WRONG = 3.0
@@ -161,6 +162,35 @@ def coil(
     return run
 
 
+def flight(
+    spoil: Callable[[np.random.Generator, ag.Samples], Array] | None = None,
+    late_s: float = 0.0,
+) -> Callable[[int], Outcome]:
+    """Two orbits beside a ground calibration, 500 nT of bias later: what is added to the readings,
+    by how much the positions are late. The bias is that of the end."""
+
+    def run(seed: int) -> Outcome:
+        made = simulate_orbit(n=3000, rate_Hz=0.25, thermal=0.0, moved=500.0, seed=seed)
+        sd = np.array([50.0] * 3 + [1e-3] * 6)
+        ground = replace(made.ground.at(20.0), covariance=np.diag(sd**2))
+        samples = made.samples.with_columns(temperature=None)
+        added = np.zeros((len(samples), 3))
+        if spoil is not None:
+            added = spoil(np.random.default_rng(seed), samples)
+        then = samples.time - late_s
+        place = {
+            name: np.interp(then, samples.time, np.unwrap(getattr(samples, name), period=360.0))
+            for name in ("latitude_deg", "longitude_deg", "altitude_m")
+        }
+        place["longitude_deg"] = (place["longitude_deg"] + 180.0) % 360.0 - 180.0
+        spoilt = samples.with_columns(field=samples.field + added, **(place if late_s else {}))
+        fit = ag.fit_inflight(spoilt, ground=ground)
+        away = fit.after.bias - made.truth.at(20.0).bias - added[-1]
+        return _judge(fit, away / np.sqrt(np.diag(fit.after.covariance))[:3])
+
+    return run
+
+
 def _judge(result, z: Array) -> Outcome:
     causes = tuple(finding.name for finding in result.findings)
     return Outcome(result.verdict, float(np.sqrt(np.mean(z**2))), causes)
@@ -222,6 +252,16 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
     "chamber, thermometer noise 0.5 °C": chamber(
         lambda rng, s: np.zeros((len(s), 3)), temperature_noise_C=0.5
     ),
+    "flight *": flight(),
+    **{f"flight, positions {s} s late": flight(late_s=s) for s in (1.0, 3.0, 10.0)},
+    **{
+        f"flight, {size} nT {what}": flight(_changed(part, size))
+        for size in (300, 1000)
+        for what, part in {
+            "step half-way": lambda s: _share(s) > 0.5,
+            "steady drift": _share,
+        }.items()
+    },
     **{f"coil, settles with {s} s": coil(s) for s in (0.0, 0.3, 1.0, 3.0)},
     "coil, 1 % of it in the reference": coil(seen=0.01),
     "coil, gain of the magnetometer 1 % off": coil(gain=1.01),

@@ -81,7 +81,8 @@ def find_step(fit: InflightFit, problem: Problem) -> Step:
         low, high = best[1] - width, best[1] + width
     left, moment, size = best
     unit = problem.magnitude
-    return Step(moment, size * unit, left * unit / fit.noise, drift * unit / fit.noise)
+    noise = max(fit.noise / unit, np.finfo(float).eps)
+    return Step(moment, size * unit, left / noise, drift / noise)
 
 
 def _fit_with(course: Array | Mask, r: Array, jacobian: Array) -> tuple[float, float]:
