@@ -64,6 +64,7 @@ PARTS = (
     Part("retraining", full="--draws 2", shares=True),
     Part("smoothing", rivals=("vqf",), full="--draws 20", shares=True),
     Part("inertial", rivals=("vqf",), full="--draws 20", shares=True),
+    Part("axes", full="--draws 3", shares=True),
     Part("real", rivals=LIBRARIES, shares=True, apart=True),
     Part("fleet_faults", full="--draws 2000", shares=True),
     Part("disturbers", full="--draws 40", shares=True),
