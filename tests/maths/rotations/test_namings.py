@@ -41,3 +41,10 @@ def test_a_pause_is_in_no_window() -> None:
         for time in (log.time, later, broken)
     ]
     assert shape == [6, 4, 0]
+
+
+def test_short_bursts_are_no_error() -> None:
+    _, log, _ = drive("boat", n=2500, rate_Hz=25.0)
+    for n in (50, 60, 101):
+        burst = log.acceleration[:n], log.rotation_rate[:n], log.time[:n] / 100
+        assert np.isfinite(compare_namings(*burst, right_angles())).all()

@@ -36,6 +36,8 @@ _INDEPENDENT_WINDOWS = 1.9
 _ROUNDS = 15
 _SAMPLED = 6
 """Means in a period of what changes fastest."""
+_FEWEST_MEANS = 16
+"""Of a window, however short."""
 
 
 class _Spectra(NamedTuple):
@@ -51,8 +53,8 @@ class _Spectra(NamedTuple):
 def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Array:
     """The logarithm of the probability of what an accelerometer reads in each window, (k, w).
 
-    All that is unknown in a window is integrated out under its prior, and the noise is the most
-    probable one of all windows: marginal likelihood. T and −T are as probable.
+    A log of pauses has no windows. All that is unknown in one is integrated out under its prior,
+    and the noise is the most probable one of all: marginal likelihood. T and −T are as probable.
 
     Parameters: specific force (n, 3) m/s² and rate (n, 3) rad/s at time (n,) s; `turns` (k, 3, 3)
     are signed permutations from the axes of the gyro to those of the accelerometer.
@@ -67,9 +69,10 @@ def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Arr
     >>> bool((own > reversed_x + 10).all())
     True
     """
-    spectra = _measure_spectra(force, rate, time)
-    if not len(spectra.products):  # pauses everywhere, as between blocks of a log
+    rows, starts = _cut_windows(time)
+    if not starts:  # pauses everywhere, as between blocks of a log
         return np.zeros((len(turns), 0))
+    spectra = _measure_spectra(force, rate, time, rows, starts)
     return np.array([_weigh(spectra, turn) for turn in turns])
 
 
@@ -83,14 +86,15 @@ def _cut_windows(time: Array) -> tuple[int, list[int]]:
     return rows, starts[span < 1.2 * rows * step].tolist()
 
 
-def _measure_spectra(force: Array, rate: Array, time: Array) -> _Spectra:
-    rows, starts = _cut_windows(time)
+def _measure_spectra(
+    force: Array, rate: Array, time: Array, rows: int, starts: list[int]
+) -> _Spectra:
     step = float(np.median(np.diff(time)))
-    every = max(1, int(1 / (_SAMPLED * FASTEST_HZ * step)))
+    every = max(1, min(int(1 / (_SAMPLED * FASTEST_HZ * step)), rows // _FEWEST_MEANS))
     means, length_s = rows // every, rows * step
     taper = np.sin(np.pi * (np.arange(means) + 0.5) / means) ** 2
     kept, band = _cut_bands(means, every * step)
-    overlap = min(1.0, _INDEPENDENT_WINDOWS * len(time) / rows / max(len(starts), 1))
+    overlap = min(1.0, _INDEPENDENT_WINDOWS * len(time) / rows / len(starts))
     independent = 2 * overlap * (taper**2).mean() ** 2 / (taper**4).mean()
     slow, parts = low_pass(rate, step, NODDING_S), []
     for start in starts:
@@ -101,7 +105,7 @@ def _measure_spectra(force: Array, rate: Array, time: Array) -> _Spectra:
         wave = np.fft.rfft((seen - seen.mean(axis=0)) * taper[:, None, None], axis=0)[kept]
         both = wave[..., :, None].conj() * wave[..., None, :]
         parts.append(np.add.reduceat(both.real, np.searchsorted(band, np.unique(band))))
-    products = np.stack(parts) if parts else np.zeros((0, band[-1] + 1, 3, 15, 15))
+    products = np.stack(parts)
     sds = (
         STANDARD_GRAVITY_M_S2,
         STANDARD_GRAVITY_M_S2 * GYRO_BIAS_SD * length_s / 2,
