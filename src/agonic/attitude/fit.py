@@ -25,7 +25,7 @@ from agonic.health import FEWEST, describe_model_errors, figure, find_usable_row
 from agonic.health.adequacy import ModelError
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import EXACT, Estimate, estimate, refine
+from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
 from agonic.maths.equation.noisy_terms import calm_terms
 from agonic.maths.equation.parts import estimate_part, restate
 from agonic.maths.equation.priors import compute_turn
@@ -150,17 +150,12 @@ def find_usable(samples: Samples) -> Mask:
 
 
 def estimate_usable(
-    problem: Problem,
-    usable: Mask,
-    settings: Settings,
-    start: Array | None = None,
-    tolerance: float = EXACT,
+    problem: Problem, usable: Mask, settings: Settings, start: Array | None = None
 ) -> Estimate:
     """The estimate from the usable rows of a problem of all rows; from `start` first, if given."""
     part = _select(problem, usable)
-    robust = _is_robust(part, settings)
     with _name_missing_hold():
-        return estimate(part, robust=robust, seed=settings.seed, start=start, tolerance=tolerance)
+        return estimate(part, robust=_is_robust(part, settings), seed=settings.seed, start=start)
 
 
 def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:

@@ -13,7 +13,6 @@ from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.level import keep_level
 from agonic.inertial.maths.headings import Headings
 from agonic.inertial.maths.joint import Joint, estimate_jointly
-from agonic.inertial.maths.noise import SETTLED
 from agonic.inertial.problem import make_log, orient, standard_deviations, without_errors
 from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.inertial.start import (
@@ -25,7 +24,7 @@ from agonic.inertial.start import (
     thin_out,
 )
 from agonic.maths.equation.channels import Problem, compute_residuals
-from agonic.maths.equation.maximum_likelihood import ROUGH, Estimate
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.loss import squares
 from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.reference import Reference
@@ -78,21 +77,20 @@ def solve_beside(
     tilted, usable, problem, scale = posed
     usable &= among
     some = usable if felt.ahead is None else thin_out(usable)
-    found = estimate_usable(problem, some, settings, start, ROUGH)
+    found = estimate_usable(problem, some, settings, start)
     solved = Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
     solved = solved._replace(headings=headings)
-    return _free_attitude(solved, ROUGH) if felt.ahead is not None else keep_level(solved)
+    return _free_attitude(solved) if felt.ahead is not None else keep_level(solved)
 
 
-def _free_attitude(solved: Solved, settled: float = SETTLED) -> Solved:
-    """The joint estimate, attitudes free, from the one beside the attitude that was felt; what
-    moves by less than `settled` standard errors stays."""
+def _free_attitude(solved: Solved) -> Solved:
+    """The joint estimate, attitudes free, from the one beside the attitude that was felt."""
     found, samples = solved.found, solved.samples
     assert samples.time is not None
     params, q = found.solution.params, len(solved.sds)
     felt = feel_attitude(without_errors(samples, solved.errors))
     try:
-        joint = _estimate(solved, felt, settled)
+        joint = _estimate(solved, felt)
     except np.linalg.LinAlgError:
         return keep_level(solved._replace(usable=thin_out(solved.usable), contradictory=True))
     p = len(params)
@@ -119,7 +117,7 @@ def _free_attitude(solved: Solved, settled: float = SETTLED) -> Solved:
     return keep_level(solved)
 
 
-def _estimate(solved: Solved, felt: Inertial, settled: float) -> Joint:
+def _estimate(solved: Solved, felt: Inertial) -> Joint:
     samples, params = solved.samples, solved.found.solution.params
     noise, stretch_sd = solved.found.noise["magnitude"], solved.settings.accelerometer_scale_sd
     return estimate_jointly(
@@ -131,7 +129,6 @@ def _estimate(solved: Solved, felt: Inertial, settled: float) -> Joint:
         noise.sd,
         noise.loss,
         solved.settings.robust,
-        settled,
     )
 
 

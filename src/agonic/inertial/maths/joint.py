@@ -64,7 +64,6 @@ def estimate_jointly(
     noise_sd: float,
     loss: Loss,
     robust: bool = True,
-    settled: float = SETTLED,
 ) -> Joint:
     """The estimate from near parameters and attitudes.
 
@@ -75,8 +74,7 @@ def estimate_jointly(
 
     Parameters: a problem with `shared` errors of the unit, of all rows of the log; its parameters;
     attitudes (n, 3, 3) from the sensor's axes to magnetic north, east and down; weights (n,) of the
-    readings, and their noise and loss; whether the turns of the gyro are weighed as well; of a
-    standard error, or of a variance, what moves less is `settled`.
+    readings, and their noise and loss; whether the turns of the gyro are weighed as well.
     """
     params = np.concatenate([params, np.zeros(log.extra)])
     prior = _add_gains(problem, log.extra)
@@ -99,8 +97,8 @@ def estimate_jointly(
             headings, scatter = sum_headings(log.headings, felt.track, attitudes, params)
             groups.append(headings)
         if turn:
-            step, found = settle(groups, variances, expected, memory, scatter, prior, params)
-            change, variances = np.abs(np.log(found / variances)).max(), found
+            step, settled = settle(groups, variances, expected, memory, scatter, prior, params)
+            change, variances = np.abs(np.log(settled / variances)).max(), settled
         else:
             step = solve_step(groups, variances, prior, params)
         params = params + step.params
@@ -108,7 +106,7 @@ def estimate_jointly(
         if turn:
             weights = usable * loss.weight(distances * memory / (3 * variances[0]))
             counts = weigh_slips(slips, variances[2]) if robust and near else counts
-            done = max(change, np.abs(step.params / step.sds).max()) < settled
+            done = max(change, np.abs(step.params / step.sds).max()) < SETTLED
             if done and near:
                 break
             near = near or done or turn == _NEAR

@@ -42,10 +42,6 @@ _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 _FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
 _TOLD = 1e-6  # of the information along the best known direction
 _DETERMINED = 0.05  # standard error over the field, or over the gain
-EXACT = 0.01
-"""Standard errors by which a minimum may be missed."""
-ROUGH = 0.03
-"""The same of a part of the readings, by which others are judged."""
 
 
 class Estimate(NamedTuple):
@@ -59,12 +55,7 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    problem: Problem,
-    *,
-    robust: bool = True,
-    seed: int = 0,
-    start: Array | None = None,
-    tolerance: float = EXACT,
+    problem: Problem, *, robust: bool = True, seed: int = 0, start: Array | None = None
 ) -> Estimate:
     """The most probable parameters, how sure they are, and the noise of each channel.
 
@@ -73,23 +64,20 @@ def estimate(
     minimum, another one could hold for some of them only; otherwise the best of several is taken.
     Then all readings refine it, with Tukey's loss where any stands out. The refinement takes the
     noise's own effect on the curved surface out (`affine.magnitude_residual`). Where parameters to
-    `start` from are given, theirs is the minimum if nearly all readings agree with it, and
-    `tolerance` is by how many standard errors it may be missed.
+    `start` from are given, theirs is the minimum if nearly all readings agree with it.
     """
-    near = None if start is None else find_near(problem, start, robust, tolerance)
+    near = None if start is None else find_near(problem, start, robust)
     if near is not None:
         return near
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # where nothing holds them
         return _find_minimum(problem, robust, seed)
 
 
-def find_near(
-    problem: Problem, start: Array, robust: bool, tolerance: float = EXACT
-) -> Estimate | None:
+def find_near(problem: Problem, start: Array, robust: bool) -> Estimate | None:
     """The minimum near parameters; none where not nearly all readings agree with one."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         try:
-            near = refine(problem, start, robust, tolerance=tolerance)
+            near = refine(problem, start, robust)
         except np.linalg.LinAlgError:  # so far off that numbers overflow
             return None
     agrees = np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < _FEW
@@ -183,29 +171,18 @@ def _leads_to(start: Array, found: Estimate) -> bool:
     return bool(apart @ leastsq.inverse(found.solution.covariance) @ apart < 1.0)
 
 
-def refine(
-    problem: Problem,
-    params: Array,
-    robust: bool,
-    spread: Index | None = None,
-    tolerance: float = EXACT,
-) -> Estimate:
+def refine(problem: Problem, params: Array, robust: bool, spread: Index | None = None) -> Estimate:
     """The minimum on all readings that count, from a near start; noise level and correlation of
     each channel are taken from its residuals, its size from those of rows `spread` over all that
     was seen, where these are known."""
     rows = choose_spread_rows(weigh_places(problem.points)) if spread is None else spread
-    found = _refine_anew(problem, params, robust, rows, (), tolerance)
+    found = _refine_anew(problem, params, robust, rows, ())
     assert found is not None
     return found
 
 
 def _refine_anew(
-    problem: Problem,
-    params: Array,
-    robust: bool,
-    rows: Index,
-    known: Sequence[Estimate],
-    tolerance: float = EXACT,
+    problem: Problem, params: Array, robust: bool, rows: Index, known: Sequence[Estimate]
 ) -> Estimate | None:
     """The same, or nothing as soon as the way leads to a minimum that is known, or where readings
     are so much less likely from the start that it leads to none that is better."""
@@ -235,7 +212,7 @@ def _refine_anew(
             ],
             params,
             prior=prior,
-            tolerance=tolerance,
+            tolerance=1e-2,
             move=problem.move,
         )
         params, assumed = solution.params, noise

@@ -11,7 +11,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import ROUGH, Estimate, find_near
+from agonic.maths.equation.maximum_likelihood import Estimate, find_near
 
 _NEVER = 1e-9  # of its standard deviation: a term that changes by less in a part is still there
 
@@ -29,7 +29,7 @@ def estimate_part(
     part = problem.subset(rows)
     if part.terms is not None and (np.ptp(part.terms, axis=0) < _NEVER).any():
         return None
-    return find_near(part, whole.solution.params, robust, ROUGH)
+    return find_near(part, whole.solution.params, robust)
 
 
 def restate(
