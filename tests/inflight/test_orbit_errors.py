@@ -59,7 +59,7 @@ def test_a_step_of_the_bias_is_told_from_a_steady_drift(stepped: bool) -> None:
     course = (np.arange(1200) >= 700) if stepped else np.linspace(0.0, 1.0, 1200)
     samples = orbit(4, n=1200, moved=np.outer(course, [500.0, -400.0, 300.0]))
     fit = fit_inflight(samples, ground=GROUND, drift_knots=8)
-    told = [finding.what for finding in fit.findings if finding.name == "bias step"]
+    told = [finding.what for finding in fit.findings if finding.name == "bias stepped"]
     assert bool(told) == stepped
     if stepped:
         assert float(told[0].split("t = ")[1].split(" s")[0]) == pytest.approx(7000.0, abs=200.0)

@@ -47,7 +47,7 @@ def judge_step(fit: InflightFit, problem: Problem) -> list[Finding]:
         return []
     return [
         Finding(
-            "bias step",
+            "bias stepped",
             "check",
             f"the bias stepped by {figure(step.size)} nT near t = {step.time:.0f} s, which "
             f"explains the record as well as the {fit.drift.intervals} intervals of the bias do",
