@@ -141,7 +141,7 @@ def calibrate_as_named(
     Where the bias changed on the way, the longest stretch that tells enough is calibrated.
     """
     meant, known = without_held(as_samples(samples, unit)), Reference.of(reference)
-    made = _calibrate_whole(meant, known, kind, settings)
+    made = calibrate_whole(meant, known, kind, settings)
     if made.verdict != "refused":
         return made
     return _calibrate_stretch(meant, known, kind, settings, made.fit.findings) or made
@@ -163,7 +163,7 @@ def _calibrate_stretch(
         rows = find_rows(time, first, last)
         known = None if reference is None else reference.select(rows)
         try:
-            made = _calibrate_whole(samples.select(rows), known, kind, settings)
+            made = calibrate_whole(samples.select(rows), known, kind, settings)
         except AgonicError:
             continue
         doubtful = made.verdict == "refused" or list_failed(made.verification)
@@ -172,7 +172,7 @@ def _calibrate_stretch(
     return None
 
 
-def _calibrate_whole(
+def calibrate_whole(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Calibrated:
     """The fit of all rows, or a weaker one where what was recorded beside them is wrong."""

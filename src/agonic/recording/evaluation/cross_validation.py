@@ -14,7 +14,8 @@ from agonic.attitude.delay import advance
 from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
 from agonic.logs.any_form import Given, as_samples
-from agonic.recording.calibrated import Calibrated, calibrate_as_named
+from agonic.new_rows import without_held
+from agonic.recording.calibrated import Calibrated, calibrate_as_named, calibrate_whole
 from agonic.recording.choice.choose import Kind
 from agonic.recording.evaluation.errors import (
     HEADING,
@@ -122,11 +123,12 @@ def predict_by_choice(
     kind: Kind = "auto",
     **settings: Any,
 ) -> Predict:
-    """Predicts by the calibration that the fitted rows allow."""
+    """Predicts by the calibration that all fitted rows allow: one of a stretch of them, between two
+    changes of the field, says nothing of the others."""
 
     def predict(fitted: Index, unseen: Index) -> Prediction:
         part = None if reference is None else reference.select(fitted)
-        made = calibrate_as_named(samples.select(fitted), part, kind=kind, **settings)
+        made = calibrate_whole(without_held(samples.select(fitted)), part, kind, settings)
         judged, calibration = samples.select(unseen), made.fit.calibration
         field = advance(correct_field(calibration, samples), samples, calibration)[unseen]
         stated = state_errors(made, judged, field, known.select(unseen))
