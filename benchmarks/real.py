@@ -138,7 +138,7 @@ def _judge(folder: Path, recording: Recording) -> list[list[str]]:
     rows = []
     for kind in _list_kinds(known):
         own = figures["agonic"][kind]
-        refused = says.startswith("refused")
+        refused = says.startswith("refused") or (not isinstance(own, str) and own.refused)
         shown = [
             _show(found[kind], UNITS[kind], refused and name == "agonic")
             for name, found in figures.items()
@@ -193,7 +193,8 @@ def _measure(
     except (AgonicError, ValueError, np.linalg.LinAlgError):
         return dict.fromkeys(kinds, "failed")
     rows = np.arange(len(samples))
-    return {kind: Figure(*unseen.errors[kind].select(rows)) for kind in kinds}
+    refused = bool(unseen.refused.all())
+    return {kind: Figure(*unseen.errors[kind].select(rows), refused) for kind in kinds}
 
 
 def _predict_affine(
