@@ -26,6 +26,21 @@ def test_a_rover_is_calibrated_beside_its_inertial_unit(
     assert np.abs(ratio).max() < 3.0
 
 
+def test_gross_readings_change_nothing() -> None:
+    """Left out where the estimate starts, they were back where the attitude is free: 2 % of them
+    took the noise from 200 to 2800 nT, and a rover's log was refused."""
+    _, logged, place = drive(n=1500, tilt_deg=5.0)
+    rng = np.random.default_rng(1)
+    gross = rng.random(1500) < 0.02
+    struck = logged.field + gross[:, None] * rng.normal(0, 20_000, (1500, 3))
+    clean, spoilt = (
+        ag.fit_inertial(samples, place) for samples in (logged, logged.with_columns(field=struck))
+    )
+    assert spoilt.noise == pytest.approx(clean.noise, rel=0.05)
+    assert (np.abs(spoilt.calibration.bias - clean.calibration.bias) < 0.5 * clean.sd[:3]).all()
+    assert (spoilt.weights[gross] == 0).mean() > 0.95
+
+
 @pytest.mark.slow
 def test_a_rover_without_a_place_is_calibrated_beside_its_unit_too() -> None:
     made, logged, place = drive(tilt_deg=8.0, n=2500, rate_Hz=20.0)

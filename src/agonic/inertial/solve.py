@@ -25,7 +25,7 @@ from agonic.inertial.start import (
 )
 from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.estimation.loss import squares
+from agonic.maths.estimation.loss import Loss, squares, tukey
 from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -120,16 +120,26 @@ def _free_attitude(solved: Solved) -> Solved:
 def _estimate(solved: Solved, felt: Inertial) -> Joint:
     samples, params = solved.samples, solved.found.solution.params
     noise, stretch_sd = solved.found.noise["magnitude"], solved.settings.accelerometer_scale_sd
+    loss = noise.loss if solved.found.weights.all() else tukey()  # outliers of the start are back
     return estimate_jointly(
         solved.problem,
         make_log(samples, felt, solved.sds, stretch_sd, solved.headings),
         params,
         orient(solved.problem, samples, felt, params),
-        solved.usable.astype(np.float64),
+        _weigh(solved, noise.sd, loss),
         noise.sd,
-        noise.loss,
+        loss,
         solved.settings.robust,
     )
+
+
+def _weigh(solved: Solved, sd: float, loss: Loss) -> Array:
+    """What each of the readings (n,) counts at the start, by its magnitude; 0 for unusable ones."""
+    rows, weights = np.flatnonzero(solved.usable), np.zeros(len(solved.usable))
+    part = solved.problem.subset(rows)
+    left = compute_residuals(part, "magnitude", solved.found.solution.params)
+    weights[rows] = loss.weight((left / sd) ** 2)
+    return weights
 
 
 def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> Estimate:
@@ -140,7 +150,7 @@ def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> E
     for channel, before in found.noise.items():
         left = compute_residuals(part, channel, params)
         unknowns = len(params) + part.eliminated.get(channel, 0)
-        robust = before.loss is not squares()
+        robust = before.loss is not squares() or not found.weights.all()
         least = max(part.rounding, 1e-9)
         one = estimate_noise(left, robust, unknowns, None, least)
         noise[channel], residuals[channel] = one, left
