@@ -81,7 +81,7 @@ def test_headings_tell_how_the_sensor_is_turned_about_the_vertical() -> None:
         told = ag.fit_inertial(known, place, heading_offset_sd_deg=0.1)
         assert fit.heading_source is None
         assert told.heading_source == "GPS yaw"
-        assert "GPS yaw told the heading" in told.status
+        assert "GPS yaw was used beside the gyro" in told.status
         alone.append(vehicle_error_deg(fit, made))
         joined.append(vehicle_error_deg(told, made))
         z.append(joined[-1] / told.coverage.heading_sd_deg)
@@ -125,4 +125,4 @@ def test_calibrate_says_what_told_the_heading() -> None:
     made, logged, place = drive(tilt_deg=10.0, n=2000)
     result = ag.calibrate(knowing(made, logged, 0.0, 1.0, "the course over ground"), place)
     assert (result.method, result.verdict) == ("inertial", "good")
-    assert "the course over ground the heading beside the gyro" in result.reason
+    assert "the course over ground was used beside the gyro" in result.reason

@@ -35,9 +35,10 @@ def apply(
     from agonic.recording.calibration_and_log import open_calibration_and_log
 
     as_parquet = out.suffix.lower() == ".parquet"
+    calibration, samples = open_calibration_and_log(cal, log, sensor, unit)
     if not as_parquet:
         require_table(out)
-    corrected = correct(*open_calibration_and_log(cal, log, sensor, unit))
+    corrected = correct(calibration, samples)
     if as_parquet:
         write_atomically(out, make_parquet(make_table(corrected)))
     else:

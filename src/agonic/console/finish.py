@@ -116,8 +116,10 @@ def show_in_browser(page: Path) -> None:
 
 def require_table(out: Path) -> None:
     """Refuse the name of a page or of a binary file for what will be a table of text."""
+    from agonic.atomic import check_target
     from agonic.errors import AgonicError
 
+    check_target(out)  # what must not be replaced under any name is the first thing to know
     if out.suffix.lower() in _NO_TEXT:
         raise AgonicError(f"-o {out} would be a table of text; name it .csv")
 

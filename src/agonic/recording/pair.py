@@ -44,7 +44,8 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
     """
     if result.samples.time is None or other.samples.time is None:
         return None
-    left = [_average(one, result.samples.time) for one in (result, other)]
+    both = _find_common(result.samples.time, other.samples.time)
+    left = [_average(one, both) for one in (result, other)] if len(both) else [None, None]
     if left[0] is None or left[1] is None or len(left[0]) < 8:
         return None
     correlation = float(np.corrcoef(left[0], left[1])[0, 1])
@@ -60,6 +61,11 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
     )
     said = f"one thing disturbs {names}, {way} (correlation {figure(correlation)})"
     return Finding("pair", "check", said, move)
+
+
+def _find_common(time: Array, other: Array) -> Array:
+    """The times of one sensor at which the other was calibrated too: each may be of a stretch."""
+    return time[(time >= other[0]) & (time <= other[-1])]
 
 
 def _average(one: Calibrated, time: Array) -> Array | None:
