@@ -65,7 +65,7 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
 
 def _find_common(time: Array, other: Array) -> Array:
     """The times of one sensor at which the other was calibrated too: each may be of a stretch."""
-    return time[(time >= other[0]) & (time <= other[-1])]
+    return np.asarray(time[(time >= other[0]) & (time <= other[-1])])
 
 
 def _average(one: Calibrated, time: Array) -> Array | None:
