@@ -48,3 +48,11 @@ def test_short_bursts_are_no_error() -> None:
     for n in (50, 60, 101):
         burst = log.acceleration[:n], log.rotation_rate[:n], log.time[:n] / 100
         assert np.isfinite(compare_namings(*burst, right_angles())).all()
+
+
+def test_rows_that_no_curve_goes_through_are_in_no_window() -> None:
+    _, log, _ = drive("boat", n=500, rate_Hz=25.0)
+    twice = log.time.copy()
+    twice[100] = np.nextafter(twice[99], np.inf)
+    for rate, time in ((log.rotation_rate, twice), (1e3 * log.rotation_rate, log.time)):
+        assert compare_namings(log.acceleration, rate, time, right_angles()).shape == (24, 0)

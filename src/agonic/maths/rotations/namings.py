@@ -53,8 +53,9 @@ class _Spectra(NamedTuple):
 def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Array:
     """The logarithm of the probability of what an accelerometer reads in each window, (k, w).
 
-    A log of pauses has no windows. All that is unknown in one is integrated out under its prior,
-    and the noise is the most probable one of all: marginal likelihood. T and −T are as probable.
+    A log of pauses, or of half turns from row to row, has no windows. All that is unknown in one
+    is integrated out under its prior, and the noise is the most probable one of all: marginal
+    likelihood. T and −T are as probable.
 
     Parameters: specific force (n, 3) m/s² and rate (n, 3) rad/s at time (n,) s; `turns` (k, 3, 3)
     are signed permutations from the axes of the gyro to those of the accelerometer.
@@ -70,10 +71,19 @@ def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Arr
     True
     """
     rows, starts = _cut_windows(time)
-    if not starts:  # pauses everywhere, as between blocks of a log
+    # pauses everywhere, as between blocks of a log, or rows that no curve goes through
+    if not starts or not _is_followed(rate, time):
         return np.zeros((len(turns), 0))
     spectra = _measure_spectra(force, rate, time, rows, starts)
     return np.array([_weigh(spectra, turn) for turn in turns])
+
+
+def _is_followed(rate: Array, time: Array) -> bool:
+    """Whether rates turn by less than half a turn from row to row, and no two rows are as good as
+    simultaneous: between others nothing can be carried along."""
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    return float(np.abs(rate).max()) * step < np.pi and float(steps.min()) > 1e-6 * step
 
 
 def _cut_windows(time: Array) -> tuple[int, list[int]]:
