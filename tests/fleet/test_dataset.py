@@ -177,6 +177,7 @@ def test_planted_faults_are_named_as_in_single_logs(tmp_path):
     assert all(
         abs(starts[s] - start) < dt.timedelta(seconds=1)
         for s, start in zip(fleet.truth["sensor"], fleet.truth["start"], strict=True)
+        if "field changed" not in found[s]  # of a stretch, which begins later
     )
 
 
