@@ -30,7 +30,7 @@ from agonic.health.adequacy import examine
 from agonic.health.adequacy.causes import list_causes
 from agonic.health.adequacy.examine import CAUSES
 from agonic.health.adequacy.fitted import Work
-from agonic.maths.estimation.inference.score_test import score_test
+from agonic.maths.estimation.inference.score_test import Terms, score_tests
 
 PLACE = ag.Reference.vector(FIELD_N, frame="n")
 FITS = {"levelled": ag.fit_levelled, "vector": ag.fit_vector}
@@ -210,7 +210,7 @@ def test_errors_of_roll_and_pitch_do_not_look_like_a_disturbance_that_follows_th
     for seed in range(30):
         ag.fit_vector(record(seed, tilts(15), (attitude,), n=600).samples, PLACE)
     low = sum(
-        score_test(work.whole, *cause.seen_by(work.whole)).p_value < 0.1
+        score_tests(work.whole, [Terms(*cause.seen_by(work.whole))])[0].p_value < 0.1
         for work in works
         for cause in list_causes(work)
         if cause.name.startswith("follows")

@@ -56,13 +56,13 @@ def name_heading(heading_deg: float) -> str:
     return f"{whole:03d}°" if whole else "000° N"
 
 
-def format_east_west(deviation_deg: float, decimals: int = 1) -> str:
+def format_east_west(deviation_deg: float) -> str:
     """A deviation as cards write it: east is positive.
 
     >>> format_east_west(10.46), format_east_west(-1.2), format_east_west(-0.01)
     ('10.5° E', '1.2° W', '0.0°')
     """
-    size = f"{abs(deviation_deg):.{decimals}f}"
+    size = f"{abs(deviation_deg):.1f}"
     side = "" if float(size) == 0.0 else " E" if deviation_deg > 0 else " W"
     return f"{size}°{side}"
 

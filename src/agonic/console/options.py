@@ -98,6 +98,3 @@ Out = Annotated[
 Report = Annotated[
     Path | None, typer.Option("--report", metavar="FILE", help="Report to write, .html or .txt.")
 ]
-Plan = Annotated[
-    Path | None, typer.Option("-o", "--out", metavar="FILE", help="Plan to write, .html or .txt.")
-]

@@ -43,8 +43,8 @@ def read_shc(text: str) -> GaussCoefficients:
     )
 
 
-def read_cof(text: str, *, years: float = 5.0) -> GaussCoefficients:
-    """The COF format of the World Magnetic Model: one epoch, valid for `years`.
+def read_cof(text: str) -> GaussCoefficients:
+    """The COF format of the World Magnetic Model: one epoch, valid for five years.
 
     After a line with the epoch, a line for each degree and order: g, h, and their yearly change;
     a line of nines ends the file.
@@ -57,5 +57,5 @@ def read_cof(text: str, *, years: float = 5.0) -> GaussCoefficients:
     both[:, :, degree, order] = table[:, 2:6].T.reshape(2, 2, -1)
     epoch = float(header.split()[0])
     return GaussCoefficients(
-        starts=np.array([epoch]), until=epoch + years, value=both[:1], rate=both[1:]
+        starts=np.array([epoch]), until=epoch + 5.0, value=both[:1], rate=both[1:]
     )

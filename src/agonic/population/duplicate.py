@@ -91,7 +91,7 @@ def _find_within_sources(population: Population) -> Iterator[Duplicate]:
             yield Duplicate(digest, (source,), sensors, tuple(rows), True)
 
 
-def _list_names(names: tuple[str, ...], most: int = 5) -> str:
+def _list_names(names: tuple[str, ...]) -> str:
     """Names as a sentence has them; of many, the first few."""
-    shown = names if len(names) <= most else (*names[: most - 1], f"{len(names) - most + 1} more")
+    shown = names if len(names) <= 5 else (*names[:4], f"{len(names) - 4} more")
     return f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -152,7 +152,6 @@ def describe_sensor(
     number: int = 1,
     alone: bool = True,
     most: int = sphere.MOST_POINTS,
-    schema: str = "agonic/fit@1",
 ) -> Document:
     """What is said and shown of one sensor.
 
@@ -171,7 +170,7 @@ def describe_sensor(
         ),
     ]
     return Document(
-        schema=schema,
+        schema="agonic/fit@1",
         name=result.samples.name,
         method=f"{result.method}, {calibration.model} model, {group_digits(fit.n)} readings",
         verdict=result.verdict,

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.field.decimal_year import decimal_year
-from agonic.field.model import Model
 from agonic.field.place import choose_model
 from agonic.readable import Readable
 
@@ -101,9 +100,7 @@ def declination_grid(
     longitude_deg: tuple[float, float],
     date: str,
     *,
-    altitude_m: float = 0.0,
     tolerance_deg: float = 0.1,
-    model: Model | None = None,
 ) -> DeclinationGrid:
     """The coarsest table that follows the world model to `tolerance_deg` in a box.
 
@@ -112,9 +109,8 @@ def declination_grid(
     latitude_deg : southern and northern edge.
     longitude_deg : western and eastern edge; (170, −170) crosses the date line, (−180, 180) is
         all round.
-    date : for the model, 2026-05-01. altitude_m : height above WGS-84.
+    date : for the model, 2026-05-01: WMM2025 in its years, else IGRF, at sea level.
     tolerance_deg : how far interpolation may be from the model, which errs itself.
-    model : default WMM2025 in its years, else IGRF.
 
     Raises `AgonicError` for a box without area, and where a magnetic pole in it turns the
     declination faster than a table can follow.
@@ -124,8 +120,8 @@ def declination_grid(
     ((3, 4), True)
     """
     south, west, height, width = _box(latitude_deg, longitude_deg)
-    world = model or choose_model(float(decimal_year(date)))
-    source = f"{world.name} on {date} at {altitude_m:g} m"
+    world = choose_model(float(decimal_year(date)))
+    source = f"{world.name} on {date} at 0 m"
     worst, largest = (south, west), np.inf
     for step in STEPS_DEG:
         rows, columns = (max(1, int(np.ceil(side / step - 1e-9))) for side in (height, width))
@@ -135,7 +131,7 @@ def declination_grid(
         latitudes = south + height * np.linspace(0.0, 1.0, 2 * rows + 1)
         longitudes = west + width * np.linspace(0.0, 1.0, 2 * columns + 1)
         places = np.meshgrid(latitudes, (longitudes + 180.0) % 360.0 - 180.0, indexing="ij")
-        there = world.at(*places, altitude_m, date)
+        there = world.at(*places, 0.0, date)
         grid = DeclinationGrid(
             south=south,
             west=west,

@@ -1,6 +1,6 @@
 """Does the model hold? What the residuals of a fit must not contain, and what it costs if they do.
 
-Each cause is tested without a new fit (`score_test`), the most telling first, the others beside it.
+Causes are tested without a new fit (`score_tests`), the most telling first, the others beside it.
 What is significant is stated three ways: its size in the readings, how uncertain it leaves the
 heading, and by how much the covariance of the calibration has to grow so that the stated error
 covers it: by δθ δθᵀ for the move of the estimate, and by the error itself where a calibration

@@ -39,7 +39,6 @@ _SENTENCES = {"VNIMU": "G"}
 acceleration, m/s², and rotation rate, rad/s, follow."""
 _CORRECTED = ("VNMAG", "VNYMR", "VNYIA", "VNYBA")
 """Sentences of the same maker whose field the device has already corrected."""
-_TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "ns": 1e-9}
 _MOTIONCAL_OTHERS = ("Uni:", "Ori:")
 _MOTIONCAL_FORCE = STANDARD_GRAVITY_M_S2 / 8192
 _MOTIONCAL_RATE = math.radians(1 / 16)

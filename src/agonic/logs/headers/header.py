@@ -134,7 +134,7 @@ def _identify_disturber(header: str) -> Column | None:
     )
 
 
-def _identify(header: str, name: str, bracket: str, sensor: str = "") -> Column | None:
+def _identify(header: str, name: str, bracket: str) -> Column | None:
     """What a name without punctuation says, with the unit beside it."""
     if len(name) > 3 and name.lower() in TIMES:  # a column called "millis"
         name = f"time{name}"
@@ -163,13 +163,12 @@ def _identify(header: str, name: str, bracket: str, sensor: str = "") -> Column 
         known, unit = _unit(quantity, suffix, bracket)
         if not known:
             continue
-        whole = f"{sensor}{number}"
         if header == canonical_header(quantity.column, axis, unit):
             rank = CANONICAL
         if quantity.column == "field" and re.search("uncal|uncomp", name, re.IGNORECASE):
             rank = PREFERRED
         return Column(
-            header=header, quantity=quantity, axis=axis, sensor=whole, unit=unit, rank=rank
+            header=header, quantity=quantity, axis=axis, sensor=number, unit=unit, rank=rank
         )
     return None
 

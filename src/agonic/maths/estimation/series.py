@@ -53,7 +53,7 @@ def _draw_lines(values: Array, block: int, middle: Callable[..., Array]) -> tupl
     return knots[left] + steps[left] * share, moving[left]
 
 
-def find_anomalies(field: Array, block: int = BLOCK) -> Mask:
+def find_anomalies(field: Array) -> Mask:
     """Rows (n,) of field (n, 3) that stand out of the running median on some axis.
 
     The scale is the median absolute residual; for readings in coarse steps at least half a step.
@@ -61,7 +61,7 @@ def find_anomalies(field: Array, block: int = BLOCK) -> Mask:
     readings hardly one is ever taken, and where the median itself moves, by as much as it does.
     """
     n = len(field)
-    block = min(block, max(n // _BLOCKS, _LEAST))
+    block = min(BLOCK, max(n // _BLOCKS, _LEAST))
     if n < 2 * block:
         return np.zeros(n, dtype=bool)
     middle, moving = _draw_lines(field, block, np.median)
@@ -78,7 +78,7 @@ def _scale(left: Array, field: Array) -> Array:
     return np.maximum(_MAD_TO_SD * np.median(left, axis=0), least)
 
 
-def find_heating(temperature: Array, block: int = BLOCK) -> Mask:
+def find_heating(temperature: Array) -> Mask:
     """Rows (n,) recorded while the temperature rose, or stayed where it had risen to.
 
     It has turned once it goes back by a tenth of the range; the turn is at the extreme before.
@@ -87,9 +87,8 @@ def find_heating(temperature: Array, block: int = BLOCK) -> Mask:
     >>> int(np.argmax(find_heating(t))), bool(find_heating(t)[-1])
     (399, True)
     """
-    smooth = compute_running_mean(temperature[:, None], min(block, max(len(temperature) // 20, 1)))[
-        :, 0
-    ]
+    block = min(BLOCK, max(len(temperature) // 20, 1))
+    smooth = compute_running_mean(temperature[:, None], block)[:, 0]
     turn = max(_TURN * float(np.ptp(smooth)), _TURN_C)
     rising = np.zeros(len(smooth), dtype=bool)
     start = 0

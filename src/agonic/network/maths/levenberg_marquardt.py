@@ -15,7 +15,6 @@ residuals, counted as fewer where successive ones are alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -104,7 +103,6 @@ def train(
     held_out: Problem | None = None,
     ridge: float | None = None,
     most_epochs: int = 300,
-    progress: Callable[[Epoch], None] | None = None,
 ) -> Training:
     """The weights that fit best from a start, (m,).
 
@@ -129,8 +127,6 @@ def train(
         unseen = float("nan") if watched is None else _mean_square(watched, state.weights)
         state = state.watching(unseen)
         epochs.append(Epoch(_mean(state, problem), unseen, state.mu, state.effective))
-        if progress is not None:
-            progress(epochs[-1])
         ready = not evidence or ridge is not None or len(epochs) > _SETTLING
         enough = max(SLOW, FLAT * _count(problem, state.sums) / 2)
         slow = slow + 1 if gain < enough and ready else 0

@@ -11,8 +11,12 @@ from agonic.maths.estimation.inference.linearised import (
     find_batches_beside,
     with_columns,
 )
-from agonic.maths.estimation.inference.score_test import Terms, score_test, score_tests
+from agonic.maths.estimation.inference.score_test import Score, Terms, score_tests
 from agonic.maths.estimation.noise.residuals import correlation_length
+
+
+def score_one(fit: Linearised, *terms: np.ndarray) -> Score | None:
+    return score_tests(fit, [Terms(*terms)])[0]
 
 
 def line(n: int, seed: int, memory: float = 0.0, bend: float = 0.0, tails: bool = False):
@@ -37,13 +41,13 @@ def line(n: int, seed: int, memory: float = 0.0, bend: float = 0.0, tails: bool 
 
 @pytest.mark.parametrize(("memory", "tails"), [(0.0, False), (0.0, True), (0.8, False)])
 def test_p_values_are_uniform_without_an_effect(memory: float, tails: bool) -> None:
-    scores = (score_test(*line(1500, seed, memory, tails=tails)[:2]) for seed in range(300))
+    scores = (score_one(*line(1500, seed, memory, tails=tails)[:2]) for seed in range(300))
     assert kstest([score.p_value for score in scores if score], "uniform").pvalue > 0.003
 
 
 def test_size_and_move_are_those_of_a_fit_with_the_term() -> None:
     fit, column, found = line(2000, 1, bend=2.0)
-    score = score_test(fit, column)
+    score = score_one(fit, column)
     assert score is not None
     whole = np.hstack([-fit.jacobian, column])
     readings = fit.residuals - fit.jacobian @ found
@@ -66,8 +70,7 @@ def test_several_terms_are_tested_as_each_by_itself(n: int) -> None:
         Terms(fit.jacobian[:, 1:]),
     ]
     for found, one in zip(score_tests(fit, terms), terms, strict=True):
-        options = one._asdict()
-        alone = score_test(fit, options.pop("columns"), **options)
+        (alone,) = score_tests(fit, [one])
         assert (found is None) == (alone is None)
         if found is not None and alone is not None:
             for ours, theirs in zip(found, alone, strict=True):
@@ -77,13 +80,13 @@ def test_several_terms_are_tested_as_each_by_itself(n: int) -> None:
 
 def test_a_term_that_the_fit_holds_already_is_no_term() -> None:
     fit, _, _ = line(500, 2)
-    assert score_test(fit, fit.jacobian[:, 1:]) is None
+    assert score_one(fit, fit.jacobian[:, 1:]) is None
 
 
 def test_beside_a_term_that_explains_all_nothing_is_left() -> None:
     fit, column, _ = line(2000, 3, bend=2.0)
     fifth = np.sign(column) * np.abs(column) ** (5 / 3)
-    alone, beside = score_test(fit, fifth), score_test(with_columns(fit, column), fifth)
+    alone, beside = score_one(fit, fifth), score_one(with_columns(fit, column), fifth)
     assert alone is not None
     assert beside is not None
     assert alone.p_value < 1e-4 < beside.p_value
@@ -92,7 +95,7 @@ def test_beside_a_term_that_explains_all_nothing_is_left() -> None:
 def test_columns_made_of_noise_are_not_tested() -> None:
     fit, _, _ = line(500, 4)
     noise = np.random.default_rng(0).normal(size=(500, 1))
-    assert score_test(fit, noise, noise) is None
+    assert score_one(fit, noise, noise) is None
 
 
 def test_no_size_is_made_of_what_is_not_significant_enough() -> None:

@@ -125,7 +125,7 @@ def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -
     """The fit with further terms among its unknowns, so that what is left can be tested.
 
     Columns are scaled to that of largest size; the residuals become those with the terms. `shared`
-    as for `score_test`.
+    as for `score_tests`.
     """
     kept, size = _scale(columns)
     both = fit.shared

@@ -73,19 +73,6 @@ class Terms(NamedTuple):
     likely: float = np.inf
 
 
-def score_test(
-    fit: Linearised,
-    columns: Array,
-    noise: Array | None = None,
-    shared: Array | None = None,
-    *,
-    surely: bool = False,
-    likely: float = np.inf,
-) -> Score | None:
-    """Whether `columns` (n, k) belong into the fit, as `Terms`; None where rows cannot tell."""
-    return score_tests(fit, [Terms(columns, noise, shared, surely, likely)])[0]
-
-
 def score_tests(
     fit: Linearised,
     several: Sequence[Terms],
@@ -95,7 +82,8 @@ def score_tests(
     """Whether each of several terms belongs into the fit, each by itself.
 
     They are projected together, but where they are too many for the processor's cache. None for
-    those whose p-value is larger than `at_most`: their size is not asked for. `batches` other than
+    those that rows cannot tell, or whose p-value is larger than `at_most`: their size is not asked
+    for. `batches` other than
     those of the fit may be given.
     """
     if not several:
