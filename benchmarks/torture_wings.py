@@ -109,22 +109,31 @@ def retrain(kept: float) -> Callable[[int], Outcome]:
     return run
 
 
-def chamber(spoil: Callable[[np.random.Generator, ag.Samples], Array], **settings):
-    """Twelve stations with known turns; what is added to the readings of one sensor."""
+def chamber(
+    spoil: Callable[[np.random.Generator, ag.Samples], Array],
+    turns: bool = True,
+    more: Callable[[ag.Samples], Array] | None = None,
+    **settings,
+):
+    """Twelve stations, their turns known or not; what is added to the readings of one sensor, and
+    by what share of itself the field is more at each row."""
 
     def run(seed: int) -> Outcome:
         quiet = {"field_sd": 0.0, "hysteresis": 0.0, "anomalies": 0.0, "rate_Hz": 0.1} | settings
         made = simulate_campaign("MMC5883MA", seed=seed, **quiet)
         samples = made.campaign.samples(made.campaign.sensors[0])
+        (truth,) = made.truth.values()
         added = spoil(np.random.default_rng(seed), samples)
+        if more is not None:
+            of_field = samples.field - truth.bias_at(samples.temperature)
+            added = added + more(samples)[:, None] * of_field
         fit = ag.fit_thermal(
             samples.with_columns(field=samples.field + added),
             ag.Reference.constant(48_000.0),
-            stations=made.description.rotations,
+            stations=made.description.rotations if turns else "unknown",
             bin_width_C=2.0,
             rate=False,
         )
-        (truth,) = made.truth.values()
         away = fit.calibration.bias_at(LEVELS) - truth.bias_at(LEVELS)
         return _judge(fit, away / fit.calibration.sd_at(LEVELS)[:, :3])
 
@@ -196,6 +205,10 @@ def _judge(result, z: Array) -> Outcome:
     return Outcome(result.verdict, float(np.sqrt(np.mean(z**2))), causes)
 
 
+def _nothing(rng: np.random.Generator, samples: ag.Samples) -> Array:
+    return np.zeros((len(samples), 3))
+
+
 def _station_offsets(rng: np.random.Generator, samples: ag.Samples) -> Array:
     return (50.0 * rng.standard_normal((13, 3)))[samples.station.astype(int)]
 
@@ -237,7 +250,7 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
         for sd, time_s in ((60, 600), (150, 600), (100, 5000))
     },
     **{f"retrainer, noise AR {kept}": retrain(kept) for kept in (0.0, 0.9, 0.97)},
-    "chamber *": chamber(lambda rng, s: np.zeros((len(s), 3))),
+    "chamber *": chamber(_nothing),
     "chamber, 50 nT by station": chamber(_station_offsets),
     "chamber, ageing by 20 nT a day": chamber(_ageing),
     **{
@@ -249,9 +262,19 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
             "that settle in 4 h": lambda s: np.exp(-_share(s) / 0.08),
         }.items()
     },
-    "chamber, thermometer noise 0.5 °C": chamber(
-        lambda rng, s: np.zeros((len(s), 3)), temperature_noise_C=0.5
-    ),
+    "chamber, thermometer noise 0.5 °C": chamber(_nothing, temperature_noise_C=0.5),
+    "chamber, magnitude alone *": chamber(_nothing, turns=False),
+    **{
+        f"chamber, magnitude alone, {name}": chamber(_nothing, turns=False, more=more)
+        for name, more in {
+            "1000 nT from station 7": lambda s: (s.station > 6) / 48.0,
+            "1000 nT from station 5": lambda s: (s.station > 4) / 48.0,
+            "gain 1 % more from station 7": lambda s: 0.01 * (s.station > 6),
+            "300 nT half-way": lambda s: 0.3 * (_share(s) > 0.46) / 48.0,
+            "300 nT slowly": lambda s: 0.3 * np.sin(8 * _share(s) + 1) / 48.0,
+            "500 nT at station 5": lambda s: 0.5 * (s.station == 5) / 48.0,
+        }.items()
+    },
     "flight *": flight(),
     **{f"flight, positions {s} s late": flight(late_s=s) for s in (1.0, 3.0, 10.0)},
     **{

@@ -18,8 +18,10 @@ from tests.thermal.chambers import FIELD, KNOWN, campaign, efficient, nine
 from tests.thermal.coil import simulate_thermal_coil
 
 AT = np.linspace(-10.0, 50.0, 13)
-WIDE = {"bin_width_C": 2.0, "rate": False, "drift": False}
-COARSE = {"bin_width_C": 2.0}
+WATCHED = {"unseen_change_sd": 0.0}
+"""The chamber's field is known to be the same at all stations, or not to be: no allowance."""
+WIDE = {"bin_width_C": 2.0, "rate": False, "drift": False, **WATCHED}
+COARSE = {"bin_width_C": 2.0, **WATCHED}
 """Bins wide enough for what no bin decides: a quarter of the means."""
 
 
@@ -340,7 +342,7 @@ def test_another_field_at_each_station_is_in_the_standard_errors(stations: str) 
         beside = 50.0 * np.random.default_rng(900 + seed).standard_normal((13, 3))
         spoilt = samples.with_columns(field=samples.field + beside[samples.station.astype(int)])
         turns = turns_of(made) if stations == "known" else "unknown"
-        fit = fit_thermal(spoilt, KNOWN, stations=turns, bin_width_C=3.0, rate=False)
+        fit = fit_thermal(spoilt, KNOWN, stations=turns, **WATCHED, bin_width_C=3.0, rate=False)
         assert "field changes" in names(fit)
         (truth,) = made.truth.values()
         sd = fit.calibration.sd_at(AT[1:-1]) * np.array([1.0] * 3 + [FIELD] * 6)

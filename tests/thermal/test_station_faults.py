@@ -73,6 +73,20 @@ def test_the_magnitude_alone_is_never_good_and_wrong(kind: str, size: float, see
     assert fit.verdict != "good" or over_stated < WRONG
 
 
+def test_the_magnitude_alone_allows_for_a_field_that_changed_between_stations() -> None:
+    """1000 nT more from the seventh station on: good, and 20 to 44 standard errors off before."""
+    for change, limit in ((0.0, 0.5), (1000.0 / FIELD, WRONG)):
+        made = campaign(3, n=150)
+        more = made.samples.field - made.truth.bias_at(made.samples.temperature)
+        more *= change * (made.samples.station > 6)[:, None]
+        spoilt = made.samples.with_columns(field=made.samples.field + more)
+        fit = fit_thermal(spoilt, KNOWN, **QUICK)
+        sd = fit.calibration.sd_at(AT) * np.array([1.0] * 3 + [FIELD] * 6)
+        z = (nine(fit.calibration, AT) - nine(made.truth, AT)) / sd
+        assert np.sqrt(np.mean(z**2)) < limit
+        assert change or (fit.ok and "the same at all stations" in fit.status)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("stations", ["known", "unknown"])
 def test_campaigns_without_faults_raise_no_alarm(stations: str) -> None:

@@ -71,6 +71,9 @@ def fit_thermal(
         where stations are missing.
     faults : look for what was not the same at all stations: an odd one, a step of the bias. What
         was found is named, and in the standard errors.
+    unseen_change_sd : by how much of itself the field may have changed from each station to the
+        next, which the magnitude alone hardly shows and its standard errors allow for; 0 where
+        another magnetometer saw that it did not.
 
     Returns a `ThermalFit`; `fit.ok` and `fit.status` say whether to use it. Raises `LogError`
     without temperature or station, `CoverageError` where nothing can be determined.
@@ -133,8 +136,9 @@ def fit_binned(
         settings=_record_settings(chosen, reference, result, readings),
         method=_list_methods(result),
     )
-    calibration = make_chamber_calibration(
-        result.estimate, result.problem, readings, facts, largest, provenance
+    calibration, shown = (
+        make_chamber_calibration(each, result.problem, readings, facts, largest, provenance)
+        for each in (result.estimate, result.shown)
     )
     fit = _assemble(calibration, result, readings, sums)
     findings = [
@@ -145,13 +149,18 @@ def fit_binned(
             readings,
             sums,
             result.orientations,
+            shown=shown,
             fixture_sd_deg=float(np.degrees(result.problem.fixture_sd)),
             faulty=bool(result.faults.found),
         ),
         *judge_faults(result, readings),
     ]
     fit = replace(fit, findings=sort_findings(findings))
-    return fit if fit.verdict == "refused" else replace(fit, remarks=_make_remarks(fit, reference))
+    return (
+        fit
+        if fit.verdict == "refused"
+        else replace(fit, remarks=_make_remarks(fit, shown, reference))
+    )
 
 
 def _record_settings(
@@ -248,8 +257,8 @@ def _collect_anomalies(sums: Binned) -> tuple[Anomaly, ...]:
     )
 
 
-def _make_remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ...]:
-    """How good the result is, in words."""
+def _make_remarks(fit: ThermalFit, shown: Thermal, reference: Reference | None) -> tuple[str, ...]:
+    """How good the result is, in words; `shown` is as sure as the readings show it."""
     calibration = fit.calibration
     low, high = calibration.range_C
     bias, matrix = evidence.find_worst_sd(calibration)
@@ -258,6 +267,13 @@ def _make_remarks(fit: ThermalFit, reference: Reference | None) -> tuple[str, ..
         f"{calibration.unit_out} of field (at the worst temperature from {low:.0f} to "
         f"{high:.0f} °C)",
     ]
+    alone, _ = evidence.find_worst_sd(shown)
+    if alone < bias:
+        said.append(
+            f"the bias is known to {figure(alone)} {calibration.unit_in} if the field was the same "
+            "at all stations, which the magnitude alone does not show and the standard error "
+            "does not take for granted"
+        )
     if fit.fixture is not None:
         sd_deg = fit.fixture.sd_deg
         words = f"to {figure(sd_deg)}°" if sd_deg > _FINEST_DEG else f"to {_FINEST_DEG}° or better"

@@ -32,12 +32,17 @@ class Settings:
     drift: bool | Literal["auto"] = "auto"
     soft_iron_sd: float = 0.1
     faults: bool = True
+    unseen_change_sd: float = 0.003
     robust: bool = True
 
     def __post_init__(self) -> None:
         for name in ("bin_width_C", "fixture_sd_deg", "soft_iron_sd"):
             if not getattr(self, name) > 0:
                 raise AgonicError(f"{name} is {getattr(self, name)}; it must be above zero")
+        if not self.unseen_change_sd >= 0:
+            raise AgonicError(
+                f"unseen_change_sd is {self.unseen_change_sd}; it is a share of the field from 0"
+            )
         whole = isinstance(self.degree, int) and 0 <= self.degree <= LARGEST_DEGREE
         if self.degree != "auto" and not whole:
             raise AgonicError(

@@ -30,6 +30,7 @@ from agonic.thermal.maths.estimate import (
 )
 from agonic.thermal.maths.station_faults import Faults, find_faults
 from agonic.thermal.maths.station_residuals import StationProblem, find_directions
+from agonic.thermal.maths.unseen_changes import allow_for_unseen_changes
 
 SIGNIFICANT = 1e-4
 """A term is kept when chance would make it this seldom."""
@@ -56,7 +57,8 @@ class Solution(NamedTuple):
     """The joint estimate with its problem, tests of terms, and what the orientations are worth.
 
     `drifts` is whether the field surely drifted, or was said to; `aged` whether the bias did;
-    `faults` is what was not the same at all stations, which the covariance contains.
+    `faults` is what was not the same at all stations, and `unseen` the covariance (a, a) of what
+    the magnitude alone does not show of it; the covariance of the estimate contains both.
     """
 
     estimate: StationEstimate
@@ -67,6 +69,13 @@ class Solution(NamedTuple):
     drifts: bool
     aged: bool
     faults: Faults
+    unseen: Array
+
+    @property
+    def shown(self) -> StationEstimate:
+        """The estimate as sure as the readings show it, without an allowance."""
+        whole = self.estimate
+        return whole._replace(covariance=whole.covariance - self.unseen)
 
 
 class _Term(NamedTuple):
@@ -106,8 +115,11 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
         whole = _estimate(problem, whole, whole.coefficients[:-3])
     drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
     faults = _find_faults(readings, problem, whole, settings)
+    unseen = allow_for_unseen_changes(
+        problem, whole, readings.cells.time, settings.unseen_change_sd
+    )
     return Solution(
-        estimate=whole._replace(covariance=whole.covariance + faults.covariance),
+        estimate=whole._replace(covariance=whole.covariance + faults.covariance + unseen),
         problem=problem,
         separate=fit_each_temperature(readings, problem, whole.coefficients),
         tests=tuple(term.test for term in (lag, drifting, ageing) if term is not None),
@@ -115,6 +127,7 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
         drifts=problem.drifting or (drifting is not None and drifting.kept),
         aged=ageing is not None and ageing.kept,
         faults=faults,
+        unseen=unseen,
     )
 
 

@@ -1,0 +1,52 @@
+"""What changes of the field between stations may do to a calibration by the magnitude, unseen.
+
+Twelve magnitudes less nine numbers leave three. A field, or a gain, that is another from one
+station on looks in most of its parts like another calibration, and hardly shows: between six faces
+up and six others, by a hundredth of itself. What no statistic sees has to be allowed for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from agonic.arrays import Array
+from agonic.maths.estimation import leastsq
+from agonic.thermal.maths.estimate import StationEstimate
+from agonic.thermal.maths.fault_scores import linearise
+from agonic.thermal.maths.station_residuals import StationProblem, make_whitener
+
+
+def allow_for_unseen_changes(
+    problem: StationProblem, estimate: StationEstimate, time: Array, sd: float
+) -> Array:
+    """What joins the covariance (a, a) of the coefficients, where the field takes a random step of
+    `sd` (over the field) from each station to the next; `time` (m,) of the means, s.
+
+        ΔC = (Jᵀ V⁻¹ J + P)⁻¹ − (JᵀJ + P)⁻¹,   V = 1 + σ² S Sᵀ
+
+    with the whitened Jacobian J, the prior P, and what each step does to the residuals, S. Parts of
+    a step that would show count no more than the noise lets them.
+    """
+    a, p = problem.layout.shape[1], problem.degree + 1
+    if problem.rot_nb is not None or sd == 0.0 or problem.stations < 2:
+        return np.zeros((a, a))
+    fit = linearise(problem, estimate, time, ())
+    by_field = np.linalg.norm(fit.jacobian[:, [0, p, 2 * p]], axis=1, keepdims=True)
+    steps = by_field * (_rank_stations(problem, time)[:, None] >= np.arange(1, problem.stations))
+    whiten = make_whitener(problem, fit.state._replace(slow=fit.slow))
+    rows, (_, by) = whiten(np.hstack([fit.jacobian, steps])), fit.prior
+    known, stepped = by.T @ by, np.eye(problem.stations - 1) / sd**2
+    own = rows[:, : len(known)]
+    wide = leastsq.inverse(rows.T @ rows + block_diag(known, stepped))
+    return np.asarray(
+        (wide[: len(known), : len(known)] - leastsq.inverse(own.T @ own + known))[:a, :a]
+    )
+
+
+def _rank_stations(problem: StationProblem, time: Array) -> Array:
+    """Of each mean (m,) how many stations were recorded before; in their order without a clock."""
+    if not np.isfinite(time).all():
+        return np.asarray(problem.station)
+    first = [float(time[problem.station == k].min()) for k in range(problem.stations)]
+    return np.asarray(np.argsort(np.argsort(first))[problem.station])
