@@ -13,12 +13,13 @@ RATE = np.radians(0.5) * np.array([1.0, -1.0, 0.7])
 SCALE = 0.01 * np.array([1.0, -0.6, 0.8])
 SPEED = np.array([0.5, -0.2, 0.1])
 ERRORS = {
-    "none": np.zeros(13),
-    "accelerometer": np.concatenate([BIAS, np.zeros(10)]),
-    "gyro bias": np.concatenate([np.zeros(3), RATE, np.zeros(7)]),
-    "gyro scale": np.concatenate([np.zeros(6), SCALE, np.zeros(4)]),
-    "speed": np.concatenate([np.zeros(9), SPEED, [0.0]]),
-    "delay": np.append(np.zeros(12), 0.05),
+    "none": np.zeros(14),
+    "accelerometer": np.concatenate([BIAS, np.zeros(11)]),
+    "gyro bias": np.concatenate([np.zeros(3), RATE, np.zeros(8)]),
+    "gyro scale": np.concatenate([np.zeros(6), SCALE, np.zeros(5)]),
+    "speed": np.concatenate([np.zeros(9), SPEED, np.zeros(2)]),
+    "delay": np.append(np.zeros(12), [0.05, 0.0]),
+    "delay of the acceleration": np.append(np.zeros(13), 0.05),
 }
 
 
@@ -32,8 +33,9 @@ def test_errors_act_as_foretold(error: str, tilt_deg: float) -> None:
     made = simulate("circle", n=4000, tilt_deg=tilt_deg, seed=1)
     true, given = made.samples, ERRORS[error]
     rate = true.rotation_rate
+    force = _record_late(true.acceleration, true.time, given[13])
     logged = true.with_columns(
-        acceleration=true.acceleration + given[:3] + np.cross(rate, given[9:12]),
+        acceleration=force + given[:3] + np.cross(rate, given[9:12]),
         rotation_rate=rate * (1 + given[6:9]) + given[3:6],
     )
     felt = feel_attitude(logged)

@@ -118,4 +118,4 @@ def test_a_log_whose_attitudes_nothing_holds_is_refused_in_words(recordings) -> 
     for kind in ("inertial", "auto"):
         made = ag.calibrate(logged, place, kind=kind)
         assert made.verdict == "refused"
-        assert "no attitude fits all three" in made.status
+        assert "about what the gyro tells: its unit, axes, sign or clock are wrong" in made.status

@@ -10,7 +10,8 @@ gyro's errors. With errors δf and δω of the readings, φ = ∫ R δω dt:
 
 So every error that all rows share has a known effect on each, to first order, and the fit of the
 field finds its size. A steady speed v of the vehicle, in body axes, counts as one: in turns it is
-felt as δf = ω × v. So does a delay τ of the field's readings: they are of attitudes ω τ ago.
+felt as δf = ω × v. So does a delay τ of the field's readings: they are of attitudes ω τ ago; and
+one of the accelerometer beside the gyro, which feels gravity f of then, δf = ω τ × f.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ GAP_S = 0.3
 """After a longer pause in the log, of more than five rows, the attitude starts anew."""
 SHORTEST = 30
 """Rows without which a part between two pauses is left out."""
-UNKNOWNS = 13
-"""Errors that all rows share beside a gyro: of acceleration, rate, its scale, a speed, a delay."""
+UNKNOWNS = 14
+"""Errors that all rows share beside a gyro: of acceleration, rate, its scale, speed, two delays."""
 
 
 class Inertial(NamedTuple):
@@ -47,9 +48,9 @@ class Inertial(NamedTuple):
 
     `down` (n, 3), NaN where there is none, and `down_by` (n, 3, q) what errors add to it: of the
     accelerometer's bias (3, m/s²), and with a gyro of its bias (3, rad/s), its scale (3), a speed
-    (3, m/s), and a delay of the field's readings (s). Then `ahead` (n, 3) is a level direction of
-    steady heading, `part` (n,) numbers the parts in which it is steady, and `azimuth_by` (n, q) is
-    what the errors add to the azimuth of the field.
+    (3, m/s), and delays of the field's readings and of the acceleration (s). Then `ahead` (n, 3) is
+    a level direction of steady heading, `part` (n,) numbers the parts in which it is steady, and
+    `azimuth_by` (n, q) is what the errors add to the azimuth of the field.
     `force_sd`, m/s², and `rate_sd`, rad/s, are the noise of a row that goes through the low-pass
     and the integral: of the accelerometer with all that shakes it, and of the gyro.
     """
@@ -151,9 +152,12 @@ def _feel_part(
     force_variance = measure_force_variance(turned_force, shaken, step, settling_s)
     fast = angle - lasting(angle)
     by_rate = -np.cross(fast, up[:, :, None], axis=1)
-    moved = np.einsum("nib,niq->nbq", axes, np.concatenate([by_force, by_rate, by_speed], axis=2))
+    rest = np.einsum("nib,ni->nb", axes, up)
+    by_late = across @ lasting(np.einsum("nij,nj->ni", turning, rest))[:, :, None]
+    by_errors = np.concatenate([by_force, by_rate, by_speed, by_late], axis=2)
+    moved = np.einsum("nib,niq->nbq", axes, by_errors)
     ahead = np.einsum("nib,ni->nb", axes, _carry(up, step))
-    down = -_interpolate(time, even, np.einsum("nib,ni->nb", axes, up))
+    down = -_interpolate(time, even, rest)
     down /= np.sqrt((down**2).sum(axis=1, keepdims=True))
     ahead = _interpolate(time, even, ahead)
     ahead -= down * (ahead * down).sum(axis=1, keepdims=True)
@@ -161,7 +165,8 @@ def _feel_part(
     assert felt.ahead is not None
     assert felt.azimuth_by is not None
     felt.down[rows] = down
-    felt.down_by[rows, :, :12] = -_interpolate(time, even, moved.reshape(-1, 36)).reshape(-1, 3, 12)
+    by_unit = -_interpolate(time, even, moved.reshape(len(even), -1)).reshape(len(rows), 3, -1)
+    felt.down_by[rows, :, :12], felt.down_by[rows, :, 13] = by_unit[:, :, :12], by_unit[:, :, 12]
     felt.down_by[rows, :, 12] = np.cross(down, rotation)
     felt.azimuth_by[rows, 12] = (down * rotation).sum(axis=1)
     felt.ahead[rows] = ahead / np.sqrt((ahead**2).sum(axis=1, keepdims=True))

@@ -63,20 +63,20 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
 
 
 def _without_delay(taken_out: Array) -> Array:
-    """What is taken out of acceleration and rates: a delay is of the readings, and stays."""
+    """What is taken out of acceleration and rates: a delay of the readings stays."""
     kept = taken_out.copy()
-    kept[UNKNOWNS - 1 : UNKNOWNS] = 0.0
+    kept[12 : UNKNOWNS - 1] = 0.0
     return kept
 
 
 def standard_deviations(felt: Inertial, settings: Settings) -> Array:
     """Of the priors of the errors: of the accelerometer, of the gyro, of the speed and of the
-    delay; and of the dip, rad, where it is not known exactly."""
+    delays; and of the dip, rad, where it is not known exactly."""
     sds, alone = [settings.accelerometer_sd_m_s2], []
     if felt.azimuth_by is not None:
         bias = float(np.radians(settings.gyro_bias_sd_deg_s))
         sds += [bias, settings.gyro_scale_sd, settings.speed_sd_m_s]
-        alone = [settings.delay_sd_s]
+        alone = [settings.delay_sd_s, settings.acceleration_delay_sd_s]
     if settings.inclination_sd:
         alone += [settings.inclination_sd]
     return np.append(np.repeat(sds, 3), alone)
@@ -90,6 +90,7 @@ def without_errors(samples: Samples, errors: Array) -> Samples:
         return samples.with_columns(acceleration=force - errors[:3])
     rate = (rate - errors[3:6]) / (1.0 + errors[6:9])
     force = force - errors[:3] - np.cross(rate, errors[9:12])
+    force = force - np.cross(errors[13] * rate, force)
     return samples.with_columns(acceleration=force, rotation_rate=rate)
 
 

@@ -24,9 +24,9 @@ class InertialFit(Fit):
     reads it where the vehicle stays near level: so calibration and tilt go together afterwards.
     `inertial_errors` (q,) and their `inertial_sd`: the accelerometer's bias, m/s², and with a gyro
     its bias, rad/s, its scale, the speed, m/s, that the vehicle keeps in turns, and how late, s,
-    the readings are beyond what was undone; where the dip is an unknown it is the last, rad.
-    `accelerometer_gain` (3, 3) is what it
-    reads over what it feels, where there is a gyro. `headings` are those that joined, and
+    beside the gyro the readings are beyond what was undone, and the acceleration; where the dip is
+    an unknown it is the last, rad. `accelerometer_gain` (3, 3) is what the accelerometer reads over
+    what it feels, where there is a gyro. `headings` are those that joined, and
     `heading_source` what told them. `minimum` (p,) are the unknowns of the estimate, in its own
     units: where fits to parts of the rows start.
     """

@@ -21,6 +21,9 @@ _POSITIVE = (
 
 INCLINATION_SD = 0.5
 """Prior of a dip that is not known, rad, about the one that was found first."""
+ACCELERATION_DELAY_SD_S = 0.05
+"""Prior of how late the accelerometer is beside the gyro: mostly both are of one chip, but a log
+may hold one filtered, or of another clock."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,7 @@ class Settings(AttitudeSettings):
     accelerometer_scale_sd: float | None = None
     inclination_sd: float = 0.0
     delay_sd_s: float = LATENCY_SD_S
+    acceleration_delay_sd_s: float = ACCELERATION_DELAY_SD_S
 
     def __post_init__(self) -> None:
         super().__post_init__()

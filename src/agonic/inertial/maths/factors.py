@@ -4,7 +4,7 @@ In level axes whose x points to magnetic north the field is B = F (cos I, 0, sin
 rest −g ẑ, always. With the attitude R of the sensor in them, and an error δ of it, R → exp(δ) R:
 
     reading   raw − bias − W⁻¹ exp(ω τ) Rᵀ B, τ late               in the sensor's axes
-    force     ⟨R (force − b_a − ω × v + (1 + S) g Rᵀ ẑ)⟩            in the level axes
+    force     ⟨R (force − b_a − ω × v + (1 + S + τ_a ω×) g Rᵀ ẑ)⟩   in the level axes, τ_a late
     rate      Log(R₂ (R₁ D)ᵀ), D what ω turns between two states    in the level axes
     heading   atan2(R₂₁, R₁₁) − heading − offset                     where one is known (`headings`)
 """
@@ -46,7 +46,8 @@ class Log(NamedTuple):
 
     Times (n,), force and rate (n, 3), the rows of its parts without a pause, the standard
     deviations of a row's noise; `sds` (q,) of the shared errors, first those of the unit: bias of
-    the accelerometer, bias and scale of the gyro, speed, three each, and the delay of a reading.
+    the accelerometer, bias and scale of the gyro, speed, three each, and the delays of a reading
+    and of a force.
     `gains` (g, 3, 3): what one standard deviation of each gain of the accelerometer adds to S.
     `settling_s`: time constant of ⟨⟩, for a vehicle that nods in a gust does not change its course
     at once; 0 without. `headings`: those that do not come from the magnetometer, if any.
@@ -76,8 +77,8 @@ class Log(NamedTuple):
 
 class Felt(NamedTuple):
     """Force without the bias found, rate without its errors, the track of the gyro, the speed, the
-    delay and the gains found, and where the parameters of the unit and of the gains start among all
-    p; `delay_sd` is the unit of the delay's."""
+    delays and the gains found, and where the parameters of the unit and of the gains start among
+    all p; `delay_sd` is the unit of that of the readings."""
 
     force: Array
     rate: Array
@@ -85,6 +86,7 @@ class Felt(NamedTuple):
     speed: Array
     delay: float
     delay_sd: float
+    force_delay: float
     gains: Array
     unit: int
     gain: int
@@ -100,8 +102,19 @@ def take_out(log: Log, params: Array) -> Felt:
     track = lay_track(log.time, rate, log.parts)
     force = log.force - errors[:3]
     gains = params[gain : gain + len(log.gains)]
-    delay, delay_sd = float(errors[12]), float(log.sds[12])
-    return Felt(force, rate, track, errors[9:12], delay, delay_sd, gains, unit, gain, len(params))
+    return Felt(
+        force,
+        rate,
+        track,
+        errors[9:12],
+        float(errors[12]),
+        float(log.sds[12]),
+        float(errors[13]),
+        gains,
+        unit,
+        gain,
+        len(params),
+    )
 
 
 def sum_readings(
@@ -178,7 +191,7 @@ def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
     should be there: stretching the one that was read would make its noise the smaller the larger
     the gain.
     """
-    level, axes, turning, stretched = steady_force(log, felt, attitudes)
+    level, axes, turning, late, stretched = steady_force(log, felt, attitudes)
 
     def add(rows: slice, track: Track) -> Sums:
         n = len(track.interval)
@@ -186,6 +199,7 @@ def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
         first = felt.unit
         by_params[:, :, first : first + 3] = -axes[rows] * log.sds[:3]
         by_params[:, :, first + 9 : first + 12] = -turning[rows] * log.sds[9:12]
+        by_params[:, :, first + 13] = -late[rows] * log.sds[13]
         by_params[:, :, felt.gain : felt.gain + len(log.gains)] = -stretched[rows]
         by_state = np.broadcast_to(-skew(UP_AT_REST), (n, 3, 3))
         return sum_rows(track, level[rows] - UP_AT_REST, by_state, by_params, np.ones(n))
@@ -193,23 +207,25 @@ def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
     return _by_blocks(felt.track, add)
 
 
-def steady_force(log: Log, felt: Felt, attitudes: Array) -> tuple[Array, Array, Array, Array]:
-    """The force in the level axes without the speed's and the gain's share, and what a bias, a
-    speed and the gains are felt as there: (n, 3), twice (n, 3, 3) and (n, 3, g), all smoothed."""
+def steady_force(log: Log, felt: Felt, attitudes: Array) -> tuple[Array, ...]:
+    """The force in the level axes without the shares of speed, delay and gain, and what a bias, a
+    speed, a delay and the gains are felt as there: (n, 3), twice (n, 3, 3), (n, 3) and (n, 3, g),
+    all smoothed."""
     n, g = len(attitudes), len(log.gains)
     rest = attitudes[:, 2] * UP_AT_REST[2]
     level = np.einsum("nij,nj->ni", attitudes, felt.force)
     stretched = attitudes @ np.einsum("gij,nj->nig", log.gains, rest)
-    columns = [attitudes, attitudes @ skew(felt.rate), stretched]
+    late = np.einsum("nij,nj->ni", attitudes, np.cross(felt.rate, rest))
+    columns = [attitudes, attitudes @ skew(felt.rate), late, stretched]
     whole = np.concatenate([level, *(one.reshape(n, -1) for one in columns)], axis=1)
     for rows in log.parts:
         if len(rows) > 3 and log.settling_s > 0.0:
             step = float(np.median(np.diff(log.time[rows])))
             whole[rows] = low_pass(whole[rows], step, log.settling_s)
-    level, axes, turning, stretched = np.split(whole, [3, 12, 21], axis=1)
+    level, axes, turning, late, stretched = np.split(whole, [3, 12, 21, 24], axis=1)
     turning, stretched = turning.reshape(n, 3, 3), stretched.reshape(n, 3, g)
-    level = level - turning @ felt.speed - stretched @ felt.gains
-    return level, axes.reshape(n, 3, 3), turning, stretched
+    level = level - turning @ felt.speed - late * felt.force_delay - stretched @ felt.gains
+    return level, axes.reshape(n, 3, 3), turning, late, stretched
 
 
 def sum_rate(
