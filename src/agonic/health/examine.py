@@ -6,7 +6,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.coverage import OPEN_DEG, Coverage
-from agonic.health.changes import find_change
+from agonic.health.changes import HOLDS, find_change
 from agonic.health.evidence import (
     HALF_CIRCLE_DEG,
     HEADING_DOUBTFUL_DEG,
@@ -56,7 +56,7 @@ def _static(e: Evidence) -> Finding | None:
     some = e.readings[choose_spread_rows(e.crowding, most=MOST_ROWS)]
     low, high = np.percentile(some, (2, 98), axis=0)
     spread = float((high - low).max() / 2)
-    at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius
+    at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius and not _too_small(e)
     if not (at_rest or (e.noise > 0.15 * e.radius and _gaussian(some))):
         return None
     return Finding(
@@ -65,6 +65,15 @@ def _static(e: Evidence) -> Finding | None:
         f"the sensor did not turn: its readings move by only ±{figure(spread)} {e.unit}",
         "turn it slowly about all three axes while recording",
     )
+
+
+def _too_small(e: Evidence) -> bool:
+    """Whether readings turn on a sphere of their own that is far smaller than the field: as of a
+    unit that is another. At rest they would be about as long as the field."""
+    length = float(np.median(np.linalg.norm(e.readings, axis=1)))
+    span = float(np.ptp(e.readings, axis=0).max())
+    turned = span > e.radius and e.noise < HOLDS * e.radius
+    return turned and e.known_radius is not None and length < 0.5 * e.known_radius
 
 
 def _few_orientations(e: Evidence) -> Finding | None:

@@ -49,7 +49,8 @@ def describe_stretch(changed: Finding, first: float, last: float) -> Finding:
         changed,
         severity="check",
         what=f"{changed.what}; this calibration is of the stretch from t = {first:.1f} s to "
-        f"{last:.1f} s alone",
-        move="use it for how things were then; for another stretch give its times (--between "
+        f"{last:.1f} s alone, and so is its standard error: at other times the bias is another by "
+        "as much",
+        move="use it only for how things were then; for another stretch give its times (--between "
         "START,STOP)",
     )

@@ -53,6 +53,7 @@ _MOTIONCAL_COLUMNS = {
 """One count of each column of a MotionCal line (PaulStoffregen/MotionCal: imuread.h, where a
 magnetic count is 0.1 µT)."""
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
+_BRACKETED = re.compile(r"[(\[{<]\s*[-+.\d][-+.\deE,;\s]*[)\]}>]").search
 _NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
 _THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
 
@@ -99,6 +100,11 @@ def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
         from agonic.logs.text.sanity import level
 
         data = level(data, head)
+        head = _split_head(data)
+    elif any(map(_BRACKETED, head[:SAMPLE])):
+        from agonic.logs.text.brackets import open_brackets
+
+        data = open_brackets(data, head)
         head = _split_head(data)
     return data, head, notes
 

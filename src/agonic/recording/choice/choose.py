@@ -12,6 +12,7 @@ from agonic.attitude.vertical_turn import tell_turn
 from agonic.errors import AgonicError, check_choice
 from agonic.field.place import describe_missing
 from agonic.health import Finding
+from agonic.health.gross import find_gross_readings
 from agonic.health.inertial_unit import find_stopped_readings, leave_out_faulty
 from agonic.recording.choice.fallback import fall_back
 from agonic.recording.choice.fits import (
@@ -41,16 +42,18 @@ ASK_FOR_ATTITUDE = (
 def choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Choice:
-    """The fit that a log allows, or the one that was asked for; without readings of a sensor that
-    had stopped."""
+    """The fit that a log allows, or the one that was asked for; without readings of a size that no
+    sensor gives, and of one that had stopped."""
     check_choice("kind", kind, get_args(Kind))
-    stopped = find_stopped_readings(samples)
-    if stopped is not None:
-        rows, finding = stopped
-        reference = None if reference is None else reference.select(~rows)
-        chosen = _choose(samples.select(~rows), reference, kind, settings)
-        return replace(chosen, fit=chosen.fit.with_findings(finding))
-    return _choose(samples, reference, kind, settings)
+    told = []
+    for find in (find_gross_readings, find_stopped_readings):
+        if (spoilt := find(samples)) is not None:
+            rows, finding = spoilt
+            reference = None if reference is None else reference.select(~rows)
+            samples = samples.select(~rows)
+            told.append(finding)
+    chosen = _choose(samples, reference, kind, settings)
+    return replace(chosen, fit=chosen.fit.with_findings(*told)) if told else chosen
 
 
 def _choose(

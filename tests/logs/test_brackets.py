@@ -1,0 +1,29 @@
+"""Text tables whose numbers stand in brackets below a header."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import agonic as ag
+
+ROWS = [[0.1 * k, k + 1.5, -2.0 * k, 30.25] for k in range(20)]
+LAYOUTS = {
+    "one cell": ("time_s;mag_uT", "{};({}, {}, {})"),
+    "commas within and between": ("time_s,mag_uT,temperature_C", "{},({}, {}, {}),21.5"),
+    "square": ("time_s\tmag_uT", "{}\t[{} {} {}]"),
+    "a name for each": ("time_s,mag_x_uT,mag_y_uT,mag_z_uT", "{},({}, {}, {})"),
+    "each alone": ("time_s,mag_x_uT,mag_y_uT,mag_z_uT", "{},({}),({}),({})"),
+    "whole rows": ("time_s,mag_x_uT,mag_y_uT,mag_z_uT", "({}, {}, {}, {})"),
+    "blanks": ("time_s mag_x_uT mag_y_uT mag_z_uT", "{} ({} {} {})"),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_numbers_in_brackets_are_read(tmp_path: Path, layout: str) -> None:
+    header, row = LAYOUTS[layout]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([header, *(row.format(*cells) for cells in ROWS)]))
+    samples = ag.read(path)
+    np.testing.assert_allclose(samples.time, [row[0] for row in ROWS], atol=1e-9)
+    np.testing.assert_allclose(samples.field, np.array(ROWS)[:, 1:] * 1000)
