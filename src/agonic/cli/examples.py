@@ -66,8 +66,8 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "agonic fleet logs/*.bin -o may --workers 8 --fail-above 0.05",
     ),
     "agonic history": (
-        "agonic history --store store.parquet",
-        "agonic history SN0042 --store store.parquet -o SN0042.html",
+        "agonic history --store boards.sqlite",
+        "agonic history SN0042 --store boards.sqlite -o SN0042.html",
     ),
     "agonic info": (
         "agonic info flight.bin",

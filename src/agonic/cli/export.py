@@ -61,7 +61,7 @@ def export(
     voltage: Annotated[
         float | None,
         typer.Option(
-            metavar="V", help="ardupilot: the battery's in the log, for the terms of each motor."
+            metavar="V", help="ardupilot: of the battery in the log, for the terms of each motor."
         ),
     ] = None,
     whole: Annotated[

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.console.options import Date, Json
+from agonic.console.options import Json
 from agonic.errors import AgonicError, LogError, ValidityError
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ def field(
         Path | None,
         typer.Option(metavar="CSV", help="Table of latitude_deg, longitude_deg, altitude_m, date."),
     ] = None,
-    date: Date = None,
+    date: Annotated[
+        str | None, typer.Option(help="Day to state it for, 2026-05-01; default: today.")
+    ] = None,
     model: Annotated[
         str | None, typer.Option(help="igrf, wmm or wmmhr; default: wmm where valid, else igrf.")
     ] = None,

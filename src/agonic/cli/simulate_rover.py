@@ -35,7 +35,7 @@ def rover(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """Write turns over a ramp, as a raw magnetometer, accelerometer and gyro record them."""
+    """Turns over a ramp, as a raw magnetometer, accelerometer and gyro record them."""
     from datetime import UTC, datetime
 
     import numpy as np

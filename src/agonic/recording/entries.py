@@ -30,6 +30,7 @@ from agonic.report.digits import (
     write_minus,
 )
 from agonic.report.labels import TIMING, unit_label
+from agonic.report.tables import state_check
 
 SHORT = {"Scale factor": "Scale", "Non-orthogonality": "Angles", "Turn about": "Turn"}
 """Names of groups as labels of a line."""
@@ -117,11 +118,7 @@ def list_details(result: Calibrated) -> dict[str, str]:
         **{SHORT.get(name, name): text for name, text in views.items()},
         "Heading": f"{heading} ({place})",
         "Coverage": f"{np.count_nonzero(cells)} of {len(cells)} directions",
-        "Checks": "\n".join(
-            f"{check.name}: {quantity(check.value, check.unit)}"
-            + ("" if check.limit is None else f" (limit {quantity(check.limit, check.unit)})")
-            for check in result.verification.checks
-        ),
+        "Checks": "\n".join(map(state_check, result.verification.checks)),
     }
 
 

@@ -55,6 +55,12 @@ def checks(verification: Verification) -> Markup:
     return table(["Check", "Value", "Limit", "Verdict", "Meaning"], rows, class_="checks")
 
 
+def state_check(check: Check) -> str:
+    """A check in a line of text: its value and its limit, where it has one."""
+    limit = "" if check.limit is None else f" (limit {quantity(check.limit, check.unit)})"
+    return f"{check.name}: {quantity(check.value, check.unit)}{limit}"
+
+
 def _limit(check: Check) -> str:
     return NOTHING if check.limit is None else quantity(check.limit, check.unit)
 

@@ -68,7 +68,9 @@ def deviation(
         float | None, typer.Option("--noise-deg", metavar="DEG", help="Of one reading, if known.")
     ] = None,
     robust: Robust = True,
-    step: Annotated[float, typer.Option(help="Degrees between the rows of the card.")] = 15.0,
+    step: Annotated[
+        float, typer.Option(metavar="DEG", help="From one row of the card to the next.")
+    ] = 15.0,
     paper: Annotated[str, typer.Option(help="A4 or A5, for printing.")] = "A4",
     as_json: Json = False,
 ) -> int:

@@ -33,8 +33,8 @@ def heading(
         bool,
         typer.Option(
             "--smooth/--each-row",
-            help="All rows together, by compass and gyro, where the log has one and that makes "
-            "the standard error smaller; or each row by itself.",
+            help="All rows together, by compass and gyro, where the log has a gyro that makes the "
+            "standard error smaller; or each row by itself.",
         ),
     ] = True,
     mounting: Mounting = None,

@@ -46,7 +46,7 @@ def pair(
     report: Report = None,
     as_json: Json = False,
 ) -> int:
-    """Calibrate an accelerometer and a magnetometer together, from shots: attitudes at rest."""
+    """An accelerometer and a magnetometer together, from shots: attitudes at rest."""
     from agonic.console.finish import finish
     from agonic.console.place import find_reference
     from agonic.console.sensors import open_sensor

@@ -30,7 +30,7 @@ def shots(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """Write shots of an instrument with an accelerometer and a magnetometer, all errors in."""
+    """Shots of an instrument with an accelerometer and a magnetometer, all errors in."""
     from agonic.console.output import print_json, say_made
     from agonic.exports.csv import write_csv
     from agonic.files.setup import save_setup

@@ -53,10 +53,12 @@ def track(
         str | None,
         typer.Option(help="Random walk of the bias, nT per root second; auto: by prediction."),
     ] = None,
-    noise: Annotated[float | None, typer.Option(help="Noise of one reading on one axis.")] = None,
+    noise: Annotated[
+        float | None, typer.Option(metavar="NT", help="Of one reading on one axis.")
+    ] = None,
     external: Annotated[
         float | None,
-        typer.Option(help="What the model leaves out, nT; default: as the model states."),
+        typer.Option(metavar="NT", help="What the model leaves out; default: as the model states."),
     ] = None,
     scalar: Scalar = None,
     gyro: Annotated[

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 def add_to(kinds: typer.Typer) -> None:
     """Register the kinds."""
-    kinds.command("network")(network)
     kinds.command("paper")(paper)
     kinds.command("paper-space")(paper_space)
+    kinds.command("network")(network)
     kinds.command("nonaffine")(nonaffine)
 
 
 def network(out: Folder, noise: Noise = 2.0, seed: Seed = 0, as_json: Json = False) -> int:
-    """The same, calibrated by networks as published: figures and numbers on one page."""
+    """The paper's sensor calibrated by networks, as published: figures and numbers on one page."""
     from agonic.console.finish import finish
     from agonic.files.calibration import save
     from agonic.network.paper import reproduce_paper
@@ -52,7 +52,7 @@ def paper(
 def paper_space(
     out: Table, n: Readings = 3000, noise: Noise = 2.0, seed: Seed = 0, as_json: Json = False
 ) -> int:
-    """The same with a field that points in all directions, not only along a plane."""
+    """The paper's sensor in a field of all directions, not only along a plane."""
     from agonic.network.simulate import simulate_paper
 
     made = simulate_paper(n / 100.0, directions="space", noise=noise, seed=seed)

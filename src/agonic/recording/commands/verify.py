@@ -63,6 +63,7 @@ def verify(
 
 
 def _line(check: Check) -> str:
+    from agonic.report.tables import state_check
+
     mark = {True: "✓", False: "✗", None: "·"}[check.passed]
-    limit = "" if check.limit is None else f" (limit {check.limit:g})"
-    return f"{mark} {check.name}: {check.value:.3g} {check.unit}{limit}; {check.meaning}"
+    return f"{mark} {state_check(check)}; {check.meaning}"
