@@ -15,6 +15,7 @@ from agonic.attitude.settings import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
 from agonic.fit import Fit
+from agonic.health import Finding
 from agonic.health.inertial_unit import check_clipping, mend
 from agonic.inertial.evidence import (
     check_contradiction,
@@ -28,6 +29,7 @@ from agonic.inertial.headings import find_headings, name_heading, without_headin
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
 from agonic.inertial.solve import join_headings, solve, solve_beside
+from agonic.inertial.start import Solved
 from agonic.new_rows import without_held
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -120,43 +122,67 @@ def fit_inertial(
         seed=seed,
     )
     samples, late = without_held(samples), None
-    clipped, recorded = check_clipping(samples), samples.acceleration is not None
-    samples, wrong = mend(samples)  # nothing can be solved beside it; without it the rest is judged
-    if recorded and samples.acceleration is None:
-        raise LogError("; ".join(one.sentence for one in wrong))
+    clipped = check_clipping(samples)
+    samples, wrong = _mend(samples)
     if latency:
         samples, reference, late = find_and_undo(samples, reference)
     solved = solve(samples, reference, settings)
     headings, doubt = find_headings(solved)
     if headings is not None:
         solved = join_headings(solved, headings)
-    level = without_heading(solved.samples)
+    fit = _judge(solved, samples, reference, wrong, (doubt, clipped))
+    return _make_result(keep_latency(fit, solved.samples, late), solved)
+
+
+def _mend(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The samples without what is wrong with their inertial unit, and what was: nothing can be
+    solved beside it, and without it the rest is judged."""
+    mended, wrong = mend(samples)
+    if samples.acceleration is not None and mended.acceleration is None:
+        raise LogError("; ".join(one.sentence for one in wrong))
+    return mended, wrong
+
+
+def _judge(
+    solved: Solved,
+    samples: Samples,
+    reference: Reference | None,
+    wrong: Sequence[Finding],
+    others: Sequence[Finding | None],
+) -> Fit:
+    """The fit of an estimate with its evidence, with what was `wrong` with the inertial unit and
+    what the `others` say of the log."""
     fit = make_fit(
         solved.found,
         solved.problem,
         solved.scale,
-        level,
+        without_heading(solved.samples),
         solved.usable,
         solved.settings,
         "inertial",
     )
-    variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
-    told = (check_gyro(fit, solved), *wrong, check_inclination(solved), doubt)
-    fit = fit.with_findings(*told, check_speed(fit, solved), clipped)
+    told = (check_gyro(fit, solved), *wrong, check_inclination(solved), *others)
+    fit = fit.with_findings(*told, check_speed(fit, solved))
     refuted = check_contradiction(solved)
     opposite = None  # without the gyro that was left out the sign of a level field is open
     if not any(one.severity == "refuse" for one in wrong):
-        opposite = check_gravity(fit.with_findings(refuted), samples, reference, settings)
+        opposite = check_gravity(fit.with_findings(refuted), samples, reference, solved.settings)
     fit = fit.with_findings(opposite or refuted)
     if reference is None:
         fit = without_scale(fit, samples.unit)
-    if headings is not None:
-        named = f"{name_heading(samples)} was used beside the gyro"
-        fit = replace(fit, remarks=(*fit.remarks, named))
-    fit = keep_latency(fit, solved.samples, late)
+    if solved.headings is None:
+        return fit
+    named = f"{name_heading(samples)} was used beside the gyro"
+    return replace(fit, remarks=(*fit.remarks, named))
+
+
+def _make_result(fit: Fit, solved: Solved) -> InertialFit:
+    """The fit with what was found of accelerometer and gyro."""
+    variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
+    source = None if solved.headings is None else name_heading(solved.samples)
     return InertialFit(
         **{f.name: getattr(fit, f.name) for f in fields(Fit)},
-        samples=level,
+        samples=without_heading(solved.samples),
         reference=solved.reference,
         felt=solved.felt,
         inertial_errors=solved.errors,
@@ -164,8 +190,8 @@ def fit_inertial(
         accelerometer_gain=solved.gain,
         settings=solved.settings,
         minimum=solved.found.solution.params,
-        headings=headings,
-        heading_source=None if headings is None else name_heading(samples),
+        headings=solved.headings,
+        heading_source=source,
     )
 
 
