@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import polar
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Array, Mask
 from agonic.attitude.azimuth import check_azimuth
 from agonic.attitude.calibration import make_mean_calibration
 from agonic.attitude.heading_column import check_heading_column
+from agonic.attitude.headings_seen import describe_turns, find_headings_seen
 from agonic.attitude.mounted_heading import (
     MountedHeading,
     check_turned_sensor,
@@ -39,15 +39,13 @@ from agonic.maths.equation.channels import (
     compute_residuals,
     field_of_terms,
 )
-from agonic.maths.equation.coverage import count_visits, find_level_down, make_level_axes
+from agonic.maths.equation.coverage import count_visits, find_level_down
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
 
 ATTITUDE_DOUBTFUL_DEG = 5.0
 ATTITUDE_REFUSED_DEG = 15.0
-WIDEST_GAP_DEG = 60.0
-LEAST_TILT_DEG = 10.0
 HALF_DEG = 150
 """Headings that leave such a gap show less than a circle's centre, if the vehicle stays level."""
 LEVEL_TILT_DEG = 20.0
@@ -154,51 +152,10 @@ def _coverage(
         return compute_coverage(plain, count_visits(field), dip)
     down = problem.dip.down[used]
     # recorded roll and pitch know level; a felt one shows it only to a vehicle that turned
-    known = problem.shared is None or find_seen(field, down).gap_deg >= HALF_DEG
+    known = problem.shared is None or find_headings_seen(field, down).gap_deg >= HALF_DEG
     level = find_level_down(down, squarely=known)
     coverage = compute_coverage(plain, count_visits(field), dip, level)
     return replace(coverage, turns=describe_turns(field, down))
-
-
-class Seen(NamedTuple):
-    """What a vehicle showed: the sectors of 15° that its headings were in, and its tilt."""
-
-    sectors: Index
-    widest: int
-    gap_deg: int
-    tilt_deg: float
-
-
-def find_seen(field: Array, down: Array) -> Seen:
-    """The headings and the tilt of a vehicle, by field and down (n, 3) in a sensor's axes."""
-    axes = make_level_axes(find_level_down(down)).T
-    field, down = field @ axes, down @ axes
-    heading = heading_by_vectors_deg(field, down)
-    sectors = np.unique((heading // 15).astype(np.intp) % 24)
-    gaps = np.diff(np.append(sectors, sectors[0] + 24)) - 1
-    widest = int(np.argmax(gaps))
-    tilt = float(np.degrees(np.arccos(np.clip(np.percentile(down[:, 2], 5), -1.0, 1.0))))
-    return Seen(sectors, widest, 15 * int(gaps[widest]), tilt)
-
-
-def describe_turns(field: Array, down: Array) -> str:
-    """The headings and the tilt that a vehicle would have to add.
-
-    Parameters: field and down (n, 3) in body axes, of the readings that count.
-
-    >>> level = np.tile([0.0, 0.0, 1.0], (2, 1))
-    >>> describe_turns(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)
-    'turn through all headings (seen: 0° to 105°), and bank and pitch by 20° or more on the way'
-    """
-    seen = find_seen(field, down)
-    said = []
-    if seen.gap_deg > WIDEST_GAP_DEG:
-        first = 15 * seen.sectors[(seen.widest + 1) % len(seen.sectors)]
-        last = 15 * (seen.sectors[seen.widest] + 1)
-        said.append(f"turn through all headings (seen: {first}° to {last % 360}°)")
-    if seen.tilt_deg < LEAST_TILT_DEG:
-        said.append("bank and pitch by 20° or more on the way")
-    return ", and ".join(said)
 
 
 def _half_seen(e: Evidence, problem: Problem, cleaned: Array) -> Finding | None:
@@ -208,7 +165,7 @@ def _half_seen(e: Evidence, problem: Problem, cleaned: Array) -> Finding | None:
     """
     if problem.dip is None or "azimuth" in problem.channels:
         return None
-    seen = find_seen((cleaned - e.bias) @ e.shape.T, problem.dip.down)
+    seen = find_headings_seen((cleaned - e.bias) @ e.shape.T, problem.dip.down)
     if seen.gap_deg < HALF_DEG or seen.tilt_deg >= LEVEL_TILT_DEG:
         return None
     return Finding(

@@ -26,7 +26,7 @@ from agonic.headings.disagreement import compute_disagreement_deg, find_disagree
 from agonic.headings.expected_field import Surroundings, find_surroundings
 from agonic.headings.rates import mend_unit
 from agonic.headings.result import EACH_ROW, FLAGS, SMOOTHED, Heading
-from agonic.headings.rows import Looked, Taken, look_at_rows
+from agonic.headings.rows import CompassRows, RowHeadings, find_row_headings
 from agonic.headings.smoothing.rows import bridge, smooth_rows
 from agonic.headings.smoothing.smooth import SmoothedHeading
 from agonic.maths.rotations import tilt as kernel
@@ -91,17 +91,17 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     first, said = mend_unit(first, setup, pairs[0][0].calibration)
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
 
-    def look(own: Samples) -> Looked:
-        return look_at_rows(own, seen, setup, around)
+    def find(own: Samples) -> RowHeadings:
+        return find_row_headings(own, seen, setup, around)
 
-    looked = look(first)
+    by_row = find(first)
     smoothed: SmoothedHeading | None = None
     why: tuple[str, ...] = ()
     if smooth:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AgonicWarning)  # the rows have said it by themselves
-            looked, smoothed, why = smooth_rows(first, looked, look, setup, around)
-    found = _make_heading(first, setup, looked, around, smoothed)
+            by_row, smoothed, why = smooth_rows(first, by_row, find, setup, around)
+    found = _make_heading(first, setup, by_row, around, smoothed)
     return replace(found, notes=(*said, *found.notes, *why))
 
 
@@ -150,20 +150,20 @@ def _on_the_clock_of(first: Samples, other: Samples) -> Samples:
 def _make_heading(
     first: Samples,
     setup: Setup,
-    looked: Looked,
+    by_row: RowHeadings,
     around: Surroundings,
     smoothed: SmoothedHeading | None,
 ) -> Heading:
     """Each row from the compass to trust, with declination, standard error and flags."""
     n = len(first)
-    tilt, taken, used = looked.tilt, looked.taken, looked.used
-    each = zip(*(one.indicated for one in taken), strict=True)
+    tilt, compasses, used = by_row.tilt, by_row.compasses, by_row.used
+    each = zip(*(one.indicated for one in compasses), strict=True)
     found = Indication(*(_of(used, values) for values in each))
     total = found.systematic + found.random + around.declination_sd_deg**2
     sd, random_sd = (np.fmin(np.sqrt(v), UNKNOWN_SD_DEG) for v in (total, found.random))
     magnetic = found.magnetic_deg
-    flags = _flags(setup, tilt, taken, used, found)
-    notes = (*tilt.notes, *around.notes, *looked.notes)
+    flags = _flags(setup, tilt, compasses, used, found)
+    notes = (*tilt.notes, *around.notes, *by_row.notes)
     if smoothed is not None:
         magnetic = smoothed.magnetic_deg
         sd = np.fmin(np.sqrt(smoothed.variance + around.declination_sd_deg**2), UNKNOWN_SD_DEG)
@@ -180,14 +180,16 @@ def _make_heading(
         true_deg=kernel.wrap_turn_deg(magnetic + around.declination_deg),
         sd_deg=sd,
         random_sd_deg=random_sd,
-        disagreement_deg=compute_disagreement_deg([one.indicated.magnetic_deg for one in taken]),
+        disagreement_deg=compute_disagreement_deg(
+            [one.indicated.magnetic_deg for one in compasses]
+        ),
         used=used,
         flags=flags,
         roll_deg=np.broadcast_to(tilt.roll_deg, n),
         pitch_deg=np.broadcast_to(tilt.pitch_deg, n),
         tilt_sd_deg=np.broadcast_to(tilt.sd_deg, n),
         declination_deg=np.broadcast_to(around.declination_deg, n),
-        sensors=tuple(one.compass.sensor for one in taken),
+        sensors=tuple(one.compass.sensor for one in compasses),
         tilt=tilt.source,
         method=EACH_ROW if smoothed is None else SMOOTHED,
         notes=notes,
@@ -202,15 +204,17 @@ def _of(used: Index, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
 def _flags(
     setup: Setup,
     tilt: Attitude,
-    taken: Sequence[Taken],
+    compasses: Sequence[CompassRows],
     used: Index,
     found: Indication,
 ) -> Mapping[str, Mask]:
     """The rows that each of `FLAGS` marks."""
     nowhere = np.zeros(len(used), dtype=bool)
-    unread = [nowhere if one.readings.missing is None else one.readings.missing for one in taken]
-    far = [nowhere if one.distance is None else one.distance > 1.0 for one in taken]
-    scaled = [np.full(len(used), one.compass.calibration.unit_out != RAW) for one in taken]
+    unread = [
+        nowhere if one.readings.missing is None else one.readings.missing for one in compasses
+    ]
+    far = [nowhere if one.distance is None else one.distance > 1.0 for one in compasses]
+    scaled = [np.full(len(used), one.compass.calibration.unit_out != RAW) for one in compasses]
     upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
     marked = (
         _of(used, unread),
@@ -220,8 +224,8 @@ def _flags(
         _of(used, far),
         tilt.unsure,
         find_disagreement(
-            [one.indicated for one in taken],
-            [one.distance for one in taken],
+            [one.indicated for one in compasses],
+            [one.distance for one in compasses],
             setup.disagreement_limit_deg,
         ),
     )

@@ -19,7 +19,7 @@ from agonic.headings.tilt_source import find_attitude
 from agonic.samples import Samples
 
 
-class Taken(NamedTuple):
+class CompassRows(NamedTuple):
     """A compass, its readings, what it indicates, and how far that is from what is expected."""
 
     compass: Compass
@@ -28,26 +28,26 @@ class Taken(NamedTuple):
     distance: Array | None
 
 
-class Looked(NamedTuple):
+class RowHeadings(NamedTuple):
     """The tilt, what each compass says, and the one that each row (n,) is taken from."""
 
     tilt: Attitude
-    taken: tuple[Taken, ...]
+    compasses: tuple[CompassRows, ...]
     used: Index
     notes: tuple[str, ...]
 
 
-def look_at_rows(
+def find_row_headings(
     first: Samples,
     seen: Sequence[tuple[Compass, Readings]],
     setup: Setup,
     around: Surroundings,
-) -> Looked:
+) -> RowHeadings:
     """Each row by itself; the samples of the first compass tell the tilt."""
     tilt = find_attitude(first, setup, seen[0][0].calibration)
     tilt = refine_tilt_sd(tilt, list(seen), around, setup, first.time)
     notes: list[str] = []
-    taken, own = [], []
+    compasses, own = [], []
     for compass, readings in seen:
         found, unknown = compute_indication(readings, compass, tilt, around)
         verdict = compare_with_expected(compass, found, around, setup, tilt.source)
@@ -64,7 +64,7 @@ def look_at_rows(
             first.time,
         )
         distance = bridge_disturbed(distance, first.time)
-        taken.append(Taken(compass, readings, found, distance))
+        compasses.append(CompassRows(compass, readings, found, distance))
     # the row's own distance chooses, as in a vehicle, which knows no later rows
-    used = choose_compass(own, [one.readings.missing for one in taken], len(first))
-    return Looked(tilt, tuple(taken), np.asarray(used), tuple(notes))
+    used = choose_compass(own, [one.readings.missing for one in compasses], len(first))
+    return RowHeadings(tilt, tuple(compasses), np.asarray(used), tuple(notes))

@@ -29,7 +29,7 @@ STEEPEST = 10.0
 """Tangent of the dip that is reckoned with at most."""
 
 
-class Seen(NamedTuple):
+class TrustedCompass(NamedTuple):
     """A compass with its readings, what it indicates, and the rows (n,) that may be relied on."""
 
     compass: Compass
@@ -39,7 +39,7 @@ class Seen(NamedTuple):
 
 
 def list_compass_errors(
-    one: Seen, attitude: Attitude, rate: Array, rows: Index
+    one: TrustedCompass, attitude: Attitude, rate: Array, rows: Index
 ) -> tuple[Array, Array]:
     """What errors of the calibration (N, k), and being late (N, 1), add at some rows, rad.
 
@@ -175,7 +175,7 @@ def count_found(told: int, attitude: Attitude) -> int:
 
 
 def list_shared_errors(
-    seen: Sequence[Seen], used: Index, attitude: Attitude, rate: Array, rows: Index
+    seen: Sequence[TrustedCompass], used: Index, attitude: Attitude, rate: Array, rows: Index
 ) -> tuple[Array, Array]:
     """What errors that the rows (N,) of a compass share, and those of the gyro, do to the heading:
     (N, k), and that of the delay (N, 1), radians for one standard deviation of each."""

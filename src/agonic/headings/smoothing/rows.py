@@ -15,8 +15,8 @@ from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
 from agonic.headings.rates import find_rate_mounting
 from agonic.headings.result import SMOOTHED
-from agonic.headings.rows import Looked, Taken
-from agonic.headings.smoothing.errors import Seen
+from agonic.headings.rows import CompassRows, RowHeadings
+from agonic.headings.smoothing.errors import TrustedCompass
 from agonic.headings.smoothing.smooth import SmoothedHeading, find_shown_axes, smooth_headings
 from agonic.health.finding import figure
 from agonic.maths.rotations.tilt import compute_down
@@ -35,44 +35,44 @@ _IN_MOTION = ("gyro", "log")
 
 def smooth_rows(
     first: Samples,
-    looked: Looked,
-    look: Callable[[Samples], Looked],
+    by_row: RowHeadings,
+    find: Callable[[Samples], RowHeadings],
     setup: Setup,
     around: Surroundings,
-) -> tuple[Looked, SmoothedHeading | None, tuple[str, ...]]:
+) -> tuple[RowHeadings, SmoothedHeading | None, tuple[str, ...]]:
     """What is known of the rows, the smoothed headings, or `None` where they are no better, and
     why; nothing is said of a log without a gyro.
 
-    Where a gyro's bias shows, the tilt by its rates is found anew without it by `look`.
+    Where a gyro's bias shows, the tilt by its rates is found anew without it by `find`.
     """
     if first.time is None or first.rotation_rate is None:
-        return looked, None, ()
-    if looked.tilt.source not in _IN_MOTION:
+        return by_row, None, ()
+    if by_row.tilt.source not in _IN_MOTION:
         return (
-            looked,
+            by_row,
             None,
-            (_explain_kept(f"tilt from the {looked.tilt.source} follows no motion"),),
+            (_explain_kept(f"tilt from the {by_row.tilt.source} follows no motion"),),
         )
-    turn = find_rate_mounting(first, setup, looked.taken[0].compass.calibration)
+    turn = find_rate_mounting(first, setup, by_row.compasses[0].compass.calibration)
     own = first
-    for _ in range(CORRECTIONS if looked.tilt.source == "gyro" else 0):
-        found = _smooth(own, turn, looked, setup, around, LIKELY)
+    for _ in range(CORRECTIONS if by_row.tilt.source == "gyro" else 0):
+        found = _smooth(own, turn, by_row, setup, around, LIKELY)
         if found is None:
-            return looked, None, (_TOO_LITTLE,)
-        changed = _correct_rates(own, turn, looked, found)
-        again = look(changed)
-        if not np.nanmedian(again.tilt.sd_deg) < BETTER * np.nanmedian(looked.tilt.sd_deg):
+            return by_row, None, (_TOO_LITTLE,)
+        changed = _correct_rates(own, turn, by_row, found)
+        again = find(changed)
+        if not np.nanmedian(again.tilt.sd_deg) < BETTER * np.nanmedian(by_row.tilt.sd_deg):
             break
-        own, looked = changed, again
-    smoothed = _smooth(own, turn, looked, setup, around, None)
+        own, by_row = changed, again
+    smoothed = _smooth(own, turn, by_row, setup, around, None)
     if smoothed is None:
-        return looked, None, (_TOO_LITTLE,)
+        return by_row, None, (_TOO_LITTLE,)
     rows = np.isfinite(smoothed.variance)
-    sd, alone = float(np.median(np.sqrt(smoothed.variance[rows]))), _typical_sd(looked, rows)
+    sd, alone = float(np.median(np.sqrt(smoothed.variance[rows]))), _typical_sd(by_row, rows)
     by_itself = f"{figure(alone)}° each row by itself"
     if sd > alone:
-        return looked, None, (_explain_kept(f"standard error {figure(sd)}° with it, {by_itself}"),)
-    return looked, smoothed, (f"{SMOOTHED}: standard error {figure(sd)}°, {by_itself}",)
+        return by_row, None, (_explain_kept(f"standard error {figure(sd)}° with it, {by_itself}"),)
+    return by_row, smoothed, (f"{SMOOTHED}: standard error {figure(sd)}°, {by_itself}",)
 
 
 def _explain_kept(why: str) -> str:
@@ -93,32 +93,32 @@ def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask]
     return MappingProxyType(left), notes
 
 
-def _typical_sd(looked: Looked, rows: Mask) -> float:
+def _typical_sd(by_row: RowHeadings, rows: Mask) -> float:
     """The median standard error of rows each by itself."""
-    each = [one.indicated.random + one.indicated.systematic for one in looked.taken]
-    variance = np.take_along_axis(np.stack(each), looked.used[None], 0)[0]
+    each = [one.indicated.random + one.indicated.systematic for one in by_row.compasses]
+    variance = np.take_along_axis(np.stack(each), by_row.used[None], 0)[0]
     return float(np.nanmedian(np.sqrt(variance[rows])))
 
 
 def _smooth(
     own: Samples,
     turn: Array,
-    looked: Looked,
+    by_row: RowHeadings,
     setup: Setup,
     around: Surroundings,
     sizes: Sizes | None,
 ) -> SmoothedHeading | None:
     assert own.time is not None
     assert own.rotation_rate is not None
-    settling = setup.settling_s if looked.tilt.source == "gyro" else 0.0
-    seen = [_rely_on(one, own.time) for one in looked.taken]
+    settling = setup.settling_s if by_row.tilt.source == "gyro" else 0.0
+    seen = [_rely_on(one, own.time) for one in by_row.compasses]
     rate = own.rotation_rate @ turn.T
     found = smooth_headings(
         own.time,
         rate,
-        looked.tilt,
+        by_row.tilt,
         seen,
-        looked.used,
+        by_row.used,
         around,
         settling,
         sizes,
@@ -126,42 +126,44 @@ def _smooth(
     )
     if found is None:
         return None
-    more = looked.tilt.variance * (looked.tilt.tilt.sin_pitch / _upright(looked)) ** 2
-    more = np.degrees(np.degrees(more)) + _by_deviation(looked)
+    more = by_row.tilt.variance * (by_row.tilt.tilt.sin_pitch / _upright(by_row)) ** 2
+    more = np.degrees(np.degrees(more)) + _by_deviation(by_row)
     return found._replace(variance=found.variance + more)
 
 
-def _upright(looked: Looked) -> Array:
+def _upright(by_row: RowHeadings) -> Array:
     """cos pitch: a nose that points up turns its heading by a tilt aside, over this."""
-    return np.maximum(looked.tilt.tilt.cos_pitch, 0.05)
+    return np.maximum(by_row.tilt.tilt.cos_pitch, 0.05)
 
 
-def _by_deviation(looked: Looked) -> Array:
+def _by_deviation(by_row: RowHeadings) -> Array:
     """The variance of the deviations, degrees², (n,)."""
     each = []
-    for one in looked.taken:
+    for one in by_row.compasses:
         card = one.compass.deviation
         level = np.nan_to_num(one.indicated.compass_deg)
         known = card is not None and card.covariance is not None
         zero = 0.0 * level
         each.append(card.sd_at(level, zero, zero) ** 2 if card is not None and known else zero)
-    return np.asarray(np.take_along_axis(np.stack(each), looked.used[None], 0)[0])
+    return np.asarray(np.take_along_axis(np.stack(each), by_row.used[None], 0)[0])
 
 
-def _rely_on(one: Taken, time: Array) -> Seen:
+def _rely_on(one: CompassRows, time: Array) -> TrustedCompass:
     """The compass with the rows whose field, and that of most rows about, is the expected one."""
     sound = np.ones(len(time), dtype=bool) if one.distance is None else one.distance <= 1.0
     if one.readings.missing is not None:
         sound = sound & ~one.readings.missing
     width = max(round(SOUND_S / float(np.median(np.diff(time)))), 1)
     share = uniform_filter1d(sound.astype(np.float64), width, mode="nearest")
-    return Seen(one.compass, one.readings, one.indicated, sound & (share >= SOUND_SHARE))
+    return TrustedCompass(one.compass, one.readings, one.indicated, sound & (share >= SOUND_SHARE))
 
 
-def _correct_rates(own: Samples, turn: Array, looked: Looked, found: SmoothedHeading) -> Samples:
+def _correct_rates(
+    own: Samples, turn: Array, by_row: RowHeadings, found: SmoothedHeading
+) -> Samples:
     """The samples without the gyro's bias about axes that were turned to the vertical."""
     assert own.rotation_rate is not None
-    down = compute_down(looked.tilt.tilt, looked.tilt.order)
+    down = compute_down(by_row.tilt.tilt, by_row.tilt.order)
     axes = find_shown_axes(down[np.isfinite(down).all(axis=1)])
     bias = np.clip(found.bias @ axes @ axes.T, -3 * BIAS_SD, 3 * BIAS_SD)
     xx, yy, zz, xy, xz, yz = found.gain

@@ -34,7 +34,7 @@ from agonic.headings.maths.offset import (
 )
 from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
 from agonic.headings.smoothing.errors import (
-    Seen,
+    TrustedCompass,
     count_found,
     find_sensor_lean,
     follow_axes,
@@ -89,7 +89,7 @@ def smooth_headings(
     time: Array,
     rate: Array,
     attitude: Attitude,
-    seen: Sequence[Seen],
+    seen: Sequence[TrustedCompass],
     used: Index,
     around: Surroundings,
     settling_s: float,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health.adequacy.fitted import Seen, Work, level_readings
+from agonic.health.adequacy.fitted import ResidualsAtFeet, Work, level_readings
 from agonic.health.adequacy.ripples import find_ripples
 from agonic.maths.equation import unmodelled
 from agonic.maths.estimation.inference.linearised import Linearised
@@ -127,7 +127,7 @@ def _make_cause(
     def errors_at(feet: Array, signals: Mapping[str, Array]) -> unmodelled.Errors:
         return unmodelled.proportional(signals[name]) if terms is None else terms(feet)
 
-    def column(seen: Seen) -> Array:
+    def column(seen: ResidualsAtFeet) -> Array:
         return errors_at(seen.feet, seen.signals).show(seen.by_reading * work.radius)
 
     columns = column(work.seen)

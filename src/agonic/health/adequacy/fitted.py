@@ -113,7 +113,7 @@ class ModelError:
         return replace(self, heading_deg=heading, growth=growth, probability=probability)
 
 
-class Seen(NamedTuple):
+class ResidualsAtFeet(NamedTuple):
     """Feet (n, 3) over the radius; of all residuals the normals (N, 3) over the noise, and they
     themselves (N,); signals (n, k) that a bias may go with."""
 
@@ -144,8 +144,8 @@ class Work(NamedTuple):
     by_noise: Array
     whole: Linearised
     even: Linearised
-    seen: Seen
-    again: tuple[Seen, ...]
+    seen: ResidualsAtFeet
+    again: tuple[ResidualsAtFeet, ...]
 
 
 def make_error(work: Work, cause: str, p_value: float, size: float, growth: Array) -> ModelError:

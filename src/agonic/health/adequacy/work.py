@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.health.adequacy.fitted import FEWEST_ROWS, Fitted, Residuals, Seen, View, Views, Work
+from agonic.health.adequacy.fitted import (
+    FEWEST_ROWS,
+    Fitted,
+    Residuals,
+    ResidualsAtFeet,
+    View,
+    Views,
+    Work,
+)
 from agonic.health.adequacy.foot_points import find_feet
 from agonic.health.adequacy.rows import choose_rows
 from agonic.maths.equation.affine import magnitude_residual, model_basis
@@ -69,7 +77,7 @@ def prepare(fitted: Fitted) -> Work | None:
 
 def _look(
     fitted: Fitted, rows: Index, linear: Linearised, at: tuple[Array, Array], scale: Array
-) -> tuple[Seen, tuple[Seen, ...], Linearised, Linearised]:
+) -> tuple[ResidualsAtFeet, tuple[ResidualsAtFeet, ...], Linearised, Linearised]:
     """What the residuals of these rows see, the same with other draws of noise, the fit to all
     kinds of residuals, and that with even weights; by the magnitude alone there is one kind.
 
@@ -78,7 +86,7 @@ def _look(
     if fitted.look is None:
         feet, normals = at
         signals = {name: values[rows] for name, values in fitted.signals.items()}
-        seen = Seen(feet, normals / fitted.noise, linear.residuals, signals)
+        seen = ResidualsAtFeet(feet, normals / fitted.noise, linear.residuals, signals)
         return seen, (_blur(fitted, seen, normals),), linear, linear
     views = fitted.look(rows)
     seen, *again = (_see(one, fitted) for one in views)
@@ -86,7 +94,7 @@ def _look(
     return seen, tuple(again), whole, _even_weights(views.own.kinds, whole)
 
 
-def _blur(fitted: Fitted, seen: Seen, normals: Array) -> Seen:
+def _blur(fitted: Fitted, seen: ResidualsAtFeet, normals: Array) -> ResidualsAtFeet:
     """Feet with a further draw of noise across the normals, which the residuals do not have."""
     radius = fitted.magnitude / fitted.gain
     blur = fitted.noise / radius * np.random.default_rng(0).normal(size=normals.shape)
@@ -103,14 +111,14 @@ def _even_weights(kinds: tuple[Residuals, ...], whole: Linearised) -> Linearised
     return replace(whole, weights=weights)
 
 
-def _see(view: View, fitted: Fitted) -> Seen:
+def _see(view: View, fitted: Fitted) -> ResidualsAtFeet:
     """What all kinds see: feet on the ellipsoid, normals over the noise, residuals."""
     first, *others = view.kinds
     radius, length = fitted.magnitude / fitted.gain, np.linalg.norm(first.by_reading, axis=1)
     feet, normals = find_feet(fitted.calibration, view.readings, first.residuals / length)
     by_reading = np.vstack([normals * length[:, None], *(kind.by_reading for kind in others)])
     residuals = np.concatenate([kind.residuals for kind in view.kinds])
-    return Seen(feet / radius, by_reading, residuals, view.signals)
+    return ResidualsAtFeet(feet / radius, by_reading, residuals, view.signals)
 
 
 def _stack(views: Views, fitted: Fitted, rows: Index, scale: Array) -> Linearised:

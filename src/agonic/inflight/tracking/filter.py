@@ -134,7 +134,7 @@ def update(
         begin = _begin if state.turn is None else gyro.begin
         state = begin(state, state.settle_params(params), rows[0])
     before, done = state, 0
-    seen: list[kalman.Seen] = []
+    seen: list[kalman.Predictions] = []
     turned: list[turning.TurnSeen] = []
     history: list[Array] = []
     fast = kalman.is_worth_compiling(len(rows)) if compiled is None else compiled
@@ -153,7 +153,7 @@ def update(
     jumps, kept = state.jumps[len(before.jumps) :], np.array(history).reshape(-1, 7)
     if turned:
         return state, _describe_turned(state, turned, jumps, kept)
-    whole = seen[0] if len(seen) == 1 else kalman.join_seen(seen)
+    whole = seen[0] if len(seen) == 1 else kalman.join_predictions(seen)
     return state, Coefficients(
         state=state,
         residual=whole.residual,
@@ -233,7 +233,7 @@ def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:
 
 def _step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
-) -> tuple[TrackerState, kalman.Seen]:
+) -> tuple[TrackerState, kalman.Predictions]:
     """The state after a few readings, and what was predicted of them."""
     opening, recent, given = state.opening, state.recent, params
     params = state.settle_params(params)

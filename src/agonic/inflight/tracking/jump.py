@@ -68,7 +68,7 @@ def reopen(state: TrackerState, params: TrackerParams) -> TrackerState:
 
 
 def _find_onset(
-    state: TrackerState, params: TrackerParams, model: kalman.Model, seen: kalman.Seen
+    state: TrackerState, params: TrackerParams, model: kalman.Model, seen: kalman.Predictions
 ) -> int:
     """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
     assert state.recent is not None, "only a settled state has recent readings"

@@ -117,7 +117,7 @@ def widen_for_nonlinearity(
 
 def predict(
     estimate: kalman.FilterState, model: kalman.Model, rows: Array, learns: bool, compiled: bool
-) -> tuple[kalman.FilterState, kalman.Seen]:
+) -> tuple[kalman.FilterState, kalman.Predictions]:
     """The estimate after rows that come before the next solution, and what it predicted of them.
 
     A wide estimate learns nothing from them: linearised at one reading after the other it would
@@ -201,7 +201,7 @@ def _has_settled(state: TrackerState, params: TrackerParams, total: float) -> bo
 
 
 def date_jump(
-    state: TrackerState, params: TrackerParams, seen: kalman.Seen, rows: Array
+    state: TrackerState, params: TrackerParams, seen: kalman.Predictions, rows: Array
 ) -> tuple[float, int]:
     """How improbable it is that a jump began with the opening, and the row that fits better.
 

@@ -21,7 +21,7 @@ from agonic.recording.files import write_folder
 from agonic.samples import Samples
 
 
-class Seen(NamedTuple):
+class SensorReadings(NamedTuple):
     """The readings of a sensor that count, and what is to be said of those that do not."""
 
     samples: Samples
@@ -36,7 +36,7 @@ class Results(NamedTuple):
     outcomes: list[Outcome]
 
 
-def write_results(plan: Plan, source: Source, seen: Mapping[str, Seen]) -> Results:
+def write_results(plan: Plan, source: Source, seen: Mapping[str, SensorReadings]) -> Results:
     """Calibrate each sensor from its readings, and write the folder of the plan.
 
     Raises `AgonicError` where there are no readings, or the folder cannot be written.

@@ -12,7 +12,7 @@ from agonic.live.streams.device import Device
 from agonic.live.web.messages import Outcome, Sensor, Status
 from agonic.live.web.offer import DeviceOffer, make_offer, write_offer
 from agonic.live.web.plan import Plan
-from agonic.live.web.results import Seen, write_results
+from agonic.live.web.results import SensorReadings, write_results
 from agonic.live.web.resume import SavedFits
 from agonic.live.web.view import RecentReadings
 from agonic.live.web.watch import WatchedSensor, find_calibration_before
@@ -183,7 +183,7 @@ class Session:
             self._changed()
         return outcomes
 
-    def _write(self, seen: dict[str, Seen]) -> list[Outcome]:
+    def _write(self, seen: dict[str, SensorReadings]) -> list[Outcome]:
         made = write_results(self.plan, self.source, seen)
         self.results, self.written = made.calibrated, made.written
         return made.outcomes

@@ -18,7 +18,7 @@ from agonic.live.plausible import find_plausible
 from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Rose, Sensor
-from agonic.live.web.results import Seen
+from agonic.live.web.results import SensorReadings
 from agonic.live.web.view import RecentReadings
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.units import nanotesla_per
@@ -125,12 +125,12 @@ class WatchedSensor:
         return sum(n for at, n in self._arrived if now - at <= RATE_OVER_S) / RATE_OVER_S
 
     @property
-    def seen(self) -> Seen:
+    def seen(self) -> SensorReadings:
         """The readings to calibrate from, and what to say of those that were kept out of them."""
         live, note = self.live, ("kept of a live session",)
         whole_way = live.aided is not None and live.aided.chosen
         doubts = () if whole_way else find_held_out(live.state)
-        return Seen(live.samples.with_columns(frame=self.frame, notes=note), doubts)
+        return SensorReadings(live.samples.with_columns(frame=self.frame, notes=note), doubts)
 
     def status(self) -> Sensor:
         """All that a page shows of it."""

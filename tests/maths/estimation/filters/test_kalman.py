@@ -145,5 +145,7 @@ def test_the_onset_of_a_step_is_found() -> None:
     innovation[60:] += toward[60:] @ [9.0, -6.0, 3.0]
     nothing = np.zeros(100)
     jacobian = np.pad(toward, ((0, 0), (1, 6)))
-    found = kalman.find_onset(kalman.Seen(nothing, nothing, nothing > 0, innovation, jacobian))
+    found = kalman.find_onset(
+        kalman.Predictions(nothing, nothing, nothing > 0, innovation, jacobian)
+    )
     assert abs(found - 60) <= 2

@@ -32,7 +32,7 @@ def start_sums(channels: int) -> Sums:
     return Sums(np.zeros((2, channels)), np.zeros((2, channels), dtype=np.intp))
 
 
-class Seen(NamedTuple):
+class Step(NamedTuple):
     """The sums after the last row taken, how many rows were taken, and whether one alarmed."""
 
     sums: Sums
@@ -47,7 +47,7 @@ class Seen(NamedTuple):
 
 def advance(
     sums: Sums, residuals: Array, *, drift: float, alarm: float, correlation: float = 1.0
-) -> Seen:
+) -> Step:
     """The sums after residuals (n, o) over their standard deviation, up to the first alarm.
 
     Parameters: `drift` k, `alarm` h, `correlation` L. An alarm of 0 is never raised.
@@ -67,7 +67,7 @@ def advance(
     above = (size > alarm).any(axis=(0, 2)) if alarm > 0 else np.zeros(n, dtype=bool)
     alarmed = bool(above.any())
     rows = int(np.argmax(above)) + 1 if alarmed else n
-    return Seen(Sums(size[:, rows - 1].copy(), _ages(sums.age, size[:, :rows])), rows, alarmed)
+    return Step(Sums(size[:, rows - 1].copy(), _ages(sums.age, size[:, :rows])), rows, alarmed)
 
 
 def _ages(before: Index, size: Array) -> Index:

@@ -115,7 +115,7 @@ class FilterState(NamedTuple):
         return running_batch_means.compute_inflation(self.batches, self.covariance)
 
 
-class Seen(NamedTuple):
+class Predictions(NamedTuple):
     """What was predicted of each reading before it was used, a row a reading.
 
     `residual` (n,) |W (raw − bias)| − F − g, and its sd, nT; `used` (n,) whether it passed the
@@ -171,10 +171,10 @@ def advance(
     *,
     linearised: Array | None = None,
     compiled: bool | None = None,
-) -> tuple[FilterState, Seen, bool]:
+) -> tuple[FilterState, Predictions, bool]:
     """The filter after some readings, what was predicted of each, and whether a jump was seen.
 
-    Stops after the reading at which a jump shows, so `Seen` may be shorter than the rows.
+    Stops after the reading at which a jump shows, so `Predictions` may be shorter than the rows.
 
     Parameters: rows (n, 6) of time (s), raw x y z, reference magnitude (nT), and 1 for a reading
     that may be used, 0 for one that must not be; linearised (10,) takes every residual as linear
@@ -199,7 +199,7 @@ def advance(
         seen, room = np.zeros((n, ud_filter.SEEN)), np.zeros((3, 10))
         done, jump = run(np.ascontiguousarray(rows), *parts, tuple(model), about, fixed, seen, room)
     table = np.array(seen[:done]).reshape(-1, ud_filter.SEEN)
-    found = Seen(table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3], table[:, 4:])
+    found = Predictions(table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3], table[:, 4:])
     taken = table if np.logical_and.reduce(found.used) else table[found.used]
     sums = running_batch_means.add(sums, taken[:, 4:], taken[:, 0] / taken[:, 1])
     x, columns, diagonal, watch = (np.asarray(part) for part in parts)
@@ -217,12 +217,12 @@ def is_worth_compiling(rows: int) -> bool:
     return rows >= COMPILE_FROM or ud_filter.compile_filter.cache_info().currsize > 0
 
 
-def join_seen(parts: Sequence[Seen]) -> Seen:
+def join_predictions(parts: Sequence[Predictions]) -> Predictions:
     """What was seen of consecutive pieces."""
-    return Seen(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return Predictions(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def find_onset(seen: Seen) -> int:
+def find_onset(seen: Predictions) -> int:
     """The row at which a jump began: where the test over all rows after it is largest.
 
     Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
