@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from agonic.history.document import describe_drift
-from agonic.history.fit import Drift, drift
+from agonic.history.fit import drift
+from agonic.history.result import Drift
 from agonic.population import Population, Row
 
 START = datetime(2024, 1, 1, tzinfo=UTC)

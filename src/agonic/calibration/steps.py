@@ -56,6 +56,14 @@ def find_step(calibration: Calibration, kind: type[Step]) -> Step | None:
     return next((step for step in steps_of(calibration) if isinstance(step, kind)), None)
 
 
+def find_magnitude(calibration: Calibration) -> float | None:
+    """The field magnitude that the last step with one was scaled to, in `unit_out`, if known."""
+    magnitudes = [
+        step.magnitude for step in steps_of(calibration) if isinstance(step, Affine | Thermal)
+    ]
+    return magnitudes[-1] if magnitudes else None
+
+
 def compose(calibration: Calibration) -> Affine:
     """A whole calibration as one step, an `Interference` where it takes sources into account.
 

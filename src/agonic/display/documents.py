@@ -22,7 +22,7 @@ from agonic.headings.document import describe_headings
 from agonic.headings.result import Heading
 from agonic.health import Judged
 from agonic.history.document import describe_drift
-from agonic.history.fit import Drift
+from agonic.history.result import Drift
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.report.document import describe_inflight
 from agonic.inflight.report.tracking_document import describe_tracking

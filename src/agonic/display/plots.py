@@ -13,7 +13,8 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.fit import Fit
 from agonic.headings.result import Heading
-from agonic.history.fit import Drift, drift
+from agonic.history.fit import drift
+from agonic.history.result import Drift
 from agonic.inflight.tracking import Tracker
 from agonic.maths.equation.coverage import icosphere
 from agonic.population import History

@@ -16,11 +16,13 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
+from agonic.calibration.network import Network
+from agonic.calibration.steps import find_magnitude, find_step
 from agonic.exports.banner import format_float32, write_banner
-from agonic.exports.c_network import make_network_header
-from agonic.exports.c_network_parts import has_network, hold_network
+from agonic.exports.c_network.header import make_network_header
+from agonic.exports.c_network.parts import hold_network
 from agonic.exports.c_thermal import make_thermal_header
-from agonic.exports.convert import Export, find_magnitude, hold_sources, reduce
+from agonic.exports.convert import Export, hold_sources, reduce
 from agonic.exports.firmware.c_text import (
     fill_template,
     make_c_name,
@@ -60,7 +62,7 @@ def write_c(
     ['static const float mag_b[3] = {3000.0f, 0.0f, 0.0f};']
     """
     name = make_c_name(calibration.sensor) if name is None else require_identifier(name)
-    if has_network(calibration):
+    if find_step(calibration, Network) is not None:
         if temperature_C is not None:
             calibration = hold_network(calibration, temperature_C)
         text, warnings = make_network_header(calibration, name)

@@ -9,8 +9,9 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
+from agonic.calibration.steps import find_magnitude
 from agonic.exports.banner import format_float32, write_banner
-from agonic.exports.convert import find_magnitude, list_left_out, reduce
+from agonic.exports.convert import list_left_out, reduce
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,

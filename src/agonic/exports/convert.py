@@ -24,7 +24,6 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference, signals
 from agonic.calibration.sources import name_sources, parse_source, spell_source
 from agonic.calibration.steps import compose, steps_of
-from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure
 
@@ -255,11 +254,3 @@ def take_symmetric(
             "out, and its field is turned by as much",
         )
     return bias, np.append(np.diag(symmetric), symmetric[[0, 0, 1], [1, 2, 2]]), warnings
-
-
-def find_magnitude(calibration: Calibration) -> float | None:
-    """The field magnitude that the last step with one was scaled to, in `unit_out`, if known."""
-    magnitudes = [
-        step.magnitude for step in steps_of(calibration) if isinstance(step, Affine | Thermal)
-    ]
-    return magnitudes[-1] if magnitudes else None

@@ -14,9 +14,8 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
-from agonic.calibration.steps import require_calibration
+from agonic.calibration.steps import find_magnitude, require_calibration
 from agonic.errors import AgonicError, ValidityError
-from agonic.exports.convert import find_magnitude
 from agonic.exports.polynomials import (
     changes_with_temperature,
     evaluate_affine,

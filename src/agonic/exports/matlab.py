@@ -22,8 +22,9 @@ from scipy.io import savemat
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
+from agonic.calibration.steps import find_magnitude
 from agonic.exports.banner import write_banner
-from agonic.exports.convert import Export, find_magnitude, hold_sources, reduce
+from agonic.exports.convert import Export, hold_sources, reduce
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.polynomials import RATE, changes_with_temperature, find_range_C, fit_polynomials
 

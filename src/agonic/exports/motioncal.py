@@ -17,7 +17,8 @@ from pathlib import Path
 
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.exports.convert import Export, find_magnitude, hold_sources, take_symmetric
+from agonic.calibration.steps import find_magnitude
+from agonic.exports.convert import Export, hold_sources, take_symmetric
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
 

@@ -21,7 +21,7 @@ from agonic.calibration.inputs import signals as signals_of
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.sources import parse_source
-from agonic.calibration.steps import steps_of
+from agonic.calibration.steps import find_step, steps_of
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.errors import AgonicError
 from agonic.maths.equation import polynomial
@@ -62,8 +62,7 @@ class Polynomials:
 
 def changes_with_temperature(calibration: Calibration) -> bool:
     """Whether a calibration depends on temperature, and is affine at each."""
-    bent = any(isinstance(step, Network) for step in steps_of(calibration))
-    return "temperature" in calibration.needs and not bent
+    return "temperature" in calibration.needs and find_step(calibration, Network) is None
 
 
 def find_range_C(calibration: Calibration) -> tuple[float, float]:

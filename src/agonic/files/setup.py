@@ -31,7 +31,6 @@ disagreement_deg = 10           # of two compasses
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -54,6 +53,7 @@ from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import load, save
 from agonic.files.names import file_stem
 from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
+from agonic.files.toml_text import write_value
 from agonic.logs.contents import name_content, read_bytes
 from agonic.maths.rotations.tilt import Order
 from agonic.units import ACCELERATION
@@ -256,7 +256,7 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
                     name = saved[compass.sensor]
                 else:
                     save(part, file.with_name(name))
-                lines.append(f"{key} = {_quote(name)}")
+                lines.append(f"{key} = {write_value(name)}")
         if compass.latency_s or getattr(compass.calibration, "latency_s", 0.0):
             lines.append(f"latency_s = {compass.latency_s!r}")
         if compass.latency_sd_s not in (None, getattr(compass.calibration, "latency_sd_s", None)):
@@ -278,13 +278,8 @@ def _write_section(section: str, setup: Setup, files: Mapping[str, str | None]) 
         if of == section
     }
     said = [
-        f"{key} = {_quote(value) if isinstance(value, str) else repr(float(value))}"
+        f"{key} = {write_value(value) if isinstance(value, str) else repr(float(value))}"
         for key, value in {**values, **files}.items()
         if value is not None
     ]
     return [f"[{section}]", *said, ""] if said else []
-
-
-def _quote(text: str) -> str:
-    """A TOML basic string; JSON's escapes are a part of TOML's."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

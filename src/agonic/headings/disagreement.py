@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration, has_two_axes
-from agonic.calibration.chain import Chain
+from agonic.calibration.base import has_two_axes
 from agonic.calibration.setup import Compass, Setup
-from agonic.calibration.thermal import Thermal
+from agonic.calibration.steps import find_magnitude
 from agonic.headings.attitude import LEVEL
 from agonic.headings.compass_heading import Indication
 from agonic.headings.expected_field import Surroundings
@@ -113,13 +111,6 @@ def _explain_unseen(compass: Compass, why: str) -> str:
 
 def _over(difference: Array, limit: float) -> Array:
     return np.abs(difference) / max(limit, 1e-12)
-
-
-def find_magnitude(calibration: Calibration) -> float | None:
-    """The magnitude of the field that a calibration was scaled to."""
-    steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
-    scaled = [step for step in steps if isinstance(step, Affine | Thermal)]
-    return scaled[-1].magnitude if scaled else None
 
 
 def choose_compass(distances: list[Array | None], missing: list[Mask | None], n: int) -> Index:

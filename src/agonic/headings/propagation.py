@@ -16,9 +16,9 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
+from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.maths.equation import polynomial, temperature_model
@@ -34,8 +34,7 @@ class Step(NamedTuple):
 
 def list_steps(calibration: Calibration) -> tuple[Step, ...]:
     """The steps of a calibration, each with the root of its covariance."""
-    plain = calibration.steps if isinstance(calibration, Chain) else (calibration,)
-    return tuple(Step(_known(step), _root(_known(step))) for step in plain)
+    return tuple(Step(_known(step), _root(_known(step))) for step in steps_of(calibration))
 
 
 def _known(step: Calibration) -> Affine | Thermal | Alignment:

@@ -9,8 +9,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, has_two_axes
-from agonic.calibration.chain import Chain
 from agonic.calibration.setup import Setup
+from agonic.calibration.steps import steps_of
 from agonic.errors import LogError
 from agonic.headings.attitude import (
     LEVEL,
@@ -153,9 +153,8 @@ def find_mounting(calibration: Calibration) -> Array:
     >>> find_mounting(turn).round(9)[0].tolist()
     [0.0, -1.0, 0.0]
     """
-    steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
     turn = np.eye(3)
-    for step in steps:
+    for step in steps_of(calibration):
         if isinstance(step, Alignment):
             turn = step.rotation.as_matrix() @ turn
     return turn

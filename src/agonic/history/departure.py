@@ -10,8 +10,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.health import Finding
 from agonic.health.finding import figure
-from agonic.history.fit import Drift
 from agonic.history.parameters import NAMES, extract_parameters
+from agonic.history.result import Drift
 from agonic.maths.estimation.inference.false_discovery import find_discoveries
 from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
 from agonic.maths.estimation.robust.tails import Tail, fit_tail

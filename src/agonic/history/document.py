@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from datetime import UTC, datetime
+from datetime import UTC
 from typing import Any
 
 from agonic.history.departure import Departure
 from agonic.history.figures import DAYS_A_MONTH, DAYS_A_YEAR, choose_unit, draw_trends
-from agonic.history.fit import Drift, Event
 from agonic.history.parameters import KINDS
+from agonic.history.result import Drift
 from agonic.history.trend import Trend
+from agonic.history.values import list_values
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
 from agonic.report.digits import count, group_digits, quantity, round_to_sd, show_sign, with_sd
@@ -42,6 +43,7 @@ def describe_drift(drift: Drift, *, title: str = "") -> Document:
     ----------
     drift : as `agonic.history.drift` gives it. title : of the page; default: the sensor.
 
+    >>> from datetime import UTC, datetime
     >>> from agonic.history.fit import drift
     >>> from agonic.population import Population
     >>> rows = [Row(sensor="<7>", source=f"{k}.csv", verdict="good", status="", bias_x=float(k % 3),
@@ -75,7 +77,7 @@ def describe_drift(drift: Drift, *, title: str = "") -> Document:
         entries=_list_calibrations(drift),
         entries_title="",
         sections=sections,
-        values=_make_values(drift),
+        values=list_values(drift),
         styles=["thermal.css", "history.css"],
     )
 
@@ -241,65 +243,3 @@ def _tabulate_calibrations(drift: Drift) -> list[Table | Markup]:
         notes.append(f"{count(len(rows) - len(shown), 'earlier one')} left out.")
     table = Table(head, cells, "calibrations", scrolls=True)
     return [table, *(element("p", note, class_="aside") for note in notes)]
-
-
-# ---- for programs --------------------------------------------------------------------------------
-
-
-def _make_values(drift: Drift) -> dict[str, Any]:
-    rows = enumerate(drift.population)
-    return {
-        "sensor": drift.sensor,
-        "at": drift.at.isoformat(),
-        "calibrations": [_record_row(row, number in drift.compared) for number, row in rows],
-        "trends": [_record_trend(one, drift.at) for one in drift.trends],
-        "events": [_record_event(event) for event in drift.events],
-        "findings": [
-            {"name": f.name, "severity": f.severity, "sentence": f.sentence} for f in drift.findings
-        ],
-    }
-
-
-def _record_row(row: Row, compared: bool) -> dict[str, Any]:
-    bias, sd = ([getattr(row, f"bias_{i}{end}") for i in "xyz"] for end in ("", "_sd"))
-    return {
-        "start": None if row.start is None else row.start.isoformat(),
-        "dated": UNDATED.name not in row.findings,
-        "source": row.source,
-        "verdict": row.verdict,
-        "status": row.status,
-        "compared": compared,
-        "unit": row.unit_in,
-        "bias": None if bias[0] is None else bias,
-        "bias_sd": None if sd[0] is None else sd,
-        "temperature_C": row.temperature_C,
-    }
-
-
-def _record_trend(one: Trend, at: datetime) -> dict[str, Any]:
-    mean, sd, calibration_sd = one.predict(at)
-    return {
-        "parameter": one.name,
-        "unit": one.unit,
-        "value": mean,
-        "sd": sd,
-        "calibration_sd": calibration_sd,
-        "slope_per_year": one.slope,
-        "slope_sd_per_year": one.slope_sd,
-        "p_value": one.p_value,
-        "scatter": one.scatter,
-        "walk_per_root_year": one.walk,
-    }
-
-
-def _record_event(event: Event) -> dict[str, Any]:
-    return {
-        "kind": event.kind,
-        "after": event.after.isoformat(),
-        "before": event.before.isoformat(),
-        "p_value": event.p_value,
-        "parameters": [
-            {"parameter": one.name, "unit": one.unit, "size": one.size, "sd": one.sd}
-            for one in event.parameters
-        ],
-    }

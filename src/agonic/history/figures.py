@@ -8,7 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.history.fit import Drift, Event, sample_times
+from agonic.history.fit import sample_times
+from agonic.history.result import Drift, Event
 from agonic.history.trend import Trend
 from agonic.report.axes import Axis, down, right
 from agonic.report.markup import Markup, element

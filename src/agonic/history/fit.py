@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
@@ -10,8 +9,9 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.health import Finding
-from agonic.health.finding import Judged, figure
+from agonic.health.finding import figure
 from agonic.history.parameters import NAMES, Parameters, extract_parameters, find_comparable
+from agonic.history.result import Drift, Event, ParameterChange
 from agonic.history.trend import Trend, make_series, make_trend
 from agonic.maths.estimation.changes.change_points import (
     ChangePoint,
@@ -30,55 +30,6 @@ CHANCE = 0.004
 DRIFTING = 0.01
 """How often chance makes any parameter of a sensor seem to drift."""
 _SETTLED = 4  # calibrations after a step from which on it is history
-
-
-@dataclass(frozen=True)
-class ParameterChange:
-    """By how much one parameter moved, with its standard deviation."""
-
-    name: str
-    unit: str
-    size: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class Event:
-    """What happened: a "step" between two calibrations, an "outlier", or a "last" one that is off.
-
-    It lies after `after` and not later than `before`, the moment of calibration number `place` (of
-    those that are compared). `p_value` is how often chance makes one like it anywhere in the
-    history; `extract_parameters` are those in which it shows.
-    """
-
-    kind: str
-    place: int
-    after: datetime
-    before: datetime
-    p_value: float
-    parameters: tuple[ParameterChange, ...]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Drift(Judged):
-    """How one sensor moved: a trend for each parameter, what happened, and findings.
-
-    `population` holds all calibrations in order of time, `compared` the numbers of those that were
-    compared. `trends` is empty where they are too few. `verdict`, `ok` and `status` as for a fit.
-    """
-
-    sensor: str
-    at: datetime
-    population: Population
-    compared: Index
-    trends: tuple[Trend, ...]
-    events: tuple[Event, ...]
-    findings: tuple[Finding, ...]
-    remarks: tuple[str, ...]
-
-    def trend(self, name: str) -> Trend:
-        """The trend of "bias x" … "cross yz"; raises `KeyError` for one that is not followed."""
-        return {one.name: one for one in self.trends}[name]
 
 
 def drift(population: Population, at: datetime | None = None) -> Drift:

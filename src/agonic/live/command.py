@@ -13,12 +13,10 @@ from agonic.errors import AgonicError, MissingExtraError
 if TYPE_CHECKING:
     from agonic.calibration.affine import Affine
     from agonic.live.streams import Source
-    from agonic.live.web.messages import Sensor as Status
     from agonic.live.web.session import Session
     from agonic.reference import Reference
 
 PORT = 8737  # of the page
-INTERRUPTED = 130  # the exit status after Ctrl-C, where no result was written
 
 
 def add_to(app: typer.Typer) -> None:
@@ -98,7 +96,9 @@ def live(
     )
     session = Session(opened, plan)
     if text or as_json:
-        return _run_in_terminal(session, as_json)
+        from agonic.live.terminal import run_in_terminal
+
+        return run_in_terminal(session, as_json)
     return _run_on_page(session, listen, port, browser)
 
 
@@ -181,6 +181,7 @@ def _run_on_page(session: Session, listen: str | None, port: int, browser: bool)
     except ImportError:
         raise MissingExtraError("the live page", "live") from None
     from agonic.console.output import say
+    from agonic.live.terminal import Lines
 
     def ready(address: str) -> None:
         say(f"Live      {address}")
@@ -189,7 +190,7 @@ def _run_on_page(session: Session, listen: str | None, port: int, browser: bool)
             threading.Thread(target=task, args=(address,), daemon=True).start()
 
     def tell(address: str) -> None:
-        lines = _Lines(sys.stderr)
+        lines = Lines(sys.stderr)
         while not stopped.wait(0.5):
             lines.show_source(session.status)
 
@@ -214,89 +215,3 @@ def _has_screen() -> bool:
         return False
     shown = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     return shown or sys.platform in ("win32", "darwin")
-
-
-def _run_in_terminal(session: Session, as_json: bool) -> int:
-    """Guide in words until the target is reached or the source has ended, then write."""
-    import sys
-    import time
-    from dataclasses import replace
-
-    from agonic.console.finish import finish
-    from agonic.recording.document import describe_recording
-
-    session.start()
-    stream = sys.stderr if as_json else sys.stdout
-    lines = _Lines(stream)
-    try:
-        while True:
-            time.sleep(0.25)
-            status = session.status
-            lines.show(status)
-            reached = bool(status.sensors) and all(one.done for one in status.sensors)
-            if status.ended or reached:
-                lines.show(status, last=True)
-                break
-    except KeyboardInterrupt:
-        session.stop()
-        print(f"\n{session.parting}", file=stream)
-        return INTERRUPTED
-    finally:
-        session.stop()
-    if not session.shown:
-        raise AgonicError(f"no readings came: {session.status.heard}")
-    outcomes = session.accept()
-    lines.show(session.status, last=True)  # the slower fits are made by now
-    if session.status.trouble:
-        raise AgonicError(session.status.trouble)
-    failures = [(o.sensor, o.status) for o in outcomes if o.sensor not in session.written]
-    document = describe_recording(
-        session.results, written=session.written, failures=failures, schema="agonic/live@1"
-    )
-    guidance = [_record_guidance(one) for one in session.status.sensors]
-    document = replace(document, values={**(document.values or {}), "guidance": guidance})
-    return finish(document, page=session.plan.folder / "report.html", as_json=as_json)
-
-
-def _record_guidance(sensor: Status) -> dict[str, Any]:
-    """What was last said, and of a vehicle that stays level the headings seen."""
-    from msgspec import to_builtins
-
-    names = ("name", "method", "heading_sd_deg", "say", "done", "rose")
-    return {name: to_builtins(getattr(sensor, name)) for name in names}
-
-
-class _Lines:
-    """The guidance as lines: each sensor's when its words change, at most one a second."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream, self._said, self._at = stream, {}, {}  # type: ignore[var-annotated]
-
-    def show_source(self, status: Any) -> None:
-        """Print what is new of the source: what is heard of it, notes, trouble."""
-        import re
-        import time
-
-        self._line("", status.heard, status.heard, 0.0)
-        for note in [*status.notes, *filter(None, [status.trouble])]:
-            self._line(re.sub(r"[\d,]+", "", note), note, note, time.monotonic())
-
-    def show(self, status: Any, last: bool = False) -> None:
-        """Print what is new in a status; of the `last` at once."""
-        import time
-
-        from agonic.live.guidance import tell_error
-
-        self.show_source(status)
-        for one in status.sensors:
-            error = tell_error(one.heading_sd_deg)
-            wrong = "".join(f"  ! {problem.text}" for problem in one.problems)
-            words = f"{one.say}{wrong}"
-            told = f"{one.name}: {100 * one.progress:3.0f} % covered{error}  {words}"
-            self._line(one.name, words, told, float("inf") if last else time.monotonic())
-
-    def _line(self, who: str, words: str, line: str, now: float) -> None:
-        if self._said.get(who) == words or (now - self._at.get(who, -9.0) < 1.0 and who):
-            return
-        self._said[who], self._at[who] = words, now
-        print(line, file=self._stream, flush=True)

@@ -25,6 +25,7 @@ from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.coverage import heading_jacobian_deg, level_directions, make_level_axes
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
+from agonic.recording.choice.sources import varies
 from agonic.recording.held_out import FitPart, cut_blocks, predict
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -166,7 +167,7 @@ def _list_others(
     for model, name in NAMES.items():
         if not alone or chosen.model != model:
             yield name, _BY_MAGNITUDE.with_settings(model=model), said.get(model, "")
-    if alone and reference is not None and _varies(samples.current_A):
+    if alone and reference is not None and varies(samples.current_A):
         yield "full + current_A", _join("magnitude", sources=("current_A",)), ""
     if chosen.needs and method in CHANNELS:
         name = f"{NAMES[chosen.model]} + {AIDS[method]}"
@@ -186,10 +187,6 @@ def _start_near(chosen: Affine, samples: Samples) -> Affine:
 def _join(*channels: str, sources: tuple[str, ...] = ()) -> _Way:
     """The fit by those channels, with what sources add."""
     return _BY_CHANNELS.with_settings(channels=channels, settings=Settings(sources=sources))
-
-
-def _varies(current: Array | None) -> bool:
-    return current is not None and float(np.ptp(current)) > 0.0
 
 
 def _identity(chosen: Affine) -> Affine:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from agonic.alignment.session.north import NorthSession
 from agonic.atomic import write_atomically
 from agonic.exports.csv import write_csv
 from agonic.files.calibration import save
+from agonic.files.toml_text import write_value
 
 
 def write_instruments(session: Session | NorthSession | CoilSession, home: Path) -> list[Path]:
@@ -53,8 +53,6 @@ def write_toml(file: Path, parts: Sequence[tuple[str, Mapping[str, Any] | None]]
             continue
         lines += ["", f"[{name}]"] if name else []
         lines += [
-            f"{key} = {json.dumps(value, ensure_ascii=False)}"
-            for key, value in keys.items()
-            if value is not None
+            f"{key} = {write_value(value)}" for key, value in keys.items() if value is not None
         ]
     return write_atomically(file, "\n".join(lines) + "\n")

@@ -13,6 +13,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
+from agonic.calibration.steps import steps_of
 from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
 from agonic.maths.estimation.changes.rest import find_rest
@@ -181,8 +182,7 @@ def _calibration(
     )
     if calibration is None:
         return turn
-    steps = calibration.steps if isinstance(calibration, Chain) else (calibration,)
-    return Chain(steps=(*steps, turn), provenance=provenance)
+    return Chain(steps=(*steps_of(calibration), turn), provenance=provenance)
 
 
 def _findings(fit: GravityFit, gravity: Array) -> list[Finding]:

@@ -18,6 +18,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Validity
 from agonic.calibration.chain import Chain
+from agonic.calibration.steps import steps_of
 from agonic.errors import check_choice
 from agonic.provenance import Input, Provenance
 
@@ -93,8 +94,7 @@ def _calibration(session: Session, solution: Solution, solve: tuple[str, ...]) -
     turn = _turn(session, solution, provenance)
     steps: list[Calibration] = []
     if session.calibration is not None:
-        known = session.calibration
-        steps += known.steps if isinstance(known, Chain) else (known,)
+        steps += steps_of(session.calibration)
     if {"bias", "matrix"} & set(solve):
         steps.append(_own(session, solution, provenance))
     if not steps:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agonic.atomic import make_folder, write_atomically
+from agonic.calibration.network import Network
 from agonic.calibration.setup import Setup
 from agonic.calibration.sources import parse_source
+from agonic.calibration.steps import find_step
 from agonic.errors import AgonicError
-from agonic.exports.c_network_parts import has_network
 from agonic.exports.convert import Export
 from agonic.exports.firmware.c_text import fill_template, require_identifier, write_literal
 from agonic.exports.firmware.grid import DeclinationGrid
@@ -76,7 +77,7 @@ def write_firmware(
     compass_ellipsoid.c
     """
     for compass in setup.compasses:
-        if has_network(compass.calibration):
+        if find_step(compass.calibration, Network) is not None:
             raise AgonicError(
                 "the firmware of a setup holds a bias and a matrix for each compass, and the "
                 f"calibration of {compass.sensor} is a network: export it on its own (agonic "

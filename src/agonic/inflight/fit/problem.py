@@ -8,7 +8,7 @@ from typing import Literal
 from agonic.arrays import Array, Mask
 from agonic.calibration.base import Calibration
 from agonic.calibration.network import Network
-from agonic.calibration.steps import steps_of
+from agonic.calibration.steps import find_step
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import FEWEST, find_usable_rows
 from agonic.inflight.fit.terms import Terms, build_terms
@@ -101,7 +101,7 @@ def check_ground(ground: Calibration | None) -> None:
     """Raise `AgonicError` for a ground calibration that bias and matrix cannot be added to."""
     if ground is None:
         return
-    if any(isinstance(step, Network) for step in steps_of(ground)):
+    if find_step(ground, Network) is not None:
         raise AgonicError(
             "the ground calibration is a network, which gives the field without a bias and a "
             "matrix that could move in flight; give its base, or train it again with `retrain`"

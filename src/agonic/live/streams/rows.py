@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from agonic.errors import AgonicError
+from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import Column, Identified, identify_column, identify_columns
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
@@ -88,7 +89,7 @@ class LineParser:
         return self._cells([cell.strip() for cell in _SEPARATORS.split(text) if cell.strip()])
 
     def _cells(self, cells: list[str]) -> list[Reading]:
-        values = [_parse_number(cell) for cell in cells]
+        values = [to_number(cell) for cell in cells]
         words = sum(
             math.isnan(v) and c.lower() != "nan" for c, v in zip(cells, values, strict=True)
         )
@@ -194,7 +195,7 @@ def _parse_sentence(text: str) -> Reading:
         raise Unreadable(f"${name} is already corrected by the device: have it send $VNIMU")
     if name not in _SENTENCES and not name.endswith("MAG"):
         raise Unreadable(f"${name} holds no field that is known: send $…MAG,x,y,z")
-    values = [_parse_number(cell) for cell in cells[:9]]
+    values = [to_number(cell) for cell in cells[:9]]
     if len(values) < 3 or any(map(math.isnan, values[:3])):
         raise Unreadable(f"${name} without three numbers")
     motion = tuple(values[3:9]) if name in _SENTENCES and len(values) == 9 else None
@@ -208,14 +209,7 @@ def _make_vector(values: list[float] | tuple[float, ...]) -> Vector:
 
 def _parse_numbers(text: str, count: int | None) -> tuple[float, ...]:
     """The numbers between commas; exactly so many, where it is known."""
-    values = tuple(_parse_number(cell) for cell in text.split(","))
+    values = tuple(to_number(cell) for cell in text.split(","))
     if (count is not None and len(values) != count) or any(map(math.isnan, values)):
         raise Unreadable(f"a line that should hold {count or 'only'} numbers")
     return values
-
-
-def _parse_number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan

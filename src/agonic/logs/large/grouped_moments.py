@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.logs.headers.columns import Column
-from agonic.logs.large.dataset import Channel, Dataset, quote, select_table
+from agonic.logs.large.database import quote, select_table
+from agonic.logs.large.dataset import Channel, Dataset
 from agonic.maths.equation.moments import EXPONENTS
 
 _UNIX_SECONDS = (1e9, 4.1e9)

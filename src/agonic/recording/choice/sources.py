@@ -53,7 +53,7 @@ def fit_with_sources(
         fit = fit_with(*found.sources)
         if _measure_sources(fit, samples) > MATTERS:
             return add_choice(fit, found), found
-    if _varies(samples.current_A):
+    if varies(samples.current_A):
         fit = fit_with("current_A")
         surely = _test_sources(fit) < SIGNIFICANT
         if surely and _measure_sources(fit, samples) > MATTERS:
@@ -73,7 +73,8 @@ def list_sources(fit: Fit) -> tuple[str, ...]:
     return getattr(fit.calibration, "sources", ())
 
 
-def _varies(current: Array | None) -> bool:
+def varies(current: Array | None) -> bool:
+    """Whether a current was recorded and changes."""
     return current is not None and float(np.ptp(current)) > 0.0
 
 

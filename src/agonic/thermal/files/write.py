@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from io import BytesIO
@@ -15,6 +14,7 @@ from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError, check_choice
 from agonic.exports.parquet import make_parquet
+from agonic.files.toml_text import write_value
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 from agonic.thermal.campaign.description import Description
@@ -151,11 +151,6 @@ def _format_pairs(**values: Any) -> list[str]:
 
 def _format_value(value: Any) -> str:
     if isinstance(value, Mapping):
-        pairs = (f"{_quote(key)} = {_quote(text)}" for key, text in value.items())
+        pairs = (f"{write_value(key)} = {write_value(text)}" for key, text in value.items())
         return f"{{ {', '.join(pairs)} }}"
-    return _quote(value) if isinstance(value, str) else repr(value)
-
-
-def _quote(text: str) -> str:
-    """A TOML basic string; JSON's escapes are a part of TOML's."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return write_value(value) if isinstance(value, str) else repr(value)

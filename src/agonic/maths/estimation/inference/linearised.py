@@ -63,10 +63,6 @@ class Linearised:
         """The weighted sum of squares of the residuals."""
         return float(self.weights @ self.residuals**2)
 
-    def find_move(self, error: Array) -> Array:
-        """How far an error (n,) of the residuals moves the estimate, (p,): A⁻¹ JᵀW e."""
-        return np.asarray(np.linalg.solve(self.information, self.weighted @ error))
-
 
 def batches_of(n: int, correlation: float) -> Index:
     """Consecutive rows in batches several correlation times long, (n,) numbers from zero.

@@ -57,11 +57,6 @@ class Parts:
         return count + 12 * sum(step is not None for step in (self.before, self.after))
 
 
-def has_network(calibration: Calibration) -> bool:
-    """Whether a step of a calibration is a network."""
-    return any(isinstance(step, Network) for step in steps_of(calibration))
-
-
 def hold_network(calibration: Calibration, temperature_C: float) -> Calibration:
     """The calibration held at a temperature, °C; an error where it does not depend on one."""
     if "temperature" not in calibration.needs:

@@ -6,7 +6,7 @@ import numpy as np
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
-from agonic.exports.c_network_parts import Parts
+from agonic.exports.c_network.parts import Parts
 from agonic.exports.firmware.c_text import write_array, write_literal
 
 

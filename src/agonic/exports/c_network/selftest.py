@@ -12,7 +12,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import measure_width, signals
 from agonic.errors import AgonicWarning
-from agonic.exports.c_network_parts import Parts
+from agonic.exports.c_network.parts import Parts
 
 Float32 = NDArray[np.float32]
 

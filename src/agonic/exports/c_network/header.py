@@ -1,0 +1,144 @@
+"""The C header of a network: `write_c` writes it, base, domain guard and all.
+
+    field = base(raw) + g(x) · clip(middle + half · V [tanhf(U [x, 1]), 1]),   float32
+
+g is 1 near the readings it was trained on and 0 from twice that distance, where the base is all
+that is left; steps of a chain before and after it are a bias and a matrix each.
+"""
+
+from __future__ import annotations
+
+from agonic.calibration.base import Calibration
+from agonic.calibration.inputs import signals
+from agonic.exports.banner import format_float32, write_banner
+from agonic.exports.c_network.code import (
+    name_beside,
+    write_combine,
+    write_field,
+    write_nodes,
+    write_read,
+)
+from agonic.exports.c_network.parts import Parts, split_parts
+from agonic.exports.c_network.selftest import Known, make_known_readings
+from agonic.exports.c_network.tables import (
+    write_affine_table,
+    write_base_table,
+    write_guard_table,
+    write_second_table,
+)
+from agonic.exports.firmware.c_text import (
+    fill_template,
+    write_array,
+    write_comment,
+    write_flash,
+    write_literal,
+)
+
+
+def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
+    """The text of the header, and warnings."""
+    parts = split_parts(calibration)
+    known = make_known_readings(parts)
+    network, shape = parts.network, parts.network.shape
+    beside = len(parts.beside)
+    text = fill_template(
+        "headers/network.h.in",
+        {
+            "name": name,
+            "GUARD": name.upper(),
+            "about": write_comment(
+                (*write_banner(calibration, _describe(parts)), *_sizes(parts, known))
+            ),
+            "flash": write_flash(),
+            "formula": f"{_formula(parts)}.",
+            "unit_out": calibration.unit_out,
+            "inputs": str(shape.inputs),
+            "each": str(shape.inputs + 1),
+            "hidden": str(shape.widths[1]),
+            "last": str(shape.widths[-2]),
+            "width": str(shape.widths[-2] + 1),
+            "second_table": write_second_table(network, name),
+            "first": f"    float first[{shape.widths[1]}];\n" if network.second is not None else "",
+            "nodes": write_nodes(network, name),
+            "outputs": str(shape.outputs),
+            "input_names": ", ".join(signals(network.inputs)),
+            "input_scale": write_array([network.input_middle, network.input_half]),
+            "input_values": ", ".join(_input_values(parts)),
+            "U": write_array(network.hidden),
+            "V": write_array(network.output),
+            "output_middle": write_array(network.output_middle),
+            "output_half": write_literal(network.output_half),
+            "before_table": write_affine_table(
+                parts.before, f"{name}_before", "Before the network"
+            ),
+            "after_table": write_affine_table(parts.after, f"{name}_after", "After the network"),
+            "base_table": write_base_table(parts, name),
+            "guard_table": write_guard_table(parts, name),
+            "beside_argument": f"const float beside[{beside}], " if beside else "",
+            "beside_words": f"   Beside a reading: {', '.join(parts.beside)}.\n" if beside else "",
+            "beside_known": "row + 3, " if beside else "",
+            "beside_column": "beside, " if beside else "",
+            "returns": _returns(parts),
+            "read": write_read(parts, name),
+            "combine": write_combine(parts, name),
+            "write": write_field(parts, name),
+            "tests": str(len(known.rows)),
+            "columns": str(known.rows.shape[1]),
+            "known": write_array(known.rows, "    "),
+            "tolerance": format_float32(known.tolerance),
+        },
+    )
+    return text, _warnings(parts)
+
+
+def _formula(parts: Parts) -> str:
+    """The equation of the network."""
+    whole = "network(x)" if parts.network.base is None else "base(raw) + g(x) network(x)"
+    along = " along the base" if parts.network.target == "magnitude" else ""
+    return f"field = {whole}{along}"
+
+
+def _describe(parts: Parts) -> str:
+    """The equation, its size, and what holds beyond the training."""
+    base = parts.network.base
+    beyond = "" if base is None else "; where nothing was trained g is 0 and the base is left"
+    return f"{_formula(parts)}, float32, {parts.network.shape.said} (tanhf){beyond}"
+
+
+def _returns(parts: Parts) -> str:
+    if parts.network.base is None:
+        return "1, or 0 so far from what was trained that\n   the field is a guess."
+    outside = "0 where half of the correction or more is\n   gone, far from what was trained"
+    return f"1, or {outside}{', or the base is out of its temperatures' if parts.warm else ''}."
+
+
+def _sizes(parts: Parts, known: Known) -> tuple[str, ...]:
+    unit = parts.network.unit_out
+    return (
+        f"Size: {parts.constants} float constants, {4 * parts.constants} bytes; "
+        f"{parts.network.shape.nodes} calls of tanhf a reading",
+        f"Error of float32: up to {known.error:.2g} {unit} on {known.tried} readings like those "
+        f"of the training; the self-test allows {format_float32(known.tolerance)} {unit}",
+    )
+
+
+def _warnings(parts: Parts) -> tuple[str, ...]:
+    if parts.network.base is not None:
+        return ()
+    return (
+        "the network has no base to fall back to: far from what it was trained on its field is a "
+        "guess, where the C returns 0",
+    )
+
+
+def _input_values(parts: Parts) -> list[str]:
+    """Where the C finds each input: a reading, something beside it, or a value that is held."""
+    found = []
+    for name in parts.network.inputs:
+        if name in parts.network.held:
+            found.append(write_literal(parts.network.held[name]))
+        elif name == "field":
+            found += [f"reading[{axis}]" for axis in range(3)]
+        else:
+            found += [name_beside(parts, one) for one in signals((name,))]
+    return found
