@@ -27,3 +27,10 @@ def test_numbers_in_brackets_are_read(tmp_path: Path, layout: str) -> None:
     samples = ag.read(path)
     np.testing.assert_allclose(samples.time, [row[0] for row in ROWS], atol=1e-9)
     np.testing.assert_allclose(samples.field, np.array(ROWS)[:, 1:] * 1000)
+
+
+def test_a_number_in_brackets_behind_a_name_stays_a_part_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = [f"{row[0]},{row[1]},{row[2]},{row[3]},MAG[0]" for row in ROWS]
+    path.write_text("\n".join(["time_s,mag_x_uT,mag_y_uT,mag_z_uT,sensor", *rows]))
+    assert ag.sensors(path) == ("MAG[0]",)

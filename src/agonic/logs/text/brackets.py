@@ -1,4 +1,7 @@
-"""Numbers in brackets below a header: `0.1;(1.5, 2, 3)` or `0.1,(1.5),(2),(3)`."""
+"""Numbers in brackets below a header: `0.1;(1.5, 2, 3)` or `0.1,(1.5),(2),(3)`.
+
+Those behind a name, as in `MAG[0]`, are a part of it.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import holds_values, is_header, split_cells
 
 _NUMBER = r"[-+]?[\d.]++(?:[eE][-+]?\d++)?+"
-_GROUP = re.compile(rf"[(\[{{<]\s*({_NUMBER}(?:[\s,;]+{_NUMBER})*)\s*[)\]}}>]")
+_GROUP = re.compile(rf"(?<!\w)[(\[{{<]\s*({_NUMBER}(?:[\s,;]+{_NUMBER})*)\s*[)\]}}>]")
 _BETWEEN = re.compile(r"[\s,;]+")
 _SEPARATORS = ";\t|,"
 _LOOKED_AT = 50
