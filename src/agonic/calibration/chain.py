@@ -116,27 +116,19 @@ class Chain(Correction):
         bias, matrix = np.zeros(3), np.eye(3)
         added: dict[str, Array] = {}
         typical: dict[str, Array] = {}
+        affine: list[Affine] = []
         for step in self.steps:
             if isinstance(step, Alignment):
                 matrix = step.rotation.as_matrix() @ matrix
                 continue
-            if isinstance(step, Thermal):
-                raise AgonicError(
-                    "a step of this chain changes with temperature, so the chain is no single "
-                    "affine; hold it at a temperature first: chain.at(20.0).composed"
-                )
-            if isinstance(step, Network):
-                raise AgonicError(
-                    "a step of this chain is a network, which no bias and matrix can hold; write "
-                    "the chain as C, or give the base of the network alone"
-                )
+            known = _require_affine(step)
+            affine.append(known)
             back = _inverse(matrix)
-            bias = bias + back @ step.bias
-            for name, block in _blocks(step).items():
+            bias = bias + back @ known.bias
+            for name, block in _blocks(known).items():
                 added[name] = added.get(name, np.zeros_like(block)) + back @ block
-            typical |= _typical(step)
-            matrix = step.matrix @ matrix
-        affine = [step for step in self.steps if isinstance(step, Affine)]
+            typical |= _typical(known)
+            matrix = known.matrix @ matrix
         common = {
             "bias": bias,
             "matrix": matrix,
@@ -228,6 +220,21 @@ def _slope(step: Calibration, values: Array, columns: dict[str, ArrayLike]) -> A
         for axis in np.eye(3)
     ]
     return np.asarray(np.stack(moved, axis=-1) / (2 * small))
+
+
+def _require_affine(step: Affine | Thermal | Network) -> Affine:
+    """The step, which must be bias and matrix."""
+    if isinstance(step, Thermal):
+        raise AgonicError(
+            "a step of this chain changes with temperature, so the chain is no single affine; hold "
+            "it at a temperature first: chain.at(20.0).composed"
+        )
+    if isinstance(step, Network):
+        raise AgonicError(
+            "a step of this chain is a network, which no bias and matrix can hold; write the chain "
+            "as C, or give the base of the network alone"
+        )
+    return step
 
 
 def _inverse(matrix: Array) -> Array:

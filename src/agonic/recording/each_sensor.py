@@ -49,15 +49,13 @@ def calibrate_each(
     turn = None if mounting is None else parse_mounting(mounting)
     if turn is not None and second is not None:
         raise AgonicError("--mounting turns one sensor; mix in a second one (--second) without it")
-    aided = f"--method {method}" if method in ("levelled", "inertial", "vector") else None
-    course_asked = "--course" if course else None
-    told: dict[str, object] = {
+    all_rows = {
         "--between": between,
-        f"--method {method}": aided,
-        "--course": course_asked,
+        f"--method {method}": method in ("levelled", "inertial", "vector"),
+        "--course": course,
         "--mounting": mounting,
     }
-    long = open_missions(log, sensor, unit, told)
+    long = open_missions(log, sensor, unit, all_rows)
     if long:
         results, failures = _run(
             [(one.head().name, partial(calibrate_mission, one, at, date, field)) for one in long]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,12 @@ if TYPE_CHECKING:
 
 
 def open_missions(
-    log: Path, sensor: str | None, unit: str | None, unfit: dict[str, object]
+    log: Path, sensor: str | None, unit: str | None, all_rows: Mapping[str, str | bool | None]
 ) -> tuple[Mission, ...]:
     """One for each magnetometer of a table too long for memory; none where it is not.
 
-    Nor where a column names the sensor row by row. `unfit` are options that need all rows at once,
-    None where they were not given.
+    Nor where a column names the sensor row by row. `all_rows` are options that need all rows at
+    once, with what was given, if anything.
     """
     from dataclasses import replace
 
@@ -28,7 +29,7 @@ def open_missions(
         return ()
     mission = open_mission([log], sensor=sensor, unit=unit)
     names = mission.sensors()
-    given = [name for name, value in unfit.items() if value is not None]
+    given = [name for name, value in all_rows.items() if value]
     if names and given:
         raise AgonicError(
             f"{log.name} has {mission.rows} rows and is read piece by piece, by the magnitude "
