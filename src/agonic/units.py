@@ -13,6 +13,9 @@ ACCELERATION = "m/s2"
 STANDARD_GRAVITY_M_S2 = 9.80665
 """Standard gravity (CGPM 1901); a g of an accelerometer."""
 
+DAY_S = 86_400.0
+"""Seconds of a day without a leap second."""
+
 WEAKEST_HORIZONTAL = 2000.0
 """nT: below it lies the blackout zone of the World Magnetic Model, where no compass works."""
 

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.errors import AgonicError
-from agonic.inflight.simulation.kepler import EQUATOR_M, GRAVITATION_M3_S2, Orbit, compute_state_i
+from agonic.inflight.simulation.kepler import GRAVITATION_M3_S2, Orbit, compute_state_i
 from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
-from agonic.maths.earth.geodesy import directions, earth_fixed, earth_fixed_position
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M, directions, earth_fixed, earth_fixed_position
 from agonic.maths.rotations.attitude import rot_nb
 
 nT = 1.0
@@ -111,7 +111,7 @@ def test_circular_orbits_keep_their_height_speed_and_period() -> None:
     orbit = Orbit(altitude_m=700e3, inclination_deg=60.0)
     time = np.linspace(0, orbit.period_s, 1000)
     position, velocity = compute_state_i(orbit, time)
-    radius = EQUATOR_M + 700e3
+    radius = SEMI_MAJOR_M + 700e3
     np.testing.assert_allclose(np.linalg.norm(position, axis=0), radius)
     np.testing.assert_allclose(
         np.linalg.norm(velocity, axis=0), np.sqrt(GRAVITATION_M3_S2 / radius)
@@ -179,7 +179,7 @@ def test_positions_are_geodetic_and_under_the_satellite() -> None:
     made = simulate_orbit(n=200, rate_Hz=0.05, orbit=Orbit(node_deg=10.0))
     s = made.samples
     where = earth_fixed_position(directions(s.latitude_deg, s.longitude_deg), s.altitude_m)
-    np.testing.assert_allclose(np.linalg.norm(where, axis=0), EQUATOR_M + 500e3, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(where, axis=0), SEMI_MAJOR_M + 500e3, rtol=1e-12)
     ground_speed = np.linalg.norm(np.diff(where, axis=1), axis=0) / 20.0
     assert 7000 < ground_speed.min() < ground_speed.max() < 7900  # m/s
 

@@ -15,11 +15,11 @@ from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.units import DAY_S
 
 Treatment = Literal["corrected", "by the sensor", "solved for", "not corrected", "not known"]
 
 ARCSEC_PER_S = 15.041067
-_DAY_S = 86_400.0
 _J2000_TT = (2_451_545.0, 0.0)
 DEFLECTION_ARCSEC = 20.0
 
@@ -65,7 +65,7 @@ def _of_the_earth(session: Session) -> tuple[Effect, ...]:
     earth, when = load_earth_rotation(), session.middle
     ut1_tai, x, y = (float(value[0]) for value in earth.at(when))
     leap = float(tai_utc_s(when)[()])
-    tt = (when + leap + TT_TAI_S) / _DAY_S
+    tt = (when + leap + TT_TAI_S) / DAY_S
     precession = _angle(erfa.pmat06(UNIX_JD, tt) @ erfa.pmat06(*_J2000_TT).T)
     nutation = _angle(erfa.num06a(UNIX_JD, tt))
     origins = abs(erfa.gst06a(UNIX_JD, tt, UNIX_JD, tt) - erfa.era00(UNIX_JD, tt)) / ARCSEC_RAD

@@ -16,10 +16,9 @@ from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
 from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
 from agonic.maths.rotations.frames import angles_323_deg, r2, r3, rot_ci
+from agonic.units import DAY_S
 
 Change = Callable[[Session], Session]
-
-_DAY_S = 86_400.0
 
 
 class Mistake(NamedTuple):
@@ -119,7 +118,7 @@ def _of_sense() -> Iterator[Mistake]:
 def _of_date_frames(session: Session) -> Iterator[Mistake]:
     """Attitudes that are not in J2000, and sidereal time mixed up with the rotation angle."""
     star = session.star
-    tt = (star.time + tai_utc_s(star.time) + TT_TAI_S) / _DAY_S
+    tt = (star.time + tai_utc_s(star.time) + TT_TAI_S) / DAY_S
     of_date = {
         "the true equator and equinox of date": erfa.pnm06a(UNIX_JD, tt),
         "the mean equator and equinox of date": erfa.pmat06(UNIX_JD, tt),
@@ -198,8 +197,8 @@ def _of_time(session: Session) -> Iterator[Mistake]:
         ("UTC taken for GPS time", 'state time_scale = "UTC"', leap - 19.0),
         ("TT taken for UTC", 'state time_scale = "TT"', -leap - TT_TAI_S),
         ("UTC taken for TT", 'state time_scale = "UTC"', leap + TT_TAI_S),
-        ("times one day off", "check the date", 86_400.0),
-        ("times one day off", "check the date", -86_400.0),
+        ("times one day off", "check the date", DAY_S),
+        ("times one day off", "check the date", -DAY_S),
     ]
     for hours in [h for h in range(-14, 15) if h != 0]:
         scales.append(

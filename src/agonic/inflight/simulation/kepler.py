@@ -8,11 +8,11 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import AgonicError
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 
 GRAVITATION_M3_S2 = 3.986004418e14
 OBLATENESS = 1.08262668e-3
 """μ and J2 of the Earth (NIMA TR8350.2, EGM96)."""
-EQUATOR_M = 6_378_137.0
 
 _NEWTON_STEPS = 10
 _LOWEST_M = 100_000.0
@@ -35,7 +35,7 @@ class Orbit:
     eccentricity: float = 0.0
 
     def __post_init__(self) -> None:
-        lowest = self.semi_major_m * (1 - self.eccentricity) - EQUATOR_M
+        lowest = self.semi_major_m * (1 - self.eccentricity) - SEMI_MAJOR_M
         if not (0 <= self.eccentricity < 1 and lowest > _LOWEST_M):
             raise AgonicError(
                 f"an orbit of eccentricity {self.eccentricity} comes down to "
@@ -45,7 +45,7 @@ class Orbit:
     @property
     def semi_major_m(self) -> float:
         """Half the long axis, m."""
-        return EQUATOR_M + self.altitude_m
+        return SEMI_MAJOR_M + self.altitude_m
 
     @property
     def motion_rad_s(self) -> float:
@@ -74,7 +74,7 @@ def compute_state_i(orbit: Orbit, time: Array) -> tuple[Array, Array]:
     """
     tilt = np.radians(orbit.inclination_deg)
     e, a, rate = orbit.eccentricity, orbit.semi_major_m, orbit.motion_rad_s
-    slow = 0.75 * OBLATENESS * rate * (EQUATOR_M / (a * (1 - e**2))) ** 2
+    slow = 0.75 * OBLATENESS * rate * (SEMI_MAJOR_M / (a * (1 - e**2))) ** 2
     node = np.radians(orbit.node_deg) - 2 * slow * np.cos(tilt) * time
     perigee = np.radians(orbit.perigee_deg) + slow * (5 * np.cos(tilt) ** 2 - 1) * time
     anomaly = _eccentric(np.radians(orbit.anomaly_deg) + rate * time, e)

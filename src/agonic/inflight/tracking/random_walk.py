@@ -14,6 +14,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.errors import AgonicError
 from agonic.inflight.tracking.filter import start, update
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -94,7 +95,7 @@ def choose_walk(
         known.append(seen.foretold[later])
     rows = np.logical_and.reduce(known)
     compared = [r[rows] if rows.sum() >= FEWEST // 2 else r for r in residuals]
-    limit = _CLIP * 1.4826 * min(float(np.median(r)) for r in compared)
+    limit = _CLIP * MAD_TO_SD * min(float(np.median(r)) for r in compared)
     rms = np.array([np.sqrt(np.mean(np.minimum(r, limit) ** 2)) for r in compared])
     return WalkChoice(walk=float(tried[np.argmin(rms)]), candidates=tried, residual_rms=rms)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.units import DAY_S
 
 Clock = tuple[Array | None, datetime | None, tuple[str, ...]]
 """Seconds, the UTC moment of second zero where it is known, and notes."""
@@ -26,7 +27,6 @@ _ZONES_H = {
 }  # fmt: skip
 """Hours ahead of UTC. CST, IST and BST stand for several zones."""
 _ZONE = re.compile(r"\s+\(?([A-Z]{3,5})\)?$")
-_DAY_S = 86400.0
 _HOUR_S = 3600.0
 _NONE_READ = "times left out: none could be read"
 NO_ZONE = "times name no zone: taken as UTC"
@@ -147,7 +147,7 @@ def _of_texts(texts: list[str]) -> Clock:
         named = any(map(_names_zone, texts[:9]))
         return seconds, epoch, () if named else (NO_ZONE,)
     finite = np.isfinite(seconds)
-    seconds[finite] = np.unwrap(seconds[finite], period=_DAY_S)
+    seconds[finite] = np.unwrap(seconds[finite], period=DAY_S)
     return seconds, None, (AMBIGUOUS if slashes else f"{TIMES_OF_DAY} without a date",)
 
 

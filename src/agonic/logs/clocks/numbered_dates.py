@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.units import DAY_S
 
-_DAY_S = 86400.0
 _MINUTE, _HOUR = 100.0, 10_000.0
 _FEWEST, _FEW = 3, 1000
 _DAYS_OF_1970 = {
@@ -45,18 +45,18 @@ def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
             whole = numbers / factor
             day = np.floor(whole / 1e6)
             if _are_times_of_day(whole - day * 1e6, leaps=False):
-                since = _count_days(day) * _DAY_S + _of_day_s(whole - day * 1e6)
+                since = _count_days(day) * DAY_S + _of_day_s(whole - day * 1e6)
                 return since, True, "times are dates by their digits, YYYYMMDDhhmmss"
     for program, (zero, (first, last)) in _DAYS_OF_1970.items():
         within = first < low and high < last
         if within and 0.0 < np.median(np.abs(np.diff(finite))) < _LONGEST_STEP_DAYS:
-            unix = np.round((numbers - zero) * _DAY_S, 4)
+            unix = np.round((numbers - zero) * DAY_S, 4)
             counted = "count" if program.endswith("s") else "counts"
             return unix, True, f"times are days as {program} {counted} them"
     if high < 24 * _HOUR and _are_times_of_day(numbers, leaps=True):
         day_s = _of_day_s(numbers)
         known = np.isfinite(day_s)
-        day_s[known] = np.unwrap(day_s[known], period=_DAY_S)
+        day_s[known] = np.unwrap(day_s[known], period=DAY_S)
         return day_s, False, "times of day without a date, by their digits hhmmss"
     return None
 

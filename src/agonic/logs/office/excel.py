@@ -16,6 +16,7 @@ from zipfile import ZipFile
 from agonic.errors import LogError
 from agonic.logs.headers.columns import MOST_COLUMNS
 from agonic.logs.office.scan import LONGEST_TEXT, scan
+from agonic.units import DAY_S
 
 WORKBOOK = "xl/workbook.xml"
 _LITERAL = re.compile(r'"[^"]*"|\\.|\[(?!h+\]|m+\]|s+\])[^\]]*\]', re.IGNORECASE)
@@ -24,7 +25,6 @@ _BUILT_IN = {
     14: "d/m/y", 15: "d/m/y", 16: "d/m", 17: "m/y", 18: "h:m", 19: "h:m:s", 20: "h:m", 21: "h:m:s",
     22: "d/m/y h:m", 45: "m:s", 46: "[h]:m:s", 47: "m:s",
 }  # fmt: skip
-_DAY_S = 86400.0
 _MOST_SHEETS = 64
 _MOST_TEXTS = 2_000_000
 _MOST_DAYS = 2_958_465  # 9999-12-31
@@ -212,10 +212,10 @@ def write_moment(days: float, code: str, begin: datetime) -> str:
     """
     dated = "y" in code or "d" in code
     if "[" in code or not (dated or "h" in code):
-        return f"{round(days * _DAY_S, 6)} s"
+        return f"{round(days * DAY_S, 6)} s"
     if not 0 <= days < _MOST_DAYS:
         raise OverflowError("no date of Excel")
-    moment = begin + timedelta(microseconds=round(days * _DAY_S * 1e6))
+    moment = begin + timedelta(microseconds=round(days * DAY_S * 1e6))
     if days < 1 and not dated:
         return moment.time().isoformat()
     timed = "h" in code or "s" in code

@@ -12,8 +12,8 @@ from agonic.arrays import Array
 from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, Clock, since_first_second
 from agonic.logs.headers.columns import Identified
 from agonic.logs.rows.auxiliary import Table, to_numbers
+from agonic.units import DAY_S
 
-_DAY_S = 86400.0
 _CENTURY = 2000.0
 
 
@@ -35,9 +35,9 @@ def read_parts(table: Table, found: Identified) -> Clock:
     seconds[~((hour >= 0) & (hour <= 24) & (minute >= 0) & (minute < 60))] = np.nan
     days = _count_days(table, found)
     if days is not None:
-        return since_first_second(days * _DAY_S + seconds, (NO_ZONE,))
+        return since_first_second(days * DAY_S + seconds, (NO_ZONE,))
     known = np.isfinite(seconds)
-    seconds[known] = np.unwrap(seconds[known], period=_DAY_S)
+    seconds[known] = np.unwrap(seconds[known], period=DAY_S)
     return seconds, None, (f"{TIMES_OF_DAY} without a date",)
 
 

@@ -17,13 +17,13 @@ from agonic.errors import AgonicWarning, LogError, MissingExtraError
 from agonic.logs.contents import read_bytes
 from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad
 from agonic.maths.earth.geodesy import geodetic
+from agonic.units import DAY_S
 
 LINE = 69
 """Characters of a line of elements, the checksum included."""
 FRESH_DAYS = 7.0
 """So long the elements of a low orbit are good to some ten kilometres."""
 
-_DAY_S = 86_400.0
 _UNIX_JULIAN_DATE = 2_440_587.5
 _ERRORS = {
     1: "the eccentricity leaves 0…1",
@@ -77,9 +77,9 @@ def positions_from_tle(
     sets = [Satrec.twoline2rv(*pair) for pair in _choose(_pairs(_text(tle)), satellite)]
     start = epoch.replace(tzinfo=UTC) if epoch.tzinfo is None else epoch
     unix = start.timestamp() + np.asarray(time, dtype=np.float64)
-    made = np.array([s.jdsatepoch + s.jdsatepochF - _UNIX_JULIAN_DATE for s in sets]) * _DAY_S
+    made = np.array([s.jdsatepoch + s.jdsatepochF - _UNIX_JULIAN_DATE for s in sets]) * DAY_S
     nearest = np.abs(unix[:, None] - made).argmin(axis=1) if len(sets) > 1 else np.zeros(len(unix))
-    if (age := np.abs(unix - made[nearest.astype(int)]).max(initial=0.0) / _DAY_S) > FRESH_DAYS:
+    if (age := np.abs(unix - made[nearest.astype(int)]).max(initial=0.0) / DAY_S) > FRESH_DAYS:
         warnings.warn(
             f"the elements are {age:.0f} days off: positions may be wrong by tens of kilometres; "
             "take elements of the same week",
@@ -156,9 +156,9 @@ def _choose(pairs: Sequence[tuple[str, str]], satellite: int | None) -> list[tup
 
 def _propagate(elements: Any, unix: Array) -> Array:
     """Positions (3, n), m, in TEME."""
-    days = np.floor(unix / _DAY_S)
+    days = np.floor(unix / DAY_S)
     errors, positions_km, _ = elements.sgp4_array(
-        days + _UNIX_JULIAN_DATE, (unix - days * _DAY_S) / _DAY_S
+        days + _UNIX_JULIAN_DATE, (unix - days * DAY_S) / DAY_S
     )
     if errors.any():
         why = _ERRORS.get(int(errors[errors > 0][0]), "SGP4 failed")

@@ -20,11 +20,11 @@ from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import identify_column
 from agonic.logs.rows.auxiliary import PERIODS_DEG
 from agonic.logs.rows.resample import resample
+from agonic.units import DAY_S
 
 _XDR_UNITS = {"A": {"D": "deg"}, "C": {"C": "C", "K": "K"}}
 """Units of the transducers, by their type and the letter in the sentence."""
 _CLOCK = re.compile(r"(\d\d)(\d\d)(\d\d(?:\.\d*)?)")
-_DAY_S = 86400.0
 _FEWEST = 2
 _REACH = 2.0
 """Usual distances between two sentences of a kind that one may be from a field."""
@@ -127,7 +127,7 @@ def carry(series: Mapping[str, Series], lines: Array) -> dict[str, Array]:
 
 
 def _unwrap(clock: Sequence[tuple[int, float]]) -> Array:
-    return np.unwrap([second for _, second in clock], period=_DAY_S)
+    return np.unwrap([second for _, second in clock], period=DAY_S)
 
 
 def _as_series(pairs: Sequence[tuple[float, float]]) -> Series:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
+from agonic.units import DAY_S
 
-_DAY_S = 86_400.0
 _J2000_UNIX_S = 946_728_000.0  # 2000-01-01 12:00
 _CENTURY_DAYS = 36_525.0
 UNIX_JD = 2_440_587.5  # 1970-01-01 0 h
@@ -58,8 +58,8 @@ def rot_ei(
     utc = np.atleast_1d(np.asarray(unix_s, dtype=np.float64))
     tai = utc + tai_utc_s(utc)
     x, y, s = spline_series(tai + TT_TAI_S, _intermediate_pole).T
-    angle = erfa.era00(UNIX_JD, (tai + np.asarray(ut1_tai_s)) / _DAY_S)
-    sp = erfa.sp00(UNIX_JD, (tai + TT_TAI_S) / _DAY_S)
+    angle = erfa.era00(UNIX_JD, (tai + np.asarray(ut1_tai_s)) / DAY_S)
+    sp = erfa.sp00(UNIX_JD, (tai + TT_TAI_S) / DAY_S)
     wobble = erfa.pom00(np.broadcast_to(pole_x_rad, utc.shape), pole_y_rad, sp)
     return np.asarray(erfa.c2tcio(erfa.c2ixys(x, y, s), angle, wobble))
 
@@ -74,9 +74,9 @@ def spline_series(tt_s: Array, series: Callable[[Array], Array]) -> Array:
 
     first, last = np.floor(tt_s.min() / _NODE_S) - 2, np.ceil(tt_s.max() / _NODE_S) + 2
     if last - first >= len(tt_s):
-        return series(tt_s / _DAY_S)
+        return series(tt_s / DAY_S)
     nodes = np.arange(first, last + 1) * _NODE_S
-    return np.asarray(CubicSpline(nodes, series(nodes / _DAY_S))(tt_s))
+    return np.asarray(CubicSpline(nodes, series(nodes / DAY_S))(tt_s))
 
 
 def _intermediate_pole(tt_days: Array) -> Array:
@@ -93,11 +93,11 @@ def sidereal_rad(unix_s: ArrayLike) -> Array:
     >>> float(np.degrees(sidereal_rad(946_728_000.0)).round(4))
     280.4606
     """
-    days = (np.asarray(unix_s, dtype=np.float64) - _J2000_UNIX_S) / _DAY_S
+    days = (np.asarray(unix_s, dtype=np.float64) - _J2000_UNIX_S) / DAY_S
     t = days / _CENTURY_DAYS
     # 876600 h a century is one turn a day: whole turns are taken off before digits are lost
     slow = 67_310.54841 + (8_640_184.812866 + (0.093104 - 6.2e-6 * t) * t) * t
-    return np.asarray(2.0 * np.pi * ((days % 1.0 + slow / _DAY_S) % 1.0))
+    return np.asarray(2.0 * np.pi * ((days % 1.0 + slow / DAY_S) % 1.0))
 
 
 def rotate_about_third(vectors: Array, angle_rad: ArrayLike) -> Array:
@@ -123,7 +123,7 @@ def sun_i(unix_s: ArrayLike) -> Array:
     >>> bool(np.abs(at_equinox.ravel() - [1.0, 0.0, 0.0]).max() < 2e-4)
     True
     """
-    days = (np.asarray(unix_s, dtype=np.float64) - _J2000_UNIX_S) / _DAY_S
+    days = (np.asarray(unix_s, dtype=np.float64) - _J2000_UNIX_S) / DAY_S
     anomaly = np.radians(357.528 + 0.9856003 * days)
     mean = np.radians(280.460 + 0.9856474 * days)
     longitude = mean + np.radians(1.915) * np.sin(anomaly) + np.radians(0.020) * np.sin(2 * anomaly)

@@ -14,9 +14,10 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, spline_series, tai_utc_s
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 
 _AU_PER_DAY_IN_C = 1 / 173.1446326846693
-_EQUATOR_IN_C = 7.292115e-5 * 6_378_137.0 / 299_792_458.0
+_EQUATOR_IN_C = 7.292115e-5 * SEMI_MAJOR_M / 299_792_458.0
 """Speed of the equator, as a share of that of light."""
 LOWEST_DEG = 85.0
 """Zenith distance below which the formula of refraction does not hold; it stays the same beyond."""

@@ -11,11 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 
 BLOCK = 32  # rows; a burst of outliers shorter than half of it does not move the median
 ANOMALOUS = 6.0  # standard deviations
 _BLOCKS, _LEAST = 60, 9  # short recordings of a wide range have shorter blocks
-_MAD_TO_SD = 1.482602218505602
 _SPAN_S, _LONGEST_S, _FEWEST = 20.0, 60.0, 6  # over which a rate is taken: seconds, and rows
 _TURN = 0.1  # of the range: what temperature must go back by to have turned
 _TURN_C = 1.5
@@ -75,7 +75,7 @@ def _scale(left: Array, field: Array) -> Array:
     steps = np.abs(np.diff(field, axis=0))
     step = np.where(steps > 0, steps, np.inf).min(axis=0)
     least = np.where(np.isfinite(step), step / 2, 0.0)
-    return np.maximum(_MAD_TO_SD * np.median(left, axis=0), least)
+    return np.maximum(MAD_TO_SD * np.median(left, axis=0), least)
 
 
 def find_heating(temperature: Array) -> Mask:

@@ -15,6 +15,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation import polynomial
 from agonic.maths.estimation.filters.whittaker import FEWEST, smooth
+from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 
 _ROUNDED = 0.25
 """Share of the error that is left which all stations have in common: what smoothing makes of the
@@ -22,7 +23,6 @@ corners of the programme, averaged over `_CORNER_C`."""
 _CORNER_C = 2.0
 CALM_C = 0.03
 """Noise of a thermometer that is left as it is."""
-_MAD_TO_SD = 1.482602218505602
 _GAP = 20.0  # usual steps
 
 
@@ -43,7 +43,7 @@ def measure_noise(temperature: Array) -> float:
     """
     if len(temperature) < 3:
         return 0.0
-    return float(_MAD_TO_SD * np.median(np.abs(np.diff(temperature, 2))) / np.sqrt(6.0))
+    return float(MAD_TO_SD * np.median(np.abs(np.diff(temperature, 2))) / np.sqrt(6.0))
 
 
 def calm_thermometer(temperature: Array, time: Array | None = None) -> Calmed:
