@@ -26,6 +26,7 @@ from agonic.calibration.sources import name_sources, parse_source, spell_source
 from agonic.calibration.steps import compose, steps_of
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure
+from agonic.maths.equation.symmetric import pack_symmetric
 
 NEGLIGIBLE_DEG = 0.01
 """A rotation below this is not worth a warning."""
@@ -253,4 +254,4 @@ def take_symmetric(
             f"the target holds a symmetric matrix only: a rotation of {angle:.2f} deg is left "
             "out, and its field is turned by as much",
         )
-    return bias, np.append(np.diag(symmetric), symmetric[[0, 0, 1], [1, 2, 2]]), warnings
+    return bias, pack_symmetric(symmetric), warnings

@@ -25,6 +25,7 @@ from agonic.errors import LogError
 from agonic.logs.clocks.clock import read_clock
 from agonic.logs.contents import read_text
 from agonic.logs.rows.auxiliary import to_numbers
+from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
 
 Turns = Literal["ci", "ic"]
@@ -164,9 +165,8 @@ def _attitudes(table: dict[str, list[str]], turns: Turns, path: Path) -> Array:
 def _covariances(table: dict[str, list[str]], path: Path) -> Array | None:
     """Covariances (n, 3, 3), rad², or `None` where the table has none."""
     if all(name in table for name in COVARIANCE):
-        xx, yy, zz, xy, xz, yz = (_numbers(table, name, path) for name in COVARIANCE)
-        whole = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return np.asarray(np.moveaxis(whole, -1, 0) * ARCSEC_RAD**2)
+        six = np.stack([_numbers(table, name, path) for name in COVARIANCE], axis=-1)
+        return unpack_symmetric(six) * ARCSEC_RAD**2
     if all(name in table for name in SDS):
         across, about = (_numbers(table, name, path) for name in SDS)
         return make_diagonal(across, about)
@@ -190,9 +190,7 @@ def format_stars(star: StarReadings) -> str:
         "rot_deg": [f"{value % 360:.14g}" for value in gamma],
     }
     if star.covariance is not None:
-        parts = np.array(
-            [star.covariance[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-        )
+        parts = pack_symmetric(star.covariance).T
         cells = [[f"{v:.12g}" for v in part / ARCSEC_RAD**2] for part in parts]
         columns |= dict(zip(COVARIANCE, cells, strict=True))
     stream = StringIO()

@@ -19,6 +19,7 @@ from agonic.headings.rows import CompassRows, RowHeadings
 from agonic.headings.smoothing.errors import TrustedCompass
 from agonic.headings.smoothing.smooth import SmoothedHeading, find_shown_axes, smooth_headings
 from agonic.health.finding import figure
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.rotations.tilt import compute_down
 from agonic.samples import Samples
 
@@ -166,7 +167,6 @@ def _correct_rates(
     down = compute_down(by_row.tilt.tilt, by_row.tilt.order)
     axes = find_shown_axes(down[np.isfinite(down).all(axis=1)])
     bias = np.clip(found.bias @ axes @ axes.T, -3 * BIAS_SD, 3 * BIAS_SD)
-    xx, yy, zz, xy, xz, yz = found.gain
-    gain = np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    gain = np.eye(3) + unpack_symmetric(found.gain)
     rate = np.linalg.solve(gain, (own.rotation_rate @ turn.T - bias).T).T
     return own.with_columns(rotation_rate=rate @ turn)

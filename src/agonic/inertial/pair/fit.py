@@ -25,6 +25,7 @@ from agonic.inertial.pair.result import PairFit, Sight
 from agonic.inertial.pair.settings import Settings
 from agonic.inertial.pair.solve import Solution, compare_shots, find_outlier, solve
 from agonic.logs.any_form import Given, as_samples
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -169,11 +170,7 @@ def _turn_sd_deg(unknowns: Array, covariance: Array) -> Array:
     matrix = split(unknowns)[3]
     rotation, symmetric = polar(matrix)
     turns = np.stack([(skew(axis) @ rotation @ symmetric).ravel() for axis in np.eye(3)], axis=1)
-    shapes = np.zeros((9, 6))
-    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-        six = np.zeros((3, 3))
-        six[i, j] = six[j, i] = 1.0
-        shapes[:, k] = (rotation @ six).ravel()
+    shapes = (rotation @ unpack_symmetric(np.eye(6))).reshape(6, 9).T
     onto = np.linalg.inv(np.hstack([turns, shapes]))[:3]
     spread = onto @ covariance[MATRIX_M, MATRIX_M] @ onto.T
     return np.asarray(np.degrees(np.sqrt(np.diag(spread))))

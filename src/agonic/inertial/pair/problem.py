@@ -21,6 +21,7 @@ from agonic.inertial.maths.shots import (
     observe,
 )
 from agonic.inertial.pair.settings import Settings
+from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.estimation.leastsq import inverse
 from agonic.maths.rotations.mounting import right_angles, vertical_misfit
@@ -258,8 +259,6 @@ def _matrix_information(mounting: Array, settings: Settings) -> Array:
     """Of M = (1 + [w]× + S) mounting, w a small turn and S symmetric, by the rows of M."""
     back = np.kron(np.eye(3), mounting.T)  # ravel(M mountingᵀ) = (1 ⊗ mounting) ravel(M)
     turn = np.array([skew(axis).ravel() for axis in np.eye(3)]).T * np.radians(settings.turn_sd_deg)
-    six = np.zeros((9, 6))
-    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-        six[3 * i + j, k] = six[3 * j + i, k] = settings.soft_iron_sd
+    six = unpack_symmetric(settings.soft_iron_sd * np.eye(6)).reshape(6, 9).T
     parts = np.hstack([turn, six])
     return np.asarray(back @ inverse(parts @ parts.T) @ back.T)
