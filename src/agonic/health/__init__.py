@@ -6,7 +6,6 @@ from agonic.health.examine import check_bias_drift, check_coverage, examine
 from agonic.health.finding import (
     Finding,
     Judged,
-    Severity,
     Verdict,
     figure,
     sentences,
@@ -39,7 +38,6 @@ __all__ = [
     "Finding",
     "Fitted",
     "Judged",
-    "Severity",
     "Verdict",
     "check_axes",
     "check_bias_drift",

@@ -3,7 +3,6 @@
 from agonic.population.comparable import Compared, compare
 from agonic.population.duplicate import Duplicate, find_duplicates
 from agonic.population.outlier import Outlier, find_outliers
-from agonic.population.peers import Peers
 from agonic.population.population import Population
 from agonic.population.row import Row
 from agonic.population.store import History, SensorSummary
@@ -14,7 +13,6 @@ __all__ = [
     "Duplicate",
     "History",
     "Outlier",
-    "Peers",
     "Population",
     "Row",
     "SensorSummary",

@@ -3,6 +3,6 @@
 from agonic.alignment.north.di_flux import fit_di_flux
 from agonic.alignment.north.di_flux_result import DiFluxFit
 from agonic.alignment.north.fit import fit_north
-from agonic.alignment.north.result import Azimuth, NorthFit
+from agonic.alignment.north.result import NorthFit
 
-__all__ = ["Azimuth", "DiFluxFit", "NorthFit", "fit_di_flux", "fit_north"]
+__all__ = ["DiFluxFit", "NorthFit", "fit_di_flux", "fit_north"]

@@ -1,12 +1,11 @@
 """A session: instruments set up at one place in many orientations, and what they read."""
 
 from agonic.alignment.session.consistent import check_session
-from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.observed import Observed, observe
 from agonic.alignment.session.session import Mounting, Pier, Session, Site, StarReadings
 
 __all__ = [
-    "EarthRotation",
     "Mounting",
     "Observed",
     "Pier",

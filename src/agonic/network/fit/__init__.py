@@ -2,12 +2,11 @@
 
 from agonic.network.fit.fit import fit_network
 from agonic.network.fit.methods import Method, compare_methods
-from agonic.network.fit.result import Comparison, Errors, NetworkFit
+from agonic.network.fit.result import Comparison, NetworkFit
 from agonic.network.fit.selection import NetworkChoice, choose_network
 
 __all__ = [
     "Comparison",
-    "Errors",
     "Method",
     "NetworkChoice",
     "NetworkFit",

@@ -1,5 +1,5 @@
 """A network that is trained again while its sensor is in use: candidates, acceptance, schedule."""
 
-from agonic.network.retraining.retrainer import Correction, Retrainer
+from agonic.network.retraining.retrainer import Retrainer
 
-__all__ = ["Correction", "Retrainer"]
+__all__ = ["Retrainer"]
