@@ -32,6 +32,7 @@ from agonic.recording.advice import suit_advice
 from agonic.recording.choice.choose import Kind, choose
 from agonic.recording.choice.fallback import fall_back
 from agonic.recording.choice.fits import Choice, describe_latency
+from agonic.recording.choice.part_scatter import widen_by_parts
 from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
 from agonic.recording.ladder import Rung, climb
 from agonic.recording.stretch import (
@@ -236,6 +237,7 @@ def _verify(choice: Choice) -> Calibrated:
     )
     checks = (*verification.checks, compare_folds(folds))
     if not refused:
+        fit = widen_by_parts(fit, folds, samples, turned=choice.method != "ellipsoid")
         choice = replace(choice, fit=fit.with_findings(check_unseen_dip(checks)))
     return replace(conclude(choice, replace(verification, checks=checks)), folds=folds)
 

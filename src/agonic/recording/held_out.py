@@ -36,7 +36,8 @@ class Folds:
 
     `magnitude_sd` is the standard error of the unseen field's magnitude, `turn_deg` that of the
     angle between the two, as the fits state them; `single` where there was a fit without each
-    single block, and `seen` is by the calibration itself.
+    single block, and `seen` is by the calibration itself. Then `parts` are those fits, and `whole`
+    the same of all rows.
     """
 
     unseen: Array
@@ -44,6 +45,8 @@ class Folds:
     magnitude_sd: float
     turn_deg: float
     single: bool = False
+    parts: tuple[Calibration, ...] = ()
+    whole: Calibration | None = None
 
 
 def fit_folds(
@@ -75,7 +78,10 @@ def fit_folds(
     if half is not None:
         return half
     single = predict(samples, fit_part, block, weights)
-    return halves() if single is None else replace(single, seen=field, single=True)
+    if single is None:
+        return halves()
+    whole = fit_part(np.ones(len(samples), dtype=bool))
+    return replace(single, seen=field, single=True, whole=whole)
 
 
 def cut_blocks(samples: Samples) -> tuple[Index, Array]:
@@ -96,6 +102,7 @@ def predict(
     as soon as they state that the field may be turned by `most_deg`."""
     unseen, seen = np.empty((2, len(samples), 3))
     along, turned, count = 0.0, 0.0, int(fold.max()) + 1
+    parts: list[Calibration] = []
     anywhere = _draw(weights)
     for k in range(count):
         out = fold == k
@@ -104,6 +111,7 @@ def predict(
             field = correct_field(part, samples)
         except AgonicError:
             return None
+        parts.append(part)
         np.copyto(unseen, field, where=out[:, None])
         np.copyto(seen, field, where=~out[:, None])
         for rows, of_turn in ((_draw(weights * out), False), (anywhere, True)):
@@ -113,7 +121,7 @@ def predict(
         if np.degrees(np.sqrt(turned)) >= most_deg:
             return None
     sd, turn = np.sqrt([along, turned])
-    return Folds(unseen, seen, float(sd), float(np.degrees(turn)))
+    return Folds(unseen, seen, float(sd), float(np.degrees(turn)), parts=tuple(parts))
 
 
 def _draw(weights: Array) -> Index:
