@@ -34,3 +34,10 @@ def test_a_number_in_brackets_behind_a_name_stays_a_part_of_it(tmp_path: Path) -
     rows = [f"{row[0]},{row[1]},{row[2]},{row[3]},MAG[0]" for row in ROWS]
     path.write_text("\n".join(["time_s,mag_x_uT,mag_y_uT,mag_z_uT,sensor", *rows]))
     assert ag.sensors(path) == ("MAG[0]",)
+
+
+def test_arrays_as_numpy_prints_them_are_points(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    points = np.array(ROWS)[:, 1:] * 1e-3
+    path.write_text("\n".join(f"[{x: .8e} {y: .8e} {z: .8e}]" for x, y, z in points))
+    np.testing.assert_allclose(ag.read(path, unit="mT").field, points * 1e6, atol=1e-2)

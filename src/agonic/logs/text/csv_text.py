@@ -54,6 +54,8 @@ _MOTIONCAL_COLUMNS = {
 magnetic count is 0.1 µT)."""
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
 _BRACKETED = re.compile(r"[(\[{<]\s*[-+.\d][-+.\deE,;\s]*[)\]}>]").search
+_IN_NUMBERS = re.compile(r"T|(?<=[\d.])[eE](?=[-+\d])")
+"""Letters of moments and of exponents."""
 _NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
 _THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
 
@@ -95,7 +97,7 @@ def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
     """The text of a file with plain rows, its first lines, and notes."""
     data, notes = load(path, _count_understood)
     head = _split_head(data)
-    plain = not any(map(str.isalpha, head[0].replace("T", "")))
+    plain = not any(map(str.isalpha, _IN_NUMBERS.sub("", head[0])))
     if plain or head[0].startswith((LABVIEW, '"')):
         from agonic.logs.text.sanity import level
 
