@@ -45,3 +45,12 @@ def test_how_late_the_accelerometer_is_beside_the_gyro_is_an_unknown(late_s: flo
     fit = ag.fit_inertial(delay(logged, "acceleration", late_s), place)
     assert abs(fit.inertial_errors[13] - late_s) < 3 * fit.inertial_sd[13]
     assert fit.inertial_sd[13] < 0.02
+
+
+@pytest.mark.parametrize("kind", ["circle", "hand"])
+def test_a_magnetometer_two_seconds_late_is_found_beside_the_gyro(kind: str) -> None:
+    """Within a second something else fits: 0.17 ± 0.12 s, or 0.116 ± 0.025."""
+    _, logged, _ = drive(kind, 1, n=1500, rate_Hz=25.0)
+    found = ag.fit_latency(delay(logged, "field", 2.0))
+    assert found.significant
+    assert found.latency_s == pytest.approx(2.0, abs=0.03)

@@ -14,7 +14,7 @@ from agonic.calibration.setup import LATENCY_SD_S
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import Finding, sentences
 from agonic.health.inertial_unit import find_faults
-from agonic.health.turning import find_telling
+from agonic.health.turning import explains_change, find_telling
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.new_rows import find_fresh, without_held
 from agonic.readable import Readable
@@ -24,8 +24,9 @@ Method = Literal["attitude", "tilt", "gyro"]
 
 STRETCH_S = {"attitude": 20.0, "gyro": 10.0}
 """How long the field, and the drift of an integrated gyro, are taken to be steady."""
-SEARCHES_S = (0.3, 1.0)
-"""Latencies within ± the first are sought, and within the next where the best lies at the end."""
+SEARCHES_S = (0.3, 1.0, 3.0)
+"""Latencies within ± the first are sought, and within the next where the best lies at the end, is
+not known, or the gyro does not turn as the readings do: a clock may be off by seconds."""
 KNOWN_S = 0.03
 """Standard error above which a latency is not known."""
 FEWEST = 100
@@ -106,7 +107,8 @@ def fit_latency(
         estimated), "tilt" (roll and pitch: the delay beside the gyro less that which down by roll
         and pitch has beside it), or "auto": the first of attitude, tilt and gyro that the log has.
     limit_s : latencies within ± this are sought; rows this near to ends and gaps are left out.
-        Default: 0.3, and 1 where the best lies at the end of that.
+        Default: 0.3, then 1 and 3 where the best lies at the end of that, is not known, or the
+        gyro does not turn as the readings do.
     stretch_s : seconds over which the field is taken to be constant; default: `STRETCH_S`.
 
     Returns a `LatencyFit`. Raises `AgonicError` without times or anything that tells how the
@@ -132,15 +134,18 @@ def fit_latency(
             raise AgonicError(fault.finding.sentence)  # beside it any delay would fit as well
     first, *wider = SEARCHES_S if limit_s is None else (limit_s,)
     found, limit = _estimate(samples, chosen, first, stretch_s), first
+    turns_alike = chosen == "attitude" or explains_change(samples)
     for beyond in wider:
-        if abs(found.latency_s) < limit:
+        if _is_known(found, limit) and turns_alike:
             break
         try:
-            found, limit = _estimate(samples, chosen, beyond, stretch_s), beyond
+            farther = _estimate(samples, chosen, beyond, stretch_s)
         except CoverageError:  # too few rows so far from ends and gaps
             break
+        if abs(found.latency_s) >= limit or farther.sd_s < found.sd_s:
+            found, limit = farther, beyond
     at_limit = abs(found.latency_s) >= limit
-    known = found.sd_s < min(limit / 10, KNOWN_S) and not at_limit
+    known = _is_known(found, limit)
     least = _SIGNIFICANT * found.sd_s * max(found.sd_s / _CLOSE_S, 1.0)
     significant = known and abs(found.latency_s) > least
     return LatencyFit(
@@ -155,6 +160,11 @@ def fit_latency(
         unit=samples.unit,
         findings=(_finding(found, chosen, known, significant, at_limit),),
     )
+
+
+def _is_known(found: kernel.Estimate, limit_s: float) -> bool:
+    """Whether a latency lies inside of its search, and to a small part of it."""
+    return found.sd_s < min(limit_s / 10, KNOWN_S) and abs(found.latency_s) < limit_s
 
 
 def find_latency(samples: Samples) -> LatencyFit | None:
