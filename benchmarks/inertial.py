@@ -161,7 +161,7 @@ def main() -> None:
         INTRODUCTION.format(draws=draws),
         simulated(draws, asked.quick),
         "## The published simulation",
-        inertial_published.describe(2 if asked.quick else 16 * draws),
+        inertial_published.describe(2 if asked.quick else 20 * draws),
     ]
     if inertial_recordings.FOLDER.exists() and not asked.quick:
         parts += ["## Recordings", inertial_recordings.describe()]

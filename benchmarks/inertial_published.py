@@ -27,8 +27,10 @@ GRAVITY = 9.80665
 INTRODUCTION = """{draws} draws; dip and magnitude unknown, the gyro's scale known to 1e-4. rmse
 over the root of the mean stated variance, and ANEES (error in units of the stated covariance,
 squared, for each number; 1 is honest) with what the draws scatter it by, for each group. A fit took
-{seconds:.1f} s of processor time; in {workers} processes all of them took {wall:.0f} s."""
+{seconds:.1f} s of processor time, so {sensors} sensors take {cores} cores {together:.0f} s; all
+draws took {wall:.0f} s beside what else the machine did."""
 WORKERS = 2
+SENSORS = 30
 
 
 class Drawn(NamedTuple):
@@ -140,7 +142,15 @@ def describe(draws: int) -> str:
         scatter = np.sqrt(2 / errors.size)
         rows.append([name, f"{rmse:.3g}", f"{rmse / sd:.2f}", f"{anees:.2f} ± {scatter:.2f}"])
     head = ["group", "rmse", "rmse / stated", "ANEES"]
-    said = INTRODUCTION.format(draws=draws, seconds=sum(spent) / draws, workers=WORKERS, wall=wall)
+    seconds = sum(spent) / draws
+    said = INTRODUCTION.format(
+        draws=draws,
+        seconds=seconds,
+        sensors=SENSORS,
+        cores=WORKERS,
+        together=SENSORS * seconds / WORKERS,
+        wall=wall,
+    )
     return said + "\n\n" + tables.markdown(head, rows)
 
 

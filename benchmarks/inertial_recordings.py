@@ -27,9 +27,10 @@ TILTS = (60.0, 30.0, 10.0)
 SMALLEST = 40
 """Rows of a stretch of small tilts that is kept."""
 INTRODUCTION = """Trials 02 and 07 of BROAD, every second row, cut to tilts below so much, the delay
-of the magnetometer found by the gyro and undone; rms of the heading about its mean on the rest of
-the trial that is tilted by less than 60° (beyond, where there is none), and on the rows of the
-fit, degrees; verdict, and the heading's stated standard error, level."""
+of the magnetometer found by the gyro and undone; rms of the heading about its mean, degrees: on
+the rest of the trial that is tilted by less than 60° (beyond, where there is none), on the rows of
+the fit, and within the tilt that it has seen on each half of these in time by the fit to the other;
+verdict, and the heading's stated standard error, level."""
 
 
 def cut(samples: ag.Samples, tilt_deg: float) -> tuple[ag.Samples, np.ndarray]:
@@ -52,6 +53,16 @@ def scatter_deg(calibration, samples: ag.Samples, rows: np.ndarray) -> float:
     off = np.exp(1j * np.radians(found - some.heading_deg))
     off *= np.exp(-1j * np.angle(off.mean()))
     return float(np.degrees(np.sqrt(np.mean(np.angle(off) ** 2))))
+
+
+def judge_unseen(fit, bare: ag.Samples, samples: ag.Samples, kept: np.ndarray) -> float:
+    """rms over both halves of the rows of a fit, each by the calibration of the other."""
+    halves = np.array_split(np.arange(len(bare)), 2)
+    found = []
+    for seen, unseen in (halves, halves[::-1]):
+        rows = np.flatnonzero(kept)[unseen]
+        found.append(scatter_deg(fit(bare.select(seen)).calibration, samples, rows))
+    return float(np.sqrt(np.mean(np.square(found))))
 
 
 def describe() -> str:
@@ -78,11 +89,12 @@ def describe() -> str:
                 cells += [
                     f"{scatter_deg(found.calibration, samples, rest):.1f}",
                     f"{scatter_deg(found.calibration, samples, kept):.1f}",
+                    f"{judge_unseen(fit, bare, samples, kept):.1f}",
                     found.verdict,
                     f"{own:.2g}",
                 ]
             rows.append(cells)
-    whats = ("rest", "own", "verdict", "stated")
+    whats = ("rest", "own", "unseen half", "verdict", "stated")
     columns = [f"{fit}: {what}" for fit in ("ellipsoid", "inertial") for what in whats]
     return INTRODUCTION + "\n\n" + tables.markdown(["trial", "n", *columns], rows)
 
