@@ -41,14 +41,15 @@ def test_slow_and_clipped_sensors_are_handled(what: str) -> None:
 
 
 @pytest.mark.slow
-def test_clocks_that_differ_never_make_a_wrong_fit_good() -> None:
-    for late_s, worst in ((0.1, 1.5), (1.0, 3.0)):
+def test_clocks_that_differ_are_brought_together() -> None:
+    """A second was beyond the search once, and the gyro was blamed for it."""
+    for late_s in (0.1, 1.0):
         made, logged, place = drive(tilt_deg=10.0, n=2000, unit={"late_s": late_s})
         fit = ag.fit_inertial(logged, place)
-        assert heading_error_deg(fit.calibration, made, 10.0) < worst
-        assert (fit.verdict == "good") == (late_s < 0.5)
-        named = [finding.what for finding in fit.findings if finding.name == "heading"]
-        assert any("clock" in what for what in named) == (late_s > 0.5)
+        assert heading_error_deg(fit.calibration, made, 10.0) < 1.5
+        found = fit.calibration
+        assert abs(found.latency_s + late_s) < 4 * found.latency_sd_s
+        assert not any(finding.name == "heading" for finding in fit.findings)
 
 
 def test_a_gyro_that_clips_in_every_turn_of_a_rover_is_named() -> None:
