@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from agonic.health import Finding
-from agonic.recording.calibrated import check_unseen_dip
 from agonic.recording.document import choose_move
+from agonic.recording.held_out import check_unseen_dip
 from agonic.report.verdict import WHEN_GOOD
 from agonic.verification import DIP
 

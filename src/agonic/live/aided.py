@@ -17,7 +17,7 @@ from agonic.live.level import Plan, choose_step, see_level
 from agonic.live.state import LiveParams
 from agonic.live.track import Track
 from agonic.recording.advice import TURNING
-from agonic.recording.calibrated import calibrate_as_named, list_failed
+from agonic.recording.calibrated import calibrate_as_named
 from agonic.recording.choice.choose import choose
 from agonic.samples import Samples
 
@@ -111,5 +111,4 @@ def _find_objections(params: LiveParams, samples: Samples) -> tuple[Finding, ...
         made = calibrate_as_named(samples, params.reference, inclination_deg=params.inclination_deg)
     except AgonicError as error:
         return (Finding("calibration", "check", str(error), "go on turning"),)
-    grave = (finding for finding in made.fit.findings if finding.severity != "note")
-    return (*grave, *list_failed(made.verification))
+    return made.objections

@@ -25,7 +25,7 @@ from agonic.live.state import LiveParams, LiveState
 from agonic.live.track import Track
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
-from agonic.recording.calibrated import calibrate_as_named, list_failed
+from agonic.recording.calibrated import calibrate_as_named
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -248,8 +248,7 @@ class LiveFit:
             )
         except AgonicError as error:
             return (Finding("calibration", "check", str(error), "go on turning"),)
-        grave = (finding for finding in made.fit.findings if finding.severity != "note")
-        return (*grave, *list_failed(made.verification))
+        return made.objections
 
     def _make_result(self) -> tuple[Affine, Coverage]:
         """The last fit in the unit of the readings, and its coverage."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from agonic.fit import Fit
 from agonic.health import Finding, sort_findings
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -45,6 +46,12 @@ def suit_advice(
     if reference is not None and samples.altitude_m is None and is_in_space(samples):
         found = (_miss_altitude(), *found)
     return sort_findings(found)
+
+
+def suit_fit(fit: Fit, samples: Samples, reference: Reference | None) -> Fit:
+    """A fit with its advice suited so."""
+    suited = suit_advice(fit.findings, samples, reference)
+    return fit if suited == fit.findings else replace(fit, findings=()).with_findings(*suited)
 
 
 def lacks_place(samples: Samples, reference: Reference | None) -> bool:

@@ -24,16 +24,23 @@ from agonic.ellipsoid import (
 )
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.health import Finding, Verdict, figure, sentences, verdict_of
+from agonic.health import Finding, Verdict, sentences, verdict_of
 from agonic.logs.any_form import Given, as_samples
 from agonic.new_rows import without_held
 from agonic.readable import Readable
-from agonic.recording.advice import suit_advice
+from agonic.recording.advice import suit_fit
 from agonic.recording.choice.choose import Kind, choose
 from agonic.recording.choice.fallback import fall_back
 from agonic.recording.choice.fits import Choice, describe_latency
 from agonic.recording.choice.part_scatter import widen_by_parts
-from agonic.recording.held_out import CHANCE, Folds, compare_folds, fit_folds
+from agonic.recording.held_out import (
+    CHANCE,
+    Folds,
+    check_unseen_dip,
+    compare_folds,
+    describe_failed,
+    fit_folds,
+)
 from agonic.recording.ladder import Rung, climb
 from agonic.recording.stretch import (
     describe_stretch,
@@ -43,10 +50,9 @@ from agonic.recording.stretch import (
 )
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.verification import DIP, DIP_REFUSED_DEG, Check, Verification, verify
+from agonic.verification import Verification, verify
 
-MOST_TRIED = 3
-"""Stretches of a log whose bias changed."""
+_MOST_TRIED = 3  # stretches of a log whose bias changed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,16 +81,28 @@ class Calibrated(Readable):
         return self.fit.calibration
 
     @cached_property
+    def failed(self) -> tuple[Finding, ...]:
+        """The checks that failed on held-out parts, as findings."""
+        checks = self.verification.checks
+        return tuple(describe_failed(check) for check in checks if check.passed is False)
+
+    @property
+    def objections(self) -> tuple[Finding, ...]:
+        """What speaks against the result: findings that are more than a note, and failed checks."""
+        grave = (finding for finding in self.fit.findings if finding.severity != "note")
+        return (*grave, *self.failed)
+
+    @cached_property
     def verdict(self) -> Verdict:
         """`refused` by the fit, `check` for a finding or a check that failed, or `good`."""
-        return verdict_of(self.fit.findings, failed=bool(list_failed(self.verification)))
+        return verdict_of(self.fit.findings, failed=bool(self.failed))
 
     @cached_property
     def status(self) -> str:
         """The verdict in words: of the fit, of failed checks, of the latency."""
         said = [self.fit.status]
         if self.verdict != "refused":
-            said += [sentences(finding.sentence) for finding in list_failed(self.verification)]
+            said += [sentences(finding.sentence) for finding in self.failed]
             if self.latency is not None:
                 said.append(describe_latency(self.latency))
         return " ".join(said)
@@ -142,10 +160,11 @@ def calibrate_as_named(
     Where the bias changed on the way, the longest stretch that tells enough is calibrated.
     """
     meant, known = without_held(as_samples(samples, unit)), Reference.of(reference)
-    made = calibrate_whole(meant, known, kind, settings)
-    if made.verdict != "refused":
+    choice, made = _choose_and_verify(meant, known, kind, settings)
+    if made is not None and made.verdict != "refused":
         return made
-    return _calibrate_stretch(meant, known, kind, settings, made.fit.findings) or made
+    findings = choice.fit.findings
+    return _calibrate_stretch(meant, known, kind, settings, findings) or made or _verify(choice)
 
 
 def _calibrate_stretch(
@@ -160,15 +179,16 @@ def _calibrate_stretch(
     changed, time = find_change(findings), samples.time
     if changed is None or time is None:
         return None
-    for first, last in list_stretches(changed, time)[:MOST_TRIED]:
+    for first, last in list_stretches(changed, time)[:_MOST_TRIED]:
         rows = find_rows(time, first, last)
         known = None if reference is None else reference.select(rows)
         try:
-            made = calibrate_whole(samples.select(rows), known, kind, settings)
+            _, made = _choose_and_verify(samples.select(rows), known, kind, settings)
         except AgonicError:
             continue
-        doubtful = made.verdict == "refused" or list_failed(made.verification)
-        if not doubtful and find_change(made.fit.findings) is None:
+        if made is None or made.verdict == "refused" or made.failed:
+            continue
+        if find_change(made.fit.findings) is None:
             return made.with_finding(describe_stretch(changed, first, last))
     return None
 
@@ -177,15 +197,32 @@ def calibrate_whole(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Calibrated:
     """The fit of all rows, or a weaker one where what was recorded beside them is wrong."""
-    choice = choose(samples, reference, kind, settings)
-    made = _verify(_keep_latency(choice))
-    if kind != "auto" or made.verdict != "refused" or choice.method == "ellipsoid":
-        return made
-    other = fall_back(replace(choice, fit=made.fit), samples, reference, settings)
+    choice, made = _choose_and_verify(samples, reference, kind, settings)
+    return _verify(choice) if made is None else made
+
+
+def _choose_and_verify(
+    samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
+) -> tuple[Choice, Calibrated | None]:
+    """The choice for all rows, or a weaker one that is not refused, and its result.
+
+    None where the fit itself is refused, whatever held-out parts would say of it.
+    """
+    choice = _keep_latency(choose(samples, reference, kind, settings))
+    fit, made = _verify_unless_refused(choice)
+    if kind != "auto" or choice.method == "ellipsoid" or fit.verdict != "refused":
+        return choice, made
+    other = fall_back(replace(choice, fit=fit), samples, reference, settings)
     if other.method == choice.method:
-        return made
-    by_less = _verify(_keep_latency(other))
-    return made if by_less.verdict == "refused" else by_less
+        return choice, made
+    fit, by_less = _verify_unless_refused(_keep_latency(other))
+    return (choice, made) if fit.verdict == "refused" else (other, by_less)
+
+
+def _verify_unless_refused(choice: Choice) -> tuple[Fit, Calibrated | None]:
+    fit = suit_fit(choice.fit, choice.samples, choice.reference)
+    made = None if fit.verdict == "refused" else _verify(choice)
+    return fit if made is None else made.fit, made
 
 
 def calibrate_recording(
@@ -224,9 +261,8 @@ def _verify(choice: Choice) -> Calibrated:
     samples, reference, fit = choice.samples, choice.reference, choice.fit
     refused = fit.verdict == "refused"
     folds = fit_folds(samples, reference, fit.calibration, choice.open_parts, refused=refused)
-    gain = float(np.trace(fit.calibration.matrix) / 3)
     used = np.ones(len(samples), dtype=bool) if fit.weights is None else fit.weights > 0
-    noise = fit.noise * gain
+    noise = fit.noise * float(np.trace(fit.calibration.matrix) / 3)
     verification = verify(
         fit.calibration,
         samples,
@@ -242,21 +278,6 @@ def _verify(choice: Choice) -> Calibrated:
     return replace(conclude(choice, replace(verification, checks=checks)), folds=folds)
 
 
-def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
-    """The refusal of a fit by attitude whose unseen readings dip as no other of its readings."""
-    off = max((check.value for check in checks if check.name == DIP), default=0.0)
-    if not off > DIP_REFUSED_DEG:
-        return None
-    return Finding(
-        "attitude",
-        "refuse",
-        f"readings that the fit has not seen dip {figure(off)}° off: roll and pitch are not those "
-        "of this sensor's vehicle, or the field was disturbed",
-        "check where roll and pitch come from and their delay, or calibrate by the magnitude alone "
-        "(--method ellipsoid)",
-    )
-
-
 def _keep_latency(choice: Choice) -> Choice:
     """The choice, with the latency kept in the calibration for all that use it later."""
     return replace(choice, fit=keep_latency(choice.fit, choice.samples, choice.latency))
@@ -264,10 +285,7 @@ def _keep_latency(choice: Choice) -> Choice:
 
 def conclude(choice: Choice, verification: Verification) -> Calibrated:
     """The result of a choice, its advice suited to where the samples were recorded."""
-    fit = choice.fit
-    suited = suit_advice(fit.findings, choice.samples, choice.reference)
-    if suited != fit.findings:
-        fit = replace(fit, findings=()).with_findings(*suited)
+    fit = suit_fit(choice.fit, choice.samples, choice.reference)
     late = choice.latency is not None and choice.latency.significant
     return Calibrated(
         samples=choice.samples,
@@ -279,19 +297,3 @@ def conclude(choice: Choice, verification: Verification) -> Calibrated:
         reference=choice.reference,
         disturbers=choice.disturbers,
     )
-
-
-def list_failed(verification: Verification) -> list[Finding]:
-    """The checks that failed on held-out parts, as findings."""
-    return [
-        Finding(check.name, "check", _describe(check), check.meaning)
-        for check in verification.checks
-        if check.passed is False
-    ]
-
-
-def _describe(check: Check) -> str:
-    """A check with its numbers."""
-    unit = f" {check.unit}" if check.unit not in ("", "°") else check.unit
-    limit = "" if check.limit is None else f" (limit {check.limit:.3g}{unit})"
-    return f"held-out parts fail a check: {check.name}, {check.value:.3g}{unit}{limit}"

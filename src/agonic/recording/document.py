@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.recording import figures, sphere
-from agonic.recording.calibrated import Calibrated, list_failed
+from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
 from agonic.recording.disturber_section import describe_disturbers
 from agonic.recording.entries import describe_heading, describe_origin, list_details, list_entries
@@ -175,7 +175,7 @@ def describe_sensor(
         method=f"{result.method}, {calibration.model} model, {group_digits(fit.n)} readings",
         verdict=result.verdict,
         status=_describe_result(result),
-        findings=(*fit.findings, *list_failed(result.verification)),
+        findings=(*fit.findings, *result.failed),
         move=choose_move(result),
         remarks=warnings,
         key_figures=() if refused else _list_key_figures(result),

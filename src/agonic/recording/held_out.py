@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,12 +12,13 @@ from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
+from agonic.health import Finding, figure
 from agonic.maths.equation.coverage import field_covariance
 from agonic.maths.equation.crowding import count_orientations, weigh_places
 from agonic.maths.rotations.angles import angle_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.verification import Check
+from agonic.verification import DIP, DIP_REFUSED_DEG, Check
 
 FitPart = Callable[[Mask], Calibration]
 """The calibration by some of the rows (n,) of a log."""
@@ -172,3 +173,26 @@ def compare_folds(folds: Folds | None) -> Check:
         else "calibrations from alternate parts of the log point differently: the field changed, "
         "or too few directions were visited",
     )
+
+
+def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
+    """The refusal of a fit by attitude whose unseen readings dip as no other of its readings."""
+    off = max((check.value for check in checks if check.name == DIP), default=0.0)
+    if not off > DIP_REFUSED_DEG:
+        return None
+    return Finding(
+        "attitude",
+        "refuse",
+        f"readings that the fit has not seen dip {figure(off)}° off: roll and pitch are not those "
+        "of this sensor's vehicle, or the field was disturbed",
+        "check where roll and pitch come from and their delay, or calibrate by the magnitude alone "
+        "(--method ellipsoid)",
+    )
+
+
+def describe_failed(check: Check) -> Finding:
+    """A check that failed, with its numbers."""
+    unit = f" {check.unit}" if check.unit not in ("", "°") else check.unit
+    limit = "" if check.limit is None else f" (limit {check.limit:.3g}{unit})"
+    what = f"held-out parts fail a check: {check.name}, {check.value:.3g}{unit}{limit}"
+    return Finding(check.name, "check", what, check.meaning)
