@@ -71,7 +71,7 @@ def draw(seed: int, kind: str, noise: float, n: int) -> tuple[Array, Array, Arra
     stations, off = KINDS[kind]
     made = campaign(seed, n=n, noise=noise, fixture_deg=off)
     begun = time.process_time()
-    fit = fit_thermal(made.samples, KNOWN, stations=stations, unseen_change_sd=0.0)
+    fit = fit_thermal(made.samples, KNOWN, stations=stations)
     seconds = time.process_time() - begun
     error = nine(fit.calibration, AT) - nine(made.truth, AT)
     sd = fit.calibration.sd_at(AT) * np.array([1.0] * 3 + [FIELD] * 6)
@@ -126,7 +126,7 @@ def scored(told: Told) -> Array:
     middle = np.array([(samples.time[0] + samples.time[-1]) / 2])
     reference = Reference.constant(float(np.linalg.norm(still.field_n(middle)[0])))
     turns = made.description.rotations if told.teacher == "turns" else "unknown"
-    found = fit_thermal(samples, reference, stations=turns, unseen_change_sd=0.0).calibration
+    found = fit_thermal(samples, reference, stations=turns).calibration
     at = AT[::10]
     error = nine(found, at) - nine(made.truth[told.sensor], at)
     return np.asarray(error / (found.sd_at(at) * np.array([1.0] * 3 + [FIELD] * 6)))

@@ -13,7 +13,7 @@ from tests.thermal.chambers import FIELD, KNOWN, nine
 from tests.thermal.coil import simulate_thermal_coil
 
 AT = np.linspace(-5.0, 45.0, 11)
-QUICK = {"bin_width_C": 2.0, "rate": False, "unseen_change_sd": 0.0}
+QUICK = {"bin_width_C": 2.0, "rate": False}
 
 
 def record(seed: int, **settings: float) -> tuple[ag.Samples, SimulatedCampaign]:
@@ -152,8 +152,7 @@ def test_a_straight_course_keeps_its_order() -> None:
 def test_slow_changes_of_the_field_are_no_ageing_by_the_magnitude() -> None:
     """The noise of the sensor hides within the stations what changes from one to the next."""
     made = simulate_campaign("1xMPU-9255,1xMMC5883MA", rate_Hz=0.05, seed=3)
-    asked = {"held_out": False, "unseen_change_sd": 0.0}
-    found = calibrate_campaign(made.campaign, only=["MPU-9255"], turns="unknown", **asked)
+    found = calibrate_campaign(made.campaign, only=["MPU-9255"], turns="unknown", held_out=False)
     (sensor,) = found.sensors
     assert sensor.verdict == "good"
     at, truth = sensor.fit.calibration.at(20.0), made.truth["MPU-9255"].at(20.0)

@@ -18,10 +18,8 @@ from tests.thermal.chambers import FIELD, KNOWN, campaign, efficient, nine
 from tests.thermal.coil import simulate_thermal_coil
 
 AT = np.linspace(-10.0, 50.0, 13)
-WATCHED = {"unseen_change_sd": 0.0}
-"""The chamber's field is known to be the same at all stations, or not to be: no allowance."""
-WIDE = {"bin_width_C": 2.0, "rate": False, "drift": False, **WATCHED}
-COARSE = {"bin_width_C": 2.0, **WATCHED}
+WIDE = {"bin_width_C": 2.0, "rate": False, "drift": False}
+COARSE = {"bin_width_C": 2.0}
 """Bins wide enough for what no bin decides: a quarter of the means."""
 
 
@@ -335,19 +333,22 @@ def test_standard_errors_are_honest_in_a_field_that_moves(field: str, stations: 
 @pytest.mark.slow
 @pytest.mark.parametrize("stations", ["known", "unknown"])
 def test_another_field_at_each_station_is_in_the_standard_errors(stations: str) -> None:
-    """50 nT on each axis, steady at a station: 3.9 to 4.6 standard errors without."""
+    """50 nT on each axis, steady at a station: 3.9 to 4.6 standard errors without.
+
+    The magnitude alone does not tell offsets from a step, which hides more: it is more careful.
+    """
     z = []
     for seed in range(3):
         samples, made = faulty(40 + seed)
         beside = 50.0 * np.random.default_rng(900 + seed).standard_normal((13, 3))
         spoilt = samples.with_columns(field=samples.field + beside[samples.station.astype(int)])
         turns = turns_of(made) if stations == "known" else "unknown"
-        fit = fit_thermal(spoilt, KNOWN, stations=turns, **WATCHED, bin_width_C=3.0, rate=False)
+        fit = fit_thermal(spoilt, KNOWN, stations=turns, bin_width_C=3.0, rate=False)
         assert "field changes" in names(fit)
         (truth,) = made.truth.values()
         sd = fit.calibration.sd_at(AT[1:-1]) * np.array([1.0] * 3 + [FIELD] * 6)
         z.append((nine(fit.calibration, AT[1:-1]) - nine(truth, AT[1:-1])) / sd)
-    assert 0.5 < rms(np.array(z)) < 1.5
+    assert (0.5 if stations == "known" else 0.2) < rms(np.array(z)) < 1.5
 
 
 @pytest.mark.slow

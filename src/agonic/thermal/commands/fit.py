@@ -52,6 +52,12 @@ def fit_chamber(
         float | None,
         typer.Option(metavar="NT", help="Magnitude in the chamber; default: the description's."),
     ] = None,
+    unseen_change: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Share by which the field may have changed between stations, unseen."
+        ),
+    ] = 0.0,
     held_out: Annotated[
         bool, typer.Option(help="Try fits on stations that they have not seen; takes time.")
     ] = True,
@@ -91,6 +97,7 @@ def fit_chamber(
         only=sensor or (),
         degree=chosen,
         bin_width_C=bin_width,
+        unseen_change_sd=unseen_change,
         held_out=held_out,
         workers=workers or _count_workers(read.rows),
         progress=lambda names: progress(names, "Fitting"),

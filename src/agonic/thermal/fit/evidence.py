@@ -31,17 +31,16 @@ def judge_fit(
     sums: Binned,
     orientations: Orientations | None,
     *,
-    shown: Thermal,
     fixture_sd_deg: float,
     faulty: bool = False,
 ) -> list[Finding]:
     """What the fit says: what is not determined, turns, drift, scatter, hysteresis, anomalies.
 
-    `shown` is the calibration as sure as the readings show it, `fixture_sd_deg` how well the
-    stations were said to stand, `faulty` whether the sensor was not the same at all stations.
+    `fixture_sd_deg` is how well the stations were said to stand, `faulty` whether the sensor was
+    not the same at all stations.
     """
     found = [
-        _judge_undetermined(fit, shown, faulty),
+        _judge_undetermined(fit, faulty),
         *find_narrow_range(readings.scale.low_C, readings.scale.high_C, "cool and heat"),
         _judge_orientations(orientations),
         _judge_odd(fit, fixture_sd_deg),
@@ -81,8 +80,8 @@ _SCATTER_FIRST = (
 )
 
 
-def _judge_undetermined(fit: ThermalFit, shown: Thermal, faulty: bool) -> Finding | None:
-    relative = compute_relative_sd(shown)
+def _judge_undetermined(fit: ThermalFit, faulty: bool) -> Finding | None:
+    relative = compute_relative_sd(fit.calibration)
     poor = [name for name, sd in zip(PARAMETERS, relative, strict=True) if sd > UNKNOWN]
     if not poor:
         return None

@@ -32,7 +32,7 @@ class Settings:
     drift: bool | Literal["auto"] = "auto"
     soft_iron_sd: float = 0.1
     faults: bool = True
-    unseen_change_sd: float = 0.003
+    unseen_change_sd: float = 0.0
     robust: bool = True
 
     def __post_init__(self) -> None:

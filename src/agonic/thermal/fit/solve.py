@@ -30,7 +30,11 @@ from agonic.thermal.maths.estimate import (
 )
 from agonic.thermal.maths.station_faults import Faults, find_faults
 from agonic.thermal.maths.station_residuals import StationProblem, find_directions
-from agonic.thermal.maths.unseen_changes import allow_for_unseen_changes
+from agonic.thermal.maths.unseen_changes import (
+    PLAUSIBLE,
+    allow_for_unseen_changes,
+    measure_shown_change,
+)
 
 SIGNIFICANT = 1e-4
 """A term is kept when chance would make it this seldom."""
@@ -57,8 +61,9 @@ class Solution(NamedTuple):
     """The joint estimate with its problem, tests of terms, and what the orientations are worth.
 
     `drifts` is whether the field surely drifted, or was said to; `aged` whether the bias did;
-    `faults` is what was not the same at all stations, and `unseen` the covariance (a, a) of what
-    the magnitude alone does not show of it; the covariance of the estimate contains both.
+    `faults` is what was not the same at all stations, which the covariance contains; `unseen` the
+    covariance (a, a) of a plausible change between stations that the magnitude alone does not show,
+    which it does not.
     """
 
     estimate: StationEstimate
@@ -72,10 +77,10 @@ class Solution(NamedTuple):
     unseen: Array
 
     @property
-    def shown(self) -> StationEstimate:
-        """The estimate as sure as the readings show it, without an allowance."""
+    def unwatched(self) -> StationEstimate:
+        """The estimate as sure as it is in a field that nobody watched between stations."""
         whole = self.estimate
-        return whole._replace(covariance=whole.covariance - self.unseen)
+        return whole._replace(covariance=whole.covariance + self.unseen)
 
 
 class _Term(NamedTuple):
@@ -115,11 +120,13 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
         whole = _estimate(problem, whole, whole.coefficients[:-3])
     drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
     faults = _find_faults(readings, problem, whole, settings)
-    unseen = allow_for_unseen_changes(
-        problem, whole, readings.cells.time, settings.unseen_change_sd
+    changed = max(settings.unseen_change_sd, measure_shown_change(whole))
+    allowed, unseen = (
+        allow_for_unseen_changes(problem, whole, readings.cells.time, sd)
+        for sd in (changed, PLAUSIBLE)
     )
     return Solution(
-        estimate=whole._replace(covariance=whole.covariance + faults.covariance + unseen),
+        estimate=whole._replace(covariance=whole.covariance + faults.covariance + allowed),
         problem=problem,
         separate=fit_each_temperature(readings, problem, whole.coefficients),
         tests=tuple(term.test for term in (lag, drifting, ageing) if term is not None),

@@ -7,12 +7,13 @@ import numpy as np
 from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
-from agonic.thermal.maths.estimate import UNREST
 from agonic.thermal.maths.fault_candidates import AGEING, ODD, OF_TEMPERATURE, STEP, UNSETTLED
 from agonic.thermal.maths.gaussian_process import STEADY
 from agonic.thermal.maths.station_faults import Fault
 
 _HOUR = 3600.0
+_DIFFERENT = 10.0
+"""Twice the logarithm of the likelihood by which stations must differ: by chance once in 1000."""
 
 
 def judge_faults(result: Solution, readings: ChamberReadings) -> list[Finding]:
@@ -39,7 +40,7 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
     Nine numbers and a step have as many unknowns as there are twelve stations.
     """
     slow = result.estimate.slow
-    if result.estimate.poses is not None or slow.kind != STEADY or slow.gain < UNREST:
+    if result.estimate.poses is not None or slow.kind != STEADY or slow.gain < _DIFFERENT:
         return []
     amount = figure(slow.sd * (readings.scale.magnitude or readings.scale.size))
     return [
@@ -47,8 +48,8 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
             "stations differ",
             "check",
             f"the field seems to differ by {amount} nT from station to station; by the magnitude "
-            "alone a sensor that was knocked looks the same, which the standard error does not "
-            "contain",
+            "alone a sensor that was knocked looks the same, and most of it does not show: the "
+            "standard error contains what that may be",
             "describe how the stations stood (stations='known'), or record the first one again at "
             "the end",
         )

@@ -2,19 +2,35 @@
 
 Twelve magnitudes less nine numbers leave three. A field, or a gain, that is another from one
 station on looks in most of its parts like another calibration, and hardly shows: between six faces
-up and six others, by a hundredth of itself. What no statistic sees has to be allowed for.
+up and six others, by a hundredth of itself. What little shows
+tells how much did not.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.special import chdtri
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.thermal.maths.estimate import StationEstimate
 from agonic.thermal.maths.fault_scores import linearise
+from agonic.thermal.maths.gaussian_process import STEADY
 from agonic.thermal.maths.station_residuals import StationProblem, make_whitener
+
+PLAUSIBLE = 0.003
+"""Of the field: what it may change by from one hour to another in a building, if nobody watches."""
+_BOUND = float((3.0 / chdtri(3, 0.95)) ** 0.5)
+"""A standard deviation that three numbers tell is below 2.9 times theirs with 95 %."""
+
+
+def measure_shown_change(estimate: StationEstimate) -> float:
+    """By how much of itself the field, or the gain, seems to change between stations, where the
+    magnitude alone is known: what showed is another constant at each, for steps look like it.
+    """
+    slow = estimate.slow
+    return _BOUND * slow.sd if estimate.poses is None and slow.kind == STEADY else 0.0
 
 
 def allow_for_unseen_changes(
