@@ -174,12 +174,19 @@ def coil(
 def flight(
     spoil: Callable[[np.random.Generator, ag.Samples], Array] | None = None,
     late_s: float = 0.0,
+    gain: float = 1.0,
+    alone: bool = False,
 ) -> Callable[[int], Outcome]:
-    """Two orbits beside a ground calibration, 500 nT of bias later: what is added to the readings,
-    by how much the positions are late. The bias is that of the end."""
+    """Two orbits beside a ground calibration, 500 nT of bias later, or tumbling `alone` without
+    one: what is added to the readings, by how much the positions are late, a gain. The bias is that
+    of the end.
+    """
 
     def run(seed: int) -> Outcome:
-        made = simulate_orbit(n=3000, rate_Hz=0.25, thermal=0.0, moved=500.0, seed=seed)
+        pointing = "tumble" if alone else "nadir"
+        made = simulate_orbit(
+            n=3000, rate_Hz=0.25, thermal=0.0, moved=500.0, pointing=pointing, seed=seed
+        )
         sd = np.array([50.0] * 3 + [1e-3] * 6)
         ground = replace(made.ground.at(20.0), covariance=np.diag(sd**2))
         samples = made.samples.with_columns(temperature=None)
@@ -193,8 +200,9 @@ def flight(
         }
         place["longitude_deg"] = (place["longitude_deg"] + 180.0) % 360.0 - 180.0
         spoilt = samples.with_columns(field=samples.field + added, **(place if late_s else {}))
-        fit = ag.fit_inflight(spoilt, ground=ground)
-        away = fit.after.bias - made.truth.at(20.0).bias - added[-1]
+        spoilt = spoilt.with_columns(field=gain * spoilt.field)
+        fit = ag.fit_inflight(spoilt, ground=None if alone else ground)
+        away = fit.after.bias - gain * (made.truth.at(20.0).bias + added[-1])
         return _judge(fit, away / np.sqrt(np.diag(fit.after.covariance))[:3])
 
     return run
@@ -225,6 +233,12 @@ def _changed(part: Callable[[ag.Samples], Array], size: float):
         return np.outer(part(samples), size * way / np.linalg.norm(way))
 
     return spoil
+
+
+def _switching(rng: np.random.Generator, samples: ag.Samples) -> Array:
+    """300 nT in any direction, on and off at random, for a minute on average."""
+    on = np.cumsum(rng.random(len(samples)) < 4 / 60) % 2
+    return _changed(lambda _: on, 300)(rng, samples)
 
 
 def _share(samples: ag.Samples) -> Array:
@@ -283,6 +297,15 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
         for what, part in {
             "step half-way": lambda s: _share(s) > 0.5,
             "steady drift": _share,
+        }.items()
+    },
+    "flight, gains 2 % off": flight(gain=1.02),
+    "flight without a ground calibration *": flight(alone=True),
+    **{
+        f"flight without a ground calibration, {name} of 300 nT": flight(spoil, alone=True)
+        for name, spoil in {
+            "a switching current": _switching,
+            "a square wave with the orbit": _changed(lambda s: np.sin(s.time / 902) > 0, 300),
         }.items()
     },
     **{f"coil, settles with {s} s": coil(s) for s in (0.0, 0.3, 1.0, 3.0)},

@@ -20,6 +20,8 @@ from agonic.maths.estimation.noise.correlated_errors import (
 )
 from agonic.maths.estimation.noise.residuals import Noise
 
+OF_SENSOR = 1
+"""Number of the geometry of errors of the bias, which turn with the sensor."""
 TURN = 2
 """Number of the geometry of a kind across the field that is a turn of the attitude."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -9,11 +10,11 @@ import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit.bias_step import judge_step
+from agonic.inflight.fit.gain_change import find_other_gain, judge_gains, may_be_heights
 from agonic.inflight.fit.ground_axes import judge_ground_axes
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
 from agonic.inflight.fit.orbit_errors import (
-    judge_sunlight,
     judge_swing_with_orbit,
     swings_with_orbit,
 )
@@ -24,7 +25,6 @@ from agonic.samples import Samples
 
 if TYPE_CHECKING:
     from agonic.inflight.fit.problem import Problem
-    from agonic.inflight.fit.sunlight import Sunlight
 
 
 SUSPICIOUS = 0.003
@@ -40,15 +40,17 @@ ATTITUDE_DOUBTFUL_DEG = 5.0
 
 
 def examine(
-    fit: InflightFit, problem: Problem, samples: Samples, sunlight: Sunlight | None = None
+    fit: InflightFit, problem: Problem, samples: Samples, allowed: Sequence[Finding] = ()
 ) -> InflightFit:
-    """The fit with findings, refusals first, and remarks."""
+    """The fit with findings, refusals first, and remarks; `allowed` is said of what the standard
+    errors were grown by.
+    """
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
         *judge_ground_axes(fit, problem, samples),
-        *(judge_step(fit, problem) or judge_swing_with_orbit(fit, samples)),
-        *judge_sunlight(sunlight),
+        *_judge_swing(fit, problem, samples),
+        *allowed,
         *_scale(fit),
         *_axes(samples),
         *_check_undetermined(fit, problem.magnitude),
@@ -83,6 +85,15 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> list[Fin
             )
         ]
     return [Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)]
+
+
+def _judge_swing(fit: InflightFit, problem: Problem, samples: Samples) -> list[Finding]:
+    """What a bias with many intervals stands in for."""
+    gain = find_other_gain(fit, problem)
+    gains = judge_gains(fit, gain)
+    if gains and not may_be_heights(gain):
+        return gains
+    return gains + (judge_step(fit, problem) or judge_swing_with_orbit(fit, samples))
 
 
 def _scale(fit: InflightFit) -> list[Finding]:

@@ -13,6 +13,7 @@ from agonic.errors import AgonicError, check_choice
 from agonic.field.place import describe_missing, field_along
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.decay import follow_commands, leave_out_settling
+from agonic.inflight.fit.orbit_errors import judge_sunlight
 from agonic.inflight.fit.pointing import expect_direction, find_direction_e
 from agonic.inflight.fit.problem import (
     Attitude,
@@ -24,6 +25,7 @@ from agonic.inflight.fit.problem import (
     select_rows,
 )
 from agonic.inflight.fit.result import InflightFit, build_result
+from agonic.inflight.fit.short_errors import allow_for_short_errors, judge_short_errors
 from agonic.inflight.fit.solve import find_estimate
 from agonic.inflight.fit.sunlight import allow_for_sunlight
 from agonic.inflight.fit.torquers import (
@@ -135,7 +137,10 @@ def fit_inflight(
         problem, estimate = find_estimate(settled)
     estimate = allow_for_unseen_drift(problem, estimate)
     estimate, sunlight = allow_for_sunlight(problem, estimate)
-    return evidence.examine(build_result(problem, estimate, samples), problem, samples, sunlight)
+    estimate = allow_for_short_errors(estimate)
+    fit = build_result(problem, estimate, samples)
+    found = (*judge_sunlight(sunlight), *judge_short_errors(estimate, problem))
+    return evidence.examine(fit, problem, samples, found)
 
 
 def _pose_problem(
