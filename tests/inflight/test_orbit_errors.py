@@ -87,7 +87,7 @@ def test_a_current_that_comes_and_goes_is_in_the_standard_error() -> None:
         fit = fit_inflight(plain.with_columns(field=plain.field + current))
         away = (fit.after.bias - made.truth.at(20.0).bias)[None] - current[[0, np.argmax(on)]]
         assert np.sqrt(np.mean((away / fit.sd[:3]) ** 2)) < 3.0
-        assert ("comes and goes" in {one.name for one in fit.findings}) == (size > 0.0)
+        assert ("switching current" in {one.name for one in fit.findings}) == (size > 0.0)
         assert (fit.verdict == "good") == (size == 0.0)
 
 

@@ -56,7 +56,7 @@ def judge_short_errors(estimate: Estimate, problem: Problem) -> list[Finding]:
         return []
     return [
         Finding(
-            "comes and goes",
+            "switching current",
             "check",
             f"residuals hold {figure(sd * problem.magnitude)} nT that outlast noise and are gone "
             "within minutes, as a current does that switches and that nothing recorded; the "

@@ -70,10 +70,14 @@ class Epoch(NamedTuple):
 
 
 class Training(NamedTuple):
-    """The weights, their posterior covariance, and how training went; `ridge` is λ."""
+    """The weights, their posterior covariance, and how training went.
+
+    `precision` is β, the reciprocal variance of a scaled residual, and `ridge` λ.
+    """
 
     weights: Array
     covariance: Array
+    precision: float
     ridge: float
     effective: float
     epochs: tuple[Epoch, ...]
@@ -275,6 +279,7 @@ def _finish(
     return Training(
         weights=state.weights,
         covariance=inverse(information * precision),
+        precision=precision * problem.correlation,
         ridge=state.ridge,
         effective=state.effective,
         epochs=epochs,

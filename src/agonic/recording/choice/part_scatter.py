@@ -33,7 +33,6 @@ from agonic.samples import Samples
 
 BY_CHANCE = 2.0
 """A ratio that chance reaches in one of twenty fits whose errors are as stated."""
-NAME = "parts differ"
 
 
 def widen_by_parts(fit: Fit, folds: Folds | None, samples: Samples, *, turned: bool) -> Fit:
@@ -80,7 +79,7 @@ def _grow(fit: Fit, factor: float) -> Fit:
     doubtful = after >= HEADING_DOUBTFUL_DEG
     return replace(fit, calibration=wider, coverage=grown, accuracy=known).with_findings(
         Finding(
-            NAME,
+            "parts differ",
             "check" if doubtful else "note",
             "calibrations without an eighth of the log each differ by more than they state, which "
             f"is {figure(before)}° of heading, as if it were {figure(after)}°: errors last as long "
