@@ -18,6 +18,7 @@ from agonic.maths.equation.coverage import (
     level_directions,
 )
 from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.tilt import two_axis_deg
 from agonic.readable import Readable
 
 MATTERS_DEG = 0.5
@@ -132,7 +133,7 @@ def compare(
     size = magnitude or a.magnitude or (50_000.0 if a.unit_out == "nT" else 1.0)
     directions, (level, _) = icosphere()[0], level_directions(inclination_deg)
     turned = _correct_as(a, b, size * level)
-    heading, before = (np.degrees(np.arctan2(-f[:, 1], f[:, 0])) for f in (turned, level))
+    heading, before = (two_axis_deg(f[:, 0], f[:, 1]) for f in (turned, level))
     difference = wrap_deg(heading - before)
     spread = _heading_covariance(a, b, size, inclination_deg)
     return Comparison(

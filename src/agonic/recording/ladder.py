@@ -25,6 +25,7 @@ from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.coverage import heading_jacobian_deg, level_directions, make_level_axes
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.tilt import two_axis_deg
 from agonic.recording.choice.sources import varies
 from agonic.recording.held_out import FitPart, cut_blocks, predict
 from agonic.reference import Reference
@@ -249,8 +250,8 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[
     if chosen.gauge == FREE and rung.gauge != FREE:
         field = field @ _mount(chosen.matrix @ np.linalg.inv(rung.matrix)).T
     field, directions = field @ axes, directions @ axes
-    turned = np.degrees(np.arctan2(-field[..., 1], field[..., 0]))
-    true = np.degrees(np.arctan2(-directions[:, 1], directions[:, 0]))
+    turned = two_axis_deg(field[..., 0], field[..., 1])
+    true = two_axis_deg(directions[:, 0], directions[:, 1])
     error = wrap_deg(turned - true)
     mean = float(np.mean(error**2) + np.trace(by_heading) / n)
     steady = error.mean(axis=0)

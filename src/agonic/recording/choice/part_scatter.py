@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.inputs import stack_inputs
@@ -28,6 +27,7 @@ from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.equation.coverage import heading_sd_deg, level_directions, make_level_axes
 from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.tilt import two_axis_deg
 from agonic.recording.held_out import Folds
 from agonic.samples import Samples
 
@@ -114,11 +114,9 @@ def _compare_deg(part: Affine, whole: Affine, coverage: Coverage, turned: bool) 
     axes = make_level_axes(coverage.down).T
     directions, _ = level_directions(coverage.inclination_deg, down=coverage.down)
     raw = whole.magnitude * directions @ np.linalg.inv(whole.matrix).T + whole.bias
-    off = wrap_deg(_heading_deg(part.correct(raw) @ axes) - _heading_deg(directions @ axes))
+    off = wrap_deg(
+        two_axis_deg(*(part.correct(raw) @ axes).T[:2]) - two_axis_deg(*(directions @ axes).T[:2])
+    )
     if not turned:
         off = wrap_deg(off - np.degrees(np.angle(np.exp(1j * np.radians(off)).mean())))
     return float(np.sqrt(np.mean(off**2)))
-
-
-def _heading_deg(field: Array) -> Array:
-    return np.asarray(np.degrees(np.arctan2(-field[:, 1], field[:, 0])))
