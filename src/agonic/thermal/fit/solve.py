@@ -121,9 +121,8 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
     drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
     faults = _find_faults(readings, problem, whole, settings)
     changed = max(settings.unseen_change_sd, measure_shown_change(whole))
-    allowed, unseen = (
-        allow_for_unseen_changes(problem, whole, readings.cells.time, sd)
-        for sd in (changed, PLAUSIBLE)
+    allowed, unseen = allow_for_unseen_changes(
+        problem, whole, readings.cells.time, (changed, PLAUSIBLE)
     )
     return Solution(
         estimate=whole._replace(covariance=whole.covariance + faults.covariance + allowed),

@@ -8,6 +8,8 @@ tells how much did not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import chdtri
@@ -34,10 +36,10 @@ def measure_shown_change(estimate: StationEstimate) -> float:
 
 
 def allow_for_unseen_changes(
-    problem: StationProblem, estimate: StationEstimate, time: Array, sd: float
-) -> Array:
+    problem: StationProblem, estimate: StationEstimate, time: Array, sds: Sequence[float]
+) -> list[Array]:
     """What joins the covariance (a, a) of the coefficients, where the field takes a random step of
-    `sd` (over the field) from each station to the next; `time` (m,) of the means, s.
+    each of `sds` (over the field) from each station to the next; `time` (m,) of the means, s.
 
         ΔC = (Jᵀ V⁻¹ J + P)⁻¹ − (JᵀJ + P)⁻¹,   V = 1 + σ² S Sᵀ
 
@@ -45,19 +47,22 @@ def allow_for_unseen_changes(
     a step that would show count no more than the noise lets them.
     """
     a, p = problem.layout.shape[1], problem.degree + 1
-    if problem.rot_nb is not None or sd == 0.0 or problem.stations < 2:
-        return np.zeros((a, a))
+    if problem.rot_nb is not None or problem.stations < 2:
+        return [np.zeros((a, a)) for _ in sds]
     fit = linearise(problem, estimate, time, ())
     by_field = np.linalg.norm(fit.jacobian[:, [0, p, 2 * p]], axis=1, keepdims=True)
     steps = by_field * (_rank_stations(problem, time)[:, None] >= np.arange(1, problem.stations))
     whiten = make_whitener(problem, fit.state._replace(slow=fit.slow))
     rows, (_, by) = whiten(np.hstack([fit.jacobian, steps])), fit.prior
-    known, stepped = by.T @ by, np.eye(problem.stations - 1) / sd**2
-    own = rows[:, : len(known)]
-    wide = leastsq.inverse(rows.T @ rows + block_diag(known, stepped))
-    return np.asarray(
-        (wide[: len(known), : len(known)] - leastsq.inverse(own.T @ own + known))[:a, :a]
-    )
+    known, told, steady = by.T @ by, rows.T @ rows, np.eye(problem.stations - 1)
+    n = len(known)
+    at_rest = leastsq.inverse(told[:n, :n] + known)[:a, :a]
+    return [
+        leastsq.inverse(told + block_diag(known, steady / sd**2))[:a, :a] - at_rest
+        if sd > 0.0
+        else np.zeros((a, a))
+        for sd in sds
+    ]
 
 
 def _rank_stations(problem: StationProblem, time: Array) -> Array:
