@@ -1,11 +1,13 @@
 """Text tables whose numbers stand in brackets below a header."""
 
 from pathlib import Path
+from pprint import pformat
 
 import numpy as np
 import pytest
 
 import agonic as ag
+from agonic.errors import LogError
 
 ROWS = [[0.1 * k, k + 1.5, -2.0 * k, 30.25] for k in range(20)]
 LAYOUTS = {
@@ -41,3 +43,29 @@ def test_arrays_as_numpy_prints_them_are_points(tmp_path: Path) -> None:
     points = np.array(ROWS)[:, 1:] * 1e-3
     path.write_text("\n".join(f"[{x: .8e} {y: .8e} {z: .8e}]" for x, y, z in points))
     np.testing.assert_allclose(ag.read(path, unit="mT").field, points * 1e6, atol=1e-2)
+
+
+PRINTED = {
+    "NumPy": lambda rows: str(np.array(rows)),
+    "NumPy, a number a line": lambda rows: np.array2string(np.array(rows), max_line_width=20),
+    "NumPy's repr": lambda rows: repr(np.array(rows)),
+    "tuples": lambda rows: str([tuple(row) for row in rows]),
+    "tuples over several lines": lambda rows: pformat([tuple(row) for row in rows], width=10),
+    "lists over several lines": lambda rows: pformat(rows, width=10),
+}
+
+
+@pytest.mark.parametrize("form", PRINTED)
+@pytest.mark.parametrize("header", ["", "mag_x_uT,mag_y_uT,mag_z_uT\n", "mag_x mag_y mag_z [uT]\n"])
+def test_rows_in_brackets_within_brackets_are_read(tmp_path: Path, form: str, header: str) -> None:
+    path = tmp_path / "log.txt"
+    points = [row[1:] for row in ROWS]
+    path.write_text(header + PRINTED[form](points) + "\n")
+    np.testing.assert_allclose(ag.read(path, unit="uT").field, np.array(points) * 1000)
+
+
+def test_rows_that_numpy_left_out_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    path.write_text(str(np.arange(6000.0).reshape(-1, 3)))
+    with pytest.raises(LogError, match="left out"):
+        ag.read(path)

@@ -141,9 +141,15 @@ def _is_workbook(head: bytes) -> bool:
     return head.startswith(b"PK\x03\x04") and (first.startswith(begins) or opendocument)
 
 
+_JSON_BEGINS = re.compile(
+    rb"(\xef\xbb\xbf)?\s*(\[\s*(\[\s*(-?\d+(\.\d+)?([eE][-+]?\d+)?\s*[],]|\")|\{)|\{)"
+)
+"""Not like the numbers without a comma, or without a digit behind the point, that NumPy prints."""
+
+
 def _is_json(head: bytes) -> bool:
     """Whether it begins like an object, or a list of objects or of lists; a calibration is none."""
-    begins = re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*(\[\s*[-\d\"]|\{)|\{)", head) is not None
+    begins = _JSON_BEGINS.match(head) is not None
     return begins and re.search(rb"\"schema\":\s*\"agonic/", head) is None
 
 

@@ -1,4 +1,5 @@
-"""Numbers in brackets below a header: `0.1;(1.5, 2, 3)` or `0.1,(1.5),(2),(3)`.
+"""Numbers in brackets below a header, `0.1;(1.5, 2, 3)` or `0.1,(1.5),(2),(3)`, and in brackets
+within brackets, as Python and NumPy print the rows of a table.
 
 Those behind a name, as in `MAG[0]`, are a part of it.
 """
@@ -9,15 +10,47 @@ import re
 from collections.abc import Sequence
 from functools import partial
 
+from agonic.errors import LogError
 from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import holds_values, is_header, split_cells
 
 _NUMBER = r"[-+]?[\d.]++(?:[eE][-+]?\d++)?+"
 _GROUP = re.compile(rf"(?<!\w)[(\[{{<]\s*({_NUMBER}(?:[\s,;]+{_NUMBER})*)\s*[)\]}}>]")
 _BETWEEN = re.compile(r"[\s,;]+")
+_PRINTED = rf"(?:{_NUMBER}|[-+]?(?:nan|inf))"
+_NEST = re.compile(rf"(?:(?<=\n)|^)\s*(?:[\w.]*array\()?[(\[]\s*(?=[(\[]\s*{_PRINTED}[\s,])")
+_ROW = re.compile(rf"[(\[]\s*({_PRINTED}(?:(?:\s*,\s*|\s+){_PRINTED})+),?\s*[)\]]")
+_AROUND = re.compile(r"[\s,)\]]*+(?:dtype=[\w.]++\)\s*+)?")
 _SEPARATORS = ";\t|,"
 _LOOKED_AT = 50
 """Rows that tell of all."""
+
+
+def unnest(data: Text) -> Text:
+    """The text with a line for each innermost pair of brackets, where there is nothing else below
+    an optional header.
+
+    Raises `LogError` where NumPy has left out rows.
+
+    >>> unnest(b"[[1. 2.\\n  3.]\\n [4. 5.\\n  6.]]")
+    b'1. 2. 3.\\n4. 5. 6.'
+    """
+    text = data[:].decode("utf-8", "replace")
+    nest = _NEST.search(text)
+    if nest is None:
+        return data
+    body = text[nest.end() :]
+    rows, around = _ROW.findall(body), _ROW.sub("", body)
+    if around.count("...") == 1 and _AROUND.fullmatch(around.replace("...", "")):
+        raise LogError(
+            "NumPy printed the first and the last rows and left out those between (...); write all "
+            "of them: numpy.savetxt"
+        )
+    if not _AROUND.fullmatch(around):
+        return data
+    above = [line for line in text[: nest.start()].split("\n") if line.strip()]
+    between = next((one for one in _SEPARATORS if above and one in above[-1]), " ")
+    return "\n".join([*above, *(_BETWEEN.sub(between, row) for row in rows)]).encode()
 
 
 def open_brackets(data: Text, head: Sequence[str]) -> Text:

@@ -54,6 +54,7 @@ _MOTIONCAL_COLUMNS = {
 magnetic count is 0.1 µT)."""
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
 _BRACKETED = re.compile(r"[(\[{<]\s*[-+.\d][-+.\deE,;\s]*[)\]}>]").search
+_NESTED = re.compile(rb"[(\[]\s*[(\[]\s*[-+.\d]").search
 _IN_NUMBERS = re.compile(r"T|(?<=[\d.])[eE](?=[-+\d])")
 """Letters of moments and of exponents."""
 _NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
@@ -96,6 +97,10 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
     """The text of a file with plain rows, its first lines, and notes."""
     data, notes = load(path, _count_understood)
+    if _NESTED(data[:_HEAD]):
+        from agonic.logs.text.brackets import unnest
+
+        data = unnest(data)
     head = _split_head(data)
     plain = not any(map(str.isalpha, _IN_NUMBERS.sub("", head[0])))
     if plain or head[0].startswith((LABVIEW, '"')):
