@@ -26,9 +26,6 @@ _FMT = re.compile(rb"\xa3\x95\x80..\w{1,4}\0{0,3}[A-Za-z]{1,16}\0*\w", re.DOTALL
 FMT_TEXT = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w+, ?\w+, ?\w+", re.MULTILINE)
 """A message of type FMT of a dataflash log: type, length, name, letters and columns."""
 
-
-_OPENING = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*[{<]|^\[", re.MULTILINE)
-
 PACKED = {
     b"\x1f\x8b\x08": "gzip",
     b"BZh": "bz2",
@@ -87,7 +84,7 @@ def is_dataflash(head: bytes) -> bool:
     >>> is_dataflash(b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns")
     True
     """
-    return bool(_FMT.search(head) or FMT_TEXT.search(head))
+    return bool(_FMT.search(head) or (b"FMT," in head and FMT_TEXT.search(head)))
 
 
 def _is_numpy(head: bytes) -> bool:
@@ -219,13 +216,19 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
 """Where the mark of a kind of file that is not read stands, the mark, and what such a file is."""
 
 
+def _may_be_own(head: bytes) -> bool:
+    """Whether it begins with a brace or a tag, or a line with a bracket: all of agonic's own do."""
+    begins = head.removeprefix(codecs.BOM_UTF8).lstrip()
+    return begins.startswith((b"{", b"<")) or head.startswith(b"[") or b"\n[" in head
+
+
 def format_of(head: bytes) -> Format:
     """The kind of a file that starts with these bytes, or a `LogError` that says what it is.
 
     >>> format_of(b"PAR1 and more").name, format_of(b"time_s,mag_x_nT\\n").module
     ('Parquet', 'text.csv_text')
     """
-    if _OPENING.search(head):  # nothing of agonic's own is without
+    if _may_be_own(head):
         from agonic.logs.own_documents import name_own
 
         if own := name_own(head):

@@ -56,8 +56,10 @@ def name_own(head: bytes) -> str:
         return _CALIBRATION if kind == "calibration" else result
     if head.lstrip().startswith(b"<") and _GENERATOR in head:
         return "a report of agonic, no log; name the log it was made from"
+    if b"\0" in head:  # binary: first, for the search for sections would take longer than a reader
+        return ""
     sections = _SECTION.findall(head)
-    if not sections or not _SETTING.search(head) or b"\0" in head:
+    if not sections or not _SETTING.search(head):
         return ""
     known = next((_SETTINGS[name] for name in sections if name in _SETTINGS), "")
     return known or "a file of settings (TOML), no log; name the log"

@@ -53,6 +53,8 @@ _MOTIONCAL_COLUMNS = {
 """One count of each column of a MotionCal line (PaulStoffregen/MotionCal: imuread.h, where a
 magnetic count is 0.1 µT)."""
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
+_MARKS = ":=[({<"
+"""One of which stands in every row that `_MAY_LABEL` finds; rows of numbers have none."""
 _BRACKETED = re.compile(r"[(\[{<]\s*[-+.\d][-+.\deE,;\s]*[)\]}>]").search
 _NESTED = re.compile(rb"[(\[]\s*[(\[]\s*[-+.\d]").search
 _IN_NUMBERS = re.compile(r"T|(?<=[\d.])[eE](?=[-+\d])")
@@ -181,7 +183,8 @@ def _read_lines(
 
             table, others = make_table(list(read_echo(data[:].decode().split("\n"))))
             return table, {"format": "messages of ROS as text", "others": others, "notes": ()}
-    if any(_MAY_LABEL.search(row) for row in rows):
+    whole = "\n".join(rows)
+    if any(mark in whole for mark in _MARKS) and any(map(_MAY_LABEL.search, rows)):
         from agonic.logs.text.labels import is_labelled, read_labelled
 
         if is_labelled(rows[1:] or rows):

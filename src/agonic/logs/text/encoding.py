@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import mmap
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,7 +16,6 @@ _HEAD = 262_144
 _LONG = 1_000_000
 _ENCODINGS = {"latin-1": "Latin-1", "cp1251": "Windows-1251", "gb18030": "GB 18030"}
 _MINUS = "\u2212".encode()
-_STRAY = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]")
 _CONTROL = bytes({*range(32), 127} - set(b"\t\n"))
 
 
@@ -53,7 +51,8 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
         data = data.replace(_MINUS, b"-")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if b"\0" in data or _STRAY.search(data[:_HEAD]):
+    head = data[:_HEAD]
+    if b"\0" in data or head != head.translate(None, _CONTROL):
         data = data.translate(None, _CONTROL)
     return data, notes
 
