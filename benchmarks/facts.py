@@ -54,14 +54,23 @@ def name_version(package: str) -> str:
 
 
 def _commit() -> str:
-    """The commit of the tree that was measured, where git knows it."""
+    """The commit of the tree that was measured, where git knows it, and whether files differ from
+    it; the tables that a run itself has written do not count."""
+    head = _git("rev-parse", "--short=8", "HEAD")
+    if not head:
+        return ""
+    changed = _git("status", "--porcelain", "--", ".", ":!benchmarks/results", ":!docs/_static")
+    return f" ({head}{'-dirty' if changed else ''})"
+
+
+def _git(*command: str) -> str:
+    """What git prints about the repository of this file; nothing where there is none."""
     root = Path(__file__).parents[1]
-    asked = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
     try:
-        done = subprocess.run(asked, capture_output=True, text=True)
+        done = subprocess.run(["git", "-C", str(root), *command], capture_output=True, text=True)
     except FileNotFoundError:
         return ""
-    return f" ({done.stdout.strip()})" if done.returncode == 0 else ""
+    return done.stdout.strip() if done.returncode == 0 else ""
 
 
 def _processor() -> str:
