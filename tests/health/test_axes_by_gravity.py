@@ -172,6 +172,17 @@ def test_talk_between_axes_of_a_level_vehicle_is_no_other_mounting() -> None:
     assert check_mounting(level @ naming, down) is not None
 
 
+def test_what_moves_the_readings_of_a_vehicle_that_hardly_turns_is_no_mounting() -> None:
+    """A current along y and z: x is the most constant by little, and nobody turned."""
+    rng = np.random.default_rng(3)
+    readings = np.array([0.2, 0.1, 0.9]) + rng.normal(size=(500, 3)) * [0.05, 0.06, 0.15]
+    tilts = 0.01 * rng.normal(size=(500, 2))
+    down = np.column_stack([tilts, np.ones(500)])
+    misfit = vertical_misfit(readings, down, right_angles())
+    assert misfit.min() < 0.4 * misfit[0]
+    assert check_mounting(readings, down) is None
+
+
 @pytest.mark.parametrize(
     ("mirror", "told"),
     [

@@ -9,6 +9,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
+from agonic.health import Finding
 from agonic.recording.advice import suit_advice
 from agonic.simulation import simulate, with_inertial_unit
 
@@ -59,6 +60,24 @@ def test_components_of_the_earth_are_no_readings_of_a_sensor() -> None:
     names = [finding.name for finding in suit_advice(fit.findings, made)]
     assert names[0] == "axes of the Earth"
     assert not {"static", "plane"} & set(names)
+
+
+def test_readings_of_one_length_are_blamed_for_nothing_else(capsys) -> None:
+    samples = with_inertial_unit(seed=3)(simulate("car", n=600, rate_Hz=20.0, seed=3).samples)
+    lengths = np.linalg.norm(samples.field, axis=1, keepdims=True)
+    said = say(samples.with_columns(field=samples.field / lengths), capsys)
+    assert "all readings have exactly the same length" in said.lower()
+    assert said.count("Refused ") == 1
+    assert "Check " not in said
+
+
+def test_an_orientation_that_the_autopilot_applied_is_corrected_there() -> None:
+    found = (Finding("mounting", "refuse", "axes are others", "agonic calibrate --mounting x"),)
+    made = ag.Samples(field=still(), time=np.arange(N))
+    assert suit_advice(found, made) == found
+    (told,) = suit_advice(found, ag.Samples(field=still(), frame="b", time=np.arange(N)))
+    assert "COMPASS_ORIENT" in told.move
+    assert "--mounting" not in told.move
 
 
 @pytest.mark.slow

@@ -72,6 +72,9 @@ REVERSED_FIELD = Finding(
 def check_mounting(readings: Array, down: Array, vertical: float | None = None) -> Finding | None:
     """The finding that the sensor sits in the vehicle by another right angle than its axes say.
 
+    A vehicle that keeps level tells which axis is upright; where two axes would do as well, what
+    moves the readings is something else, and nothing is said.
+
     Parameters: readings (n, 3) and the direction of down in body axes (n, 3); `vertical` field of
     the place where roll and pitch were recorded, which may be counted the wrong way round.
     """
@@ -83,14 +86,17 @@ def check_mounting(readings: Array, down: Array, vertical: float | None = None) 
     best = int(np.argmin(misfit))
     if misfit[best] >= FAR_BETTER * misfit[0] or misfit[0] < _find_crosstalk(readings):
         return None
+    upright = np.argmax(np.abs(turns[:, 2]), axis=1)
+    if misfit[best] * RIVAL > misfit[upright != upright[best]].min():
+        return None  # what moves the readings is not the turning of the vehicle
+    mounted = describe_mounting(turns[best])
     return Finding(
         "mounting",
         "refuse",
         "the readings do not follow roll and pitch along the axes they are named for; they would "
-        f"with the sensor mounted so that {describe_mounting(turns[best])}",
+        f"with the sensor mounted so that {mounted}",
         "say so where it sits like that (agonic calibrate --mounting "
-        f'"{describe_mounting(turns[best]).replace(" points ", " ")}"), or correct the orientation '
-        "set for this sensor",
+        f'"{mounted.replace(" points ", " ")}"), or correct the orientation set for this sensor',
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from agonic.fit import Fit
 from agonic.health import Finding, sort_findings
+from agonic.health.finding import NOT_READ
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -19,6 +20,8 @@ STANDING_S = 1800.0
 """A sensor that is not turned for longer than this is mounted where it is."""
 TURNING = ("static", "plane", "small tilt", "coverage", "few orientations")
 """Findings that ask somebody to turn the sensor."""
+NORMALISED = "normalised"
+"""Readings that hold directions only: what else a fit to them finds has this cause."""
 
 
 def suit_advice(
@@ -33,6 +36,8 @@ def suit_advice(
     ['axes of the Earth']
     """
     found = tuple(findings)
+    if any(finding.name == NORMALISED for finding in found):
+        return tuple(finding for finding in found if finding.name in (NORMALISED, NOT_READ))
     if samples.frame in ("n", "e"):
         kept = (finding for finding in found if finding.name not in TURNING)
         return (_name_axes_of_the_earth(samples), *kept)
@@ -43,6 +48,8 @@ def suit_advice(
         )
     elif lacks_place(samples, reference):
         found = tuple(map(_ask_for_place, found))
+    if samples.frame == "b":
+        found = tuple(map(_correct_orientation, found))
     if reference is not None and samples.altitude_m is None and is_in_space(samples):
         found = (_miss_altitude(), *found)
     return sort_findings(found)
@@ -91,6 +98,17 @@ def _ask_for_place(finding: Finding) -> Finding:
         finding,
         move="give the place (--at LAT,LON): with it the accelerometer or the attitude in this "
         f"log makes up for much of the turning; or {finding.move}",
+    )
+
+
+def _correct_orientation(finding: Finding) -> Finding:
+    """A mounting that cannot be told to agonic: the autopilot has turned the readings already."""
+    if (finding.name, finding.severity) != ("mounting", "refuse"):
+        return finding
+    return replace(
+        finding,
+        move="correct the orientation that the autopilot was given for this sensor "
+        "(COMPASS_ORIENT, CAL_MAGn_ROT) and log again",
     )
 
 
