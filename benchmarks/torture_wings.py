@@ -1,4 +1,4 @@
-"""Recordings that break assumptions, through tracker, retrainer, flight, chamber and coil.
+"""Recordings that break assumptions, through tracker, retrainer, flight, chamber, coil and swing.
 
 python -m benchmarks.torture_wings [--draws 4] [--kind TEXT]
 
@@ -13,11 +13,10 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
@@ -30,38 +29,19 @@ from agonic.network.retraining import Retrainer
 from agonic.network.simulate import simulate_paper
 from agonic.thermal.simulation.campaign import simulate_campaign
 from benchmarks import tables
+from benchmarks.torture_directions import DIRECTIONS
+from benchmarks.torture_outcome import WRONG, Outcome, correlated, judge
 
 Array = NDArray[np.float64]
 WINGS = """## The wings
 
-Tracker, retrainer, flight, chamber and coil, {draws} draws each (`benchmarks/torture_wings.py`):
-the error over what was stated. A refused coil is not wrong, whatever its error.
+Tracker, retrainer, flight, chamber, coil and swing, {draws} draws each
+(`benchmarks/torture_wings.py`): the error over what was stated. A refused coil is not wrong,
+whatever its error.
 
 """
-WRONG = 3.0
 NOISE = 100.0
 LEVELS = np.linspace(-5.0, 45.0, 6)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What was said of a run, its error over the stated one, and the findings."""
-
-    verdict: str
-    over_stated: float
-    causes: tuple[str, ...]
-
-    @property
-    def wrong(self) -> bool:
-        """Confidently wrong."""
-        return self.verdict == "good" and self.over_stated > WRONG
-
-
-def correlated(rng: np.random.Generator, shape: tuple[int, ...], kept: float, sd: float) -> Array:
-    """AR(1) noise of a standard deviation, settled from the first row on."""
-    warm = int(10 / (1 - kept))
-    white = sd * np.sqrt(1 - kept**2) * rng.standard_normal((shape[0] + warm, *shape[1:]))
-    return np.asarray(lfilter([1.0], [1.0, -kept], white, axis=0)[warm:])
 
 
 def track(spoil: Callable[[np.random.Generator, int], tuple[Array | float, Array | float]]):
@@ -84,7 +64,7 @@ def track(spoil: Callable[[np.random.Generator, int], tuple[Array | float, Array
             ag.Samples(time=time, field=raw + beside), ag.Reference.magnitude(size + wrong)
         )
         z = (tracker.bias - bias) / tracker.bias_sd
-        return _judge(tracker, z)
+        return judge(tracker, z)
 
     return run
 
@@ -135,7 +115,7 @@ def chamber(
             rate=False,
         )
         away = fit.calibration.bias_at(LEVELS) - truth.bias_at(LEVELS)
-        return _judge(fit, away / fit.calibration.sd_at(LEVELS)[:, :3])
+        return judge(fit, away / fit.calibration.sd_at(LEVELS)[:, :3])
 
     return run
 
@@ -166,7 +146,7 @@ def coil(
             reference=beside.with_columns(field=also),
         )
         fit = fit_coil(spoilt)
-        return _judge(fit, np.array([(fit.constant - 40_000.0) / fit.constant_sd]))
+        return judge(fit, np.array([(fit.constant - 40_000.0) / fit.constant_sd]))
 
     return run
 
@@ -203,14 +183,9 @@ def flight(
         spoilt = spoilt.with_columns(field=gain * spoilt.field)
         fit = ag.fit_inflight(spoilt, ground=None if alone else ground)
         away = fit.after.bias - gain * (made.truth.at(20.0).bias + added[-1])
-        return _judge(fit, away / np.sqrt(np.diag(fit.after.covariance))[:3])
+        return judge(fit, away / np.sqrt(np.diag(fit.after.covariance))[:3])
 
     return run
-
-
-def _judge(result, z: Array) -> Outcome:
-    causes = tuple(finding.name for finding in result.findings)
-    return Outcome(result.verdict, float(np.sqrt(np.mean(z**2))), causes)
 
 
 def _nothing(rng: np.random.Generator, samples: ag.Samples) -> Array:
@@ -312,6 +287,7 @@ KINDS: dict[str, Callable[[int], Outcome]] = {
     "coil, 1 % of it in the reference": coil(seen=0.01),
     "coil, gain of the magnetometer 1 % off": coil(gain=1.01),
     "coil that warms up, 1 %": coil(warmer=0.01),
+    **DIRECTIONS,
 }
 
 

@@ -78,7 +78,7 @@ def test_errors_over_sd_are_gaussian_where_the_noise_is_known() -> None:
     z = []
     for seed in range(300):
         noise = np.random.default_rng(seed).normal(size=8)
-        fit = fit_deviation(ROSE, reference(ROSE, noise), noise_deg=1.0)
+        fit = fit_deviation(ROSE, reference(ROSE, noise), noise_deg=1.0, drift_deg=0.0)
         z.append((fit.calibration.coefficients - TRUTH) / fit.sd[:5])
     assert kstest(np.ravel(z), norm.cdf).pvalue > 0.01
     assert np.std(z) == pytest.approx(1.0, abs=0.06)
@@ -327,11 +327,54 @@ def test_the_standard_error_of_few_headings_covers_a_reference_that_drifts() -> 
     assert closed.count("drift") >= 18
 
 
+@pytest.mark.parametrize(("noise", "stated"), [(0.5, 0.5), (0.3, 0.3), (0.5, 1.0)])
+def test_a_stated_noise_does_not_say_that_the_reference_holds(noise, stated) -> None:
+    """4° of drift over eight headings beside a noise that is known."""
+    circle = np.arange(0.0, 360.0, 15.0)
+    sure, closed = 0, 0
+    for seed in range(40):
+        errors = noise * np.random.default_rng(seed).normal(size=9) + np.linspace(0, 4.5, 9)
+        again = np.append(ROSE, 0.0)
+        card = fit_deviation(ROSE, reference(ROSE, errors[:8]), noise_deg=stated)
+        off = card.calibration.at(circle) - basis(circle)[:, :5] @ TRUTH
+        sds = card.calibration.sd_at(circle)
+        sure += card.verdict == "good" and np.mean(off**2) > 9 * np.mean(sds**2)
+        found = fit_deviation(again, reference(again, errors), noise_deg=stated)
+        closed += found.verdict == "good"
+        assert "steer the first heading again" in card.status
+        assert "steer the first heading again at the end, or" not in found.status
+    assert sure <= 6  # 24, 2 and 18 of 40 where a stated noise spoke for the reference too
+    assert closed <= 8
+
+
+def test_a_reference_read_off_the_compass_is_told_and_a_small_deviation_is_not() -> None:
+    """Copied with 0.3° of noise, or rounded; against 1° in A and in B."""
+    copied, small = 0, 0
+    for seed in range(40):
+        noise = 0.3 * np.random.default_rng(seed).normal(size=8)
+        copied += "readings alike" in names(fit_deviation(ROSE, ROSE + noise))
+        deviation = 1.0 + np.sin(np.radians(ROSE)) + noise
+        small += "readings alike" in names(fit_deviation(ROSE, ROSE + deviation))
+    assert copied >= 36
+    assert small == 0
+    followed = fit_deviation(ROSE, reference(ROSE, noise), estimated=True)
+    assert names(followed) == {"readings alike": "check"}
+
+
+def test_a_drift_that_is_stated_is_in_the_standard_error() -> None:
+    """A walks by half of what the reference does, E by little."""
+    sd = fit_deviation(ROSE, reference(ROSE), noise_deg=0.1, drift_deg=2.0).sd[:5]
+    assert sd[0] > 1.0
+    assert sd[4] < 0.5
+    with pytest.raises(AgonicError, match="0 for none"):
+        fit_deviation(ROSE, ROSE, drift_deg=-1.0)
+
+
 def test_whole_degrees_are_known_no_better_than_their_rounding() -> None:
     """Residuals of readings that are rounded alike may all be zero."""
     copied = fit_deviation(ROSE, ROSE)
     assert copied.noise_deg == pytest.approx(1 / np.sqrt(12))
-    assert names(copied) == {"readings alike": "note"}
+    assert names(copied) == {"readings alike": "check"}
     z = []
     for seed in range(40):
         turned = np.random.default_rng(seed).uniform(-5, 5, size=5) * [1, 1, 1, 0.3, 0.3]

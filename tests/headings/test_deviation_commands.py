@@ -117,14 +117,17 @@ def test_a_planned_swing_is_filled_in_and_fitted(capsys) -> None:
     assert plan["schema"] == "agonic/plan-swing@1"
     assert len(plan["compass_deg"]) == len(plan["roll_deg"]) == 16
     assert plan["sd"]["A"] == pytest.approx(0.5 / 4)
-    filled = []
-    for line in Path("form.csv").read_text().splitlines():
-        if line[0].isdigit():
+    filled, lines = [], Path("form.csv").read_text().splitlines()
+    first = next(k for k, line in enumerate(lines) if line[0].isdigit())
+    assert lines[first:][16:] == lines[first:][:2]  # the first heading, to either side
+    for line in lines:
+        if line[0].isdigit() and len(filled) < first + 16:  # not the return at the end
             compass, roll = (float(cell) for cell in line.split(",")[:2])
             line += str(compass + 2 - 0.07 * roll * math.cos(math.radians(compass)))
         filled.append(line)
     Path("form.csv").write_text("\n".join(filled))
-    _, said = answer(capsys, "fit", "deviation", "form.csv", "--noise-deg", "0.5")
+    stated = ("--noise-deg", "0.5", "--drift-deg", "0")
+    _, said = answer(capsys, "fit", "deviation", "form.csv", *stated)
     assert said["coefficients"]["A"] == pytest.approx(2.0, abs=1e-3)
     assert said["coefficients"]["roll_cos"] == pytest.approx(-0.07, abs=1e-4)
     assert said["sd"] == pytest.approx(plan["sd"], rel=1e-3)

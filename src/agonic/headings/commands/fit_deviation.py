@@ -67,6 +67,14 @@ def deviation(
     noise_deg: Annotated[
         float | None, typer.Option("--noise-deg", metavar="DEG", help="Of one reading, if known.")
     ] = None,
+    drift_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--drift-deg",
+            metavar="DEG",
+            help="Of the reference from first reading to last, if known; 0: none.",
+        ),
+    ] = None,
     robust: Robust = True,
     step: Annotated[
         float, typer.Option(metavar="DEG", help="From one row of the card to the next.")
@@ -98,6 +106,8 @@ def deviation(
         terms=terms,
         robust=robust,
         noise_deg=read.number("noise_deg") if noise_deg is None else noise_deg,
+        drift_deg=read.number("drift_deg") if drift_deg is None else drift_deg,
+        estimated=read.estimated,
         power_state=read.remarks.get("power_state", "") if power_state is None else power_state,
         current_A=read.number("current_A") if current is None else current,
         sensor=read.remarks.get("compass", "compass"),
@@ -142,6 +152,7 @@ def _of_log(
         reference="magnetic",
         roll_deg=found.heel[:, 0],
         pitch_deg=found.heel[:, 1],
+        estimated=found.estimated,
         remarks=remarks,
         source=samples.origin,
     )

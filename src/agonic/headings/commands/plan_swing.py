@@ -40,7 +40,7 @@ def swing(
     from agonic.headings.files.swing import make_form
 
     plan = plan_swing(headings, heel_deg=heel, noise_deg=noise_deg, terms=terms, rounds=rounds)
-    tilts = None if heel is None else plan.roll_deg
+    compass, tilts = plan.closed
     made = describe_plan(plan, heeled=heel is not None)
-    forms = {".csv": lambda: make_form(plan.compass_deg, roll_deg=tilts)}
+    forms = {".csv": lambda: make_form(compass, roll_deg=None if heel is None else tilts)}
     return finish(made, report=out, option="-o", forms=forms, as_json=as_json)

@@ -9,6 +9,7 @@ from scipy.special import chdtrc, stdtr
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import Deviation, name_heading
+from agonic.headings.deviation.dependence import find_dependence
 from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure, sort_findings
 from agonic.maths.estimation.noise.residuals import correlation_length
@@ -27,10 +28,10 @@ OUTLIER_REFUSED_DEG = 5.0  # where too few others outweigh it
 OUTLIERS_DOUBTFUL = 0.1
 THIRD_DOUBTFUL_DEG = 1.0
 SIGNIFICANT = 0.01
+SLIP_SIGNIFICANT = 0.003
 DRIFT_SIGNIFICANT = 0.001
 DRIFT_LEAST_DEG = 0.5
-ALIKE_DEG = 1e-6
-DRIFT_LIKELY = 0.6  # one in a hundred swings without drift
+DRIFT_LIKELY = 0.8  # fewer than one in a hundred swings without drift
 
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 
@@ -41,7 +42,8 @@ class Evidence:
 
     `difference_deg` (n,) is the reference less the compass. `level` (5,) and `chosen` (9,) mark the
     terms that were fitted; `weighted` says whether the robust loss was free to leave out outliers,
-    `drifting` how likely the reference drifted.
+    `drifting` how likely the reference drifted, `rounding_deg` the scatter that the rounding of the
+    readings alone makes, `estimated` that the reference follows a compass.
     """
 
     compass_deg: Array
@@ -55,6 +57,8 @@ class Evidence:
     left_out: int
     weighted: bool
     drifting: float = 0.0
+    rounding_deg: float = 0.0
+    estimated: bool = False
 
 
 def examine(evidence: Evidence) -> tuple[Finding, ...]:
@@ -66,7 +70,10 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     spread = (_uncertain(evidence), _scatter(evidence))
     if outlier is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
-    smaller = (_drift(evidence), _third(evidence), _alike(evidence), _check_left_out(evidence))
+    alike = find_dependence(
+        evidence.rows, evidence.solved, evidence.difference_deg, evidence.estimated
+    )
+    smaller = (_drift(evidence), _third(evidence), alike, _check_left_out(evidence))
     return sort_findings((_check_folded(evidence), shape, outlier, *spread, *smaller))
 
 
@@ -195,11 +202,12 @@ def _find_outlier(evidence: Evidence) -> tuple[int | None, float]:
         return None, 0.0
     free = np.maximum(1 - np.einsum("ij,jk,ik->i", rows, np.linalg.pinv(rows.T @ rows), rows), 1e-9)
     rest = np.maximum(e @ e - e**2 / free, 1e-12) / (n - k - 1)
+    rest = np.maximum(rest, evidence.rounding_deg**2)  # readings that were rounded alike
     t = np.abs(e) / np.sqrt(rest * free)
     worst = int(t.argmax())
     off = float(abs(e[worst]) / free[worst])
     chance = 2 * n * float(stdtr(n - k - 1, -t[worst]))
-    return (worst, off) if chance < SIGNIFICANT and off > OUTLIER_LEAST_DEG else (None, 0.0)
+    return (worst, off) if chance < SLIP_SIGNIFICANT and off > OUTLIER_LEAST_DEG else (None, 0.0)
 
 
 def _scatter(evidence: Evidence) -> Finding | None:
@@ -267,19 +275,6 @@ def _third(evidence: Evidence) -> Finding | None:
         f"a part of {figure(size)}° that changes three times round the circle remains",
         "the deviation is too large for A to E: compensate the compass, or calibrate the "
         "magnetometer, and swing again",
-    )
-
-
-def _alike(evidence: Evidence) -> Finding | None:
-    """A reference that follows the compass to the last digit, as one that was copied from it."""
-    if float(np.ptp(evidence.difference_deg)) > ALIKE_DEG or evidence.card.terms == "A":
-        return None
-    return Finding(
-        "readings alike",
-        "note",
-        "compass and reference differ by the same on every heading, to the last digit",
-        "where one was copied from the other the card says nothing; read the reference by itself, "
-        "to a tenth of a degree",
     )
 
 

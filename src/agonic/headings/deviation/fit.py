@@ -14,10 +14,10 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import PARAMETERS, Deviation, format_east_west, name_heading
 from agonic.errors import AgonicError
 from agonic.fit import Estimated
+from agonic.headings.deviation.drift import allow_drift, ask_to_return
 from agonic.headings.deviation.evidence import Evidence, examine
 from agonic.headings.deviation.readings import SwingReadings, select_complete
 from agonic.headings.maths import swing_plan
-from agonic.headings.maths.reference_drift import ReferenceDrift, average_over_drift
 from agonic.health import Finding, figure
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrap_deg
@@ -75,6 +75,8 @@ def fit_deviation(
     terms: str = "ABCDE",
     robust: bool = True,
     noise_deg: float | None = None,
+    drift_deg: float | None = None,
+    estimated: bool = False,
     power_state: str = "",
     current_A: float | None = None,
     sensor: str = "compass",
@@ -95,6 +97,10 @@ def fit_deviation(
     terms : the level terms to fit; the others are fixed at zero. Never chosen for you.
     robust : down-weight outliers with Tukey's loss where one stands out of many readings.
     noise_deg : standard deviation of one reading where it is known; else the residuals tell.
+    drift_deg : standard deviation of what the reference drifts from the first reading to the last
+        where it is known, 0 for a surveyed line; else a drift is counted with as the readings
+        allow.
+    estimated : whether the reference is an estimate that follows a compass, as an autopilot's is.
     power_state, current_A : what was switched on and the current it drew; the card belongs to it.
     sensor, source : whose headings, and the file they came from.
 
@@ -119,12 +125,13 @@ def fit_deviation(
     rows = readings.rows[:, chosen]
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
     solved, known = _solve(readings, rows, weighted, noise_deg)
-    drift = _average_over_drift(rows, solved, weighted, bool(noise_deg and known))
+    drift = allow_drift(rows, solved, weighted, noise_deg and known, drift_deg)
     solved = solved._replace(covariance=drift.covariance)
     asked = {
         "terms": terms,
         "robust": robust,
         "noise_deg": noise_deg,
+        "drift_deg": drift_deg,
         "declination_deg": None if declination_deg is None else readings.declination,
         "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
     }
@@ -133,7 +140,7 @@ def fit_deviation(
         **_spread(solved, chosen),
         terms=terms,
         noise_deg=known or _noise(solved),
-        freedom=_freedom(solved) if known is None else None,
+        freedom=None if noise_deg and known else _freedom(solved),
         power_state=power_state,
         current_A=current_A,
         largest_gap_deg=swing_plan.compute_largest_gap_deg(
@@ -153,6 +160,8 @@ def fit_deviation(
         chosen=chosen,
         stated_noise_deg=noise_deg,
         left_out=readings.left_out,
+        rounding_deg=readings.rounding_deg,
+        estimated=estimated,
         weighted=weighted,
         drifting=drift.probability,
     )
@@ -163,6 +172,7 @@ def _make_fit(evidence: Evidence, classical: Mapping[str, float] | None) -> Devi
     """The fit with its findings; a refused one boasts of no accuracy."""
     solved, card, findings = evidence.solved, evidence.card, examine(evidence)
     refused = any(finding.severity == "refuse" for finding in findings)
+    asked = ask_to_return(evidence.compass_deg, card.provenance.settings["drift_deg"])
     return DeviationFit(
         calibration=card,
         classical=classical,
@@ -174,7 +184,7 @@ def _make_fit(evidence: Evidence, classical: Mapping[str, float] | None) -> Devi
         correlation=solved.correlation,
         condition=solved.condition,
         findings=findings,
-        remarks=() if refused else _remarks(card),
+        remarks=() if refused else (*_remarks(card), *asked),
     )
 
 
@@ -215,16 +225,6 @@ def _solve(
 def _likely(freedom: int) -> float:
     """The scatter over a stated noise that chance exceeds once in a hundred swings."""
     return float(np.sqrt(chdtri(freedom, 0.01) / freedom))
-
-
-def _average_over_drift(
-    rows: Array, solved: kernel.DeviationSolution, weighted: bool, as_stated: bool
-) -> ReferenceDrift:
-    """With what a drift of the reference may add, unless a stated noise holds."""
-    if as_stated:
-        return ReferenceDrift(solved.covariance, 0.0)
-    used = solved.weights > 0 if weighted else np.ones(len(rows), dtype=bool)
-    return average_over_drift(rows[used], solved.residuals[used], solved.covariance)
 
 
 def _noise(solved: kernel.DeviationSolution) -> float | None:

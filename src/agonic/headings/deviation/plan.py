@@ -18,7 +18,8 @@ from agonic.maths.rotations import deviation as kernel
 class SwingPlan:
     """Readings to take, in order, and the standard errors to expect.
 
-    `compass_deg` and `roll_deg` (n,) are what to steer; `sd` (9,) the expected standard errors of
+    `compass_deg` and `roll_deg` (n,) are what to steer; `sd` (9,), beside a reference that does not
+    drift, the expected standard errors of
     A to E (degrees) and the heel terms (degrees per degree), 0 where a term is not fitted;
     `heading_sd_deg` that of a level heading corrected with the card, at the worst heading.
     """
@@ -29,6 +30,15 @@ class SwingPlan:
     noise_deg: float
     sd: Array
     heading_sd_deg: float
+
+    @property
+    def closed(self) -> tuple[Array, Array]:
+        """Headings and rolls with the first heading once more at the end, where a drift shows."""
+        first = self.compass_deg == self.compass_deg[0]
+        if first[-1]:
+            return self.compass_deg, self.roll_deg
+        again = np.append(np.arange(len(first)), np.flatnonzero(first))
+        return self.compass_deg[again], self.roll_deg[again]
 
 
 def plan_swing(

@@ -18,11 +18,10 @@ def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:
       heading  0.791° corrected with the card, level
     """
     sd = {name: s for name, s in zip(PARAMETERS, plan.sd.tolist(), strict=True) if s > 0.0}
+    steered = plan.closed
     steps = [
         [str(k), name_heading(float(compass)), *([f"{roll:+g}°"] if heeled else []), ""]
-        for k, (compass, roll) in enumerate(
-            zip(plan.compass_deg, plan.roll_deg, strict=True), start=1
-        )
+        for k, (compass, roll) in enumerate(zip(*steered, strict=True), start=1)
     ]
     head = ["", "Compass", *(["Roll"] if heeled else []), "Magnetic, by the better source"]
     expected = {
@@ -35,7 +34,8 @@ def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:
         kind="Plan of a swing",
         name="Deviation of a compass",
         status="Steer in this order, hold each until the compass is at rest "
-        f"({plan.noise_deg:g}° a reading). Fill in the form, then: agonic fit deviation FORM.",
+        f"({plan.noise_deg:g}° a reading); the first comes again at the end, where a reference "
+        "that drifts shows. Fill in the form, then: agonic fit deviation FORM.",
         sections=[
             Section("", [Table(head, steps, "form")], printed=True),
             Section("Standard errors to expect", [expected], printed=True),

@@ -44,6 +44,7 @@ REMARKS = {
     "current_A": "the current it draws, A",
     "compass": "which compass",
     "noise_deg": "how well one reading can be taken, degrees",
+    "drift_deg": "how far the reference may drift from first to last, degrees; 0 for a line",
     "declination_deg": "east positive; needed where the reference is true",
     "date": "",
     "place": "",
@@ -60,7 +61,8 @@ class Swing:
     """Readings of a swing, (n,) each, degrees, in the order they were taken.
 
     `reference_deg` is the magnetic or the true heading, as `reference` says; `blank` counts rows
-    that were not filled in; `remarks` holds what the # lines tell, by the names of `REMARKS`.
+    that were not filled in; `estimated` says that the reference is an estimate that follows a
+    compass itself; `remarks` holds what the # lines tell, by the names of `REMARKS`.
     """
 
     compass_deg: Array
@@ -69,6 +71,7 @@ class Swing:
     roll_deg: Array | None = None
     pitch_deg: Array | None = None
     blank: int = 0
+    estimated: bool = False
     remarks: Mapping[str, str]
     source: Input
 

@@ -31,18 +31,21 @@ class ReferenceDrift(NamedTuple):
     probability: float
 
 
-def average_over_drift(rows: Array, residuals: Array, covariance: Array) -> ReferenceDrift:
+def average_over_drift(
+    rows: Array, residuals: Array, covariance: Array, noise_deg: float | None = None
+) -> ReferenceDrift:
     """The covariance of least squares whose errors may be correlated in the order of the readings.
 
     Errors with the covariance s² R, R = I + r exp(−|i − j|/l), have the restricted likelihood
 
         |R|^(−1/2) |XᵀR⁻¹X|^(−1/2) (eᵀR⁻¹e)^(−(n − k)/2)
 
-    with s² = eᵀR⁻¹e/(n − k). By it the covariances H s²R Hᵀ, H = (XᵀX)⁻¹Xᵀ, of all r are averaged
+    with s² = eᵀR⁻¹e/(n − k), or exp(−eᵀR⁻¹e/(2 s²)) in place of the last factor where the noise s
+    of a reading is known. By it the covariances H s²R Hᵀ, H = (XᵀX)⁻¹Xᵀ, of all r are averaged
     (Hoeting et al. 1999).
 
-    Parameters: rows X (n, k) and residuals (n,) in the order they were taken, and the covariance
-    (k, k) without drift.
+    Parameters: rows X (n, k) and residuals (n,) in the order they were taken, the covariance
+    (k, k) without drift, and the noise where it is known.
 
     >>> turn = np.radians(np.arange(0.0, 360.0, 30.0))
     >>> rows = np.column_stack([np.ones(12), np.sin(turn), np.cos(turn)])
@@ -53,13 +56,11 @@ def average_over_drift(rows: Array, residuals: Array, covariance: Array) -> Refe
     n, k = rows.shape
     if n <= k or n > MOST:
         return ReferenceDrift(covariance, 0.0)
-    place = np.arange(n)
-    slow = np.exp(-np.abs(place[:, None] - place) / (LENGTH * n))
-    onto = np.linalg.pinv(rows)
+    slow, onto = _keep_over_swing(n), np.linalg.pinv(rows)
     scores, spreads = [], []
     for ratio in (0.0, *RATIOS):
         spread = np.eye(n) + ratio * slow
-        score, variance = _score(rows, residuals, spread)
+        score, variance = _score(rows, residuals, spread, noise_deg)
         scores.append(score)
         spreads.append(covariance if ratio == 0.0 else variance * onto @ spread @ onto.T)
     prior = np.array([1 - DRIFTING, *[DRIFTING / len(RATIOS)] * len(RATIOS)])
@@ -69,7 +70,29 @@ def average_over_drift(rows: Array, residuals: Array, covariance: Array) -> Refe
     return ReferenceDrift(averaged, float(1 - likely[0]))
 
 
-def _score(rows: Array, residuals: Array, spread: Array) -> tuple[float, float]:
+def add_drift(rows: Array, covariance: Array, drift_deg: float) -> Array:
+    """The covariance (k, k) of rows X (n, k) with a drift of a known size added, H Q Hᵀ.
+
+    `drift_deg` is the standard deviation of what the reference changes by from the first reading to
+    the last.
+
+    >>> add_drift(np.ones((4, 1)), np.zeros((1, 1)), 1.0).round(2).tolist()
+    [[0.71]]
+    """
+    slow, onto = _keep_over_swing(len(rows)), np.linalg.pinv(rows)
+    ends = 2.0 * (slow[0, 0] - slow[0, -1])
+    return np.asarray(covariance + drift_deg**2 / max(ends, 1e-12) * onto @ slow @ onto.T)
+
+
+def _keep_over_swing(n: int) -> Array:
+    """How much a drift keeps to itself from reading to reading, (n, n)."""
+    place = np.arange(n)
+    return np.asarray(np.exp(-np.abs(place[:, None] - place) / (LENGTH * n)))
+
+
+def _score(
+    rows: Array, residuals: Array, spread: Array, noise_deg: float | None
+) -> tuple[float, float]:
     """Logarithm of the restricted likelihood, and the variance s² of a reading."""
     freedom = len(rows) - rows.shape[1]
     weight = inverse(spread)
@@ -77,4 +100,6 @@ def _score(rows: Array, residuals: Array, spread: Array) -> tuple[float, float]:
     left = residuals - rows @ (inverse(information) @ (rows.T @ weight @ residuals))
     squares = max(float(left @ weight @ left), 1e-24)
     size = float(np.linalg.slogdet(spread)[1] + np.linalg.slogdet(information)[1])
+    if noise_deg is not None:
+        return -size / 2 - squares / (2 * noise_deg**2), noise_deg**2
     return -size / 2 - freedom / 2 * float(np.log(squares)), squares / freedom
