@@ -101,7 +101,7 @@ def assess(
     felt, doubted = problem.shared is not None, told is not None and told.severity != "note"
     fit = replace(
         fit,
-        accuracy=_state_accuracy(fit, mounted, doubted=doubted),
+        accuracy=_state_accuracy(fit, mounted),
         remarks=_remarks(fit, tilt_sd, felt=felt, doubted=doubted),
     )
     return fit.with_findings(*found, told, column)
@@ -237,14 +237,14 @@ def _doubt_attitude(tilt_sd: float, felt: bool) -> Finding:
     )
 
 
-def _state_accuracy(fit: Fit, mounted: MountedHeading, *, doubted: bool) -> Accuracy:
-    """How well the result is known; of a mounting that is `doubted` a finding says it."""
+def _state_accuracy(fit: Fit, mounted: MountedHeading) -> Accuracy:
+    """How well the result is known, in the sensor's own axes and in the vehicle's."""
     return Accuracy(
         bias_sd=float(fit.sd[:3].max()),
         unit=fit.calibration.unit_in,
         own_deg=mounted.own_sd_deg,
         inclination_deg=fit.coverage.inclination_deg,
-        vehicle_deg=None if doubted else mounted.vehicle_sd_deg,
+        vehicle_deg=mounted.vehicle_sd_deg,
         alone=set(fit.channels) == {"magnitude"},
     )
 

@@ -103,7 +103,8 @@ def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
             scatter = quantity(channel.noise, residuals.unit, 2)
             words = f"± scatter, {scatter}: the sensor’s noise and the attitude’s"
             strips.append(_caption_strip(result, own, f"Residuals of the {kind} over time", words))
-    doubted = int(np.sum(residuals.weights < 0.5))
+    usual = np.median(residuals.weights[residuals.weights > 0]) if residuals.weights.any() else 1.0
+    doubted = int(np.sum(residuals.weights < 0.5 * usual))  # repeated readings share one weight
     histogram = caption(
         "Histogram of residuals",
         draw_histogram(residuals),
