@@ -9,13 +9,18 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+import agonic as ag
+from agonic.alignment.gravity import fit_gravity
 from agonic.headings.deviation import fit_deviation
 from agonic.maths.rotations.deviation import basis
 from benchmarks.torture_outcome import WRONG, Outcome, judge
 
 Array = NDArray[np.float64]
 CIRCLE = np.arange(0.0, 360.0, 15.0)
+SIDES = ((0, 0, 0), (2, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
+FIELD_N = np.array([18_870.0, 1_390.0, 45_750.0])
 MATTERS_DEG = 0.5
 DEVIATION = np.array([1.0, -6.0, 4.0, 2.0, -1.0])
 
@@ -48,6 +53,37 @@ def swing(
     return run
 
 
+def gravity(
+    orientations: int = 6, *, force: float = 0.0, bias: float = 0.0, iron: float = 0.0
+) -> Callable[[int], Outcome]:
+    """Six sides within 10°, and more at random: an accelerometer (m/s²) and a magnetometer (nT) of
+    a bias in any direction, iron near some of the places (nT).
+    """
+
+    def run(seed: int) -> Outcome:
+        rng = np.random.default_rng(seed)
+        sides = Rotation.from_rotvec(np.pi / 2 * np.array(SIDES))
+        sides = Rotation.concatenate([sides, Rotation.random(orientations - 6, rng=rng)])
+        poses = Rotation.from_rotvec(np.radians(10) * rng.normal(size=(orientations, 3))) * sides
+        turn = Rotation.from_rotvec(np.radians(3) * rng.normal(size=3))
+        field = poses.inv().apply(FIELD_N + iron * rng.normal(size=(orientations, 3)))
+        seen = turn.inv().apply(field) + bias * rng.normal(size=3)
+        felt = poses.inv().apply([0.0, 0.0, -9.81]) + force * rng.normal(size=3)
+        station = np.repeat(np.arange(orientations), 40)
+        samples = ag.Samples(
+            time=0.02 * np.arange(len(station)),
+            field=seen[station] + 20.0 * rng.normal(size=(len(station), 3)),
+            acceleration=felt[station] + 0.03 * rng.normal(size=(len(station), 3)),
+            station=station,
+            unit="nT",
+        )
+        fit = fit_gravity(samples)
+        away = (Rotation.from_matrix(fit.rot_bm) * turn.inv()).as_rotvec()
+        return judge(fit, away / np.sqrt(np.trace(fit.estimate.covariance[:3, :3]) / 3))
+
+    return run
+
+
 DIRECTIONS: dict[str, Callable[[int], Outcome]] = {
     "swing *": swing(),
     "swing, first heading again *": swing(closed=True),
@@ -63,4 +99,8 @@ DIRECTIONS: dict[str, Callable[[int], Outcome]] = {
     },
     "swing, reference walks by 3°": swing(walk=3.0, headings=12),
     "swing, reference copied from the compass": swing(copied=True),
+    "gravity, six orientations *": gravity(),
+    "gravity, accelerometer's bias 0.05 m/s²": gravity(force=0.05),
+    "gravity, twelve, bias 200 nT": gravity(12, bias=200.0),
+    "gravity, eight, iron of 200 nT": gravity(8, iron=200.0),
 }

@@ -148,3 +148,26 @@ def test_a_mirrored_axis_is_named() -> None:
     assert fit_gravity(turned).ok
     mirrored_south = south.with_columns(field=south.field * [1.0, -1.0, 1.0], latitude_deg=at)
     assert fit_gravity(mirrored_south).verdict == "check"
+
+
+def test_six_sides_are_sure_of_no_more_than_the_sizes_of_field_and_gravity_allow() -> None:
+    """Two residuals are small by chance, and a turn was then known too well."""
+    sides = Rotation.from_euler(
+        "xyz",
+        [[0, 0, 0], [180, 0, 0], [90, 0, 0], [-90, 0, 0], [0, 90, 0], [0, -90, 0]],
+        degrees=True,
+    )
+    z = []
+    for seed in (*range(12), 30, 90, 107, 121):  # of the last four two residuals told 4 to 6 sd
+        rng = np.random.default_rng(seed)
+        poses = Rotation.from_rotvec(np.radians(10) * rng.standard_normal((6, 3))) * sides
+        turn = Rotation.from_rotvec(np.radians(3) * rng.standard_normal(3))
+        seen = turn.inv().apply(poses.inv().apply([18_870.0, 1_390.0, 45_750.0]))
+        force = poses.inv().apply([0.0, 0.0, -9.81]) + 0.01 * rng.standard_normal(3)
+        size = np.linalg.norm(force, axis=1)
+        field = seen + 50.0 * rng.standard_normal((6, 3))
+        found = kernel.estimate(-force / size[:, None], field, gravity=size)
+        away = turn_between(found.rotation, turn.as_matrix())
+        z.append(np.linalg.norm(away) / np.sqrt(np.trace(found.covariance[:3, :3])))
+    assert max(z) < 1.5
+    assert np.median(z) > 0.15

@@ -125,7 +125,7 @@ def fit_gravity(
             f"{len(down)} orientations at rest were found and {need} are needed; hold the body "
             "still for two seconds on each side, and tilted between"
         )
-    found = kernel.estimate(down, means, bias=bias)
+    found = kernel.estimate(down, means, bias=bias, gravity=gravity)
     fit = GravityFit(
         calibration=_calibration(samples, calibration, found, bias),
         estimate=found,

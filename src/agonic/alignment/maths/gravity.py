@@ -35,11 +35,15 @@ class GravityEstimate(NamedTuple):
     freedom: int
 
 
-def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimate:
+def estimate(
+    down: Array, field: Array, *, bias: bool = False, gravity: Array | None = None
+) -> GravityEstimate:
     """R, Z and perhaps b of k orientations, from whichever of the 24 right angles fits best.
 
-    Parameters: down (k, 3) unit vectors, field (k, 3). The noise follows from the residuals, and
-    the covariance is widened by Student's t of their freedom.
+    Parameters: down (k, 3) unit vectors, field (k, 3), the size of gravity (k,) that was read. The
+    noise follows from the residuals, and is no less than the sizes of field and gravity scatter by,
+    which are the same everywhere too: six orientations leave two residuals, small by chance. The
+    covariance is widened by Student's t of the residuals' freedom.
     """
     free = 7 if bias else 4
     size = float(np.linalg.norm(field, axis=1).mean())
@@ -47,6 +51,7 @@ def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimat
     jacobian = _jacobian(rotation, rest, down, field / size)[:, :free]
     freedom = len(down) - free
     variance = float(residuals @ residuals) / freedom if freedom > 0 else np.nan
+    variance = max(variance, _scatter_of_sizes(field / size - rest[1:], float(rest[0]), gravity))
     variance *= compute_widening(freedom) ** 2
     units = np.array([1.0] * 3 + [size] * 4)
     covariance = np.zeros((7, 7))
@@ -55,6 +60,17 @@ def estimate(down: Array, field: Array, *, bias: bool = False) -> GravityEstimat
     return GravityEstimate(
         rotation, float(rest[0] * size), rest[1:] * size, covariance, residuals * size, freedom
     )
+
+
+def _scatter_of_sizes(field: Array, vertical: float, gravity: Array | None) -> float:
+    """Variance that the sizes of field (k, 3) and gravity (k,) show the vertical field to have: by
+    its own errors, and by those of the tilt times the horizontal field."""
+    sizes = np.linalg.norm(field, axis=1)
+    scatter = float(sizes.var(ddof=1))
+    if gravity is not None:
+        horizontal = max(float(np.mean(sizes**2)) - vertical**2, 0.0)
+        scatter += horizontal * float(np.var(gravity / gravity.mean(), ddof=1))
+    return scatter
 
 
 def _from(starts: Array, down: Array, field: Array, free: int) -> tuple[Array, Array, Array]:
