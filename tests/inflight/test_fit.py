@@ -325,9 +325,10 @@ def test_the_space_station(recordings) -> None:
     """Nine parameters of hobby hardware; half fitted, the other half predicted."""
     log = ag.open_log(recordings / "orbit" / "iss_2021-04-16_all_photos_classified.csv", unit="uT")
     samples = log.sensors[0]
+    samples = samples.with_columns(altitude_m=np.full(len(samples), 420e3))
+    warming_up = fit_inflight(samples)  # of its first minute's readings no clock is guilty
+    assert "would explain it" not in warming_up.status
     samples = samples.select(np.arange(len(samples)) >= 60)
-    if samples.altitude_m is None:
-        samples = samples.with_columns(altitude_m=np.full(len(samples), 420e3))
     wanted = ag.igrf().along(samples).magnitudes(len(samples))
     whole = fit_inflight(samples, drift_knots=0)
     assert np.sqrt(np.mean(whole.residuals**2)) < 310.0

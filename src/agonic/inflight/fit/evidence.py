@@ -129,7 +129,8 @@ def _check_undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
             "bias undetermined",
             "refuse" if worst > 5 * UNDETERMINED * magnitude else "check",
             f"the standard error of the bias near {axis} is {figure(worst)} nT",
-            "use a longer record, or one in which the spacecraft turns; solve for the bias alone",
+            "use a longer record, or one in which the spacecraft turns"
+            + ("" if fit.ground is None else "; solve for the bias alone (--solve bias)"),
         )
     ]
 

@@ -15,6 +15,7 @@ from agonic.health import figure
 from agonic.inflight.fit.ground_axes import is_far
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
+from agonic.maths.estimation.loss import cauchy, tukey
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.samples import Samples
@@ -106,6 +107,8 @@ def _misfit(samples: Samples) -> float:
     """The share of the changes of F² that no quadratic in the readings explains, 0…1.
 
     |W (raw − b)|² = F² is linear in ten coefficients: enough to tell a right track from a wrong.
+    Solved by reweighting, from Cauchy's loss to Tukey's: a minute of readings that are off, as
+    while a sensor warms up, would otherwise find a track of its own.
     """
     expected = field_along(samples)
     if expected is None:
@@ -116,8 +119,12 @@ def _misfit(samples: Samples) -> float:
     x, y, z = (raw - raw.mean(axis=0)).T / scale
     design = np.column_stack([x * x, y * y, z * z, x * y, x * z, y * z, x, y, z, np.ones(len(raw))])
     square = (f / scale) ** 2
-    solution = np.linalg.lstsq(design, square, rcond=None)[0]
-    left = robust_scale(square - design @ solution, design.shape[1])
+    root = np.ones(len(square))
+    for loss in (cauchy(),) * 3 + (tukey(),) * 3:
+        solution = np.linalg.lstsq(design * root[:, None], square * root, rcond=None)[0]
+        residuals = square - design @ solution
+        left = robust_scale(residuals, design.shape[1])
+        root = np.sqrt(loss.weight((residuals / max(left, 1e-12)) ** 2))
     return left / max(float(square.std()), 1e-12)
 
 
