@@ -171,3 +171,16 @@ def test_memory_does_not_grow_with_the_record(made, tmp_path, monkeypatch) -> No
         tracemalloc.stop()
         assert fit.n <= n
     assert peaks[1] < 1.6 * peaks[0]
+
+
+def test_pieces_allow_for_what_comes_and_goes_as_the_whole_does(monkeypatch) -> None:
+    """A current of 300 nT that switches at random: it was good in pieces, and off by five sd."""
+    monkeypatch.setattr(large_scan, "MOST", 2000)
+    made = ag.inflight.simulate_orbit(n=6000, rate_Hz=0.25, thermal=0.0, pointing="tumble", seed=1)
+    on = np.cumsum(np.random.default_rng(1).random(6000) < 1 / 15) % 2
+    current = np.outer(on, 300.0 * np.array([0.6, -0.64, 0.48]))
+    samples = made.samples.with_columns(temperature=None, field=made.samples.field + current)
+    fit = fit_mission(Pieces(samples, 2500))
+    away = (fit.after.bias - made.truth.at(20.0).bias)[None] - current[[0, np.argmax(on)]]
+    assert {finding.name for finding in fit.findings} == {"switching current"}
+    assert np.sqrt(np.mean((away / fit.sd[:3]) ** 2)) < 2.0

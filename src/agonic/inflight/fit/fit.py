@@ -12,8 +12,8 @@ from agonic.calibration.base import Calibration, apply
 from agonic.errors import AgonicError, check_choice
 from agonic.field.place import describe_missing, field_along
 from agonic.inflight.fit import evidence
+from agonic.inflight.fit.allowances import allow_for_unseen
 from agonic.inflight.fit.decay import follow_commands, leave_out_settling
-from agonic.inflight.fit.orbit_errors import judge_sunlight
 from agonic.inflight.fit.pointing import expect_direction, find_direction_e
 from agonic.inflight.fit.problem import (
     Attitude,
@@ -25,14 +25,11 @@ from agonic.inflight.fit.problem import (
     select_rows,
 )
 from agonic.inflight.fit.result import InflightFit, build_result
-from agonic.inflight.fit.short_errors import allow_for_short_errors, judge_short_errors
 from agonic.inflight.fit.solve import find_estimate
-from agonic.inflight.fit.sunlight import allow_for_sunlight
 from agonic.inflight.fit.torquers import (
     leave_out_unmodelled,
     measure_since_switch,
 )
-from agonic.inflight.fit.unseen_drift import allow_for_unseen_drift
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -135,12 +132,8 @@ def fit_inflight(
     settled = leave_out_settling(problem, estimate, since, step_s)
     if settled is not problem:
         problem, estimate = find_estimate(settled)
-    estimate = allow_for_unseen_drift(problem, estimate)
-    estimate, sunlight = allow_for_sunlight(problem, estimate)
-    estimate = allow_for_short_errors(estimate)
-    fit = build_result(problem, estimate, samples)
-    found = (*judge_sunlight(sunlight), *judge_short_errors(estimate, problem))
-    return evidence.examine(fit, problem, samples, found)
+    estimate, found = allow_for_unseen(problem, estimate)
+    return evidence.examine(build_result(problem, estimate, samples), problem, samples, found)
 
 
 def _pose_problem(

@@ -13,6 +13,7 @@ from agonic.calibration.base import Calibration, apply
 from agonic.calibration.timing import find_timing
 from agonic.errors import AgonicError, check_choice
 from agonic.inflight.fit import evidence
+from agonic.inflight.fit.allowances import allow_for_unseen
 from agonic.inflight.fit.covariance import Clock
 from agonic.inflight.fit.decay import leave_out_settling
 from agonic.inflight.fit.large_scan import (
@@ -224,6 +225,7 @@ def _build_result(scan: Scan, problem: Problem, estimate: Estimate) -> InflightF
     """The result, with the residuals of the rows that were kept."""
     seen = compute_residuals_of(problem, estimate, "magnitude")[problem.used]
     estimate = estimate._replace(residuals={"magnitude": seen})
+    estimate, found = allow_for_unseen(problem, estimate)
     fit = build_result(problem, estimate, scan.samples)
     fit = replace(fit, correlation_s=fit.correlation * scan.step_s, thinned=scan.stride)
-    return evidence.examine(fit, problem, scan.samples)
+    return evidence.examine(fit, problem, scan.samples, found)
