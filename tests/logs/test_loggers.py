@@ -410,7 +410,7 @@ def test_the_error_shows_the_line_to_type(tmp_path):
     with pytest.raises(LogError, match="--columns time=clock,x=S0,y=S1,z=S2 --unit uT"):
         read(path)
     with pytest.raises(LogError, match=r"4 columns and no header.*--columns time=1,x=2,y=3,z=4"):
-        read(write(tmp_path / "bare.csv", "", [TIME, FIELD]))
+        read(write(tmp_path / "bare.csv", "", [TIME[::-1], FIELD]))
     with pytest.raises(LogError, match="columns names 'S9'; the columns are 'clock', 'S0'"):
         read(path, columns="x=S9,y=S1,z=S2")
     with pytest.raises(LogError, match="'depth' is no column; use time, x, y, z"):

@@ -113,6 +113,21 @@ def test_point_cloud_without_header(table):
         read(table("1 2\n3 4\n"))
 
 
+def test_four_columns_without_header_of_which_the_first_is_a_clock(table):
+    """As phones and the tools of many papers write a sensor: time, x, y, z."""
+    rng = np.random.default_rng(0)
+    field, time = rng.normal(size=(60, 3)).round(3), 1.7e12 + np.arange(60) * 20.0
+    rows = [f"{t:.0f} {x} {y} {z}" for t, (x, y, z) in zip(time, field, strict=True)]
+    samples = read(table("\n".join(rows)))
+    np.testing.assert_array_equal(samples.field, field)
+    np.testing.assert_allclose(np.diff(samples.time), 0.02, atol=1e-6)
+    counted = read(table("\n".join(f"{k} {row[14:]}" for k, row in enumerate(rows))))
+    np.testing.assert_array_equal(counted.field, field)
+    assert counted.time is None
+    with pytest.raises(LogError, match="4 columns and no header"):
+        read(table("\n".join(f"{row[14:]} 25.0" for row in rows)))
+
+
 def test_bad_cells_and_short_rows_are_counted(table):
     content = text() + "0.08,oops,1,2\n0.10,1,,2\n0.12,1,2\n0.14,1,2,3,4\n"
     samples = read(table(content))

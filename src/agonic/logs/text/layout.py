@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
@@ -34,6 +34,13 @@ _NUMBERS = re.compile(
 """Several numbers in a cell: what stands between the cells is blanks."""
 _MOMENT = ((1900, 2100), (1, 13), (1, 32), (0, 25), (0, 60), (0, 61))
 """What a year, a month, a day, an hour, a minute and a second can be."""
+_STEPS = 20
+"""So many steady steps are those of a clock: what is measured goes up and down."""
+_TIMED = ["time", *"xyz"]
+_TIMED_NOTE = (
+    "there is no header: the first column grows steadily and is taken as the time, the others as "
+    "x, y and z of a magnetometer"
+)
 _BRACKETS = str.maketrans("", "", "()[]{}")
 _SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
 
@@ -100,9 +107,9 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
             header = [_with_unit(name, unit) for name, unit in zip(first, units, strict=False)]
         start = sample[at] + 1
     else:
-        header = _header_in_comment(
-            lines[:start], [lines[i] for i in sample[:at]], separator, width, first
-        )
+        rows = [split_cells(lines[i], separator) for i in sample[at:]]
+        header = _header_in_comment(lines[:start], [lines[i] for i in sample[:at]], separator, rows)
+        notes += (_TIMED_NOTE,) * (header == _TIMED)
     return Layout(
         separator=separator, header=header, start=start, width=width, comma=comma,
         rate_Hz=rate, notes=notes,
@@ -129,14 +136,14 @@ def _header_in_comment(
     before: Sequence[str],
     skipped: Sequence[str],
     separator: str | None,
-    width: int,
-    first: Sequence[str],
+    rows: Sequence[Sequence[str]],
 ) -> list[str]:
     """The header in the last comment before the rows; x, y, z where there is none.
 
     A header of one more cell is taken where no column can be behind it ("Comment"); `skipped` are
     the lines with values before the rows.
     """
+    width = len(rows[0])
     above = split_cells(skipped[-1], separator) if skipped else []
     if len(above) == width + 1 and is_header(above) and identify_column(above[-1]) is None:
         return above[:-1]
@@ -151,14 +158,36 @@ def _header_in_comment(
             f"the header has {len(above)} names and the rows have {width} cells: with decimal "
             "commas, cells must be separated by something else (a semicolon)"
         )
+    if width == 4 and (name := _name_first(rows)):
+        return [name, *"xyz"]
     if width != 3:
         raise LogError(
             f"{width} columns and no header; name them in a first line such as "
             "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z), or say "
             "by their numbers which are which, as in --columns "
-            f"{_example_of(width, first)} --unit uT"
+            f"{_example_of(width, rows[0])} --unit uT"
         )
     return list("xyz")
+
+
+def _name_first(rows: Sequence[Sequence[str]]) -> str:
+    """What the first of four columns is without a name: a clock by its steady steps from row to
+    row, a count of rows by steps of one; "" where it may be anything.
+
+    >>> _name_first([[f"{0.04 * k:.2f}"] for k in range(30)])
+    'time'
+    >>> _name_first([[f"{k + 1}"] for k in range(30)]), _name_first([["1"], ["3"], ["2"]])
+    ('row', '')
+    """
+    values = [to_number(row[0]) for row in rows if row]
+    steps = sorted(after - before for before, after in pairwise(values))
+    if len(steps) < _STEPS or not steps[0] > 0:
+        return ""
+    if steps[0] == steps[-1] == 1.0 and values[0] in (0.0, 1.0):
+        return "row"
+    usual = steps[len(steps) // 2]
+    steady = sum(usual / 2 < step < 2 * usual for step in steps)
+    return "time" if steady > 0.9 * len(steps) else ""
 
 
 def _example_of(width: int, first: Sequence[str]) -> str:
