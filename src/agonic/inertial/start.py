@@ -34,6 +34,7 @@ CLEARLY = 10.0
 """A speed is taken to be there where it makes the readings e^10 times as probable."""
 _ROUNDS = 4
 _ENOUGH = 1500  # rows to start with
+_FEW = 500  # rows to tell the hemisphere
 FOUND = "found beside accelerometer and gyro"
 """The source of a field whose dip is not that of a place."""
 _DIPS = np.radians([65.0, -65.0, 20.0, -20.0])
@@ -78,40 +79,47 @@ def find_field(
     """Horizontal and vertical intensity that readings and inertial unit agree on, and the unknowns
     that were found with them.
 
-    Without a magnitude it is the one that makes the mean gain one. Some thousand rows tell enough,
-    from several dips, for the dip of the wrong hemisphere is a minimum too; but one by which the
-    dip scatters as little as the magnitude is the right one.
+    Without a magnitude it is the one that makes the mean gain one. Some hundred rows tell which of
+    several dips leads to the least noise, for the dip of the wrong hemisphere is a minimum too; but
+    one by which the dip scatters as little as the magnitude is the right one. Only that is refined,
+    by some thousand rows.
     """
     felt = feel_attitude(samples)
     rows = np.flatnonzero(felt.known)
     rows = rows[:: max(1, len(rows) // _ENOUGH)]
-    few, settings = samples.select(rows), replace(settings, speed_sd_m_s=SLOW_M_S)
-    spread = float(np.linalg.norm(few.field.std(axis=0)))
+    some, felt = samples.select(rows), felt.subset(rows)
+    settings = replace(settings, speed_sd_m_s=SLOW_M_S)
+    none = np.zeros(len(standard_deviations(felt, settings)))
+    spread = float(np.linalg.norm(some.field.std(axis=0)))
     sizes = np.full(len(samples), spread) if given is None else given.magnitudes(len(samples))
     sizes = np.broadcast_to(sizes, len(samples))
-    tried: list[tuple[float, float, float, Array]] = []
+
+    def pose_at(dip: float) -> tuple[Mask, Problem, Scale]:
+        place = make_dipping(sizes, dip).select(rows)
+        return pose_felt(some, place, felt, settings, none)[1:]
+
+    tried: list[tuple[float, float, Array]] = []
     for dip in _DIPS:
-        place = make_dipping(sizes, dip)
-        _, usable, problem, scale = pose_felt(
-            few,
-            place.select(rows),
-            felt.subset(rows),
-            settings,
-            np.zeros(len(standard_deviations(felt, settings))),
-        )
-        found = estimate_usable(problem, usable, settings)
-        params, m = found.solution.params, problem.basis.shape[1]
-        _, matrix = split(problem.basis @ params[:m])
-        gain = float(np.trace(matrix)) / 3 * scale.magnitude / scale.size
+        usable, problem, _ = pose_at(dip)
+        found = estimate_usable(problem, thin_out(usable, _FEW), settings)
+        params = found.solution.params
         noise = sum(float(np.log(one.sd)) for one in found.noise.values())
-        there = dip + INCLINATION_SD * float(params[-1])
-        likely = abs(there) < np.pi / 2
-        tried.append((noise if likely else np.inf, there, gain, params))
+        likely = abs(_find_dip(dip, params)) < np.pi / 2
+        tried.append((noise if likely else np.inf, dip, params))
         if likely and found.noise["dip"].sd < _ALIKE * found.noise["magnitude"].sd:
             break
-    _, dip, gain, params = min(tried, key=lambda one: one[0])
+    _, dip, params = min(tried, key=lambda one: one[0])
+    usable, problem, scale = pose_at(dip)
+    params = refine_usable(problem, usable, settings, params).solution.params
+    _, matrix = split(problem.basis @ params[: problem.basis.shape[1]])
+    gain = float(np.trace(matrix)) / 3 * scale.magnitude / scale.size
     near = np.append(params[:-1], 0.0)  # the dip is that of the reference now
-    return make_dipping(sizes / gain if given is None else sizes, dip), near
+    return make_dipping(sizes / gain if given is None else sizes, _find_dip(dip, params)), near
+
+
+def _find_dip(dip: float, params: Array) -> float:
+    """The dip that unknowns make of an assumed one, rad."""
+    return dip + INCLINATION_SD * float(params[-1])
 
 
 def make_dipping(sizes: Array, dip: float) -> Reference:
@@ -213,11 +221,11 @@ def _solve_with(
     return Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
 
 
-def thin_out(usable: Mask) -> Mask:
+def thin_out(usable: Mask, most: int = _ENOUGH) -> Mask:
     """Some thousand of the rows that are usable."""
     rows = np.flatnonzero(usable)
     some = np.zeros(len(usable), dtype=bool)
-    some[rows[:: max(1, len(rows) // _ENOUGH)]] = True
+    some[rows[:: max(1, len(rows) // most)]] = True
     return some
 
 
