@@ -56,6 +56,25 @@ def test_stamps_of_a_serial_monitor(tmp_path) -> None:
     np.testing.assert_allclose(samples.time - samples.time[0], TIME, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda t: f"2026-05-03 {stamp(t).replace('.', ',')} - INFO - ",
+        lambda t: f"[INFO] [{1.7e9 + t:.3f}] [imu]: ",
+        lambda t: f"[{100 + t:12.6f}] mag: ",
+        lambda t: f"I ({1000 * t + 350:.0f}) QMC5883L: ",
+    ],
+    ids=["Python", "ROS", "kernel", "ESP-IDF"],
+)
+def test_stamps_of_loggers(tmp_path, write) -> None:
+    lines = [
+        f"{write(t)}X: {x} uT Y: {y} uT Z: {z} uT" for t, (x, y, z) in zip(TIME, MAG, strict=True)
+    ]
+    samples = read(tmp_path, ["boot", *lines])
+    np.testing.assert_allclose(samples.field, MAG * 1e3)
+    np.testing.assert_allclose(samples.time - samples.time[0], TIME, atol=1e-6)
+
+
 def test_stamps_before_sentences(tmp_path) -> None:
     lines = [
         f"2026-05-03T{stamp(t)}Z $VNIMU,{x},{y},{z},0,0,9.8,0,0,0,25.0,101.3"

@@ -2,8 +2,8 @@
 
 A name may stand before three numbers (`Mag (uT) [1, 2, 3]`), or before axes that are named alone
 (`Mag X: 1 Y: 2 Z: 3`, `Mag: X=1 Y=2 Z=3`). A record may take several lines, until a name comes
-again. A unit behind a number is that of the numbers before it in its line, and a time of day before
-a line, as the Arduino's monitor writes it, is its time.
+again. A unit behind a number is that of the numbers before it in its line, and what a logger writes
+before a line is its time.
 """
 
 from __future__ import annotations
@@ -28,7 +28,15 @@ _LABEL = re.compile(
 _FIND_NUMBER = re.compile(rf"(?<![\w.^]){_NUMBER}(?![\w:])|(?<![\w.^]){_NUMBER}(?=[^\W\d_])")
 _QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
 _UNIT = re.compile(r"[\s\])}>]*([^\W\d_][\w/^²]*)[)\]]?[\s,;.|]*")
-_STAMP = re.compile(r"\s*\[?(\d\d:\d\d:\d\d[.,]\d+)\]?\s*(?:->|:|,|\s)")
+_STAMPS = {
+    "time": re.compile(
+        r"\s*\[?((?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+Z?)\]?\s*(?:->|:|,|-|\s)"
+    ),
+    "time_s": re.compile(r"(?:\[[A-Z]+\]\s*)?\[\s*(\d+\.\d+)\]"),
+    "time_ms": re.compile(r"[EWIDV] \((\d+)\)\s"),
+}
+"""What loggers write before a line, by what it is: the Arduino's monitor and Python's logging, the
+kernel and ROS, ESP-IDF."""
 _AXIS = re.compile(r"(.*?)[\s_.]*([xyz])(?:[\s_-]?axis)?", re.IGNORECASE)
 _LONGEST = 4000
 """Letters of a line; a longer one is damage."""
@@ -132,8 +140,9 @@ def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[st
     [1.0, 4.0]
     """
     scanner, lines, stamps = Scanner(), [], []
+    clock = max(_STAMPS, key=lambda kind: sum(bool(_STAMPS[kind].match(r)) for r in rows[:SAMPLE]))
     for row in rows:
-        stamp = _STAMP.match(row)
+        stamp = _STAMPS[clock].match(row)
         if readings := scanner.scan(row[stamp.end() :] if stamp else row):
             lines.append(readings)
             stamps.append(stamp[1] if stamp else "")
@@ -147,7 +156,8 @@ def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[st
     }
     timed = any((c := identify_column(h)) and c.quantity.column == "time" for h in table)
     if not timed and 2 * sum(map(bool, times)) > len(times):
-        table["time"] = np.array(times, dtype=object)
+        kind = object if clock == "time" else float
+        table[clock] = np.array([time or "nan" for time in times]).astype(kind)
     return table, [name for name in names if name not in wanted]
 
 
@@ -171,7 +181,7 @@ def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], 
 def _gather(
     lines: Sequence[Sequence[Reading]], stamps: Sequence[str], headers: dict[tuple[str, str], str]
 ) -> tuple[list[dict[str, str]], list[str]]:
-    """The numbers by header, a record until one comes again, and the time of day before each."""
+    """The numbers by header, a record until one comes again, and the time before each."""
     records: list[dict[str, str]] = []
     times: list[str] = []
     for readings, stamp in zip(lines, stamps, strict=True):
