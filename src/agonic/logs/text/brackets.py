@@ -73,6 +73,8 @@ def open_brackets(data: Text, head: Sequence[str]) -> Text:
         return data
     apart = _GROUP.sub(partial(_open, between=between), rows[1])
     single = len(split_cells(apart, between)) == len(names)
+    if not single and len(split_cells(_GROUP.sub(_quote, rows[1]), between)) != len(names):
+        return data
     write = partial(_open, between=between) if single else _quote
     first, rest = data[:].decode().split(rows[0], 1)
     return (first + rows[0] + _GROUP.sub(write, rest)).encode()

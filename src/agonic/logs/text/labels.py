@@ -122,10 +122,12 @@ class Scanner:
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """A unit that ends what stood before, and the name behind it: "uT Accel X"."""
+    """A unit that ends what stood before, and the name behind it: "uT Accel X", "uT Y"; the one
+    letter of "g x" may be a sensor's name.
+    """
     first, _, rest = name.partition(" ")
-    plain = re.fullmatch(r"[xyz]", rest.strip(), re.IGNORECASE)
-    return (first, rest.strip()) if rest and is_unit(first) and not plain else ("", name.strip())
+    named = len(first) == 1 and re.fullmatch(r"[xyz]", rest.strip(), re.IGNORECASE)
+    return (first, rest.strip()) if rest and is_unit(first) and not named else ("", name.strip())
 
 
 def _give_unit(found: Sequence[Reading], unit: str) -> list[Reading]:
