@@ -24,7 +24,7 @@ def errors_over_sd(result: Calibrated, bias: np.ndarray) -> np.ndarray:
     return (result.calibration.bias - bias) / result.fit.sd[:3]
 
 
-def test_the_longest_stretch_is_calibrated_and_named() -> None:
+def test_what_came_and_went_leaves_all_the_rest_to_calibrate() -> None:
     samples, bias = log_with_magnet(10.0, 20.0)
     result = calibrate(samples, EARTH)
     assert result.verdict == "check"
@@ -32,8 +32,20 @@ def test_the_longest_stretch_is_calibrated_and_named() -> None:
     first = result.fit.findings[0]
     assert first.name == "field changed"
     np.testing.assert_allclose(first.moments, [10.0, 20.0], atol=0.5)
+    assert len(result.samples) == pytest.approx(600, abs=30)
+    assert "this calibration is of the stretches from t = 0.0 s to " in first.what
+
+
+@pytest.mark.parametrize("share", [-0.5, -0.1, 0.1])
+def test_where_the_bias_did_not_come_back_one_stretch_is_calibrated(share: float) -> None:
+    samples, bias = log_with_magnet(10.0, 20.0)
+    after = samples.time >= 20.0
+    samples = samples.with_columns(field=samples.field + share * after[:, None] * MAGNET)
+    result = calibrate(samples, EARTH)
+    assert result.verdict == "check"
     assert result.samples.time[0] == pytest.approx(20.0, abs=1.0)
-    assert "this calibration is of the stretch from t = " in first.what
+    assert (np.abs(errors_over_sd(result, bias + share * MAGNET)) < 3.5).all()
+    assert "this calibration is of the stretch from t = " in result.fit.findings[0].what
 
 
 def test_what_was_put_on_to_stay_is_part_of_the_bias() -> None:
@@ -51,8 +63,9 @@ def test_where_no_stretch_turns_enough_the_log_stays_refused() -> None:
     assert len(result.samples) == len(few)
 
 
-def test_without_times_there_are_no_stretches() -> None:
-    samples, _ = log_with_magnet(10.0, 20.0)
+def test_without_times_rows_tell_the_stretch() -> None:
+    samples, bias = log_with_magnet(10.0, 20.0)
     result = calibrate(Samples(field=samples.field, unit="nT"), EARTH)
-    assert result.verdict == "refused"
-    assert len(result.samples) == len(samples)
+    assert result.verdict == "check"
+    assert (np.abs(errors_over_sd(result, bias)) < 3.5).all()
+    assert "from row 0 to 20" in result.fit.findings[0].what

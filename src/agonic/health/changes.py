@@ -97,7 +97,7 @@ def _describe(e: Evidence, change: _Change) -> Finding:
         f"{describe_moments(inner, e.time)}: something magnetic, or a current, was added or "
         "removed",
         "calibrate the stretches before and after separately, with everything in its final place",
-        () if e.time is None else tuple(e.time[inner].tolist()),
+        tuple((inner if e.time is None else e.time[inner]).astype(float).tolist()),
     )
 
 

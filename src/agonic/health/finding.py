@@ -38,7 +38,8 @@ def figure(value: float, digits: int = 2) -> str:
 class Finding:
     """A named observation: what was seen, and the move that helps.
 
-    `moments` are those at which something changed, in seconds of the log's clock if it has one.
+    `moments` are those at which something changed, in seconds of the log's clock, or rows where it
+    has none.
 
     >>> Finding("static", "refuse", "the sensor did not turn", "turn it about all axes").sentence
     'the sensor did not turn; turn it about all axes'

@@ -43,10 +43,10 @@ from agonic.recording.held_out import (
 )
 from agonic.recording.ladder import Rung, climb
 from agonic.recording.stretch import (
-    describe_stretch,
+    describe_part,
+    find_all_rows,
     find_change,
-    find_rows,
-    list_stretches,
+    list_parts,
 )
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -174,13 +174,15 @@ def _calibrate_stretch(
     settings: Mapping[str, Any],
     findings: Sequence[Finding],
 ) -> Calibrated | None:
-    """The longest stretch without a change of the bias that is not refused and that its own unseen
+    """The longest part without a change of the bias that is not refused and that its own unseen
     readings confirm; none where the bias did not change."""
-    changed, time = find_change(findings), samples.time
-    if changed is None or time is None:
+    changed = find_change(findings)
+    if changed is None:
         return None
-    for first, last in list_stretches(changed, time)[:_MOST_TRIED]:
-        rows = find_rows(time, first, last)
+    timed = samples.time is not None
+    clock = samples.time if samples.time is not None else np.arange(float(len(samples)))
+    for part in list_parts(changed, clock)[:_MOST_TRIED]:
+        rows = find_all_rows(clock, part)
         known = None if reference is None else reference.select(rows)
         try:
             _, made = _choose_and_verify(samples.select(rows), known, kind, settings)
@@ -189,7 +191,7 @@ def _calibrate_stretch(
         if made is None or made.verdict == "refused" or made.failed:
             continue
         if find_change(made.fit.findings) is None:
-            return made.with_finding(describe_stretch(changed, first, last))
+            return made.with_finding(describe_part(changed, part, timed=timed))
     return None
 
 

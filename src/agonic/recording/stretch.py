@@ -1,8 +1,8 @@
-"""The stretches of a log between the moments at which its bias changed."""
+"""The stretches of a log between the moments, or the rows, at which its bias changed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,7 +11,11 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.health import Finding
 
+Stretch = tuple[float, float]
+"""First and last moment, or row where there are no times."""
 CHANGED = "field changed"
+MOST = 0.6
+"""Of the log: what came and went was there for the rest of the time at most."""
 MARGIN = 0.02
 """Of a stretch: so near to a change its readings may be of either side."""
 
@@ -21,7 +25,7 @@ def find_change(findings: Iterable[Finding]) -> Finding | None:
     return next((finding for finding in findings if finding.name == CHANGED), None)
 
 
-def list_stretches(changed: Finding, time: Array) -> list[tuple[float, float]]:
+def list_stretches(changed: Finding, clock: Array) -> list[Stretch]:
     """The intervals without a change, by the clock of the log, the longest first.
 
     >>> import numpy as np
@@ -29,28 +33,62 @@ def list_stretches(changed: Finding, time: Array) -> list[tuple[float, float]]:
     >>> list_stretches(moved, np.arange(21.0))
     [(9.0, 20.0), (2.0, 9.0), (0.0, 2.0)]
     """
-    begin, end = float(time[0]), float(time[-1])
+    return sorted(_cut(changed, clock), key=lambda pair: pair[0] - pair[1])
+
+
+def list_parts(changed: Finding, clock: Array) -> list[tuple[Stretch, ...]]:
+    """What may be calibrated together, the longest first: most of the log without what came and
+    went again, and each stretch alone.
+
+    >>> import numpy as np
+    >>> moved = Finding("field changed", "refuse", "the bias moved", moments=(2.0, 9.0))
+    >>> list_parts(moved, np.arange(21.0))[0]
+    ((0.0, 2.0), (9.0, 20.0))
+    """
+    found = _cut(changed, clock)
+    joined = [tuple(every) for every in (found[::2], found[1::2]) if len(every) > 1]
+    most = [part for part in joined if _measure(part) > MOST * _measure(found)]
+    return sorted([*most, *((one,) for one in found)], key=_measure, reverse=True)
+
+
+def _cut(changed: Finding, clock: Array) -> list[Stretch]:
+    """The intervals between the changes; none where there is no change between first and last."""
+    begin, end = float(clock[0]), float(clock[-1])
     edges = [begin, *(moment for moment in sorted(changed.moments) if begin < moment < end), end]
-    found = list(pairwise(edges)) if len(edges) > 2 else []
-    return sorted(found, key=lambda pair: pair[0] - pair[1])
+    return list(pairwise(edges)) if len(edges) > 2 else []
 
 
-def find_rows(time: Array, first: float, last: float) -> Mask:
+def _measure(part: Sequence[Stretch]) -> float:
+    return sum(last - first for first, last in part)
+
+
+def find_rows(clock: Array, first: float, last: float) -> Mask:
     """The rows of a stretch, but for those next to a change."""
     margin = MARGIN * (last - first)
-    begin = first + margin * (first > time[0])
-    end = last - margin * (last < time[-1])
-    return np.asarray((time >= begin) & (time <= end))
+    begin = first + margin * (first > clock[0])
+    end = last - margin * (last < clock[-1])
+    return np.asarray((clock >= begin) & (clock <= end))
 
 
-def describe_stretch(changed: Finding, first: float, last: float) -> Finding:
-    """What is said of a calibration that is of one stretch."""
+def find_all_rows(clock: Array, part: Sequence[Stretch]) -> Mask:
+    """The rows of all stretches of a part."""
+    rows = [find_rows(clock, first, last) for first, last in part]
+    return np.asarray(np.any(rows, axis=0))
+
+
+def describe_part(changed: Finding, part: Sequence[Stretch], *, timed: bool) -> Finding:
+    """What is said of a calibration that is of one part; `timed` where its clock tells seconds."""
+    if timed:
+        named = " and ".join(f"from t = {first:.1f} s to {last:.1f} s" for first, last in part)
+        move = "; for another stretch give its times (--between START,STOP)"
+    else:
+        named = " and ".join(f"from row {first:.0f} to {last:.0f}" for first, last in part)
+        move = ""
+    kind = "stretches" if len(part) > 1 else "stretch"
     return replace(
         changed,
         severity="check",
-        what=f"{changed.what}; this calibration is of the stretch from t = {first:.1f} s to "
-        f"{last:.1f} s alone, and so is its standard error: at other times the bias is another by "
-        "as much",
-        move="use it only for how things were then; for another stretch give its times (--between "
-        "START,STOP)",
+        what=f"{changed.what}; this calibration is of the {kind} {named} alone, and so is its "
+        "standard error: at other times the bias is another by as much",
+        move=f"use it only for how things were then{move}",
     )
