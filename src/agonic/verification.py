@@ -13,6 +13,7 @@ from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.crowding import weigh_crowded
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, robust_scale
 from agonic.maths.estimation.robust.robust_spread import weighted_median
+from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.angles import angle_deg, wrap_deg
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
@@ -109,9 +110,9 @@ def verify(
     """
     field = correct_field(calibration, samples) if corrected is None else np.asarray(corrected)
     rows = np.ones(len(samples), dtype=bool) if held_out is None else held_out
-    before, after = (np.sqrt((f**2).sum(axis=1)) for f in (samples.field, field))
+    before, after = map(find_length, (samples.field, field))
     wanted: Array | float = (
-        float(np.median(after[rows])) if reference is None else reference.magnitudes(len(samples))
+        median(after[rows]) if reference is None else reference.magnitudes(len(samples))
     )
     ratio = after / wanted
     cells = find_cells(field)
@@ -123,7 +124,7 @@ def verify(
     if noise:
         checks.append(_noise_check(residual_rms / noise))
     if reference is not None:
-        checks.append(_magnitude_check(float(np.median(ratio[rows])) - 1, reference.source))
+        checks.append(_magnitude_check(median(ratio[rows]) - 1, reference.source))
         if calibration.frame_out == "b":
             checks += _attitude_checks(field, rows, samples, reference)
     if samples.logged is not None:

@@ -45,7 +45,8 @@ def make_calibration(
         bias = bias - slopes @ scale.middle
         if mixed:
             bias, matrix, slopes = _of_readings(bias, matrix, slopes, settings.sources)
-        return np.concatenate([bias, _entries(matrix, gauge), slopes.ravel()])
+        flat = slopes.reshape(*slopes.shape[:-2], -1)
+        return np.concatenate([bias, _entries(matrix, gauge), flat], axis=-1)
 
     found, covariance = _propagate(numbers, estimate)
     size = model_basis("full", gauge).shape[1]
@@ -79,7 +80,7 @@ def make_mean_calibration(
 
     def numbers(params: Numbers) -> Numbers:
         bias, matrix, _ = _in_units(params, problem, scale)
-        return np.concatenate([bias, _entries(matrix, problem.gauge)])
+        return np.concatenate([bias, _entries(matrix, problem.gauge)], axis=-1)
 
     found, covariance = _propagate(numbers, estimate)
     return _affine(found, problem.gauge, covariance, estimate, scale, samples)
@@ -121,10 +122,13 @@ def _affine(
 
 
 def _in_units(params: Numbers, problem: Problem, scale: Scale) -> tuple[Numbers, Numbers, Numbers]:
-    """Bias at the mean of the sources, matrix, and slopes (3, k), in the units of the readings."""
-    m = problem.basis.shape[1]
-    bias, matrix = split(problem.basis @ params[:m])
-    slopes = scale.size * params[m : m + 3 * len(scale.spread)].reshape(3, -1) / scale.spread
+    """Bias (…, 3) at the mean of the sources, matrix (…, 3, 3), and slopes (…, 3, k), in the units
+    of the readings."""
+    m, k = problem.basis.shape[1], len(scale.spread)
+    bias, matrix = split(params[..., :m] @ problem.basis.T)
+    slopes = (
+        params[..., m : m + 3 * k].reshape(*params.shape[:-1], 3, k) * scale.size / scale.spread
+    )
     return scale.centre + scale.size * bias, matrix * (scale.magnitude / scale.size), slopes
 
 
@@ -137,8 +141,9 @@ def _of_readings(
     """
     names = signals(sources)
     of_second = [names.index(f"second_{axis}") for axis in "xyz"]
-    one = np.eye(3) + slopes[:, of_second]
-    return np.linalg.solve(one, bias), matrix @ one, np.linalg.solve(one, slopes)
+    one = np.eye(3) + slopes[..., of_second]
+    own = np.linalg.solve(one, bias[..., None])[..., 0]
+    return own, matrix @ one, np.linalg.solve(one, slopes)
 
 
 def _of_difference(
@@ -155,15 +160,16 @@ def _of_difference(
 def _entries(matrix: Numbers, gauge: str) -> Numbers:
     """The entries of a matrix in the order of a calibration's covariance."""
     entries = pack_symmetric(matrix)
-    return np.concatenate([entries, matrix[[1, 2, 2], [0, 0, 1]]]) if gauge == FREE else entries
+    lower = matrix[..., [1, 2, 2], [0, 0, 1]]
+    return np.concatenate([entries, lower], axis=-1) if gauge == FREE else entries
 
 
 def _propagate(numbers: Callable[[Numbers], Numbers], estimate: Estimate) -> tuple[Array, Array]:
-    """A function of the estimate's parameters and the covariance of its values."""
+    """A function of the estimate's parameters (…, m) and the covariance of its values."""
     params = estimate.solution.params
-    steps = params + 1j * _STEP * np.eye(len(params))
-    change = np.stack([numbers(step).imag / _STEP for step in steps], axis=1)
-    return numbers(params + 0j).real, change @ estimate.solution.covariance @ change.T
+    found = numbers(params + 1j * _STEP * np.eye(len(params)))
+    change = found.imag.T / _STEP
+    return found[0].real, change @ estimate.solution.covariance @ change.T
 
 
 def _add_magnitude_sd(covariance: Array, found: Array, size: int, scale: Scale) -> Array:

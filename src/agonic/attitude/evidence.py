@@ -41,6 +41,7 @@ from agonic.maths.equation.channels import (
 )
 from agonic.maths.equation.coverage import count_visits, find_level_down
 from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.samples import Samples
 
@@ -208,7 +209,7 @@ def _findings(
     examined = examine(evidence, attitude_aided=True)
     coarse = check_resolution(samples.field, evidence.radius, samples.unit)
     known = evidence.known_radius
-    size = float(np.median(np.linalg.norm(samples.field, axis=1))) / known if known else None
+    size = median(find_length(samples.field)) / known if known else None
     found = [*seen, *filter(None, (check_scale(gain, samples.unit, size), coarse, half))]
     found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:

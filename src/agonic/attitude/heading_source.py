@@ -13,6 +13,7 @@ from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
+from agonic.maths.one_pass import median
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.reference import Reference
@@ -109,7 +110,7 @@ def _scatter_deg(difference_deg: Array) -> float:
     """The standard deviation of angles about their middle, by the median."""
     middle = np.degrees(np.angle(np.mean(np.exp(1j * np.radians(difference_deg)))))
     left = wrap_deg(difference_deg - middle)
-    return float(MAD_TO_SD * np.median(np.abs(left - np.median(left))))
+    return float(MAD_TO_SD * median(np.abs(left - median(left))))
 
 
 def _disagree_with_gyro(samples: Samples) -> float | None:
@@ -144,5 +145,5 @@ def _contradicts(apart_deg: Array, sd_deg: Array, time: Array) -> bool:
     line = np.polynomial.polynomial.polyfit(time - time[0], apart, 1)
     left = apart - np.polynomial.polynomial.polyval(time - time[0], line)
     slope = abs(float(line[1])) * float(time[-1] - time[0])
-    allowed = CONTRADICTS * float(np.hypot(np.median(sd_deg), GYRO_DEG))
+    allowed = CONTRADICTS * float(np.hypot(median(sd_deg), GYRO_DEG))
     return bool(np.sqrt(np.mean(left**2)) > allowed or slope > CONTRADICTS * 10.0 + allowed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import median
 from agonic.samples import Samples
 
 OTHER_DEG = 1.0
@@ -23,5 +24,5 @@ def weigh_rows(samples: Samples) -> Array | None:
     if samples.heading_sd_deg is None:
         return None
     total = np.hypot(samples.heading_sd_deg, OTHER_DEG)
-    usual = float(np.median(total[samples.heading_known])) if samples.heading_known.any() else 1.0
+    usual = median(total[samples.heading_known]) if samples.heading_known.any() else 1.0
     return np.asarray(usual / total)

@@ -24,6 +24,7 @@ from agonic.maths.estimation.leastsq import inverse
 from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.noise_with_memory import STRETCHES, Stretches, find_memory
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
+from agonic.maths.one_pass import median
 from agonic.maths.rotations.attitude import down_b
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
@@ -111,13 +112,13 @@ def find_vertical_turn(fit: Fit, samples: Samples) -> VerticalTurn:
         spread = inverse(weighed.T @ rows + np.diag(prior))
         found = spread @ (weighed.T @ wanted)
         left = wanted - rows @ found
-        noise = max(MAD_TO_SD * float(np.median(np.abs(left))), _LEAST_NOISE)
+        noise = max(MAD_TO_SD * median(np.abs(left)), _LEAST_NOISE)
         weights = tukey().weight((left / noise) ** 2)
     covariance = spread + spread @ _scatter(rows, left / noise, weights, noise, spread) @ spread
     unturned = np.r_[0, np.arange(4, len(prior))]
     plain, weighed = rows[:, unturned], weighed[:, unturned]
     without = np.linalg.solve(weighed.T @ plain + np.diag(prior[unturned]), weighed.T @ wanted)
-    before = MAD_TO_SD * float(np.median(np.abs(wanted - plain @ without)))
+    before = MAD_TO_SD * median(np.abs(wanted - plain @ without))
     level, known = found[1:3], covariance[1:3, 1:3]
     size = float(np.linalg.norm(level))
     return VerticalTurn(

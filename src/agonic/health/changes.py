@@ -26,6 +26,7 @@ from agonic.maths.estimation.changes.bias_change import (
     refit_residuals,
 )
 from agonic.maths.estimation.robust.least_median import Pair, fit_two_spheres
+from agonic.maths.one_pass import median
 
 SIGNIFICANT = 30.0
 """Fall of χ² by a bias of its own, sought over all stretches, that chance does not reach."""
@@ -195,7 +196,7 @@ def _find_crowded_outliers(e: Evidence) -> _Change | None:
     if sum(outlier[a : b + 1].sum() for a, b in stretches) < CROWDED * outlier.sum():
         return None
     longest = stretches[np.argmax(np.diff(stretches, axis=1))] + [0, 1]
-    size = np.sqrt(3) * float(np.median(np.abs(e.residuals[outlier])))
+    size = np.sqrt(3) * median(np.abs(e.residuals[outlier]))
     return _Change(longest, size, size, e.noise)
 
 

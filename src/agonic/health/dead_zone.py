@@ -10,6 +10,7 @@ from agonic.arrays import Array, Mask
 from agonic.health.evidence import MOST_ROWS
 from agonic.health.finding import Finding, figure
 from agonic.maths.equation.crowding import choose_evenly
+from agonic.maths.one_pass import median
 
 NEAR = 20
 """Levels on either side of one with which it is compared."""
@@ -89,7 +90,7 @@ def _find_on_axis(field: Array, axis: int) -> list[DeadZone]:
     low, high = np.maximum(often - NEAR, 0), np.minimum(often + NEAR + 1, len(levels))
     so_far = np.concatenate([[0], np.cumsum(counts)])
     beside = (so_far[high] - so_far[low] - counts[often]) / (high - low - 1)
-    piled = often[counts[often] >= PILED * np.maximum(beside, np.median(counts))]
+    piled = often[counts[often] >= PILED * np.maximum(beside, median(counts))]
     if not len(piled):
         return []
     others = np.delete(field, axis, axis=1)

@@ -22,6 +22,7 @@ from agonic.health.finding import Finding, figure
 from agonic.health.outliers import find_outliers
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
 from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows, count_orientations
+from agonic.maths.one_pass import find_length, median
 
 EXPLAINS = 0.5
 """Of what scatters about a fit: a change that leaves less is what makes the heading uncertain."""
@@ -70,7 +71,7 @@ def _static(e: Evidence) -> Finding | None:
 def _too_small(e: Evidence) -> bool:
     """Whether readings turn on a sphere of their own that is far smaller than the field: as of a
     unit that is another. At rest they would be about as long as the field."""
-    length = float(np.median(np.linalg.norm(e.readings, axis=1)))
+    length = median(find_length(e.readings))
     span = float(np.ptp(e.readings, axis=0).max())
     turned = span > e.radius and e.noise < HOLDS * e.radius
     return turned and e.known_radius is not None and length < 0.5 * e.known_radius

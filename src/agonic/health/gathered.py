@@ -10,6 +10,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.health.evidence import Evidence
 from agonic.health.finding import figure
 from agonic.maths.equation.coverage import find_cells
+from agonic.maths.one_pass import median
 
 SIGNIFICANT = 1e-3 / 4
 """For each of the four ways to divide the readings."""
@@ -92,8 +93,8 @@ def _test(region: Index, events: Mask, able: Mask) -> tuple[float, int]:
 def _stand_out(e: Evidence, there: Mask, fits: Mask, events: Mask) -> bool:
     """Whether most events of a region are beyond the scatter of the readings there that fit."""
     own = np.abs(e.residuals[there & fits])
-    scatter = 1.48 * float(np.median(own)) if len(own) else 0.0
-    return bool(np.median(np.abs(e.residuals[there & events])) > FAR * scatter)
+    scatter = 1.48 * median(own) if len(own) else 0.0
+    return bool(median(np.abs(e.residuals[there & events])) > FAR * scatter)
 
 
 def _describe(e: Evidence, readings: Array, way: int) -> str:

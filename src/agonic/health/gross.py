@@ -6,6 +6,7 @@ import numpy as np
 
 from agonic.arrays import Mask
 from agonic.health.finding import Finding, figure
+from agonic.maths.one_pass import median
 from agonic.samples import Samples
 
 GROSS = 10_000
@@ -23,8 +24,8 @@ def find_gross_readings(samples: Samples) -> tuple[Mask, Finding] | None:
     >>> rows.tolist(), finding.severity
     ([False, False, True], 'check')
     """
-    size = np.abs(samples.field).max(axis=1)
-    most = float(np.median(size)) if len(size) else 0.0
+    size = np.maximum.reduce([np.abs(axis) for axis in samples.field.T])
+    most = median(size) if len(size) else 0.0
     gross = np.asarray(size > GROSS * most)
     if not most or not gross.any():
         return None

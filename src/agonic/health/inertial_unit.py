@@ -6,7 +6,7 @@ go with those of the other sensors: each is a `Fault`, with what mends it where 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -15,14 +15,16 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.health import Finding, figure
-from agonic.health.readings import find_stuck_rows
+from agonic.health.readings import find_stuck_rows, find_stuck_values
 from agonic.health.turning import (
     FEWEST,
     check_gravity_turning,
     check_turning,
     find_telling,
 )
+from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.low_pass import low_pass
+from agonic.new_rows import find_changed
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -167,10 +169,10 @@ def _check_scale(samples: Samples) -> Iterator[Fault]:
 def _measure_size(time: Array | None, force: Array) -> float:
     """The usual size of the acceleration, m/s²; vibration adds to it, unless it is smoothed out,
     and turning takes from it where it is: of both that which is nearer to gravity."""
-    sizes = [float(np.median(np.linalg.norm(force, axis=1)))]
+    sizes = [median(find_length(force))]
     if time is not None and len(time) >= FEWEST:
-        smooth = low_pass(force, float(np.median(np.diff(time))), _SMOOTHED_S)
-        sizes.append(float(np.median(np.linalg.norm(smooth, axis=1))))
+        smooth = low_pass(force, median(np.diff(time)), _SMOOTHED_S)
+        sizes.append(median(find_length(smooth)))
     return min(sizes, key=lambda size: abs(np.log(max(size, 1e-300) / STANDARD_GRAVITY_M_S2)))
 
 
@@ -215,7 +217,7 @@ def _check_axes_still(values: Array, sensor: str) -> Finding | None:
 
 
 def _check_stopped(samples: Samples, values: Array, sensor: str) -> Finding | None:
-    stopped = find_stopped_rows(values, samples.field)
+    stopped = find_stopped_rows(values, [samples.field])
     if stopped.mean() < _STUCK:
         return None
     assert samples.time is not None
@@ -236,7 +238,7 @@ def find_stopped_readings(samples: Samples) -> tuple[Mask, Finding] | None:
     others = [column for column in columns if column is not None]
     if samples.time is None or len(samples.time) < FEWEST or not others:
         return None
-    stopped = find_stopped_rows(samples.field, np.column_stack(others))
+    stopped = find_stopped_rows(samples.field, others)
     if stopped.mean() < _STUCK:
         return None
     since = figure(float(samples.time[np.argmax(stopped)]), 4)
@@ -249,14 +251,14 @@ def find_stopped_readings(samples: Samples) -> tuple[Mask, Finding] | None:
     )
 
 
-def find_stopped_rows(values: Array, others: Array) -> Mask:
-    """Rows (n,) of long stretches in which a sensor (n, 3) repeats one reading while others (n, k)
-    move; none of a sensor that hardly ever reads anything new."""
-    fresh = np.concatenate([[True], (values[1:] != values[:-1]).any(axis=1)])
+def find_stopped_rows(values: Array, others: Sequence[Array]) -> Mask:
+    """Rows (n,) of long stretches in which a sensor (n, 3) repeats one reading while others, each
+    (n,) or (n, k), move; none of a sensor that hardly ever reads anything new."""
+    fresh = find_changed(values)
     if fresh.sum() < FEWEST:
         return np.zeros(len(values), dtype=bool)
     number = np.cumsum(fresh).astype(np.float64)
-    return find_stuck_rows(np.column_stack([number, others]), 0)
+    return find_stuck_values(number, lambda: np.column_stack(others))
 
 
 def check_clipping(samples: Samples) -> Finding | None:

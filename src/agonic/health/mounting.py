@@ -6,6 +6,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health.finding import Finding, figure
+from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.mounting import (
     describe_mounting,
     describe_renaming,
@@ -120,7 +121,7 @@ def check_axes(
     thinned = slice(None, None, -(-len(field) // _MOST))
     field, acceleration = field[thinned], acceleration[thinned]
     felt = np.sqrt(np.einsum("ni,ni->n", acceleration, acceleration))
-    gravity = float(np.median(felt))
+    gravity = median(felt)
     if abs(gravity / STANDARD_GRAVITY_M_S2 - 1) > 2 * NEAR_GRAVITY:
         return None
     off = felt / gravity - 1
@@ -154,7 +155,7 @@ def _check_mirrored(readings: Array, down: Array, vertical: float) -> Finding | 
 
     The vertical field's sign tells a mirror image from a sensor upside down.
     """
-    size = float(np.median(np.linalg.norm(readings, axis=1)))
+    size = median(find_length(readings))
     turns = right_angles()
     misfit = vertical_misfit(readings / max(size, 1e-300), down, turns, talk=TALK)
     best, rival = np.argsort(misfit)[:2]
@@ -179,7 +180,7 @@ def find_side(readings: Array, down: Array, turn: Array, vertical: float) -> int
     """Whether turned readings (n, 3) show a vertical of the sign of that of the place: 1, −1 where
     they show the other, 0 where it is small enough for iron to have made it."""
     shown = np.einsum("ni,ij,nj->n", down, turn, readings) * np.sign(vertical)
-    share = float(np.mean(shown) / np.median(np.linalg.norm(readings, axis=1)))
+    share = float(np.mean(shown) / median(find_length(readings)))
     return int(np.sign(share)) if abs(share) > STEEP else 0
 
 

@@ -10,6 +10,7 @@ from agonic.health.finding import Finding, figure
 from agonic.health.gathered import find_gathered
 from agonic.health.moments import describe_stretches
 from agonic.maths.estimation.changes.hidden_states import find_path
+from agonic.maths.one_pass import median
 
 STRETCH_S = 1.0
 STRETCH_SHARE = 0.01
@@ -47,7 +48,7 @@ def _name_gathered(e: Evidence, scattered: Finding) -> Finding:
     gathered = find_gathered(e)
     if gathered is None:
         return scattered
-    size = float(np.median(np.abs(e.residuals[gathered.rows])))
+    size = median(np.abs(e.residuals[gathered.rows]))
     count = int(gathered.rows.sum())
     return Finding(
         "outliers",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from agonic.arrays import Array, Mask
 from agonic.health.dead_zone import check_dead_zones, find_dead_zones, find_rows_in
 from agonic.health.finding import Finding
 from agonic.health.resolution import find_quantisation
+from agonic.maths.one_pass import find_length, median
 from agonic.samples import Samples
 
 _STEADIEST = 3e-7
@@ -97,9 +98,9 @@ def _check_normalised(field: Array) -> Finding | None:
     """
     if len(field) < FEWEST:
         return None
-    size = np.linalg.norm(field, axis=1)
+    size = find_length(field)
     middle = float(size.mean())
-    turned = np.ptp(field, axis=0).max() > 0.1 * middle
+    turned = max(float(np.ptp(axis)) for axis in field.T) > 0.1 * middle
     if not (0 < middle < np.inf) or not turned or float(size.std()) > _STEADIEST * middle:
         return None
     return Finding(
@@ -141,7 +142,12 @@ def find_stuck_rows(field: Array, axis: int) -> Mask:
     An axis in coarse steps, that mostly repeats anyway, is not taken for stuck, nor one that comes
     back to the end of its range.
     """
-    n, values = len(field), field[:, axis]
+    return find_stuck_values(field[:, axis], lambda: np.delete(field, axis, axis=1))
+
+
+def find_stuck_values(values: Array, find_others: Callable[[], Array]) -> Mask:
+    """The same of values (n,) beside others (n, k), asked for only where values stand still."""
+    n = len(values)
     stuck = np.zeros(n, dtype=bool)
     still = np.concatenate([[False], values[1:] == values[:-1], [False]])
     edges = np.flatnonzero(still[1:] != still[:-1])
@@ -149,7 +155,7 @@ def find_stuck_rows(field: Array, axis: int) -> Mask:
     long = stops - starts >= min(max(50, 0.02 * n), max(n, FEWEST))
     if not long.any():
         return stuck
-    others = np.delete(field, axis, axis=1)
+    others = find_others()
     reach = np.ptp(others, axis=0)
     for start, stop in zip(starts[long], stops[long], strict=True):
         moved = np.ptp(others[start:stop], axis=0)
@@ -250,7 +256,7 @@ def _gaps(samples: Samples) -> Finding | None:
     if samples.time is None or len(samples) < FEWEST:
         return None
     steps = np.diff(samples.time)
-    gaps = steps > max(20 * float(np.median(steps)), 1.0)
+    gaps = steps > max(20 * median(steps), 1.0)
     if not gaps.any():
         return None
     return Finding(

@@ -16,6 +16,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health import Finding, figure
+from agonic.maths.one_pass import median
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.namings import compare_namings
 from agonic.maths.rotations.turning import measure_left, sum_products
@@ -214,7 +215,7 @@ def _find_late(samples: Samples, turn: Array) -> float:
     assert time is not None
     assert rate is not None
     assert force is not None
-    step = float(np.median(np.diff(time)))
+    step = median(np.diff(time))
     later = np.unique(np.round(np.array(_LATE_S) / step).astype(int))
     shifts, own = np.concatenate([-later, later]), np.eye(3)[None]
     probable = []

@@ -10,6 +10,7 @@ import numpy as np
 from agonic.fit import Fit
 from agonic.health import Finding, sort_findings
 from agonic.health.finding import NOT_READ
+from agonic.maths.one_pass import median
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -75,7 +76,7 @@ def lacks_place(samples: Samples, reference: Reference | None) -> bool:
 def is_in_space(samples: Samples) -> bool:
     """Whether the track is that of a spacecraft, by its altitude or its speed over the ground."""
     if samples.altitude_m is not None:
-        return float(np.median(samples.altitude_m)) > SPACE_ALTITUDE_M
+        return median(samples.altitude_m) > SPACE_ALTITUDE_M
     if samples.latitude_deg is None or samples.longitude_deg is None or samples.time is None:
         return False
     latitude, longitude = np.radians(samples.latitude_deg), np.radians(samples.longitude_deg)
@@ -83,7 +84,7 @@ def is_in_space(samples: Samples) -> bool:
     up = np.stack([around * np.cos(longitude), around * np.sin(longitude), np.sin(latitude)])
     step = EARTH_RADIUS_M * np.linalg.norm(np.diff(up, axis=1), axis=0)
     speeds = step / np.diff(samples.time)
-    return bool(len(speeds) and float(np.median(speeds)) > SPACE_SPEED_M_S)
+    return bool(len(speeds) and median(speeds) > SPACE_SPEED_M_S)
 
 
 def _asks_to_turn(finding: Finding, samples: Samples) -> bool:

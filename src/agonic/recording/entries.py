@@ -10,6 +10,7 @@ import numpy as np
 from agonic.calibration.affine import Affine
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.calibration.sources import name_sources
+from agonic.maths.one_pass import median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
 from agonic.recording.quantities import (
@@ -61,10 +62,10 @@ def describe_origin(results: Sequence[Calibrated]) -> str:
     if samples.epoch is not None:
         said.append(f"{samples.epoch:%Y-%m-%d %H:%M} UTC")
     if samples.latitude_deg is not None and samples.longitude_deg is not None:
-        place = (float(np.median(at)) for at in (samples.latitude_deg, samples.longitude_deg))
+        place = (median(at) for at in (samples.latitude_deg, samples.longitude_deg))
         said.append("{:.3f}°, {:.3f}°".format(*place))
     if reference is not None:
-        size = float(np.median(reference.magnitudes(len(samples))))
+        size = median(reference.magnitudes(len(samples)))
         said.append(f"field {group_digits(size)} nT ({reference.source})")
     return " · ".join(said)
 

@@ -15,6 +15,7 @@ from agonic.errors import AgonicError
 from agonic.health import Finding, figure
 from agonic.maths.equation.coverage import field_covariance
 from agonic.maths.equation.crowding import count_orientations, weigh_places
+from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.angles import angle_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -73,7 +74,7 @@ def fit_folds(
     if refused:
         return halves()
     field = correct_field(calibration, samples)
-    reach = 0.03 * float(np.median(np.linalg.norm(field, axis=1)))
+    reach = 0.03 * median(find_length(field))
     several = all(count_orientations(field[block % 2 == k], reach, 12) == 12 for k in (0, 1))
     half = halves(AGREEMENT_LIMIT_DEG / 2) if several else None
     if half is not None:
@@ -136,7 +137,7 @@ def _state_errors(part: Calibration, some: Array) -> tuple[float, float]:
     """Variance of the magnitude of the field (n, 3) by a fit, and of its direction, rad²."""
     if not isinstance(part, Affine) or part.covariance is None or not len(some):
         return 0.0, 0.0
-    size = np.maximum(np.linalg.norm(some, axis=1), np.finfo(float).tiny)
+    size = np.maximum(find_length(some), np.finfo(float).tiny)
     spread = field_covariance(
         some / size[:, None], size[:, None], part.bias, part.matrix, part.covariance, part.gauge
     )

@@ -10,6 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
+from agonic.maths.one_pass import median
 from agonic.recording.calibrated import Calibrated
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -86,8 +87,8 @@ def _average(one: Calibrated, time: Array) -> Array | None:
     kept = rows > 0
     means = np.bincount(block, at_rows)[kept] / rows[kept]
     gain = float(np.trace(fit.calibration.matrix)) / 3
-    noise = float(np.median(np.abs(np.diff(left)))) / 0.6745 / np.sqrt(2)
-    least = min(noise, fit.noise * gain) / np.sqrt(np.median(rows[kept]))
+    noise = median(np.abs(np.diff(left))) / 0.6745 / np.sqrt(2)
+    least = min(noise, fit.noise * gain) / np.sqrt(median(rows[kept]))
     return means if means.std() > STANDS_OUT * least else None
 
 

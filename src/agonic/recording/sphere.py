@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.maths.equation.coverage import icosphere
+from agonic.maths.one_pass import find_length, median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.residuals import Residuals, find_level
 
@@ -34,7 +35,7 @@ def pack_sphere(result: Calibrated, residuals: Residuals, most: int) -> dict[str
     """
     calibration = result.fit.calibration
     centred = (result.cleaned - calibration.bias)[thin(len(result.samples), most)]
-    radius = float(np.median(np.linalg.norm(centred, axis=1))) or 1.0
+    radius = median(find_length(centred)) or 1.0
     middle, extent = find_middle(centred)
     points, step = _quantise(centred, radius)
     return {
@@ -62,7 +63,7 @@ def find_middle(centred: Array) -> tuple[Array, float]:
     reach = float(np.percentile(np.linalg.norm(centred - middle, axis=1), 90)) or 1.0
     if float(np.linalg.norm(middle)) > 1.5 * reach:
         return middle, reach
-    return np.zeros(3), float(np.median(np.linalg.norm(centred, axis=1))) or 1.0
+    return np.zeros(3), median(find_length(centred)) or 1.0
 
 
 def thin(n: int, most: int) -> NDArray[np.int64]:

@@ -16,6 +16,7 @@ from agonic.maths.equation.affine import FREE, SYMMETRIC, expand_covariates
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.leastsq import inverse
+from agonic.maths.one_pass import median
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -158,4 +159,4 @@ def _weigh(sides: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array]]:
 
 def _spread(residuals: Array) -> float:
     """The standard deviation by the median of the sizes."""
-    return max(float(np.median(np.abs(residuals))) / NORMAL_MEDIAN, 1e-12)
+    return max(median(np.abs(residuals)) / NORMAL_MEDIAN, 1e-12)

@@ -29,6 +29,7 @@ from agonic.calibration.sources import (
 )
 from agonic.errors import AgonicError
 from agonic.maths.estimation.shape import find_move
+from agonic.maths.one_pass import median
 from agonic.samples import Samples
 
 What = Literal["power", "delay", "time constant"]
@@ -108,7 +109,7 @@ def list_followed(samples: Samples, sources: tuple[str, ...]) -> list[tuple[str,
 def find_step_s(samples: Samples) -> float:
     """The step of time constants, s: that of the rows, or 0.1 s where that is longer."""
     assert samples.time is not None
-    return max(float(np.median(np.diff(samples.time))), _SHORTEST_S)
+    return max(median(np.diff(samples.time)), _SHORTEST_S)
 
 
 def _find_shape(

@@ -20,6 +20,7 @@ from agonic.attitude.maths.path import Path, attitude_path, gyro_path
 from agonic.attitude.maths.score_variance import compute_score_variance
 from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
+from agonic.maths.one_pass import find_length, median
 
 MOST_ROWS = 12_000
 """Rows that are compared with the attitude, evenly spread; of a gyro all are integrated."""
@@ -75,7 +76,7 @@ class _Projected(NamedTuple):
 def runs(time: Array) -> list[Index]:
     """The rows between gaps: intervals above five usual ones and above 50 ms."""
     interval = np.diff(time)
-    limit = max(5 * float(np.median(interval)), 0.05) if len(interval) else 0.0
+    limit = max(5 * median(interval), 0.05) if len(interval) else 0.0
     return np.split(np.arange(len(time)), np.flatnonzero(interval > limit) + 1)
 
 
@@ -151,7 +152,7 @@ def _conclude(record: Record, path: Path, latency: float, weights: Array) -> Est
     H, the curvature of the cost, is the change of the score over one interval of time: in ΣJ² the
     noise of an attitude would pass for motion.
     """
-    half = float(np.median(np.diff(record.time))) / 2
+    half = median(np.diff(record.time)) / 2
     seen = _projected(record, path, latency, weights)
     noise = _weigh_rows(record, seen.residuals)[1]
     z, fall = _standardise(
@@ -195,7 +196,7 @@ def _weigh_blocks(z: Array, fall: Array) -> Array:
     weights, far = np.ones(len(g)), g
     for _ in range(20):
         far = (g - h * (weights @ g) / (weights @ h)) / np.sqrt(h)
-        spread = max(MAD_TO_SD * float(np.median(np.abs(far))), 1e-300)
+        spread = max(MAD_TO_SD * median(np.abs(far)), 1e-300)
         weights = np.maximum(tukey().weight((far / spread) ** 2), 1e-9)
     return np.repeat(weights, np.diff(starts, append=len(z)))[:, None]
 
@@ -292,4 +293,4 @@ def _profile_drifts(seen: _Projected, weights: Array) -> tuple[Array, Array]:
 
 def _size(residuals: Array) -> float:
     """Standard deviation per axis from the median length."""
-    return float(np.median(np.linalg.norm(residuals, axis=1))) / _MEDIAN_NORM
+    return median(find_length(residuals)) / _MEDIAN_NORM

@@ -10,6 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.health.adequacy.fitted import FEWEST_ROWS, ModelError, Work, make_error
 from agonic.maths.estimation.inference.linearised import sums_by
+from agonic.maths.one_pass import median
 
 SIGNIFICANT = 1e-3 / 3
 MOST_WINDOWS, FEWEST_WINDOWS = 600, 16
@@ -200,8 +201,8 @@ def _compare(beside: Array, columns: Array, product: Array, windows: int) -> flo
     all_sums = sums_by(window, np.column_stack([beside, columns, product]), windows)
     means = all_sums / np.bincount(window)[:, None]
     design, seen = means[:, :-1], means[:, -1]
-    middle = np.median(seen)
-    reach = FAR * np.median(np.abs(seen - middle))
+    middle = median(seen)
+    reach = FAR * median(np.abs(seen - middle))
     seen = np.clip(seen, middle - reach, middle + reach)
     alone, whole = (
         float(np.sum((seen - part @ np.linalg.lstsq(part, seen, rcond=None)[0]) ** 2))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import median
 from agonic.units import DAY_S
 
 Clock = tuple[Array | None, datetime | None, tuple[str, ...]]
@@ -70,7 +71,7 @@ def _without_unit(numbers: Array) -> Clock:
         seconds, dated, note = digits
         return since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
     finite = numbers[np.isfinite(numbers)]
-    if _are_steps_whole(finite) and (step := np.median(np.diff(finite))) > 1:
+    if _are_steps_whole(finite) and (step := median(np.diff(finite))) > 1:
         note = (
             f"times left out: they have no unit and step by {step:g}; name the "
             "column time_s, time_ms or time_us"
@@ -90,8 +91,8 @@ def _is_unix(seconds: Array) -> bool:
     if not (seconds > low).any():
         return False
     finite = seconds[np.isfinite(seconds)]
-    step = np.median(np.abs(np.diff(finite))) if len(finite) > 1 else 0.0
-    return bool(low < np.median(finite) < high and step <= _LONGEST_STEP_S)
+    step = median(np.abs(np.diff(finite))) if len(finite) > 1 else 0.0
+    return bool(low < median(finite) < high and step <= _LONGEST_STEP_S)
 
 
 def since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
@@ -197,7 +198,7 @@ def spread_ties(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     lengths = np.diff(np.append(starts, len(ticks)))
     steps = np.diff(ticks[starts])
     forward = steps[steps > 0]
-    tick = float(np.median(forward)) if len(forward) else 0.0
+    tick = median(forward) if len(forward) else 0.0
     span = np.append(np.where(steps > 0, np.minimum(steps, tick), tick), tick)
     within = np.arange(len(ticks)) - np.repeat(starts, lengths)
     spread = time.copy()

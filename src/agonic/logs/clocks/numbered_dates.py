@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import median
 from agonic.units import DAY_S
 
 _MINUTE, _HOUR = 100.0, 10_000.0
@@ -49,7 +50,7 @@ def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
                 return since, True, "times are dates by their digits, YYYYMMDDhhmmss"
     for program, (zero, (first, last)) in _DAYS_OF_1970.items():
         within = first < low and high < last
-        if within and 0.0 < np.median(np.abs(np.diff(finite))) < _LONGEST_STEP_DAYS:
+        if within and 0.0 < median(np.abs(np.diff(finite))) < _LONGEST_STEP_DAYS:
             unix = np.round((numbers - zero) * DAY_S, 4)
             counted = "count" if program.endswith("s") else "counts"
             return unix, True, f"times are days as {program} {counted} them"
@@ -73,10 +74,10 @@ def _are_times_of_day(numbers: Array, *, leaps: bool) -> bool:
         return True
     ends = np.diff(known // _MINUTE) > 0
     leap, step = np.diff(known), np.diff(_of_day_s(known))
-    usual = float(np.median(np.abs(step)))
+    usual = median(np.abs(step))
     if not ends.any() or (leap[ends] < 40.0).any() or usual >= 20.0:
         return False
-    return bool(np.median(step[ends]) <= max(3.0 * usual, 1.5))
+    return bool(median(step[ends]) <= max(3.0 * usual, 1.5))
 
 
 def _of_day_s(numbers: Array) -> Array:

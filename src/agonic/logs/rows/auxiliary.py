@@ -18,6 +18,7 @@ from agonic.arrays import Array, Mask
 from agonic.logs.headers.columns import Column, Identified
 from agonic.logs.headers.quantities import Linear
 from agonic.logs.rows.resample import resample
+from agonic.maths.one_pass import median
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 Table = Mapping[str, NDArray[Any]]
@@ -160,17 +161,17 @@ def _lacks_gravity(column: str, values: Array) -> bool:
     sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
     if column != "acceleration" or not len(sizes):
         return False
-    return float(np.median(sizes)) < 0.5 * STANDARD_GRAVITY_M_S2
+    return median(sizes) < 0.5 * STANDARD_GRAVITY_M_S2
 
 
 def _find_scale_by_gravity(values: Array) -> tuple[Linear | None, str]:
     """The unit in which the median acceleration is gravity, to 20 %."""
     sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
-    median = float(np.median(sizes)) if len(sizes) else np.nan
+    usual = median(sizes) if len(sizes) else np.nan
     for unit, factor in _GRAVITY_UNITS.items():
-        if abs(median * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
+        if abs(usual * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
             return (factor, 0.0), f"names no unit; its size is that of gravity in {unit}"
-    return None, f"its header names no unit and its size, {median:.4g}, is not that of gravity"
+    return None, f"its header names no unit and its size, {usual:.4g}, is not that of gravity"
 
 
 def fill_holes(

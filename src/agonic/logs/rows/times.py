@@ -16,6 +16,7 @@ from agonic.logs.headers.columns import FRACTION, Column, Identified
 from agonic.logs.headers.words import ZONE
 from agonic.logs.rows.auxiliary import Table, to_numbers
 from agonic.logs.rows.resample import LONGEST_LOG_S, find_misplaced
+from agonic.maths.one_pass import median
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
@@ -142,7 +143,7 @@ def _find_step(values: NDArray[Any]) -> float:
     """The median step of a clock; 0 where there is none."""
     numbers = to_numbers(values)
     steps = np.diff(numbers[np.isfinite(numbers)])
-    return float(np.median(steps)) if len(steps) else 0.0
+    return median(steps) if len(steps) else 0.0
 
 
 def _date_clock(clock: Clock, dates: NDArray[Any]) -> Clock:

@@ -237,7 +237,7 @@ def _make_angle(
 
 def _correct_by_component(raw: Array, bias: Array, matrix: Array) -> tuple[Array, Array]:
     """d = raw − bias and u = W d, (3, n): component by component, for long inner loops."""
-    d = (raw - bias).T.copy()
+    d = np.subtract(raw.T, np.atleast_2d(bias).T, order="C")
     return d, matrix @ d
 
 

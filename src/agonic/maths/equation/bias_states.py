@@ -18,6 +18,7 @@ from agonic.maths.equation.crowding import find_spread_rows
 from agonic.maths.estimation.changes.hidden_states import find_path
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
+from agonic.maths.one_pass import median
 
 NEITHER = 2
 _PRICE = 15.0  # of a switch, in log-likelihood: by chance one in e¹⁵ rows
@@ -119,7 +120,7 @@ def _alternate(points: Array, second: Mask, seed: int) -> BiasStates | None:
         model = _fit(points, state, model)
         off = _distances(points, model)
         own = np.where(state == 1, off[1], off[0])[state != NEITHER]
-        noise = max(MAD_TO_SD * float(np.median(np.abs(own))), 1e-9)
+        noise = max(MAD_TO_SD * median(np.abs(own)), 1e-9)
         clipped = np.clip(own, -_STRANGE * noise, _STRANGE * noise)
         # what a wrong guess leaves is correlated as well
         correlation = correlation_length(clipped, np.ones(len(clipped))) if k else 1.0
@@ -180,7 +181,7 @@ def _fit(points: Array, state: NDArray[np.int8], start: _Pair) -> _Pair:
         design = np.column_stack(
             [moves * ~second[:, None], moves * second[:, None], *bends, -np.ones(len(p))]
         )
-        reach = _STRANGE * MAD_TO_SD * float(np.median(np.abs(off))) + 1e-12
+        reach = _STRANGE * MAD_TO_SD * median(np.abs(off)) + 1e-12
         weight = np.minimum(1.0, reach / np.maximum(np.abs(off), 1e-12))
         one = (reach / _STRANGE) ** 2
         weighted = design * weight[:, None]

@@ -37,7 +37,7 @@ from agonic.maths.equation.inertial import (
 from agonic.maths.equation.priors import make_prior
 from agonic.maths.estimation import leastsq
 
-_ROWS = 4096  # a block whose temporaries stay in the cache
+_ROWS = 8192  # temporaries stay in the cache, and calls cost little beside them
 
 
 class Dip(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.maths.one_pass import median
 
 _CELL_SHARE = 1 / 32  # of all that counts, in one cell of many
 _FEWEST_CELLS = 12
@@ -40,7 +41,7 @@ def find_places(points: Array) -> Index:
     Cubes are halved until a dozen hold points in succession; so far outliers do not set them.
     """
     axes = np.array(points.T, order="C")  # passes along an axis are many times faster so
-    axes -= np.median(axes, axis=1, keepdims=True)
+    axes -= np.array([[median(along)] for along in axes])
     size = 2 * max(float(axes.max(initial=0.0)), -float(axes.min(initial=0.0)))
     cells = np.zeros(len(points), dtype=np.intp)
     apart = np.maximum.reduce(list(np.abs(np.diff(axes, axis=1))))

@@ -26,6 +26,7 @@ from agonic.maths.equation.affine import (
 )
 from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
+from agonic.maths.one_pass import median
 
 _ROUNDS = 4  # of reweighting a stretch's azimuth
 _LEAST = 1e-6  # weight, so that a stretch of outliers has an azimuth too
@@ -187,7 +188,7 @@ def _agree(azimuth: Array, square: Array, stretch: Index) -> tuple[Array, Array]
         real, imaginary = (np.bincount(stretch, weights * part, count) for part in (cosine, sine))
         found = np.arctan2(imaginary, real)
         off = size * np.abs(np.sin((azimuth - found[stretch]) / 2))
-        scale = max(MAD_TO_SD * float(np.median(off)), 1e-12)
+        scale = max(MAD_TO_SD * median(off), 1e-12)
         q = (off / scale) ** 2
     return found, square * np.maximum(loss.curvature(q), _LEAST)
 

@@ -11,6 +11,7 @@ from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.crowding import weigh_crowded
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import Noise
+from agonic.maths.one_pass import median
 
 _LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _CROWD = 0.2  # of the readings
@@ -55,7 +56,7 @@ def find_corroborated(
             for _, jacobian in pieces(problem, "magnitude")(solution.params)
         ]
     )
-    unusual = 25 * float(np.median(leverage[~outlier]))
+    unusual = 25 * median(leverage[~outlier])
     if outlier.mean() < _CROWD:  # more are no outliers but another population
         cells[leverage > unusual] = 80
     readings, outliers = np.bincount(cells, minlength=81), np.bincount(cells[outlier], minlength=81)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.equation.affine import correct, split
+from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem, compute_residuals, field_of_terms, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate, find_attitude_shares
 from agonic.maths.estimation.inference.model_averaging import average_over_term
@@ -73,19 +73,22 @@ def find_axis_variances(problem: Problem, estimate: Estimate) -> tuple[Array, Ar
     That the axes are equal is one model and that they are not another; they are averaged.
     """
     noise, params = estimate.noise["magnitude"], estimate.solution.params
-    used = estimate.weights > 0
+    used, raw = estimate.weights > 0, problem.points - field_of_terms(problem, params)
+    residuals = estimate.residuals["magnitude"]
+    if not used.all():
+        raw, residuals = raw[used], residuals[used]
     bias, matrix = split(problem.basis @ params[: problem.basis.shape[1]])
-    normals = correct(problem.points - field_of_terms(problem, params), bias, matrix) @ matrix
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    square = (estimate.residuals["magnitude"][used] / noise.sd) ** 2
-    told = normals[used] ** 2 @ _APART
-    covariance = inverse(told.T @ told)
-    found = covariance @ (told.T @ square)
-    left = float(np.mean((square - told @ found) ** 2)) * noise.correlation
+    normals = (matrix.T @ matrix) @ (raw - bias).T  # axis by axis, for long inner loops
+    squares = normals * normals
+    squares /= np.maximum(squares.sum(axis=0), np.finfo(float).tiny)
+    square, told = (residuals / noise.sd) ** 2, _APART.T @ squares
+    covariance = inverse(told @ told.T)
+    found = covariance @ (told @ square)
+    left = float(np.mean((square - found @ told) ** 2)) * noise.correlation
     averaged = average_over_term(found, left * covariance, slice(1, 3), _UNEQUAL)
     if not averaged.params[1:].any():
         return np.ones(3), np.zeros((3, 3))
-    level = float(np.mean(told @ averaged.params))  # the residuals' own noise is known
+    level = float(averaged.params @ told.mean(axis=1))  # the residuals' own noise is known
     spread = _APART[:, 1:] @ averaged.covariance[1:, 1:] @ _APART[:, 1:].T
     return np.maximum(_APART @ averaged.params, 0.0) / level, spread / level**2
 
@@ -95,15 +98,15 @@ def _find_pulls(part: Problem, estimate: Estimate, rows: Index) -> Array:
     params, sd = estimate.solution.params, estimate.noise["magnitude"].sd
     shares, weights = find_attitude_shares(part, estimate.noise, params), estimate.weights[rows]
 
-    def gradient(points: Array) -> Array:
-        moved, total = part._replace(points=points), np.zeros(len(params))
-        for channel, of in estimate.noise.items():
-            found = zip(*pieces(moved, channel, 0.0, shares[channel])(params), strict=True)
-            r, jacobian = (np.concatenate(side) for side in found)
-            total += (weights * r) @ jacobian / of.sd**2 / of.correlation
-        return total
-
-    plain = gradient(part.points)
-    either = [gradient(part.points + s) + gradient(part.points - s) for s in _STEP * np.eye(3)]
-    second = (np.stack(either) - 2.0 * plain) / _STEP**2
-    return np.asarray(0.5 * sd**2 * second)
+    steps = _STEP * np.concatenate([np.eye(3), -np.eye(3), np.zeros((1, 3))])
+    points = (part.points + steps[:, None]).reshape(-1, 3)
+    everywhere = part.subset(np.tile(np.arange(len(part.points)), len(steps)))
+    moved, gradients = everywhere._replace(points=points), np.zeros((len(steps), len(params)))
+    for channel, of in estimate.noise.items():
+        found = zip(*pieces(moved, channel, 0.0, shares[channel])(params), strict=True)
+        r, jacobian = (np.concatenate(side) for side in found)
+        weighed = jacobian * (np.tile(weights, len(steps)) * r)[:, None]
+        sums = weighed.reshape(len(steps), -1, len(params)).sum(axis=1)
+        gradients += sums / of.sd**2 / of.correlation
+    ahead, back, plain = gradients[:3], gradients[3:6], gradients[6]
+    return np.asarray(0.5 * sd**2 * (ahead + back - 2.0 * plain) / _STEP**2)

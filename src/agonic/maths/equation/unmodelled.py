@@ -14,6 +14,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.maths.estimation.noise.autoregression import autoregress
+from agonic.maths.one_pass import find_length
 
 
 class Errors(NamedTuple):
@@ -92,9 +93,9 @@ def turning(x: Array, apart: Mask) -> Errors:
 
 def _find_rate(x: Array, apart: Mask, rows: int) -> Array:
     """How far directions move from so many rows before to as many after, over the rms."""
-    ahead = x / np.linalg.norm(x, axis=1, keepdims=True)
+    ahead = x / find_length(x)[:, None]
     rate = np.zeros(len(x))
-    rate[rows:-rows] = np.linalg.norm(ahead[2 * rows :] - ahead[: -2 * rows], axis=1)
+    rate[rows:-rows] = find_length(ahead[2 * rows :] - ahead[: -2 * rows])
     broken = np.convolve(apart, np.ones(2 * rows + 1), "same") > 0
     rate[broken] = rate[~broken].mean() if not broken.all() else 0.0
     return np.asarray(rate / max(float(np.sqrt(np.mean(rate**2))), 1e-12))

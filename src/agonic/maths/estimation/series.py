@@ -12,6 +12,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
+from agonic.maths.one_pass import median
 
 BLOCK = 32  # rows; a burst of outliers shorter than half of it does not move the median
 ANOMALOUS = 6.0  # standard deviations
@@ -127,7 +128,7 @@ def compute_rates(time: Array, temperature: Array, span_s: float = _SPAN_S) -> A
     [-0.01, -0.01, -0.01]
     """
     n = len(time)
-    pace = float(np.median(np.diff(time))) if n > 1 else 1.0
+    pace = median(np.diff(time)) if n > 1 else 1.0
     rows, most = (round(span / max(pace, 1e-9)) for span in (span_s, max(span_s, _LONGEST_S)))
     block = min(max(rows, min(_FEWEST, most), 1), max(n // 4, 1))
     knots = np.arange(0, n, block)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import find_length
 
 
 def wrap_deg(angle_deg: ArrayLike) -> Array:
@@ -23,11 +24,6 @@ def angle_deg(a: Array, b: Array) -> Array:
     >>> float(angle_deg(np.array([1.0, 0, 0]), np.array([0.0, 2.0, 0])))
     90.0
     """
-    a_long, b_long = a * _length(b)[..., None], b * _length(a)[..., None]
-    half = np.arctan2(_length(a_long - b_long), _length(a_long + b_long))
+    a_long, b_long = a * find_length(b)[..., None], b * find_length(a)[..., None]
+    half = np.arctan2(find_length(a_long - b_long), find_length(a_long + b_long))
     return np.asarray(np.degrees(2 * half))
-
-
-def _length(vectors: Array) -> Array:
-    """That of each vector (…, 3), in half the time of `np.linalg.norm`."""
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))

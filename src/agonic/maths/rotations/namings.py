@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.maths.one_pass import median
 from agonic.maths.rotations.attitude import integrate_rates
 from agonic.maths.rotations.low_pass import low_pass
 from agonic.maths.rotations.vectors import skew
@@ -82,13 +83,13 @@ def _is_followed(rate: Array, time: Array) -> bool:
     """Whether rates turn by less than half a turn from row to row, and no two rows are as good as
     simultaneous: between others nothing can be carried along."""
     steps = np.diff(time)
-    step = float(np.median(steps))
+    step = median(steps)
     return float(np.abs(rate).max()) * step < np.pi and float(steps.min()) > 1e-6 * step
 
 
 def _cut_windows(time: Array) -> tuple[int, list[int]]:
     """How many rows a window has, and where each starts; none across a pause."""
-    n, step = len(time), float(np.median(np.diff(time)))
+    n, step = len(time), median(np.diff(time))
     rows = min(round(WINDOW_S / step), n // 2)
     count = round((n - rows) / (rows / 2)) + 1
     starts = np.unique(np.linspace(0, n - rows, count).astype(int))
@@ -99,7 +100,7 @@ def _cut_windows(time: Array) -> tuple[int, list[int]]:
 def _measure_spectra(
     force: Array, rate: Array, time: Array, rows: int, starts: list[int]
 ) -> _Spectra:
-    step = float(np.median(np.diff(time)))
+    step = median(np.diff(time))
     every = max(1, min(int(1 / (_SAMPLED * FASTEST_HZ * step)), rows // _FEWEST_MEANS))
     means, length_s = rows // every, rows * step
     taper = np.sin(np.pi * (np.arange(means) + 0.5) / means) ** 2

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import median
 from agonic.maths.rotations.low_pass import low_pass
 from agonic.maths.rotations.vectors import skew
 
@@ -31,13 +32,13 @@ def sum_products(
     Parameters: vectors (n, 3) and rate (n, 3) at time (n,), `smoothed_s` over which both are
     averaged; `felt` where the vectors are acceleration, taken as they are, and b is small.
     """
-    step = float(np.median(np.diff(time)))
+    step = median(np.diff(time))
     every = max(1, len(time) // _MOST)
     vectors, rate = (low_pass(v, step, smoothed_s) for v in (vectors, rate))
     # no rate is larger than noise where nothing turns; a gap's change is not that of a row
     change = np.gradient(vectors, time, axis=0)[::every]
     size = np.sqrt((change**2).sum(axis=1))
-    usual = size < 10 * np.median(size) + 1e-12
+    usual = size < 10 * median(size) + 1e-12
     about = vectors if felt else vectors - vectors.mean(axis=0)
     crossed = skew(about[::every][usual]).swapaxes(1, 2)  # (n, k, 3): f × e_k
     factors = rate[::every][usual]

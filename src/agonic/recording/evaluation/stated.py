@@ -6,6 +6,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import select_columns
+from agonic.maths.one_pass import find_length, median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.evaluation.errors import (
     DIP,
@@ -42,7 +43,7 @@ def state_errors(
     if known.down is not None:
         below = np.einsum("ni,ni->n", field, known.down)
         level = np.sqrt(np.maximum(1.0 - (below / size) ** 2, 1e-12))
-        noise[HEADING] = _find_heading_noise(noise, float(np.median(level)))
+        noise[HEADING] = _find_heading_noise(noise, median(level))
     stated = {}
     for kind, moves in measure_sensitivities(field, sensitivity, known).items():
         by_fit = float(np.einsum("ni,ij,nj->n", moves, result.fit.covariance, moves).mean())
@@ -58,7 +59,7 @@ def _find_noise(result: Calibrated) -> dict[str, float]:
     noise = _rms(measure_errors(result.corrected, known))
     if result.folds is not None:
         unseen = _rms(measure_errors(result.folds.unseen, known))
-        size = float(np.median(np.linalg.norm(result.corrected, axis=1)))
+        size = median(find_length(result.corrected))
         own = (100.0 * result.folds.magnitude_sd / size) ** 2
         unseen[MAGNITUDE] = float(np.sqrt(max(unseen[MAGNITUDE] ** 2 - own, 0.0)))
         noise = {kind: max(error, unseen[kind]) for kind, error in noise.items()}

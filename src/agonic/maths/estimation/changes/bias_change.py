@@ -10,6 +10,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation.noise.batch_means import compute_scatter
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
+from agonic.maths.one_pass import median
 
 _BLOCKS = 64  # edges are sought on this grid
 _SHORTEST = 2  # blocks, of the stretch and of what is left
@@ -49,7 +50,7 @@ def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasCha
     """
     n = len(residuals)
     blocks = min(_BLOCKS, n // 6)
-    reach = _OUTLYING * float(np.median(np.abs(residuals)))
+    reach = _OUTLYING * median(np.abs(residuals))
     if blocks < 4 * _SHORTEST or reach == 0.0:
         return None
     moves = _moves(normals, places)
@@ -60,7 +61,7 @@ def find_bias_change(residuals: Array, normals: Array, places: Array) -> BiasCha
     away, left = _refit(residuals, moves, inside)
     shift = float(np.sqrt(3 * np.mean(away[inside] ** 2)))
     seen = _see(away, moves, inside)
-    noise = MAD_TO_SD * float(np.median(np.abs(left)))
+    noise = MAD_TO_SD * median(np.abs(left))
     scatter = np.clip(left, -_OUTLYING * noise, _OUTLYING * noise)
     independent = float(scatter @ scatter) / n * _memory(scatter, normals)
     if start == 0:  # before and after are the same thing
@@ -152,7 +153,7 @@ def _refit(residuals: Array, moves: Array, changed: Mask) -> tuple[Array, Array]
     solve = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True) @ design.T
     estimate, left = np.zeros(design.shape[1]), residuals
     for _ in range(10):
-        reach = _OUTLYING * float(np.median(np.abs(left)))
+        reach = _OUTLYING * median(np.abs(left))
         estimate = estimate + solve @ np.clip(left, -reach, reach)
         left = residuals - design @ estimate
     return own @ estimate[:3], left

@@ -20,6 +20,7 @@ from agonic.maths.estimation.noise.drift_model import (
     compute_posterior,
     compute_tail_probabilities,
 )
+from agonic.maths.one_pass import median
 
 FEWEST = 8
 """With fewer values a change cannot be told from scatter of unknown size."""
@@ -109,8 +110,8 @@ def _next(
 def _jumps(series: Series) -> bool:
     """Whether some value lies much further from the one before than values commonly do."""
     steps = np.diff(series.value)
-    away = np.abs(steps - np.median(steps))
-    return bool(away.max() > _JUMP * np.median(away))
+    away = np.abs(steps - median(steps))
+    return bool(away.max() > _JUMP * median(away))
 
 
 def join_design(series: Series, found: Sequence[ChangePoint], k: int) -> Series:

@@ -15,6 +15,7 @@ from agonic.arrays import Array, Index
 from agonic.maths.estimation.noise.residuals import correlation_length
 
 FEWEST_BATCHES, MOST_BATCHES = 24, 200
+_MANY = 100_000  # numbers of which one by one would take longer than run by run
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +113,13 @@ def find_batches_beside(fit: Linearised, columns: Array) -> Batches:
 
 def sums_by(group: Index, rows: Array, groups: int = 0) -> Array:
     """Sums of rows (n, k) by the number of their group (n,), (groups, k)."""
-    starts = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
-    parts, of = np.add.reduceat(rows, starts, axis=0), group[starts]  # each run, then their sums
-    return np.stack([np.bincount(of, column, groups) for column in parts.T], axis=1)
+    if rows.size > _MANY:  # each run first
+        starts = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
+        group, rows = group[starts], np.add.reduceat(rows, starts, axis=0)
+    k, count = rows.shape[1], max(int(group.max()) + 1, groups)
+    at = group[:, None] * k + np.arange(k)  # a number for each sum, so that one call makes them all
+    sums = np.bincount(at.ravel(), rows.ravel(), count * k)
+    return np.asarray(sums, dtype=np.float64).reshape(count, k)
 
 
 def with_columns(fit: Linearised, columns: Array, shared: Array | None = None) -> Linearised:

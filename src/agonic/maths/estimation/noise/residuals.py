@@ -8,6 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.estimation.loss import Loss, expected_square, squares, tukey
+from agonic.maths.one_pass import median
 
 MAD_TO_SD = 1.482602218505602  # 1/Φ⁻¹(3/4)
 
@@ -72,7 +73,7 @@ def robust_scale(residuals: Array, parameters: int = 0) -> float:
     """
     n = len(residuals)
     freedom = np.sqrt(n / (n - parameters)) if n > parameters else 1.0
-    return float(MAD_TO_SD * np.median(np.abs(residuals)) * freedom)
+    return float(MAD_TO_SD * median(np.abs(residuals)) * freedom)
 
 
 def noise_scale(residuals: Array, loss: Loss, scale: float, parameters: int) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import median
 
 
 def fit_least_median_sphere(
@@ -94,7 +95,7 @@ def fit_two_spheres(points: Array, *, seed: int = 0) -> Pair | None:
     other = np.abs(np.linalg.norm(points - second, axis=1) - 1 / other_gain)
     shift = float(np.linalg.norm(second - first))
     alike = 0.4 < 1 / (other_gain * radius) < 2.5
-    if not alike or np.median(other[rest]) > 0.06 / other_gain or shift < 0.1 * radius:
+    if not alike or median(other[rest]) > 0.06 / other_gain or shift < 0.1 * radius:
         return None
     side = np.sign(away - other).astype(np.int8)
     side[np.maximum(away, other) < 0.08 * radius] = 0

@@ -9,6 +9,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.maths.one_pass import median
 
 _FAR = 3.0  # a slope of more than so many standard errors is one
 
@@ -47,8 +48,8 @@ def fit_robust_line(x: Array, y: Array, taken: int = 0) -> Line:
     half = len(x) // 2
     apart = x[half:] - x[: len(x) - half]
     slopes = (y[half:] - y[: len(y) - half])[apart > 0] / apart[apart > 0]
-    slope = float(np.median(slopes)) if len(slopes) else 0.0
-    middle, level = float(np.mean(x)), float(np.median(y - slope * (x - np.mean(x))))
+    slope = median(slopes) if len(slopes) else 0.0
+    middle, level = float(np.mean(x)), median(y - slope * (x - np.mean(x)))
     weight, bend, loss, sd = np.ones_like(x), np.ones_like(x), tukey(), 0.0
     for _ in range(20):
         residuals = y - level - slope * (x - middle)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import median
 
 _HALF = 0.45493642311957283  # the median of χ² with one degree of freedom
 _REACH = 4.685  # of Tukey's biweight: 95 % efficient for normal errors
@@ -49,7 +50,7 @@ def estimate_robust_spread(values: Array, sd: Array) -> RobustSpread:
 def _column(values: Array, sd: Array) -> tuple[float, float]:
     if not len(values):
         return np.nan, np.nan
-    centre = float(np.median(values))
+    centre = median(values)
     variance = np.nan_to_num(sd, posinf=np.inf) ** 2
     spread = 0.0
     some = slice(None, None, 1 + len(values) // _ENOUGH)
@@ -61,7 +62,7 @@ def _column(values: Array, sd: Array) -> tuple[float, float]:
 
 def _spread(square: Array, variance: Array) -> float:
     """The root of a function that falls with the spread, by halving the interval it lies in."""
-    high = float(np.median(square)) / _HALF  # no variance makes it larger
+    high = median(square) / _HALF  # no variance makes it larger
     if high <= float(variance.min()) or _median_ratio(square, variance, 0.0) <= _HALF:
         return 0.0
     low = max(high - float(variance.max()), 0.0)
@@ -79,7 +80,7 @@ def _median_ratio(square: Array, variance: Array, own: float) -> float:
     ratio = np.full_like(square, np.inf)
     np.divide(square, total, out=ratio, where=total > 0)
     ratio[(total == 0) & (square == 0)] = 0.0
-    return float(np.median(ratio))
+    return median(ratio)
 
 
 def _centre(values: Array, variance: Array, centre: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import fdtr, fdtrc, fdtri
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import median
 
 HEAVY = 0.25
 """1/ν of the tail where the members are too few to show theirs: Student's t with ν = 4."""
@@ -51,7 +52,7 @@ def fit_tail(distance: Array, dimensions: int) -> Tail:
     (True, True, True)
     """
     k, n = dimensions, len(distance)
-    typical = float(np.median(distance)) / np.sqrt(k * fdtri(k, 30.0, 0.5))
+    typical = median(distance) / np.sqrt(k * fdtri(k, 30.0, 0.5))
     scales = max(typical, 0.05) * _SCALES
     counts, within, outside = _bin(distance, k, scales)
     mixed = (1 - _SHARES[:, None]) * within[:, :, None] + _SHARES[:, None] * outside
