@@ -1,5 +1,6 @@
 """What goes round with the orbit is not taken for the bias: clocks, tracks, sunlight."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -74,6 +75,24 @@ def test_other_gains_are_told_from_a_bias_that_swings() -> None:
     told = [finding.what for finding in fit.findings if finding.name == "gains changed"]
     assert 1.7 < float(told[0].split("gains that are ")[1].split(" %")[0]) < 2.3
     assert "bias follows the orbit" not in fit.status
+
+
+@pytest.mark.slow
+def test_a_drift_is_neither_other_gains_nor_surer_than_the_world_model() -> None:
+    """300 nT over two orbits: told as gains (seed 1), or good and 4 sd off (5 and 10)."""
+    for seed in (1, 5, 10):
+        made = simulate_orbit(
+            n=3000, rate_Hz=0.25, thermal=0.0, moved=500.0, pointing="nadir", seed=seed
+        )
+        ground = replace(made.ground.at(20.0), covariance=np.diag([2500.0] * 3 + [1e-6] * 6))
+        way = np.random.default_rng(seed).standard_normal(3)
+        moved = np.outer(np.linspace(0, 1, 3000), 300.0 * way / np.linalg.norm(way))
+        samples = made.samples.with_columns(temperature=None, field=made.samples.field + moved)
+        fit = fit_inflight(samples, ground=ground)
+        assert "gains changed" not in {finding.name for finding in fit.findings}
+        away = fit.after.bias - made.truth.at(20.0).bias - moved[-1]
+        sd = np.sqrt(np.diag(fit.after.covariance))[:3]
+        assert np.sqrt(np.mean((away / sd) ** 2)) < 3.2
 
 
 def test_a_current_that_comes_and_goes_is_in_the_standard_error() -> None:

@@ -22,6 +22,8 @@ from agonic.maths.estimation.noise.residuals import Noise
 
 OF_SENSOR = 1
 """Number of the geometry of errors of the bias, which turn with the sensor."""
+OF_EARTH = 2
+"""Number of the geometry of errors of the magnitude that stand in Earth-fixed axes."""
 TURN = 2
 """Number of the geometry of a kind across the field that is a turn of the attitude."""
 
@@ -64,13 +66,14 @@ def compute_covariance(
     clock: Clock,
     *,
     earth_fixed: bool,
+    assumed: Sequence[CorrelatedError] = (),
 ) -> RobustCovariance:
     """The covariance at the minimum, one more pass a kind.
 
     Parameters: `sds` as `compute_residuals` takes them; `information` (m, m) the prior's;
     `mean_correlation`, how many readings counted as one when the data were weighed against it (the
     effective sample size is n over it); `earth_fixed`, whether rows know the direction of the field
-    in Earth-fixed axes.
+    in Earth-fixed axes; `assumed`, errors of the magnitude that its residuals need not show.
 
     With D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the scatter of its gradient by noise,
     which need not be the same everywhere, and E_c by correlated errors:
@@ -90,9 +93,8 @@ def compute_covariance(
         errors[kind] = find_correlated_errors(
             sums, of.sd**2, clock.step_s, () if kind == "magnitude" else (TURN,)
         )
-        extra[kind] = (
-            compute_scatter(sums, _share_turns(errors[kind], kind), clock.step_s) / of.sd**4
-        )
+        scattering = [*_share_turns(errors[kind], kind), *(assumed if kind == "magnitude" else ())]
+        extra[kind] = compute_scatter(sums, scattering, clock.step_s) / of.sd**4
     inverse = leastsq.inverse(bread)
     plain = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in white.items()}
     added = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in extra.items()}

@@ -45,11 +45,14 @@ def examine(
     """The fit with findings, refusals first, and remarks; `allowed` is said of what the standard
     errors were grown by.
     """
+    gain = find_other_gain(fit, problem)
+    gains = judge_gains(fit, gain)
+    by_gains = bool(gains) and not may_be_heights(gain)
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
-        *judge_ground_axes(fit, problem, samples),
-        *_judge_swing(fit, problem, samples),
+        *gains,
+        *([] if by_gains else _judge_bias(fit, problem, samples)),
         *allowed,
         *_scale(fit),
         *_axes(samples),
@@ -87,13 +90,10 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> list[Fin
     return [Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)]
 
 
-def _judge_swing(fit: InflightFit, problem: Problem, samples: Samples) -> list[Finding]:
-    """What a bias with many intervals stands in for."""
-    gain = find_other_gain(fit, problem)
-    gains = judge_gains(fit, gain)
-    if gains and not may_be_heights(gain):
-        return gains
-    return gains + (judge_step(fit, problem) or judge_swing_with_orbit(fit, samples))
+def _judge_bias(fit: InflightFit, problem: Problem, samples: Samples) -> list[Finding]:
+    """What a bias far from that of the ground, or with many intervals, stands in for."""
+    swing = judge_step(fit, problem) or judge_swing_with_orbit(fit, samples)
+    return judge_ground_axes(fit, problem, samples) + swing
 
 
 def _scale(fit: InflightFit) -> list[Finding]:

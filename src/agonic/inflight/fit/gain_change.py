@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, figure
-from agonic.inflight.fit.bias_step import MANY, WORSE
+from agonic.inflight.fit.bias_step import MANY
+from agonic.inflight.fit.drift import DEGREE
 from agonic.inflight.fit.solve import find_start, fit_rows
 
 if TYPE_CHECKING:
@@ -22,15 +23,20 @@ HEIGHTS = 0.015
 
 
 def find_other_gain(fit: InflightFit, problem: Problem) -> float:
-    """The mean gain over that of the ground, with which a constant bias explains the record as well
-    as all intervals do; 1 where it does not.
+    """The mean gain over that of the ground, with which a constant bias explains the record better
+    for its nine numbers than the intervals for theirs; 1 where it does not.
+
+    Akaike's criterion: n log(s/s₀) below the count of numbers that are saved, with n readings that
+    count and s, s₀ what is left.
     """
     if problem.ground is None or fit.solve == "full" or fit.drift.intervals < MANY:
         return 1.0
     freed = replace(problem.settings, solve="full")
     plain = replace(problem, ground=None, direction=None, settings=freed)
     constant = fit_rows(plain, find_start(problem), problem.used, 0)
-    if constant.noise["magnitude"].sd * problem.magnitude > WORSE * fit.noise:
+    left = constant.noise["magnitude"].sd * problem.magnitude
+    saved = 3 * (fit.drift.intervals + DEGREE - 1) - (6 if fit.solve == "bias" else 3)
+    if fit.n / fit.correlation * np.log(left / fit.noise) > saved:
         return 1.0
     return float(np.mean(constant.solution.params[3:6]))
 

@@ -14,7 +14,7 @@ from agonic.inflight.fit.channel_noise import (
     compute_spreads,
     rescale_noise,
 )
-from agonic.inflight.fit.covariance import Clock, compute_covariance
+from agonic.inflight.fit.covariance import OF_EARTH, Clock, compute_covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
@@ -38,6 +38,8 @@ from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 from agonic.maths.rotations.vectors import find_best_rotation
 
 FEWEST_STRETCHES = 120
+EXTERNAL_NT, EXTERNAL_S = 15.0, 7200.0
+"""Currents outside the Earth on a quiet day, each Earth-fixed axis, and how long they keep."""
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
 _PATIENCE = 30  # steps of a fit that only foretells
@@ -118,12 +120,20 @@ def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: 
         compute_mean_correlation(noise),
         clock,
         earth_fixed=problem.direction_e is not None,
+        assumed=_assume_errors(problem, estimate),
     )
     return estimate._replace(
         solution=estimate.solution._replace(covariance=found.covariance),
         noise={k: of._replace(correlation=found.correlation[k]) for k, of in noise.items()},
         errors=found.errors,
     )
+
+
+def _assume_errors(problem: Problem, estimate: Estimate) -> tuple[CorrelatedError, ...]:
+    """What the world model lacks for hours, where a spline of the bias takes it up unseen."""
+    if problem.direction_e is None or not estimate.terms.splines:
+        return ()
+    return (CorrelatedError((EXTERNAL_NT / problem.magnitude) ** 2, EXTERNAL_S, OF_EARTH),)
 
 
 def find_start(problem: Problem) -> Array:
