@@ -269,3 +269,37 @@ def test_a_platform_that_settles_is_told_and_in_the_standard_error(settling: boo
         off = Rotation.from_matrix(made.rot_mb @ fit.aligned.rot_mb.T).as_rotvec()
         z.append(off @ np.linalg.solve(fit.aligned.covariance, off) / 3)
     assert np.sqrt(np.mean(z)) < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stated", [True, False])
+def test_turning_points_alone_allow_for_a_zero_that_drifts(stated: bool) -> None:
+    """20″ over eight turning points: good and off by more than three sd in 17 and 5 of 30."""
+    z, clean, told = [], [], 0
+    for seed in range(30):
+        made = simulate_north(seed=seed, orientations=0)
+        plain = replace(made.session, swing=None, transits=None)
+        if not stated:
+            plain = replace(plain, reading_sd_arcsec=None)
+        moved = 20.0 / 3600 * np.linspace(0, 1, len(plain.turning_deg))
+        fit = fit_north(replace(plain, turning_deg=plain.turning_deg + moved))
+        z.append((fit.north_deg - made.north_deg) * 3600 / fit.sd_arcsec)
+        told += "zero drifts" in {finding.name for finding in fit.findings}
+        steady = fit_north(plain)
+        clean.append((steady.north_deg - made.north_deg) * 3600 / steady.sd_arcsec)
+        assert steady.ok
+    assert sum(np.abs(z) > 3) <= 1
+    assert told > 5
+    assert 0.7 < np.std(clean) < 1.3
+
+
+def test_few_settings_are_known_no_better_than_a_circle_is_read() -> None:
+    """Three residuals are small by chance: declinations were up to five standard errors off."""
+    z = []
+    for seed in range(30):
+        made = simulate_di_flux(seed=seed)
+        fit = fit_di_flux(made.sheet)
+        off = fit.declination_deg - made.declination_deg
+        z.append(off * 3600 / fit.declination_sd_arcsec)
+    assert np.abs(z).max() < 3.0
+    assert np.std(z) > 0.5

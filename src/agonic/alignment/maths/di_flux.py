@@ -28,6 +28,10 @@ NAMES = ("meridian", "inclination", "delta", "epsilon", "offset", "scale")
 """Unknowns: h₀, I, δ, ε in radians, S₀/F, and F in the unit of the readings."""
 
 
+LEAST_RAD = np.radians(1.0 / 3600.0)
+"""What a circle is read to: few residuals may be smaller by chance."""
+
+
 class Settings(NamedTuple):
     """Readings of both circles, (n,) radians, and of the fluxgate, (n,).
 
@@ -80,8 +84,8 @@ def estimate(
     """The unknowns of settings that repeat in `groups`, by least squares.
 
     Readings of one setting share what the circle was set wrong by, so the noise follows from the
-    means of the groups: their misfit over the settings less the unknowns. The covariance is
-    widened by Student's t: the usual eight settings leave three to tell the noise.
+    means of the groups: their misfit over the settings less the unknowns, 1″ at least. The
+    covariance is widened by Student's t: the usual eight settings leave three to tell the noise.
     """
     free = np.ones(len(NAMES), dtype=bool)
     free[-1] = not scale_known
@@ -101,7 +105,7 @@ def estimate(
     freedom = len(residuals) - int(free.sum())
     noise = float(np.sqrt(residuals @ residuals / freedom)) if freedom > 0 else float("nan")
     covariance = np.zeros((len(NAMES), len(NAMES)))
-    told = (noise * compute_widening(freedom)) ** 2
+    told = (max(noise, LEAST_RAD) * compute_widening(freedom)) ** 2
     covariance[np.ix_(free, free)] = told * leastsq.inverse(jacobian.T @ jacobian)
     return SheetEstimate(params, covariance, residuals * unit, freedom, noise * unit)
 

@@ -29,13 +29,16 @@ class North(NamedTuple):
     """The circle's reading at north and its standard error, degrees; NaN where nothing tells it.
 
     `freedom` is how many independent differences the standard error rests on; `excess` how many
-    times the stated noise the readings scatter, 1 where chance explains it.
+    times the stated noise the readings scatter, 1 where chance explains it. `drift_deg` is how far
+    N moves over the readings and `drift_sd_deg` its standard error, where they tell.
     """
 
     reading_deg: float
     sd_deg: float
     freedom: int
     excess: float = 1.0
+    drift_deg: float = 0.0
+    drift_sd_deg: float = float("inf")
 
 
 class Swing(NamedTuple):
@@ -99,7 +102,32 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
         left = turning - design @ np.linalg.lstsq(design, turning, rcond=None)[0]
         excess = exceed_stated(float(left @ left), n - 3, reading_sd)
     sd = excess * float(np.sqrt(variance * (weight @ weight)))
-    return North(float(means.mean()), sd, m - 1, excess)
+    drift = _drift_of_means(turning, reading_sd)
+    return North(float(means.mean()), sd, m - 1, excess, *drift)
+
+
+def _drift_of_means(turning: Array, reading_sd: float | None) -> tuple[float, float]:
+    """How far N moves from the first turning point to the last, and its standard error.
+
+    u_i = N + d i/(n − 1) + (−1)ⁱ (a + b i + c i²): the decay of the amplitude is smooth. The noise
+    is the stated one, or what is left, and more where more is left.
+    """
+    n = len(turning)
+    along = np.linspace(-0.5, 0.5, n)
+    sign = (-1.0) ** np.arange(n)
+    design = np.stack([np.ones(n), sign, sign * along, sign * along**2, along], axis=1)
+    freedom = n - design.shape[1]
+    if freedom < (0 if reading_sd else 1):
+        return 0.0, float("inf")
+    inverse = leastsq.inverse(design.T @ design)
+    found = inverse @ design.T @ turning
+    left = turning - design @ found
+    squares = float(left @ left)
+    if reading_sd:
+        noise = reading_sd * exceed_stated(squares, freedom, reading_sd)
+    else:
+        noise = float(np.sqrt(squares / freedom)) * compute_widening(freedom)
+    return float(found[-1]), noise * float(np.sqrt(inverse[-1, -1]))
 
 
 def multiply_transits(amplitude_east: Array, amplitude_west: Array, dt_s: Array) -> Array:

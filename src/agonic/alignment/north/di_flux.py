@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from agonic.alignment.maths.di_flux import LEAST_RAD
 from agonic.alignment.maths.north import Pointing, average_faces
 from agonic.alignment.north import di_flux_evidence
 from agonic.alignment.north.di_flux_result import DiFluxFit
@@ -60,7 +61,9 @@ def _mark(sheet: DiSheet) -> Pointing:
     runs = np.concatenate([[0], np.cumsum(np.diff(faces.astype(int)) != 0)])
     each = [marks[runs == run] for run in range(int(runs[-1]) + 1)]
     read = average_faces(np.array([a[0] + wrap_deg(a - a[0]).mean() for a in each]))
-    return read if read.sd_deg > COPIED_DEG else read._replace(sd_deg=float("nan"))
+    if not read.sd_deg > COPIED_DEG:
+        return read._replace(sd_deg=float("nan"))
+    return read._replace(sd_deg=max(read.sd_deg, np.degrees(LEAST_RAD) / np.sqrt(len(each))))
 
 
 def _remarks(fit: DiFluxFit) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.alignment.maths.north import Swing
 from agonic.alignment.north.platform import RARE, Aligned
 from agonic.alignment.north.result import NorthFit
 from agonic.health import Finding, figure
@@ -16,8 +15,6 @@ from agonic.maths.rotations.frames import ARCSEC_RAD
 APART = 4.0
 """Two methods that differ by more standard errors do not agree."""
 FEW_PERIODS = 1.0
-DRIFTS = 3.0
-"""Standard errors by which a drift of the zero stands out."""
 BAD_FACES_ARCSEC = 60.0
 
 
@@ -35,11 +32,6 @@ def examine(fit: NorthFit) -> NorthFit:
     )
     judged = replace(fit, findings=said)
     return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(fit))
-
-
-def drifts(swing: Swing) -> bool:
-    """Whether the zero of the gyro moves by more than chance."""
-    return swing.converged and abs(swing.drift_deg) > DRIFTS * swing.drift_sd_deg
 
 
 def _no_spread(fit: NorthFit) -> list[Finding]:
@@ -164,13 +156,13 @@ def _swing(fit: NorthFit) -> list[Finding]:
 
 
 def _drift(fit: NorthFit) -> list[Finding]:
-    if fit.swing is None or not drifts(fit.swing):
+    if not fit.drift.seen:
         return []
     return [
         Finding(
             "zero drifts",
             "check",
-            f"the middle of the swing moves by {figure(3600 * abs(fit.swing.drift_deg))}″ over the "
+            f"the middle of the swing moves by {figure(3600 * abs(fit.drift.size_deg))}″ over the "
             "record, so north is known to half of that at best",
             "let the gyro warm up, keep it out of sun and wind, and follow it again",
         )
@@ -183,6 +175,11 @@ def _remarks(fit: NorthFit) -> tuple[str, ...]:
         f"true north is at {fit.north_deg:.5f}° ± {figure(fit.sd_arcsec)}″ of the circle, by "
         f"{fit.method}"
     ]
+    if not np.isfinite(fit.drift.sd_deg):
+        said.append(
+            "so few readings do not tell whether the zero drifts: follow the gyro for eight "
+            "turning points, or record its swing"
+        )
     if fit.aligned is not None:
         said.append(
             f"standard error of the alignment: {figure(fit.aligned.worst_sd_arcsec)}″ about its "

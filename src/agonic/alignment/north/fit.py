@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import north as kernel
-from agonic.alignment.maths.north import North
-from agonic.alignment.north.evidence import drifts, examine
+from agonic.alignment.maths.north import North, Swing
+from agonic.alignment.north.drift import NOT_TOLD, Drift, estimate_drift
+from agonic.alignment.north.evidence import examine
 from agonic.alignment.north.platform import Aligned, align_platform
 from agonic.alignment.north.result import Azimuth, NorthFit
 from agonic.alignment.session.north import NorthSession, Sighting
@@ -71,21 +73,31 @@ def _found(session: NorthSession) -> NorthFit:
         by["reversal"] = kernel.fit_reversals(session.turning_deg, sd)
     if session.transits is not None:
         by["transit"], constant, constant_sd = _transit(session)
-    if swing is not None and drifts(swing):
-        # north is where the zero was at some moment of the record, and nobody knows at which
-        by = {
-            name: one._replace(sd_deg=float(np.hypot(one.sd_deg, swing.drift_deg / 2)))
-            for name, one in by.items()
-        }
+    drift = _find_drift(swing, by)
+    # north is where the zero was at some moment of the record, and nobody knows at which
+    by = {
+        name: one._replace(sd_deg=float(np.hypot(one.sd_deg, drift.allowed_deg / 2)))
+        for name, one in by.items()
+    }
     method = min(by, key=lambda name: (not np.isfinite(by[name].sd_deg), by[name].sd_deg))
     return NorthFit(
         session=session,
         by=by,
         method=method,
         swing=swing,
+        drift=drift,
         constant=constant,
         constant_sd=constant_sd,
     )
+
+
+def _find_drift(swing: Swing | None, by: Mapping[str, North]) -> Drift:
+    """The drift of the gyro's zero as the record tells it, or else its turning points."""
+    if swing is not None and swing.converged:
+        return estimate_drift(swing.drift_deg, swing.drift_sd_deg)
+    if "reversal" in by:
+        return estimate_drift(by["reversal"].drift_deg, by["reversal"].drift_sd_deg)
+    return NOT_TOLD
 
 
 def _transit(session: NorthSession) -> tuple[North, float, float]:

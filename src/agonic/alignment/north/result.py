@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.alignment.maths.north import North, Swing
+from agonic.alignment.north.drift import NOT_TOLD, Drift
 from agonic.alignment.north.platform import Aligned
 from agonic.alignment.session.north import NorthSession
 from agonic.calibration.alignment import Alignment
@@ -37,7 +38,8 @@ class NorthFit(Judged):
     ----------
     by : what each method gives, the gyro's north on the circle: "swing", "reversal", "transit".
     method : the one with the smallest standard error, which the rest goes by.
-    swing : the damped sinusoid. constant, constant_sd : c of the transits, degrees per (unit · s).
+    swing : the damped sinusoid. drift : of the gyro's zero, as the readings tell it.
+    constant, constant_sd : c of the transits, degrees per (unit · s).
     azimuths : of what was sighted.
     aligned : the magnetometer's alignment with the platform; `calibration` the same to save.
     """
@@ -46,6 +48,7 @@ class NorthFit(Judged):
     by: dict[str, North]
     method: str
     swing: Swing | None = None
+    drift: Drift = NOT_TOLD
     constant: float | None = None
     constant_sd: float | None = None
     azimuths: tuple[Azimuth, ...] = ()
