@@ -218,10 +218,9 @@ def _find_late(samples: Samples, turn: Array) -> float:
     step = median(np.diff(time))
     later = np.unique(np.round(np.array(_LATE_S) / step).astype(int))
     shifts, own = np.concatenate([-later, later]), np.eye(3)[None]
-    probable = []
-    for shift in shifts:  # by whole rows: between them noise would be less
-        moved = np.clip(np.arange(len(time)) + shift, 0, len(time) - 1)
-        probable.append(compare_namings(force[moved], rate, time, own).sum())
+    # by whole rows: between them noise would be less
+    moved = np.clip(np.arange(len(time)) + shifts[:, None], 0, len(time) - 1)
+    probable = compare_namings(force[moved], rate, time, own).sum(axis=(1, 2))
     renamed = compare_namings(force, rate, time, turn[None]).sum()
     best = int(np.argmax(probable))
     return float(shifts[best] * step) if probable[best] > renamed + PROBABLE else 0.0

@@ -42,24 +42,28 @@ _FEWEST_MEANS = 16
 
 
 class _Spectra(NamedTuple):
-    """Of window w, axis p and band: products of what the axes feel and of what they may, as if all
-    values were independent, (w, 3, bands, 3 + q, 3 + q), of which there are `values` (bands,).
+    """Of window w, axis p and band, as if all values were independent: products of what the axes
+    may feel with one another, `among` (w, 3, bands, q, q), with what they do feel, `across`
+    (w, 3, bands, 3, q), and of that, `square` (w, bands, 3, 3); `values` (bands,) of each.
     """
 
-    products: Array
+    among: Array
+    across: Array
+    square: Array
     values: Array
     prior_sd: Array
 
 
 def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Array:
-    """The logarithm of the probability of what an accelerometer reads in each window, (k, w).
+    """The logarithm of the probability of what an accelerometer reads in each window, (…, k, w).
 
     A log of pauses, or of half turns from row to row, has no windows. All that is unknown in one
     is integrated out under its prior, and the noise is the most probable one of all: marginal
     likelihood. T and −T are as probable.
 
-    Parameters: specific force (n, 3) m/s² and rate (n, 3) rad/s at time (n,) s; `turns` (k, 3, 3)
-    are signed permutations from the axes of the gyro to those of the accelerometer.
+    Parameters: specific force (…, n, 3) m/s², as one accelerometer or several read it, and rate
+    (n, 3) rad/s at time (n,) s; `turns` (k, 3, 3) are signed permutations from the axes of the gyro
+    to those of the accelerometer.
 
     >>> time = np.arange(1500) / 25
     >>> rate = np.stack([np.sin(time), np.cos(1.3 * time), 0.2 * np.sin(0.7 * time)], axis=1)
@@ -74,9 +78,10 @@ def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Arr
     rows, starts = _cut_windows(time)
     # pauses everywhere, as between blocks of a log, or rows that no curve goes through
     if not starts or not _is_followed(rate, time):
-        return np.zeros((len(turns), 0))
-    spectra = _measure_spectra(force, rate, time, rows, starts)
-    return np.array([_weigh(spectra, turn) for turn in turns])
+        return np.zeros((*force.shape[:-2], len(turns), 0))
+    each = _measure_spectra(force.reshape(-1, *force.shape[-2:]), rate, time, rows, starts)
+    found = np.array([[_weigh(spectra, turn) for turn in turns] for spectra in each])
+    return found.reshape(*force.shape[:-2], *found.shape[1:])
 
 
 def _is_followed(rate: Array, time: Array) -> bool:
@@ -98,8 +103,9 @@ def _cut_windows(time: Array) -> tuple[int, list[int]]:
 
 
 def _measure_spectra(
-    force: Array, rate: Array, time: Array, rows: int, starts: list[int]
-) -> _Spectra:
+    forces: Array, rate: Array, time: Array, rows: int, starts: list[int]
+) -> list[_Spectra]:
+    """Those of each of several forces (s, n, 3)."""
     step = median(np.diff(time))
     every = max(1, min(int(1 / (_SAMPLED * FASTEST_HZ * step)), rows // _FEWEST_MEANS))
     means, length_s = rows // every, rows * step
@@ -107,27 +113,39 @@ def _measure_spectra(
     kept, band = _cut_bands(means, every * step)
     overlap = min(1.0, _INDEPENDENT_WINDOWS * len(time) / rows / len(starts))
     independent = 2 * overlap * (taper**2).mean() ** 2 / (taper**4).mean()
-    slow, parts = low_pass(rate, step, NODDING_S), []
+    edges = np.searchsorted(band, np.unique(band))
+    slow = low_pass(rate, step, NODDING_S)
+
+    def transform(values: Array) -> Array:
+        seen = _average(values, every)
+        return np.asarray(
+            np.fft.rfft((seen - seen.mean(axis=0)) * taper[:, None, None], axis=0)[kept]
+        )
+
+    def add_up(products: Array) -> Array:
+        return np.asarray(np.add.reduceat(products.real, edges) * (independent / means))
+
+    among, across, square = list[Array](), list[Array](), list[Array]()
     for start in starts:
         part = slice(start, start + rows)
-        columns = _spread_unknowns(rate[part], slow[part], time[part])
-        felt = np.broadcast_to(force[part, None, :], (rows, 3, 3))
-        seen = _average(np.concatenate([felt, columns], axis=2), every)
-        wave = np.fft.rfft((seen - seen.mean(axis=0)) * taper[:, None, None], axis=0)[kept]
-        both = wave[..., :, None].conj() * wave[..., None, :]
-        parts.append(np.add.reduceat(both.real, np.searchsorted(band, np.unique(band))))
-    products = np.stack(parts)
+        may = transform(_spread_unknowns(rate[part], slow[part], time[part]))  # (f, 3, q)
+        felt = transform(forces[:, part].swapaxes(0, 1))  # (f, s, 3)
+        among.append(add_up(may[..., :, None].conj() * may[..., None, :]))
+        across.append(add_up(felt[:, :, None, :, None].conj() * may[:, None, :, None, :]))
+        square.append(add_up(felt[..., :, None].conj() * felt[..., None, :]))
     sds = (
         STANDARD_GRAVITY_M_S2,
         STANDARD_GRAVITY_M_S2 * GYRO_BIAS_SD * length_s / 2,
         SPEED_SD_M_S,
         SPEED_SD_M_S,
     )
-    return _Spectra(
-        products.swapaxes(1, 2) * independent / means,
-        np.bincount(band) * independent,
-        np.repeat(sds, 3),
-    )
+    known, values = np.stack(among).swapaxes(1, 2), np.bincount(band) * independent
+    felt_across = np.moveaxis(np.stack(across), 2, 0).swapaxes(2, 3)
+    felt_square = np.moveaxis(np.stack(square), 2, 0)
+    return [
+        _Spectra(known, one, two, values, np.repeat(sds, 3))
+        for one, two in zip(felt_across, felt_square, strict=True)
+    ]
 
 
 def _average(rows: Array, every: int) -> Array:
@@ -157,19 +175,20 @@ def _weigh(spectra: _Spectra, turn: Array) -> Array:
 
     The noise S of an axis and band, and the weight of each window, by expectation and maximisation.
     """
-    products, n, sds = spectra
-    among = products[..., 3:, 3:].reshape(len(products), -1, len(sds) ** 2)
-    across = np.einsum("jp,wpbjq->wpbq", turn, products[..., :3, 3:])
-    square = np.einsum("jp,kp,wpbjk->wpb", turn, turn, products[..., :3, :3])
-    shape, across = square.shape, across.reshape(len(products), -1, len(sds))
+    n, sds = spectra.values, spectra.prior_sd
+    windows = len(spectra.among)
+    among = spectra.among.reshape(windows, -1, len(sds) ** 2)
+    across = np.einsum("jp,wpbjq->wpbq", turn, spectra.across).reshape(windows, -1, len(sds))
+    square = np.einsum("jp,kp,wbjk->wpb", turn, turn, spectra.square)
+    shape = square.shape
     weight, noise = np.ones_like(square), np.maximum(square.mean(axis=0) / n, 1e-12)
     for _ in range(_ROUNDS):
-        share = (weight / noise).reshape(len(products), 1, -1)
+        share = (weight / noise).reshape(windows, 1, -1)
         information = (share @ among).reshape(-1, len(sds), len(sds)) + np.diag(sds**-2.0)
         covariance = np.linalg.inv(information)
         found = covariance @ (share @ across).swapaxes(1, 2)  # (w, q, 1)
         both = np.stack([found @ found.swapaxes(1, 2), covariance], axis=3)
-        taken, doubt = np.moveaxis(among @ both.reshape(len(products), -1, 2), 2, 0)
+        taken, doubt = np.moveaxis(among @ both.reshape(windows, -1, 2), 2, 0)
         left = np.maximum(square + (taken - 2 * (across @ found)[..., 0]).reshape(shape), 0.0)
         expected = left + doubt.reshape(shape)
         weight = (TAILS + n) / (TAILS + expected / noise)
