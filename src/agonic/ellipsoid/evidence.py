@@ -170,6 +170,25 @@ def assess(
     return fit.with_findings(find_wrong_scale(affine), size)
 
 
+def widen_by_change(fit: Fit, errors: Sequence[ModelError] = ()) -> Fit:
+    """The fit to readings of more than one bias, its covariance as large as these are apart.
+
+    Of that the `errors` of the model may hold a part already.
+    """
+    apart = max((one.bias_sd for one in fit.findings if one.severity == "check"), default=0.0)
+    if apart == 0.0 or fit.verdict == "refused":
+        return fit
+    known = sum((error.growth[:3, :3] for error in errors), np.zeros((3, 3)))
+    values, vectors = np.linalg.eigh(apart**2 * np.eye(3) - known)
+    assert fit.calibration.covariance is not None
+    covariance = fit.calibration.covariance.copy()
+    covariance[:3, :3] += (vectors * np.maximum(values, 0.0)) @ vectors.T
+    wider, seen = replace(fit.calibration, covariance=covariance), fit.coverage
+    coverage = compute_coverage(wider, seen.cells, seen.inclination_deg, seen.down)
+    accuracy = state_accuracy(wider, coverage)
+    return replace(fit, calibration=wider, coverage=coverage, accuracy=accuracy)
+
+
 def find_wrong_scale(affine: Affine) -> Finding | None:
     """A wrong unit or a wrong reference."""
     return check_scale(float(np.trace(affine.matrix) / 3), affine.unit_in)

@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Mask
 from agonic.calibration.affine import Affine
 from agonic.ellipsoid.calibration import make_calibration, make_calibration_of
-from agonic.ellipsoid.evidence import assess, name_uncertainty, rows_of, wanted_magnitude
+from agonic.ellipsoid.evidence import (
+    assess,
+    name_uncertainty,
+    rows_of,
+    wanted_magnitude,
+    widen_by_change,
+)
 from agonic.ellipsoid.problem import normalise_start, pose
 from agonic.ellipsoid.settings import (
     CITATIONS,
@@ -115,6 +121,7 @@ def fit_ellipsoid(
     errors = _find_model_errors(found, affine, samples, reference, usable, settings)
     wider = widen(affine, errors, found.plain)
     fit = assess(found, wider, samples, reference, usable, tests, settings.inclination_deg)
+    fit = widen_by_change(fit, errors)
     fit = fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
     return name_uncertainty(fit, found.plain, errors)
 

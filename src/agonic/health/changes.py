@@ -89,6 +89,7 @@ def _describe(e: Evidence, change: _Change) -> Finding:
     """The finding that the bias was another between two rows, or from one row on."""
     n = len(e.readings)
     size = change.shift if change.stands_out else min(change.seen, change.shift)
+    share = float(np.diff(change.edges)[::2].sum()) / n
     inner = change.edges[(change.edges > AT_END * n) & (change.edges < (1 - AT_END) * n)]
     return Finding(
         "field changed",
@@ -99,6 +100,7 @@ def _describe(e: Evidence, change: _Change) -> Finding:
         "removed",
         "calibrate the stretches before and after separately, with everything in its final place",
         tuple((inner if e.time is None else e.time[inner]).astype(float).tolist()),
+        bias_sd=size * float(np.sqrt(share * (1 - share) / 3)),
     )
 
 
