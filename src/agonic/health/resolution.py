@@ -49,7 +49,7 @@ def find_rounding(field: Array) -> float:
 
 def _find_step(column: Array) -> float:
     near = 1e-9 * float(np.abs(column).max(initial=0.0))
-    levels = np.unique(column)
+    levels = np.sort(column)
     levels = levels[np.r_[True, np.diff(levels) > near]]  # the same to rounding of a unit
     if len(levels) < 2 or len(levels) > 0.8 * len(column):
         return 0.0

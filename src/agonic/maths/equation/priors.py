@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from agonic.arrays import Array
@@ -24,6 +26,7 @@ def _off_diagonal(sign: float) -> Array:
     return rows
 
 
+@lru_cache(maxsize=32)
 def make_prior(
     model: str,
     soft_iron_sd: float | None,
