@@ -1,4 +1,4 @@
-"""Recordings that break assumptions, through tracker, retrainer, flight, chamber, coil and swing.
+"""Recordings that break assumptions, through tracker, retrainer, flight, chamber, coil and more.
 
 python -m benchmarks.torture_wings [--draws 4] [--kind TEXT]
 
@@ -35,7 +35,7 @@ from benchmarks.torture_outcome import WRONG, Outcome, correlated, judge
 Array = NDArray[np.float64]
 WINGS = """## The wings
 
-Tracker, retrainer, flight, chamber, coil and swing, {draws} draws each
+Tracker, retrainer, flight, chamber, coil, swing, gravity, north and star sensor, {draws} draws each
 (`benchmarks/torture_wings.py`): the error over what was stated. A refused coil is not wrong,
 whatever its error.
 
