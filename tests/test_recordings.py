@@ -147,6 +147,15 @@ def test_logs_that_hardly_turn_are_refused_for_that(calibrated, name: str, findi
         assert names([result])["static" if whole else finding] == "refuse"
 
 
+@pytest.mark.parametrize("part", [(0.0, 0.33), (0.25, 0.75), (0.0, 0.5)])
+def test_a_part_of_a_log_whose_fit_makes_it_worse_is_refused(recordings, part) -> None:
+    """The vehicle hardly turned; gains of 10 to 20 were checks at 9° to 31°, off by 17° to 30°."""
+    samples = ag.read(recordings / "vehicle/px4/sample_log_small.ulg", sensor=0)
+    first, last = (int(share * len(samples)) for share in part)
+    some = samples.select(np.arange(first, last))
+    assert ag.calibrate(some, ag.igrf().along(some)).verdict == "refused"
+
+
 def test_a_motor_field_is_named_in_the_compass_beside_it(calibrated) -> None:
     results = calibrated["vehicle/ardupilot/log171.bin"]
     assert [r.samples.name for r in results] == ["MAG", "MAG2", "MAG3"]

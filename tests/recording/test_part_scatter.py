@@ -58,6 +58,11 @@ def test_what_parts_scatter_more_is_stated() -> None:
         assert "parts differ" in {finding.name for finding in fit.findings}
 
 
+def test_what_parts_scatter_beyond_use_is_refused() -> None:
+    fits = [widen(20.0 / DEG, seed) for seed in range(5)]
+    assert {fit.verdict for fit in fits} == {"refused"}
+
+
 @pytest.mark.recordings
 def test_a_window_that_half_its_parts_contradict_is_not_good(recordings: Path) -> None:
     """The last 30 % of a hand-held log: off by 3.4° against the whole log, 1.3° by rows alone."""

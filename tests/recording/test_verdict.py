@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from agonic.health import Finding
 from agonic.recording.document import choose_move
-from agonic.recording.held_out import check_unseen_dip
+from agonic.recording.held_out import HALVES, check_halves, check_unseen_dip
 from agonic.report.verdict import WHEN_GOOD
 from agonic.verification import DIP
 
@@ -41,3 +41,14 @@ def test_unseen_readings_that_dip_far_off_refuse_a_fit(good):
     assert "45° off" in refusal.what
     assert check_unseen_dip((replace(check, value=6.0),)) is None  # a failed check, no more
     assert check_unseen_dip(good.verification.checks) is None
+
+
+def test_halves_that_point_elsewhere_refuse_a_fit(good):
+    halves = replace(good.verification.checks[0], name=HALVES, value=0.3, limit=2.0)
+    assert check_halves((halves,)) is None
+    assert check_halves((replace(halves, value=6.0, passed=False),)) is None  # failed, no more
+    stated = replace(halves, value=20.0, limit=25.0)
+    assert check_halves((stated,)) is None  # by no more than they state
+    refusal = check_halves((replace(halves, value=20.0, passed=False),))
+    assert (refusal.name, refusal.severity) == ("halves contradict", "refuse")
+    assert "20° apart" in refusal.what

@@ -6,6 +6,8 @@ from agonic.health.finding import Finding, figure
 
 GAIN = (0.5, 2.0)
 """A gain outside is no error of a sensor."""
+STRETCH = (1 / 3, 3.0)
+"""A gain outside, for readings of the right size, is no shield's either: the fit follows noise."""
 MAGNITUDES_NT = (1_000.0, 200_000.0)
 """Far outside what the Earth's field, or a coil that makes one like it, ever is."""
 
@@ -20,13 +22,15 @@ def check_scale(gain: float, unit: str, size: float | None = None) -> Finding | 
     'readings had to be multiplied by 100 to reach the stated field'
     >>> check_scale(54.0, "nT", size=1.6).what
     'the fit multiplies readings by 54 that have the size of the stated field as they are'
+    >>> check_scale(54.0, "nT", size=1.6).severity, check_scale(2.4, "nT", size=1.1).severity
+    ('refuse', 'check')
     """
     if unit != "nT" or GAIN[0] < gain < GAIN[1]:
         return None
     if size is not None and GAIN[0] < size < GAIN[1]:
         return Finding(
             "scale",
-            "check",
+            "check" if STRETCH[0] < gain < STRETCH[1] else "refuse",
             f"the fit multiplies readings by {figure(gain)} that have the size of the stated field "
             "as they are",
             "they do not follow the attitude, or the sensor was hardly turned: check roll, pitch "

@@ -36,9 +36,9 @@ from agonic.recording.choice.part_scatter import widen_by_parts
 from agonic.recording.held_out import (
     CHANCE,
     Folds,
-    check_unseen_dip,
     compare_folds,
     describe_failed,
+    find_refusals,
     fit_folds,
 )
 from agonic.recording.ladder import Rung, climb
@@ -276,7 +276,7 @@ def _verify(choice: Choice) -> Calibrated:
     checks = (*verification.checks, compare_folds(folds))
     if not refused:
         fit = widen_by_parts(fit, folds, samples, turned=choice.method != "ellipsoid")
-        choice = replace(choice, fit=fit.with_findings(check_unseen_dip(checks)))
+        choice = replace(choice, fit=fit.with_findings(*find_refusals(checks)))
     return replace(conclude(choice, replace(verification, checks=checks)), folds=folds)
 
 

@@ -27,6 +27,9 @@ OpenParts = Callable[[Samples, Reference | None], FitPart]
 """The same from samples and their reference."""
 BLOCKS = 8
 AGREEMENT_LIMIT_DEG = 2.0
+HALVES = "two halves of the log agree"
+HALVES_REFUSED_DEG = 15.0
+"""Fits to alternate parts that point so far apart, by more than they state, know no direction."""
 CHANCE = 2.0
 """Parts may differ by so many times what their fits state."""
 _SOME = 500  # rows, drawn, that stand for all
@@ -148,10 +151,9 @@ def _state_errors(part: Calibration, some: Array) -> tuple[float, float]:
 
 def compare_folds(folds: Folds | None) -> Check:
     """Whether two halves of the log, fitted apart, point the same way."""
-    name = "two halves of the log agree"
     if folds is None:
         return Check(
-            name=name,
+            name=HALVES,
             value=float("nan"),
             limit=AGREEMENT_LIMIT_DEG,
             unit="°",
@@ -164,7 +166,7 @@ def compare_folds(folds: Folds | None) -> Check:
     limit = max(AGREEMENT_LIMIT_DEG, CHANCE * folds.turn_deg)
     good = rms <= limit
     return Check(
-        name=name,
+        name=HALVES,
         value=rms,
         limit=limit,
         unit="°",
@@ -174,6 +176,11 @@ def compare_folds(folds: Folds | None) -> Check:
         else "calibrations from alternate parts of the log point differently: the field changed, "
         "or too few directions were visited",
     )
+
+
+def find_refusals(checks: Sequence[Check]) -> tuple[Finding | None, ...]:
+    """Why unseen readings forbid to use a fit, where they do."""
+    return check_unseen_dip(checks), check_halves(checks)
 
 
 def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
@@ -188,6 +195,20 @@ def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
         "of this sensor's vehicle, or the field was disturbed",
         "check where roll and pitch come from and their delay, or calibrate by the magnitude alone "
         "(--method ellipsoid)",
+    )
+
+
+def check_halves(checks: Sequence[Check]) -> Finding | None:
+    """The refusal of a fit that parts of its own log contradict."""
+    (halves,) = (check for check in checks if check.name == HALVES)
+    if halves.passed or not halves.value > HALVES_REFUSED_DEG:
+        return None
+    return Finding(
+        "halves contradict",
+        "refuse",
+        f"calibrations from alternate parts of the log point {figure(halves.value)}° apart, far "
+        "more than they state: what disturbs the readings is stronger than what the turning tells",
+        "record again in one undisturbed place, turning slowly about all three axes",
     )
 
 

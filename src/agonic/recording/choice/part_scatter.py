@@ -24,7 +24,7 @@ from agonic.calibration.interference import Interference
 from agonic.coverage import Coverage
 from agonic.fit import Fit
 from agonic.health import Finding, figure
-from agonic.health.evidence import HEADING_DOUBTFUL_DEG
+from agonic.health.evidence import HEADING_DOUBTFUL_DEG, HEADING_REFUSED_DEG
 from agonic.maths.equation.coverage import heading_sd_deg, level_directions, make_level_axes
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.tilt import two_axis_deg
@@ -76,11 +76,11 @@ def _grow(fit: Fit, factor: float) -> Fit:
         field_sd_max=factor * coverage.field_sd_max,
         heading_sd_deg=after,
     )
-    doubtful = after >= HEADING_DOUBTFUL_DEG
+    doubtful, refused = after >= HEADING_DOUBTFUL_DEG, after >= HEADING_REFUSED_DEG
     return replace(fit, calibration=wider, coverage=grown, accuracy=known).with_findings(
         Finding(
             "parts differ",
-            "check" if doubtful else "note",
+            "refuse" if refused else "check" if doubtful else "note",
             "calibrations without an eighth of the log each differ by more than they state, which "
             f"is {figure(before)}° of heading, as if it were {figure(after)}°: errors last as long "
             "as such a part (of the attitude, of the field from place to place, of currents)",
