@@ -293,6 +293,20 @@ def test_turning_points_alone_allow_for_a_zero_that_drifts(stated: bool) -> None
     assert 0.7 < np.std(clean) < 1.3
 
 
+def test_four_turning_points_of_known_noise_tell_a_zero_that_drifts() -> None:
+    """Of 60 sessions with 20″ over four turning points 19 were good and off by more than 3 sd."""
+    for seed in range(30):
+        made = simulate_north(seed=seed, orientations=0)
+        plain = replace(
+            made.session, turning_deg=made.session.turning_deg[:4], swing=None, transits=None
+        )
+        assert fit_north(plain).ok
+        moved = 20.0 / 3600 * np.linspace(0, 1, 4)
+        fit = fit_north(replace(plain, turning_deg=plain.turning_deg + moved))
+        off = abs(fit.north_deg - made.north_deg) * 3600 / fit.sd_arcsec
+        assert not (fit.ok and off > 3)
+
+
 def test_few_settings_are_known_no_better_than_a_circle_is_read() -> None:
     """Three residuals are small by chance: declinations were up to five standard errors off."""
     z = []

@@ -25,6 +25,10 @@ _GRID, _PERIODS = 400, 0.4
 """Frequencies tried for a start, from so many periods in the record on."""
 
 
+FOUR = 4
+"""Turning points that tell a drift, where one's noise is known, but no bend of the decay."""
+
+
 class North(NamedTuple):
     """The circle's reading at north and its standard error, degrees; NaN where nothing tells it.
 
@@ -109,13 +113,19 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
 def _drift_of_means(turning: Array, reading_sd: float | None) -> tuple[float, float]:
     """How far N moves from the first turning point to the last, and its standard error.
 
-    u_i = N + d i/(n − 1) + (−1)ⁱ (a + b i + c i²): the decay of the amplitude is smooth. The noise
-    is the stated one, or what is left, and more where more is left.
+    u_i = N + d i/(n − 1) + (−1)ⁱ (a + b i + c i²): the decay of the amplitude is smooth. Of four
+    turning points c is that of a steady decay, b²/2a. The noise is the stated one, or what is left,
+    and more where more is left.
     """
     n = len(turning)
     along = np.linspace(-0.5, 0.5, n)
     sign = (-1.0) ** np.arange(n)
-    design = np.stack([np.ones(n), sign, sign * along, sign * along**2, along], axis=1)
+    design = np.stack([np.ones(n), sign, sign * along, along], axis=1)
+    if n == FOUR:
+        _, a, b, _ = np.linalg.solve(design, turning)
+        turning = turning - sign * along**2 * (b * b / (2 * a) if a else 0.0)
+    else:
+        design = np.column_stack([design, sign * along**2])
     freedom = n - design.shape[1]
     if freedom < (0 if reading_sd else 1):
         return 0.0, float("inf")
@@ -127,7 +137,7 @@ def _drift_of_means(turning: Array, reading_sd: float | None) -> tuple[float, fl
         noise = reading_sd * exceed_stated(squares, freedom, reading_sd)
     else:
         noise = float(np.sqrt(squares / freedom)) * compute_widening(freedom)
-    return float(found[-1]), noise * float(np.sqrt(inverse[-1, -1]))
+    return float(found[3]), noise * float(np.sqrt(inverse[3, 3]))
 
 
 def multiply_transits(amplitude_east: Array, amplitude_west: Array, dt_s: Array) -> Array:
