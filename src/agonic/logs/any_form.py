@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from agonic.errors import AgonicError, LogError
 from agonic.logs.read import read
 from agonic.logs.table import build_log
-from agonic.maths.earth.moments_of_time import count_seconds, has_moments
+from agonic.maths.moments_of_time import count_seconds, has_moments
 from agonic.provenance import Input
 from agonic.samples import Samples
 
