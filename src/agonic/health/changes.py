@@ -133,7 +133,7 @@ def _place(e: Evidence, rough: _Change) -> _Change:
             break
         guess = np.zeros(len(rows), dtype=bool)
         guess[rest[more.edges[0] : more.edges[1]]] = True
-    if not shift:
+    if not shift or changed.all():
         return rough
     seen = find_seen_shift(*_on_the_surface(e, rows), changed) if holds else shift
     edges = np.flatnonzero(np.diff(changed.astype(np.int8), prepend=0, append=0))

@@ -94,17 +94,24 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     return problem, state_errors(problem, estimate)._replace(held_out=held_out)
 
 
-def state_errors(problem: Problem, estimate: Estimate) -> Estimate:
-    """The estimate with the covariance under correlated errors, by the rows that it is from."""
+def state_errors(problem: Problem, estimate: Estimate, *, alternative: bool = False) -> Estimate:
+    """The estimate with the covariance under correlated errors, by the rows that it is from.
+
+    An `alternative`, which asks whether the bias changes at all, is held against what readings
+    show: what the world model may lack besides would let a change pass for it.
+    """
     rows = problem.rows(estimate.terms).select(problem.used)
     time = rows.time
     clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
-    return add_covariance(problem, estimate, lambda: [rows], clock)
+    return add_covariance(problem, estimate, lambda: [rows], clock, shown=alternative)
 
 
-def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: Clock) -> Estimate:
+def add_covariance(
+    problem: Problem, estimate: Estimate, source: Source, clock: Clock, *, shown: bool = False
+) -> Estimate:
     """The estimate with the covariance under correlated errors, by all readings that a source
-    gives; as it is where there are too few to tell the correlation."""
+    gives, of those errors alone that they show where `shown`; as it is where there are too few to
+    tell the correlation."""
     if clock.count < FEWEST_STRETCHES:
         return estimate
     params, layout, noise = estimate.solution.params, estimate.layout, estimate.noise
@@ -120,7 +127,7 @@ def add_covariance(problem: Problem, estimate: Estimate, source: Source, clock: 
         compute_mean_correlation(noise),
         clock,
         earth_fixed=problem.direction_e is not None,
-        assumed=_assume_errors(problem, estimate),
+        assumed=() if shown else _assume_errors(problem, estimate),
     )
     return estimate._replace(
         solution=estimate.solution._replace(covariance=found.covariance),

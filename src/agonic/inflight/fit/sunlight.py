@@ -55,7 +55,8 @@ def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, 
     lit = replace(problem, samples=samples, settings=settings)
     intervals = max(estimate.terms.splines - 2, 0)
     try:
-        other = state_errors(lit, fit_rows(lit, find_start(lit), lit.used, intervals))
+        fitted = fit_rows(lit, find_start(lit), lit.used, intervals)
+        other = state_errors(lit, fitted, alternative=True)
     except AgonicError:  # too few rows for so many terms
         return estimate, None
     return _average(problem, estimate, other, len(terms))

@@ -27,7 +27,8 @@ def allow_for_unseen_drift(problem: Problem, estimate: Estimate) -> Estimate:
     """
     if estimate.terms.splines or 1 not in estimate.held_out:
         return estimate
-    other = state_errors(problem, fit_rows(problem, find_start(problem), problem.used, 1))
+    fitted = fit_rows(problem, find_start(problem), problem.used, 1)
+    other = state_errors(problem, fitted, alternative=True)
     drift = build_drift(other, problem.magnitude)
     params = np.concatenate([drift.constant, drift.coefficients.ravel()])
     found = average_over_term(params, drift.covariance, slice(3, None), DRIFTING)
