@@ -23,7 +23,7 @@ FARTHEST_DEG = 90.0
 
 
 def find_changed(values: Array) -> Mask:
-    """The rows (n, k) that are not like the row before; the first is none."""
+    """The rows of values (n, k) that differ from the row before, the first among them."""
     same = np.ones(max(len(values) - 1, 0), dtype=bool)
     for column in values.T:  # column by column: a test of each short row takes three times as long
         same &= column[1:] == column[:-1]

@@ -29,7 +29,7 @@ def median(values: ArrayLike) -> float:
 
 
 def find_length(vectors: Array) -> Array:
-    """That of each of vectors (…, k).
+    """The length of each of vectors (…, k).
 
     >>> find_length(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 2.0]])).tolist()
     [5.0, 2.0]

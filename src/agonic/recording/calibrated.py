@@ -17,11 +17,7 @@ from agonic.attitude.disturbers.choice import SourceChoice
 from agonic.attitude.latency import LatencyFit
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import correct_field, select_columns
-from agonic.ellipsoid import (
-    Recording,
-    fit_recording_and_rows,
-    open_ellipsoid_parts,
-)
+from agonic.ellipsoid import Recording, fit_recording_and_rows, open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, Verdict, sentences, verdict_of
@@ -42,12 +38,7 @@ from agonic.recording.held_out import (
     fit_folds,
 )
 from agonic.recording.ladder import Rung, climb
-from agonic.recording.stretch import (
-    describe_part,
-    find_all_rows,
-    find_change,
-    list_parts,
-)
+from agonic.recording.stretch import describe_part, find_all_rows, find_change, list_parts
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Verification, verify

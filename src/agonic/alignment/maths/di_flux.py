@@ -26,8 +26,6 @@ from agonic.maths.estimation.noise.student import compute_widening
 
 NAMES = ("meridian", "inclination", "delta", "epsilon", "offset", "scale")
 """Unknowns: h₀, I, δ, ε in radians, S₀/F, and F in the unit of the readings."""
-
-
 LEAST_RAD = np.radians(1.0 / 3600.0)
 """What a circle is read to: few residuals may be smaller by chance."""
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import north as kernel
 from agonic.alignment.maths.north import North, Swing
+from agonic.alignment.maths.reversals import fit_reversals
 from agonic.alignment.north.drift import NOT_TOLD, Drift, estimate_drift
 from agonic.alignment.north.evidence import examine
 from agonic.alignment.north.platform import Aligned, align_platform
@@ -70,7 +71,7 @@ def _found(session: NorthSession) -> NorthFit:
             float(swing.params[0]), float(np.sqrt(swing.covariance[0, 0])), freedom, swing.excess
         )
     if session.turning_deg is not None:
-        by["reversal"] = kernel.fit_reversals(session.turning_deg, sd)
+        by["reversal"] = fit_reversals(session.turning_deg, sd)
     if session.transits is not None:
         by["transit"], constant, constant_sd = _transit(session)
     drift = _find_drift(swing, by)

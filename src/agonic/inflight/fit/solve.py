@@ -103,15 +103,14 @@ def state_errors(problem: Problem, estimate: Estimate, *, alternative: bool = Fa
     rows = problem.rows(estimate.terms).select(problem.used)
     time = rows.time
     clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
-    return add_covariance(problem, estimate, lambda: [rows], clock, shown=alternative)
+    return add_covariance(problem, estimate, lambda: [rows], clock, alternative=alternative)
 
 
 def add_covariance(
-    problem: Problem, estimate: Estimate, source: Source, clock: Clock, *, shown: bool = False
+    problem: Problem, estimate: Estimate, source: Source, clock: Clock, *, alternative: bool = False
 ) -> Estimate:
     """The estimate with the covariance under correlated errors, by all readings that a source
-    gives, of those errors alone that they show where `shown`; as it is where there are too few to
-    tell the correlation."""
+    gives, as `state_errors` has it; as it is where there are too few to tell the correlation."""
     if clock.count < FEWEST_STRETCHES:
         return estimate
     params, layout, noise = estimate.solution.params, estimate.layout, estimate.noise
@@ -127,7 +126,7 @@ def add_covariance(
         compute_mean_correlation(noise),
         clock,
         earth_fixed=problem.direction_e is not None,
-        assumed=() if shown else _assume_errors(problem, estimate),
+        assumed=() if alternative else _assume_errors(problem, estimate),
     )
     return estimate._replace(
         solution=estimate.solution._replace(covariance=found.covariance),

@@ -4,9 +4,10 @@ Understood are comments (#, %), a header in the last comment line, lines before 
 sampling rate in them, a row of units below it, quoted cells, three numbers in one cell, a decimal
 comma where the separator is a semicolon or a tab, UTF-8 and UTF-16 with their marks, Windows-1251
 and GB 18030 where headers make sense in them, other bytes as Latin-1, and the ends of lines of
-every system. Three numbers a line without a header are a point cloud in raw units. A cell that is
-no number becomes NaN, and `Samples` rejects and counts the row. `columns` tells what the headers
-mean. Lines of other kinds (MotionCal, NMEA-like, labelled, tagged) are in `text`.
+every system. Three numbers a line without a header are a point cloud in raw units; of four, the
+first a clock, it is their time. A cell that is no number becomes NaN, and `Samples` rejects and
+counts the row. `columns` tells what the headers mean. Lines of other kinds (MotionCal, NMEA-like,
+labelled, tagged) are in `text`.
 """
 
 from __future__ import annotations
@@ -45,13 +46,6 @@ _LABELS = ("date", "sensor", "frame", "unit")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
 _ABSOLUTES = "# MagPy Absolutes"
 _MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
-_MOTIONCAL_COLUMNS = {
-    **{f"acc_{axis}_g": 1 / 8192 for axis in "xyz"},
-    **{f"gyro_{axis}_deg_s": 1 / 16 for axis in "xyz"},
-    **{f"mag_{axis}_mG": 1.0 for axis in "xyz"},
-}
-"""One count of each column of a MotionCal line (PaulStoffregen/MotionCal: imuread.h, where a
-magnetic count is 0.1 µT)."""
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
 _MARKS = ":=[({<"
 """One of which stands in every row that `_MAY_LABEL` finds; rows of numbers have none."""
@@ -174,7 +168,9 @@ def _read_lines(
     if max(map(len, rows)) > LONGEST_LINE:
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
-        return _read_motioncal(data[:]), {"format": "MotionCal text", "notes": ()}
+        from agonic.logs.text.motioncal import read_motioncal
+
+        return read_motioncal(data[:], _MOTIONCAL), {"format": "MotionCal text", "notes": ()}
     if "---" in head:
         from agonic.logs.text.echo import is_echo, read_echo
 
@@ -291,13 +287,3 @@ def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     if quantity in _TEXTUAL:
         return is_header([cell for row in rows for cell in row[at : at + 1]])
     return quantity in _LABELS
-
-
-def _read_motioncal(data: bytes) -> dict[str, NDArray[Any]]:
-    """The columns of MotionCal lines `Raw:ax,ay,az,gx,gy,gz,mx,my,mz`."""
-    lines = [line for line in data.decode().split("\n") if line.startswith(_MOTIONCAL)]
-    body = "\n".join(line.removeprefix(_MOTIONCAL) for line in lines).encode()
-    names = list(_MOTIONCAL_COLUMNS)
-    layout = Layout(separator=",", header=names, start=0, width=len(names))
-    counts = read_numbers(body, 0, layout, range(len(names)))
-    return {name: counts[k] * size for k, (name, size) in enumerate(_MOTIONCAL_COLUMNS.items())}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from agonic.logs.headers.columns import FALLBACK, find_columns, identify_column
 from agonic.logs.headers.header import is_unit
-from agonic.logs.text.layout import SAMPLE
+from agonic.logs.text.layout import SAMPLE, STAMP
 
 _NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
 _LABEL = re.compile(
@@ -29,9 +29,7 @@ _FIND_NUMBER = re.compile(rf"(?<![\w.^]){_NUMBER}(?![\w:])|(?<![\w.^]){_NUMBER}(
 _QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
 _UNIT = re.compile(r"[\s\])}>]*([^\W\d_][\w/^²]*)[)\]]?[\s,;.|]*")
 _STAMPS = {
-    "time": re.compile(
-        r"\s*\[?((?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+Z?)\]?\s*(?:->|:|,|-|\s)"
-    ),
+    "time": re.compile(rf"\s*\[?({STAMP}Z?)\]?\s*(?:->|:|,|-|\s)"),
     "time_s": re.compile(r"(?:\[[A-Z]+\]\s*)?\[\s*(\d+\.\d+)\]"),
     "time_ms": re.compile(r"[EWIDV] \((\d+)\)\s"),
 }

@@ -16,6 +16,8 @@ from agonic.logs.headers.column_names import number_columns
 from agonic.logs.headers.columns import identify_column, refuse_many
 
 COMMENT = "#%"
+STAMP = r"(?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+"
+"""A moment as terminals and loggers write it before a line, to a part of a second."""
 LABVIEW = "LabVIEW Measurement"
 SAMPLE = 200
 LONGEST_LINE = 1_000_000

@@ -15,13 +15,11 @@ from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import FALLBACK, find_quantities, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.text.encoding import Text
-from agonic.logs.text.layout import LABVIEW, Layout, holds_values, is_header, split_cells
+from agonic.logs.text.layout import LABVIEW, STAMP, Layout, holds_values, is_header, split_cells
 from agonic.logs.text.numbers import split_rows
 
 _PLAIN = re.compile(r"[-+\d.eE,;\s()\[\]{}<>]+")
-_STAMPED = re.compile(
-    r"\s*\[?((?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+)\]?\s*(?:->|>|:|,|\s)\s*(?=[-+.\d])"
-)
+_STAMPED = re.compile(rf"\s*\[?({STAMP})\]?\s*(?:->|>|:|,|\s)\s*(?=[-+.\d])")
 """What terminals write before a line: the moment that it came."""
 _NUMBER = re.compile(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?")
 _BRACKET = re.compile(r"[(\[{<]")
