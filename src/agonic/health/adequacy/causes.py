@@ -127,14 +127,18 @@ def _make_cause(
     def errors_at(feet: Array, signals: Mapping[str, Array]) -> unmodelled.Errors:
         return unmodelled.proportional(signals[name]) if terms is None else terms(feet)
 
-    def column(seen: ResidualsAtFeet) -> Array:
-        return errors_at(seen.feet, seen.signals).show(seen.by_reading * work.radius)
+    errors, compared = errors_at(work.seen.feet, work.seen.signals), work.fitted.look is not None
+    columns = errors.show(work.seen.by_reading)
 
-    columns = column(work.seen)
-    changes = [column(again) - columns for again in work.again]
+    def change(again: ResidualsAtFeet) -> Array:
+        same = terms is not None and again.feet is work.seen.feet
+        moved = errors if same else errors_at(again.feet, again.signals)
+        return moved.show(again.by_reading) - columns
+
+    changes = [change(again) for again in work.again] if moved or compared else []
     noise = np.sum(changes, axis=0) if moved else None
     shared = None
-    if work.fitted.look is not None:
+    if compared:
         moves = [(again.residuals - work.seen.residuals)[:, None] for again in work.again]
         shared = np.sum([c * by for c, by in zip(changes, moves, strict=True)], axis=0)
 

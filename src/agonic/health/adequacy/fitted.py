@@ -114,8 +114,8 @@ class ModelError:
 
 
 class ResidualsAtFeet(NamedTuple):
-    """Feet (n, 3) over the radius; of all residuals the normals (N, 3) over the noise, and they
-    themselves (N,); signals (n, k) that a bias may go with."""
+    """Feet (n, 3) over the radius; of all residuals the normals (N, 3), times the radius over the
+    noise, and they themselves (N,); signals (n, k) that a bias may go with."""
 
     feet: Array
     by_reading: Array

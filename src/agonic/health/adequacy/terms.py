@@ -110,16 +110,7 @@ def _test_all(fit: Linearised, causes: Sequence[Cause], at_most: float) -> list[
     What lasts is not to hide as noise with a long memory; errors of the attitude may last as long
     as the log.
     """
-    terms = [_list_terms(fit, cause) for cause in causes]
-    apart = [cause.name in LASTING and fit.shared is None for cause in causes]
-    together = [one for one, alone in zip(terms, apart, strict=True) if not alone]
-    others = iter(score_tests(fit, together, at_most))
-    scores = [
-        score_tests(fit, [one], at_most, find_batches_beside(fit, one.columns))[0]
-        if alone
-        else next(others)
-        for one, alone in zip(terms, apart, strict=True)
-    ]
+    scores = score_tests(fit, [_list_terms(fit, cause) for cause in causes], at_most)
     return [
         score and score._replace(p_value=min(score.p_value * cause.trials, 1.0))
         for score, cause in zip(scores, causes, strict=True)
@@ -128,7 +119,9 @@ def _test_all(fit: Linearised, causes: Sequence[Cause], at_most: float) -> list[
 
 def _list_terms(fit: Linearised, cause: Cause) -> Terms:
     columns, noise, shared = cause.seen_by(fit)
-    return Terms(columns, noise, shared, surely=noise is None, likely=cause.likely)
+    alone = cause.name in LASTING and fit.shared is None
+    batches = find_batches_beside(fit, columns) if alone else None
+    return Terms(columns, noise, shared, noise is None, cause.likely, batches)
 
 
 def _add_beside(fit: Linearised, cause: Cause) -> Linearised:

@@ -86,12 +86,14 @@ def _look(
     if fitted.look is None:
         feet, normals = at
         signals = {name: values[rows] for name, values in fitted.signals.items()}
-        seen = ResidualsAtFeet(feet, normals / fitted.noise, linear.residuals, signals)
+        by_reading = normals * (fitted.magnitude / fitted.gain / fitted.noise)
+        seen = ResidualsAtFeet(feet, by_reading, linear.residuals, signals)
         return seen, (_blur(fitted, seen, normals),), linear, linear
     views = fitted.look(rows)
-    seen, *again = (_see(one, fitted) for one in views)
+    seen, blurred, tilted = (_see(one, fitted) for one in views)
+    again = blurred, tilted._replace(feet=seen.feet)  # an error of the attitude moves no reading
     whole = _stack(views, fitted, rows, scale)
-    return seen, tuple(again), whole, _even_weights(views.own.kinds, whole)
+    return seen, again, whole, _even_weights(views.own.kinds, whole)
 
 
 def _blur(fitted: Fitted, seen: ResidualsAtFeet, normals: Array) -> ResidualsAtFeet:
@@ -118,7 +120,7 @@ def _see(view: View, fitted: Fitted) -> ResidualsAtFeet:
     feet, normals = find_feet(fitted.calibration, view.readings, first.residuals / length)
     by_reading = np.vstack([normals * length[:, None], *(kind.by_reading for kind in others)])
     residuals = np.concatenate([kind.residuals for kind in view.kinds])
-    return ResidualsAtFeet(feet / radius, by_reading, residuals, view.signals)
+    return ResidualsAtFeet(feet / radius, by_reading * radius, residuals, view.signals)
 
 
 def _stack(views: Views, fitted: Fitted, rows: Index, scale: Array) -> Linearised:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.maths.estimation.inference.linearised import Batches, Linearised, sums_by
 
 SEEN = 4.0
@@ -37,6 +37,8 @@ after a long rest a drift looks like a bias and gains."""
 _TOGETHER = 200_000  # numbers of columns that are projected at once
 SURE = 3.0
 """Standard errors by which a combination may have to be seen to have a size."""
+APART = 1e-12
+"""Scores of batches whose squares are no larger a share than this depend on one another."""
 
 
 class Score(NamedTuple):
@@ -63,7 +65,8 @@ class Terms(NamedTuple):
     that is in both: it is taken out of the score. `surely` leaves out what is hardly beyond the
     fit's unknowns, and of the size what does not stand out of chance. `likely` is the prior
     standard deviation of the size: what rows hardly tell from the unknowns of the fit would else
-    be of any size, and what they know less well than that is not tested.
+    be of any size, and what they know less well than that is not tested. `batches` may be others
+    than those of the fit.
     """
 
     columns: Array
@@ -71,100 +74,141 @@ class Terms(NamedTuple):
     shared: Array | None = None
     surely: bool = False
     likely: float = np.inf
+    batches: Batches | None = None
+
+
+class _Projected(NamedTuple):
+    """T terms beside the unknowns of a fit, with zeros where one has fewer than K columns.
+
+    Z⊥ᵀWZ⊥ `left` (T, K, K), √ZᵀWZ `size` (T, K), what noise has of `left` (T, K, K), the sum
+    `total` (T, K) and the squares `gram` (T, K, K) of the scores of batches. Of each by itself
+    A⁻¹JᵀWZ `taken` (p, k), and `scores` (B, k).
+    """
+
+    left: Array
+    size: Array
+    by_noise: Array
+    total: Array
+    gram: Array
+    taken: list[Array]
+    scores: list[Array]
 
 
 def score_tests(
-    fit: Linearised,
-    several: Sequence[Terms],
-    at_most: float = 1.0,
-    batches: Batches | None = None,
+    fit: Linearised, several: Sequence[Terms], at_most: float = 1.0
 ) -> list[Score | None]:
     """Whether each of several terms belongs into the fit, each by itself.
 
-    They are projected together, but where they are too many for the processor's cache. None for
+    They are tested together, but where they are too many for the processor's cache. None for
     those that rows cannot tell, or whose p-value is larger than `at_most`: their size is not asked
-    for. `batches` other than
-    those of the fit may be given.
+    for.
     """
     if not several:
         return []
     width = sum(one.columns.shape[1] for one in several)
     if len(several) > 1 and width * len(fit.residuals) > _TOGETHER:
-        return [score_tests(fit, [one], at_most, batches)[0] for one in several]
-    within = batches or Batches(fit.batch, fit.captured)
+        return [score_tests(fit, [one], at_most)[0] for one in several]
+    projected = _project(fit, several)
+    combined, seen = _find_seen(projected, several)
+    captured = np.array([one.batches.captured if one.batches else fit.captured for one in several])
+    p_values = _hotelling(projected, combined, seen, captured)
+    scores: list[Score | None] = []
+    for t, one in enumerate(several):
+        k = one.columns.shape[1]
+        by = combined[t, :k, seen[t]].T
+        told = by.size > 0 and p_values[t] <= at_most
+        at = (projected.left[t, :k, :k], projected.taken[t], projected.scores[t])
+        scores.append(_tell(float(p_values[t]), one, by, *at, captured[t]) if told else None)
+    return scores
+
+
+def _project(fit: Linearised, several: Sequence[Terms]) -> _Projected:
+    """What the terms are beyond the unknowns of the fit, and their scores."""
     weighted = np.hstack([one.columns for one in several]) * fit.weights[:, None]
     crossed = fit.jacobian.T @ weighted  # JᵀWZ
     taken = np.asarray(np.linalg.solve(fit.information, crossed), dtype=np.float64)
+    held = crossed.T @ taken + taken.T @ fit.prior @ taken
     products = weighted * fit.residuals[:, None]
     ends = np.cumsum([one.columns.shape[1] for one in several]).tolist()
     places = [slice(*edges) for edges in pairwise([0, *ends])]
     for one, at in zip(several, places, strict=True):
         if one.shared is not None:
             products[:, at] -= one.shared * fit.weights[:, None]
-    own = fit.scores if batches is None else fit.sum_scores(batches.of)
-    scores = sums_by(within.of, products) - own @ taken
-    limits = (at_most, within.captured)
+    scores = _sum_scores(fit, several, places, products, taken)
+    count, most = len(several), max(at.stop - at.start for at in places)
+    left, by_noise, gram = (np.zeros((count, most, most)) for _ in range(3))
+    size, total = (np.zeros((count, most)) for _ in range(2))
+    for t, (one, at) in enumerate(zip(several, places, strict=True)):
+        k = at.stop - at.start
+        square = one.columns.T @ weighted[:, at]
+        left[t, :k, :k] = square - held[at, at]
+        size[t, :k] = np.sqrt(square.diagonal())
+        if one.noise is not None:
+            by_noise[t, :k, :k] = (one.noise.T * fit.weights) @ one.noise
+        total[t, :k] = scores[t].sum(axis=0)
+        gram[t, :k, :k] = scores[t].T @ scores[t]
+    return _Projected(left, size, by_noise, total, gram, [taken[:, at] for at in places], scores)
+
+
+def _sum_scores(
+    fit: Linearised,
+    several: Sequence[Terms],
+    places: Sequence[slice],
+    products: Array,
+    taken: Array,
+) -> list[Array]:
+    """The scores of each of several terms by batches, (B, k); `products` (n, K) are of rows."""
+    sums = sums_by(fit.batch, products) - fit.scores @ taken
     return [
-        _test(fit, one, weighted[:, at], crossed[:, at], taken[:, at], scores[:, at], limits)
+        sums[:, at]
+        if one.batches is None
+        else sums_by(one.batches.of, products[:, at])
+        - fit.sum_scores(one.batches.of) @ taken[:, at]
         for one, at in zip(several, places, strict=True)
     ]
 
 
-def _test(
-    fit: Linearised,
+def _find_seen(projected: _Projected, several: Sequence[Terms]) -> tuple[Array, Mask]:
+    """Combinations (T, K, K) of the columns of each, and which of them (T, K) the fit does not hold
+    already and the rows can show at the size that is likely."""
+    left, size, by_noise = projected.left, projected.size, projected.by_noise
+    scale = 1 / np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(left * (scale[:, :, None] * scale[:, None]))
+    combined = scale[:, :, None] * vectors
+    held = np.array([HELD if one.surely else 1e-9 for one in several])
+    prior = np.array([1 / one.likely for one in several])
+    clear = np.array([_clear(one) for one in several])
+    noisy = np.sum(combined * (by_noise @ combined), axis=1)
+    seen = values > np.maximum(held[:, None], clear[:, None] ** 2 * noisy)
+    seen &= values > prior[:, None] ** 2 * np.sum(combined**2, axis=1)
+    return combined, seen
+
+
+def _clear(terms: Terms) -> float:
+    return SEEN if terms.shared is None and terms.columns.shape[1] > 1 else SEEN_APART
+
+
+def _tell(
+    p_value: float,
     terms: Terms,
-    weighted: Array,
-    crossed: Array,
+    seen: Array,
+    left: Array,
     taken: Array,
     scores: Array,
-    limits: tuple[float, float],
-) -> Score | None:
-    """The test of terms from WZ, JᵀWZ, A⁻¹JᵀWZ and the scores of batches (B, k).
-
-    `limits`: the p-value up to which a size is asked for, and what batches show of the variance.
-    """
-    at_most, captured = limits
-    columns, noise, shared, surely, likely = terms
-    square = columns.T @ weighted
-    left = square - crossed.T @ taken - taken.T @ fit.prior @ taken  # Z⊥ᵀWZ⊥
-    by_noise = None if noise is None else (noise.T * fit.weights) @ noise
-    clear = SEEN if shared is None and columns.shape[1] > 1 else SEEN_APART
-    size = np.sqrt(np.diag(square))
-    seen = _find_seen(left, size, by_noise, clear, HELD if surely else 1e-9, likely)
-    if seen is None:
-        return None
+    captured: float,
+) -> Score:
+    """The score of terms with this p-value, by combinations (k, m) of columns that are seen."""
     scores = scores @ seen
-    p_value = _hotelling(scores, captured)
-    if p_value > at_most:
-        return None
     gram = seen.T @ left @ seen
     total = scores.sum(axis=0)
     found = np.linalg.solve(gram, total)
-    sure = _surely(scores, captured) if surely else 1.0
+    sure = _surely(scores, captured) if terms.surely else 1.0
     root = np.linalg.solve(gram, scores.T) / captured**0.5
-    drawn, spread = _draw_in(found, root, seen / likely)
+    drawn, spread = _draw_in(found, root, seen / terms.likely)
     size = np.asarray(seen @ (drawn * sure))
     unseen = np.eye(len(size)) - seen @ np.linalg.pinv(seen)
     gain = float(total @ found)
     return Score(p_value, size, taken @ size, gain, seen @ spread @ seen.T, unseen)
-
-
-def _find_seen(
-    left: Array, size: Array, by_noise: Array | None, clear: float, held: float, likely: float
-) -> Array | None:
-    """Combinations (k, m) of columns that the fit does not hold already and the rows can show at
-    the size that is likely.
-
-    Parameters: Z⊥ᵀWZ⊥ (k, k), the size √ZᵀWZ of columns (k,), and what their
-    noise has of it (k, k).
-    """
-    scale = 1 / np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(left * np.outer(scale, scale))
-    combined = scale[:, None] * vectors
-    keep = (values > held) & (values * likely**2 > (combined**2).sum(axis=0))
-    if by_noise is not None:
-        keep &= values > clear**2 * np.sum(combined * (by_noise @ combined), axis=0)
-    return combined[:, keep] if keep.any() else None
 
 
 def _draw_in(found: Array, root: Array, prior: Array) -> tuple[Array, Array]:
@@ -181,18 +225,26 @@ def _surely(scores: Array, captured: float) -> Array:
     return np.asarray(scores.sum(axis=0) ** 2 > SURE**2 * chance, dtype=np.float64)
 
 
-def _hotelling(scores: Array, captured: float) -> float:
-    """The p-value that the scores of batches (B, k) have mean zero."""
+def _hotelling(projected: _Projected, combined: Array, seen: Mask, captured: Array) -> Array:
+    """The p-values (T,) that scores of the combinations (T, K, K) of columns that are seen (T, K)
+    have mean zero."""
     from scipy.special import fdtrc  # here, so that what only reads a log loads no SciPy
 
-    batches, k = scores.shape
-    if batches <= k + 1:
-        return 1.0
-    length = np.sqrt((scores**2).sum(axis=0))
-    left, values, _ = np.linalg.svd(scores / np.where(length > 0, length, 1.0), full_matrices=False)
-    rank = int(np.count_nonzero(values > 1e-7 * values[0]))
-    if rank in (0, batches):  # nothing is left to tell chance from
-        return 1.0
-    statistic = min(float(((left[:, :rank].sum(axis=0)) ** 2).sum()), batches * (1 - 1e-12))
-    ratio = captured * (statistic / rank) / ((batches - statistic) / (batches - rank))
-    return float(fdtrc(rank, batches - rank, ratio))
+    batches = np.array([len(scores) for scores in projected.scores])
+    combined = np.where(seen[:, None], combined, 0.0)
+    gram = combined.transpose(0, 2, 1) @ projected.gram @ combined
+    length = np.sqrt(np.maximum(np.diagonal(gram, axis1=1, axis2=2), 0.0))
+    scale = 1 / np.where(length > 0, length, 1.0)
+    values, vectors = np.linalg.eigh(gram * (scale[:, :, None] * scale[:, None]))
+    total = scale * (projected.total[:, None] @ combined)[:, 0]
+    told = values > APART * values[:, -1:]
+    along = (total[:, None] @ vectors)[:, 0]
+    statistic = np.sum(np.where(told, along**2, 0.0) / np.where(told, values, 1.0), axis=1)
+    statistic = np.minimum(statistic, batches * (1 - 1e-12))
+    rank = told.sum(axis=1)
+    chance = (
+        (batches > seen.sum(axis=1) + 1) & (rank > 0) & (rank < batches)
+    )  # is left to tell from
+    rank, free = np.where(chance, rank, 1), np.where(chance, batches - rank, 1)
+    ratio = captured * (statistic / rank) / ((batches - statistic) / free)
+    return np.where(chance, fdtrc(rank, free, ratio), 1.0)
