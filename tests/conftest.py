@@ -4,7 +4,7 @@ import gc
 import os
 import shutil
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,13 @@ gc.disable()  # collecting tests makes much that lasts and no garbage: a third o
 def pytest_xdist_auto_num_workers() -> int:
     """One more than cores: pages, devices and servers are waited for a tenth of the time."""
     return (os.cpu_count() or 1) + 1
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Generator[None, list[Any], list[Any]]:
+    """Files of tests hold no examples: looking for some takes a tenth of the collection."""
+    found = yield
+    return [one for one in found if type(one) is pytest.Module or not file_path.match("test_*.py")]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -98,20 +105,49 @@ def derivative() -> Derivative:
     return differences
 
 
-@pytest.fixture
-def opened(chromium: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
-    """Opens a report as a file in a page of its own, which keeps its requests and complaints."""
-    contexts = []
+@pytest.fixture(scope="session")
+def kept_pages() -> list[Any]:
+    """Pages of the browser that test after test may use: a new one costs as much as a report."""
+    return []
 
-    def open_page(text: str, **settings: Any) -> Any:
-        path = tmp_path / "report.html"
-        path.write_text(text, encoding="utf-8")
+
+@pytest.fixture
+def opened(chromium: Any, kept_pages: list[Any], tmp_path: Path) -> Iterator[Callable[..., Any]]:
+    """Opens a report as a file in a page that no other of the test has, with its size and colours.
+
+    The page keeps the requests and complaints of the report; other settings, or `apart`, ask for
+    a page that nothing else ever uses.
+    """
+    contexts, taken = [], 0
+
+    def make_page(**settings: Any) -> Any:
         contexts.append(chromium.new_context(**settings))
         page = contexts[-1].new_page()
-        page.requests, page.complaints = [], []
         page.on("request", lambda request: page.requests.append(request.url))
         page.on("console", lambda message: page.complaints.append(message.text))
         page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        return page
+
+    def take_page(viewport: dict[str, int] | None, color_scheme: str | None) -> Any:
+        nonlocal taken
+        if taken == len(kept_pages):
+            kept_pages.append(make_page())
+            contexts.pop()
+        page = kept_pages[taken]
+        taken += 1
+        page.set_viewport_size(viewport or {"width": 1280, "height": 720})
+        page.emulate_media(media="null", color_scheme=color_scheme or "null")
+        page.mouse.move(0, 0)
+        return page
+
+    def open_page(text: str, *, apart: bool = False, **settings: Any) -> Any:
+        path = tmp_path / "report.html"
+        path.write_text(text, encoding="utf-8")
+        if apart or settings.keys() - {"viewport", "color_scheme"}:
+            page = make_page(**settings)
+        else:
+            page = take_page(settings.get("viewport"), settings.get("color_scheme"))
+        page.requests, page.complaints = [], []
         page.goto(path.as_uri())
         return page
 

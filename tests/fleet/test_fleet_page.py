@@ -333,7 +333,7 @@ def test_a_hundred_thousand_stay_fluent(opened: Any) -> None:
     many = boards(n)
     page = page_of(many, title="many", outliers=())
     assert len(page) < 15e6
-    view = opened(page, viewport={"width": 1200, "height": 800})
+    view = opened(page, apart=True, viewport={"width": 1200, "height": 800})
     session = view.context.new_cdp_session(view)
     session.send("Performance.enable", {"timeDomain": "threadTicks"})
 
