@@ -2,7 +2,12 @@
 
 from agonic.ellipsoid.axes_check import check_by_gravity
 from agonic.ellipsoid.evidence import evaluate
-from agonic.ellipsoid.fit import find_inclination_deg, fit_ellipsoid, fit_ellipsoid_alone
+from agonic.ellipsoid.fit import (
+    find_inclination_deg,
+    fit_ellipsoid,
+    fit_ellipsoid_alone,
+    fit_ellipsoid_and_estimates,
+)
 from agonic.ellipsoid.large_fit import fit_recording, fit_recording_and_rows
 from agonic.ellipsoid.large_scan import Recording
 from agonic.ellipsoid.moments_fit import fit_moments
@@ -15,6 +20,7 @@ __all__ = [
     "find_inclination_deg",
     "fit_ellipsoid",
     "fit_ellipsoid_alone",
+    "fit_ellipsoid_and_estimates",
     "fit_moments",
     "fit_recording",
     "fit_recording_and_rows",

@@ -48,6 +48,7 @@ from agonic.health import (
 from agonic.health.adequacy import ModelError
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation import moments
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -117,13 +118,34 @@ def fit_ellipsoid(
         inclination_deg=find_inclination_deg(inclination_deg, reference),
         seed=seed,
     )
+    return _fit(samples, reference, settings)[0]
+
+
+def fit_ellipsoid_and_estimates(
+    samples: Samples, reference: Reference | None = None, **settings: Any
+) -> tuple[Fit, tuple[Estimate, Estimate] | None]:
+    """The fit of `fit_ellipsoid`, and the estimates before and after its residuals told how they
+    scatter, where it is by likelihood: for `open_ellipsoid_parts`.
+
+    >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(20, 3)))
+    >>> fit_ellipsoid_and_estimates(turned, model="sphere")[1] is None
+    False
+    """
+    dip = find_inclination_deg(settings.get("inclination_deg"), reference)
+    return _fit(samples, reference, Settings(**{**settings, "inclination_deg": dip}))
+
+
+def _fit(
+    samples: Samples, reference: Reference | None, settings: Settings
+) -> tuple[Fit, tuple[Estimate, Estimate] | None]:
+    """The fit with its evidence, and the estimates that it is of."""
     found, affine, usable, tests = _solve(samples, reference, settings)
     errors = _find_model_errors(found, affine, samples, reference, usable, settings)
     wider = widen(affine, errors, found.plain)
     fit = assess(found, wider, samples, reference, usable, tests, settings.inclination_deg)
     fit = widen_by_change(fit, errors)
     fit = fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
-    return name_uncertainty(fit, found.plain, errors)
+    return name_uncertainty(fit, found.plain, errors), found.estimates
 
 
 def find_inclination_deg(given: float | None, reference: Reference | None) -> float:

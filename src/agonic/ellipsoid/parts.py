@@ -15,6 +15,7 @@ from agonic.ellipsoid.problem import normalise_start, pose
 from agonic.ellipsoid.settings import Settings
 from agonic.ellipsoid.solve import list_numbers, seek, state_errors
 from agonic.health import FEWEST
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.parts import estimate_part, restate
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -25,12 +26,14 @@ def open_ellipsoid_parts(
     reference: Reference | None = None,
     *,
     near: Affine | None = None,
+    estimates: tuple[Estimate, Estimate] | None = None,
     **settings: Any,
 ) -> Callable[[Mask], Affine]:
     """What gives the calibration by some of the rows (n,), as `fit_ellipsoid_alone` of them does.
 
     The noise is that of all rows, and the minimum is sought from theirs; where a part has another,
-    or a model is still to be chosen, it is fitted by itself.
+    or a model is still to be chosen, it is fitted by itself. The `estimates` of all rows are not
+    sought again where `fit_ellipsoid_and_estimates` of the same has given them.
 
     >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(40, 3)))
     >>> open_ellipsoid_parts(turned, model="sphere")(np.arange(40) < 30).model
@@ -49,10 +52,13 @@ def open_ellipsoid_parts(
     start = None if near is None else normalise_start(near, posed.scale)
     problem = posed.problem(model, chosen.soft_iron_sd)
     try:
-        found = seek(problem, posed.robust(chosen), chosen.seed, start)
-        stated = state_errors(problem, found).estimate
+        if estimates is None:
+            found = seek(problem, posed.robust(chosen), chosen.seed, start)
+            estimates = found, state_errors(problem, found).estimate
     except (OverflowError, np.linalg.LinAlgError):
         return fit_alone
+
+    found, stated = estimates
 
     def fit(rows: Mask) -> Affine:
         some = np.flatnonzero(rows[posed.usable])

@@ -60,6 +60,7 @@ class Found(NamedTuple):
     converged: bool = True
     plain: Array | None = None
     unseen: Array | None = None
+    estimates: tuple[Estimate, Estimate] | None = None
 
 
 class Stated(NamedTuple):
@@ -84,7 +85,9 @@ def solve_likelihood(
     found = seek(problem, robust, seed, start)
     stated = state_errors(problem, found)
     plain = gauge.expand_model_covariance(model, stated.plain)
-    return list_numbers(stated.estimate, model)._replace(plain=plain, unseen=stated.unseen)
+    return list_numbers(stated.estimate, model)._replace(
+        plain=plain, unseen=stated.unseen, estimates=(found, stated.estimate)
+    )
 
 
 def seek(problem: Problem, robust: bool, seed: int, start: tuple[Array, Array] | None) -> Estimate:
