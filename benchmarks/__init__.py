@@ -7,4 +7,4 @@ import os
 
 for _library in ("OPENBLAS", "MKL", "OMP", "NUMEXPR"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")  # jax, behind magyc
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")  # jax

@@ -1,4 +1,4 @@
-"""Training of networks beside SciPy and PyTorch: python -m benchmarks.network [--draws 3].
+"""Training of networks beside SciPy and JAX: python -m benchmarks.network [--draws 3].
 
 All train the same network on the same scaled inputs and targets from the same random start, and are
 judged on other readings of the same sensor. Time is that of the processor, on one core.
@@ -7,27 +7,24 @@ judged on other readings of the same sensor. Time is that of the processor, on o
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from agonic.maths.equation import network
 from agonic.network.fit import fit_network
 from agonic.network.maths import levenberg_marquardt
 from agonic.network.simulate import SimulatedField, simulate_nonaffine, simulate_paper
-from benchmarks import tables
+from benchmarks import network_rivals, tables
+from benchmarks.network_rivals import Trainer, describe_jax, residuals
 
 Array = NDArray[np.float64]
-Trainer = Callable[[levenberg_marquardt.Problem, Array], Array]
 
 INTRODUCTION = """Median over {draws} draws. `rms` is the error on an axis of other readings of the
 same sensor, whose noise is {paper} nT in the first task and {bent} nT in the second; `worst` is the
 largest rms of the draws: a start may end in a poor minimum. All take the same start, and the first
-four the same Jacobian. {torch}"""
+four the same Jacobian. {jax}"""
 
 
 class Task(NamedTuple):
@@ -72,93 +69,17 @@ def tasks(seed: int, quick: bool) -> tuple[Task, ...]:
     )
 
 
-def residuals(problem: levenberg_marquardt.Problem, weights: Array) -> Array:
-    u, v = network.split(weights, problem.shape)
-    return (network.forward((u, v), problem.x) - problem.target).ravel()
-
-
-def rows(problem: levenberg_marquardt.Problem, weights: Array) -> Array:
-    u, v = network.split(weights, problem.shape)
-    return network.jacobian((u, v), problem.x).reshape(-1, len(weights))
-
-
 def ours(stopping: Any) -> Trainer:
     return lambda problem, start: (
         levenberg_marquardt.train(problem, start, stopping=stopping).weights
     )
 
 
-def scipy_of(method: Any) -> Trainer:
-    def train(problem: levenberg_marquardt.Problem, start: Array) -> Array:
-        found = least_squares(
-            lambda w: residuals(problem, w),
-            start,
-            jac=lambda w: rows(problem, w),
-            method=method,
-            max_nfev=300,
-            ftol=1e-6,
-        )
-        return np.asarray(found.x)
-
-    return train
-
-
-def torch_of(name: str, steps: int) -> Trainer | None:
-    """L-BFGS or Adam of PyTorch in double precision, or None where it is not installed."""
-    try:
-        import torch
-    except ImportError:
-        return None
-    torch.set_num_threads(1)
-
-    def train(problem: levenberg_marquardt.Problem, start: Array) -> Array:
-        x, target = torch.tensor(problem.x), torch.tensor(problem.target)
-        u, v = (
-            torch.tensor(p.copy(), requires_grad=True) for p in network.split(start, problem.shape)
-        )
-
-        def loss() -> Any:
-            active = torch.tanh(x @ u[:, :-1].T + u[:, -1])
-            return ((active @ v[:, :-1].T + v[:, -1] - target) ** 2).mean()
-
-        def closure() -> Any:
-            optimiser.zero_grad()
-            value = loss()
-            value.backward()
-            return value
-
-        if name == "L-BFGS":
-            optimiser = torch.optim.LBFGS(
-                [u, v], max_iter=steps, line_search_fn="strong_wolfe", tolerance_change=1e-12
-            )
-            optimiser.step(closure)
-        else:
-            optimiser = torch.optim.Adam([u, v], lr=0.01)
-            for _ in range(steps):
-                optimiser.step(closure)
-        return network.join(u.detach().numpy(), v.detach().numpy())
-
-    return train
-
-
-def describe_torch() -> str:
-    """Which PyTorch it was, and how many of its threads."""
-    try:
-        return f"PyTorch {version('torch')}, double precision, one thread."
-    except PackageNotFoundError:
-        return f"PyTorch is {tables.NOT_INSTALLED}."
-
-
-def trainers() -> dict[str, Trainer | None]:
-    """What is compared, by name."""
-    return {
-        "agonic, plain": ours("plain"),
-        "agonic, bayesian": ours("bayesian"),
-        "SciPy `lm` (MINPACK)": scipy_of("lm"),
-        "SciPy `trf`": scipy_of("trf"),
-        "PyTorch L-BFGS, 1000 steps": torch_of("L-BFGS", 1000),
-        "PyTorch Adam, 3000 steps": torch_of("Adam", 3000),
-    }
+TRAINERS: dict[str, Trainer | None] = {
+    "agonic, plain": ours("plain"),
+    "agonic, bayesian": ours("bayesian"),
+    **network_rivals.TRAINERS,
+}
 
 
 def compared(draws: int, quick: bool) -> list[tuple[str, ...]]:
@@ -167,11 +88,13 @@ def compared(draws: int, quick: bool) -> list[tuple[str, ...]]:
     for seed in range(draws):
         for task in tasks(seed, quick):
             start = network.draw_weights(np.random.default_rng(seed), task.problem.shape)
-            for name, train in trainers().items():
+            for name, train in TRAINERS.items():
                 tables.progress(f"network: {task.name}, {name}, draw {seed + 1}")
                 if train is None:
                     found[task.name, name] = []
                     continue
+                if seed == 0:
+                    train(task.problem, start)  # what is compiled, once
                 began = time.process_time()
                 weights = train(task.problem, start)
                 took = time.process_time() - began
@@ -214,7 +137,7 @@ def main() -> None:
     """Train everything and print the tables."""
     asked = tables.arguments("training of networks", draws=3)
     table = compared(asked.draws, asked.quick)
-    print(INTRODUCTION.format(draws=asked.draws, paper=2, bent=20, torch=describe_torch()))
+    print(INTRODUCTION.format(draws=asked.draws, paper=2, bent=20, jax=describe_jax()))
     print()
     print(tables.markdown(("trained by", "rms, nT", "worst, nT", "time, s"), table))
     print("\n`fit_network`, the best of three runs:\n")

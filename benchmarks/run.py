@@ -51,7 +51,7 @@ PARTS = (
     Part("field", rivals=("chaosmagpy", "ppigrf", "wmm-calculator", "pygeomag")),
     Part("heading"),
     Part("tracking", rivals=("numba",)),
-    Part("network", rivals=("torch",)),
+    Part("network", rivals=("jax", "optax")),
     Part("inflight", full="--draws 10"),
     Part("fleet_dataset", rivals=("duckdb",)),
     Part("fleet_logs", rivals=("dask",), full="--logs 10000"),
