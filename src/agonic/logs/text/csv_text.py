@@ -34,7 +34,6 @@ from agonic.logs.text.layout import (
     find_layout,
     is_header,
     sample_lines,
-    split_cells,
 )
 from agonic.logs.text.long_table import LABEL, build_tables_log, name_label
 from agonic.logs.text.numbers import read_numbers, split_rows
@@ -49,6 +48,8 @@ _MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
 _MARKS = ":=[({<"
 """One of which stands in every row that `_MAY_LABEL` finds; rows of numbers have none."""
+_TAGGED = re.compile(r"(?:[-+.\d]+(?:\s*[,;]|\s)\s*)?\$?[A-Za-z][\w.]+(?:\s*[,;]|\s)\s*[-+.\d]")
+"""A row whose first or second cell is a word before a number."""
 _BRACKETED = re.compile(r"[(\[{<]\s*[-+.\d][-+.\deE,;\s]*[)\]}>]").search
 _NESTED = re.compile(rb"[(\[]\s*[(\[]\s*[-+.\d]").search
 _IN_NUMBERS = re.compile(r"T|(?<=[\d.])[eE](?=[-+\d])")
@@ -67,15 +68,15 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         )
     sample = sample_lines(head)
     rows = [head[i] for i in sample]
-    tags = _find_tags(head)
-    if not tags and _most(rows, lambda line: "$" in line[:40] and "," in line):
+    if _most(rows, _TAGGED.match):
+        from agonic.logs.text.tagged import find_kinds, read_tagged
+
+        if kinds := find_kinds(head):
+            return read_tagged(data[:], kinds, path, source, unit, notes)
+    if _most(rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
         return read_sentences(data[:], path, source, notes, unit)
-    if tags:
-        from agonic.logs.text.tagged import read_tagged
-
-        return read_tagged(data[:], tags, path, source, unit, notes)
     table, facts = _read_lines(data, head, sample)
     facts["notes"] = (*notes, *facts["notes"])
     if LABEL in find_quantities(table).values():
@@ -135,27 +136,6 @@ def _count_understood(head: str) -> int:
 
 def _most(rows: Sequence[str], test: Any) -> bool:
     return bool(rows) and 2 * sum(bool(test(row)) for row in rows) > len(rows)
-
-
-def _find_tags(head: Sequence[str]) -> dict[str, list[str]]:
-    """Headers of rows of several kinds: comments `# Tag,name,name`, or `$COL,Tag,name,name`."""
-    if any(line.startswith("$COL,") for line in head[:SAMPLE]):
-        from agonic.logs.text.tagged import find_stated_columns
-
-        return find_stated_columns(head)
-    headers = {}
-    for line in head:
-        cells = split_cells(line.lstrip("#% "), ",") if line.startswith("#") else []
-        if len(cells) > 3 and cells[0].isalpha():
-            headers[cells[0]] = cells[1:]
-    if not headers:
-        return {}
-    begun = {line.partition(",")[0] for line in head if not line.startswith("#")}
-    return (
-        headers
-        if len(begun & set(headers)) > 1 or (begun & set(headers) and len(headers) > 1)
-        else {}
-    )
 
 
 def _read_lines(

@@ -1,21 +1,118 @@
-"""Rows of several kinds in one text file, each with its name in the first cell.
+"""Rows of several kinds in one text file, each with its name in the first cell or the second.
 
-The header of a kind stands in a comment: `# UncalMag,utcTimeMillis,…` (Android GnssLogger), or in
-sentences of its own: `$COL,MAG,time,x,y,z` (FlySight).
+The header of a kind stands in a comment: `# UncalMag,utcTimeMillis,…` (Android GnssLogger),
+`% Magnetometer data: 'MAGN;AppTimestamp(s);…'` (GetSensorData); or in sentences of its own:
+`$COL,MAG,time,x,y,z` (FlySight). Without one, names of sensors tell: `0.02 MAG 20.1 -3.2 43.0`.
 """
 
 from __future__ import annotations
 
+import re
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from pathlib import Path
+from typing import NamedTuple
 
+from agonic.logs.contents import to_number
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.columns import find_columns, identify_column
+from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.log import Log
-from agonic.logs.text.layout import Layout
+from agonic.logs.text.layout import Layout, holds_values, is_header, split_cells
+from agonic.logs.text.long_table import BESIDE
 from agonic.logs.text.numbers import read_numbers
 from agonic.provenance import Input
+
+_STATED = re.compile(r"[#%]\W*(?:[^'\"]*['\"])?([A-Za-z]\w+)([,;])([^'\"]*)")
+_NO_HEADER = "there is no header: rows of {} are taken as {}"
+
+
+class Kinds(NamedTuple):
+    """The headers of each kind of row by its name, the cell that the name stands in, what separates
+    cells, and notes."""
+
+    headers: Mapping[str, Sequence[str]]
+    at: int = 0
+    separator: str | None = ","
+    notes: tuple[str, ...] = ()
+
+
+def find_kinds(head: Sequence[str]) -> Kinds | None:
+    """The kinds of rows that the first lines of a text show, or `None`."""
+    if any(line.startswith("$COL,") for line in head):
+        return Kinds(find_stated_columns(head))
+    rows = [line for line in head if holds_values(line)]
+    return _find_commented(head, rows) or _find_named(rows)
+
+
+def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Kinds | None:
+    """Those whose headers are in comments."""
+    stated = [found for line in head if (found := _STATED.match(line))]
+    for separator in (",", ";"):
+        first: dict[str, str] = {}
+        for row in rows:
+            first.setdefault(row.partition(separator)[0], row)
+        headers = {}
+        for found in stated:
+            names = [name.strip() for name in found[3].split(separator)]
+            if found[2] == separator and len(names) > 2:
+                headers[found[1]] = _fit_names(names, first.get(found[1], "").count(separator))
+        begun = headers.keys() & first
+        if len(begun) > 1 or (begun and len(headers) > 1):
+            return Kinds(headers, separator=separator)
+    return None
+
+
+def _fit_names(names: list[str], width: int) -> list[str]:
+    """The names of so many cells; a doubled separator among them is a slip of the pen."""
+    return [name for name in names if name] if len(names) > width else names
+
+
+def _find_named(rows: Sequence[str]) -> Kinds | None:
+    """Those that are named for sensors, without a header.
+
+    >>> _find_named(["0.1 MAG 20 1 43", "0.1 ACC 0.1 0.2 9.8", "0.3 MAG 21 0 43"]).headers
+    {'MAG': ['time', 'MAG x', 'MAG y', 'MAG z'], 'ACC': ['time', 'ACC x', 'ACC y', 'ACC z']}
+    """
+    for separator, at in ((s, at) for s in (";", ",", "\t", None) for at in (0, 1)):
+        kinds: dict[str, list[list[str]]] = defaultdict(list)
+        for row in rows:
+            cells = split_cells(row, separator)
+            if at < len(cells) and cells[at][:1].isalpha():
+                kinds[cells[at]].append(cells[:at] + cells[at + 1 :])
+        known = {name: find_named_quantity(name) for name in kinds}
+        if "field" not in known.values() or is_header(kinds[next(iter(kinds))][0]):
+            continue
+        headers = {
+            name: _name_cells(name, kinds[name])
+            for name, quantity in known.items()
+            if quantity in ("field", *BESIDE)
+        }
+        told = {name: header for name, header in headers.items() if header}
+        field = next((name for name in told if known[name] == "field"), None)
+        if field is not None:
+            words = ", ".join(name for name in told[field] if name)
+            return Kinds(told, at, separator, (_NO_HEADER.format(", ".join(told), words),))
+    return None
+
+
+def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:
+    """A header for rows of a kind: clocks first, three axes, and behind them what never changes;
+    nothing where that is not what they are."""
+    width = min(map(len, rows))
+    columns = [[row[k] for row in rows] for k in range(width)]
+    clocks = next((k for k in range(width - 3) if not _grows(columns[k])), max(width - 3, 0))
+    behind = columns[clocks + 3 :]
+    if width < 3 or any(len(set(column)) > 1 for column in behind):
+        return []
+    axes = [f"{kind} {axis}" for axis in "xyz"]
+    return [*["time"][:clocks], *[""] * (clocks - 1), *axes, *[""] * len(behind)]
+
+
+def _grows(cells: Sequence[str]) -> bool:
+    """Whether each is more than the one before, as of a clock."""
+    return all(before < after for before, after in pairwise(map(to_number, cells)))
 
 
 def _quantity(header: str) -> str:
@@ -46,28 +143,24 @@ def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
 
 
 def read_tagged(
-    data: bytes,
-    headers: Mapping[str, Sequence[str]],
-    path: Path,
-    source: Input,
-    unit: str | None,
-    notes: tuple[str, ...],
+    data: bytes, kinds: Kinds, path: Path, source: Input, unit: str | None, notes: tuple[str, ...]
 ) -> Log:
-    """The log that rows of several kinds are; `headers` by the name of the kind."""
-    rows: dict[bytes, list[bytes]] = {name.encode(): [] for name in headers}
+    """The log that rows of several kinds are."""
+    rows: dict[bytes, list[bytes]] = {name.encode(): [] for name in kinds.headers}
+    between = None if kinds.separator is None else kinds.separator.encode()
     for line in data.split(b"\n"):
-        tag, comma, cells = line.partition(b",")
-        if comma and tag in rows:
-            rows[tag].append(cells)
+        cells = line.split(between, kinds.at + 1)
+        if len(cells) > kinds.at + 1 and (tag := cells[kinds.at].strip()) in rows:
+            rows[tag].append((between or b" ").join((*cells[: kinds.at], cells[-1])))
     groups = {}
     others = []
-    for name, header in headers.items():
+    for name, header in kinds.headers.items():
         found = rows[name.encode()]
         wanted = find_columns(header)
         if not found or {_quantity(header) for header in wanted.values()} <= {"time"}:
             others.append(name)
             continue
-        layout = Layout(separator=",", header=list(header), start=0, width=len(header))
+        layout = Layout(separator=kinds.separator, header=list(header), start=0, width=len(header))
         values = read_numbers(b"\n".join(found), 0, layout, list(wanted))
         groups[name.lstrip("$")] = dict(zip(wanted.values(), values, strict=True))
     return build_groups_log(
@@ -77,5 +170,5 @@ def read_tagged(
         format="tagged text",
         unit=unit,
         others=others,
-        notes=notes,
+        notes=(*notes, *kinds.notes),
     )
