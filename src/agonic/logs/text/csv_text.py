@@ -50,6 +50,10 @@ _MARKS = ":=[({<"
 """One of which stands in every row that `_MAY_LABEL` finds; rows of numbers have none."""
 _TAGGED = re.compile(r"(?:[-+.\d]+(?:\s*[,;]|\s)\s*)?\$?[A-Za-z][\w.]+(?:\s*[,;]|\s)\s*[-+.\d]")
 """A row whose first or second cell is a word before a number."""
+_ASSIGNED = re.compile(
+    r"[ \t]*[A-Za-z][\w \t]*(?:\[\w*\][ \t]*)*=\s*[\w.]*\(?\s*(?:[\[{(]|$)"
+).match
+"""A name before an array of numbers, or before the line in which that begins."""
 _BRACKETED = re.compile(r"[(\[{<]\s*[-+.\d][-+.\deE,;\s]*[)\]}>]").search
 _NESTED = re.compile(rb"[(\[]\s*[(\[]\s*[-+.\d]").search
 _IN_NUMBERS = re.compile(r"T|(?<=[\d.])[eE](?=[-+\d])")
@@ -66,6 +70,13 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
             "a sheet of absolute measurements with a theodolite, no log of a magnetometer; agonic "
             "fit north reads it"
         )
+    if any(map(_ASSIGNED, head[:SAMPLE])):
+        from agonic.logs.text.assigned import read_assigned
+
+        if assigned := read_assigned(data):
+            return build_log(
+                assigned, path=path, source=source, format="source text", unit=unit, notes=notes
+            )
     sample = sample_lines(head)
     rows = [head[i] for i in sample]
     if _most(rows, _TAGGED.match):
