@@ -8,8 +8,10 @@ UV     := $(shell command -v uv 2>/dev/null)
 # One core per worker: small matrices lose more to threads than they gain.
 export OPENBLAS_NUM_THREADS ?= 1
 
-# Bytecode is kept, or every process that a test starts compiles the code anew.
-PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+# Bytecode is kept, or every process that is started compiles the code anew.
+export PYTHONDONTWRITEBYTECODE =
+
+PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-slow check format docs bench bench-quick fuzz lock clean

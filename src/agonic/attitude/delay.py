@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from scipy.spatial.transform import Slerp
 
 from agonic.arrays import Array, Mask
 from agonic.attitude.latency import LatencyFit, find_latency
@@ -210,6 +209,8 @@ def measure_rate(samples: Samples) -> float:
 
 def _turn_angles(samples: Samples, time: Array, at: Array) -> dict[str, Array]:
     """The recorded angles at other moments, along the shortest turn from row to row."""
+    from scipy.spatial.transform import Slerp  # slow to load
+
     given = [getattr(samples, name) for name in _ANGLES]
     if all(angle is None for angle in given):
         return {}

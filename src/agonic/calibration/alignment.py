@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.base import Correction
 from agonic.errors import AgonicError
 from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,6 +25,7 @@ class Alignment(Correction):
     `covariance` (3, 3) is that of the rotation vector, rad², axes of `frame_out`; frames are
     letters.
 
+    >>> from scipy.spatial.transform import Rotation
     >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True), frame_out="b")
     >>> turn.correct([[1.0, 0.0, 0.0]]).round(12)
     array([[0., 1., 0.]])

@@ -10,12 +10,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 from msgspec import Struct
-from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
@@ -40,6 +39,9 @@ from agonic.calibration.steps import AnyCalibration, require_calibration
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError
 from agonic.provenance import Provenance
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 SCHEMA = "agonic/calibration"
 VERSION = 1
@@ -90,7 +92,7 @@ def _plain(value: Any) -> Any:
     if is_dataclass(value):
         plain = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
         return {"kind": value.kind, **plain} if hasattr(value, "kind") else plain
-    if isinstance(value, Rotation):
+    if hasattr(value, "as_quat"):  # a rotation
         return {"quat_wxyz": np.roll(value.as_quat(), 1).tolist()}
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
@@ -163,5 +165,7 @@ def _provenance(record: ProvenanceRecord) -> Provenance:
 
 def _rotation(quat_wxyz: tuple[float, ...]) -> Rotation:
     """The rotation; a quaternion of length 1 keeps its bits, which normalising would not."""
+    from scipy.spatial.transform import Rotation  # slow to load
+
     quat = np.roll(np.array(quat_wxyz), -1)
     return Rotation(quat, normalize=bool(abs(np.linalg.norm(quat) - 1.0) > 1e-12))

@@ -79,7 +79,6 @@ def calibrate(
     """
     from agonic.console.finish import finish
     from agonic.console.typed_options import list_typed_options
-    from agonic.ellipse.command import calibrate_two_axes
     from agonic.errors import TwoAxisError, check_choice
     from agonic.recording.document import describe_recording
     from agonic.recording.each_sensor import calibrate_each
@@ -103,6 +102,8 @@ def calibrate(
             mounting=mounting,
         )
     except TwoAxisError:
+        from agonic.ellipse.command import calibrate_two_axes  # few logs have two axes
+
         return calibrate_two_axes(
             log,
             folder,

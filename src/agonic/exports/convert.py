@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
@@ -27,6 +26,9 @@ from agonic.calibration.steps import compose, steps_of
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure
 from agonic.maths.equation.symmetric import pack_symmetric
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 NEGLIGIBLE_DEG = 0.01
 """A rotation below this is not worth a warning."""
@@ -48,6 +50,7 @@ def reduce(calibration: Calibration) -> tuple[Array, Array]:
     `list_left_out`. Raises `AgonicError` where it mixes two magnetometers.
 
     >>> from agonic.calibration.chain import Chain
+    >>> from scipy.spatial.transform import Rotation
     >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
     >>> chain = Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3) * 2), turn))
     >>> reduce(chain)[0].round(9).tolist(), reduce(chain)[1].round(9).tolist()
@@ -201,6 +204,8 @@ def find_turns(
 
 def _find_mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     """The rotation from m to b that the calibration itself holds, and what was assumed."""
+    from scipy.spatial.transform import Rotation  # slow to load
+
     if calibration.frame_in == calibration.frame_out:
         return Rotation.identity(), (
             "the mounting of the sensor is not known: its axes were taken for those of the body; "
@@ -230,6 +235,8 @@ def split_rotation(matrix: ArrayLike) -> tuple[Array, Rotation]:
     >>> symmetric.round(9).tolist(), left_out.as_rotvec(degrees=True).round(9).tolist()
     ([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], [0.0, 0.0, 90.0])
     """
+    from scipy.spatial.transform import Rotation  # slow to load
+
     rotation, symmetric = polar(np.asarray(matrix, dtype=np.float64))
     if np.linalg.det(rotation) < 0:
         raise AgonicError(

@@ -16,13 +16,13 @@ A sensor that does not keep near one level has none to keep: there the bias is k
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.inertial.attitude import Inertial
 from agonic.inertial.problem import pose, with_tilt
 from agonic.inertial.start import Solved
 from agonic.maths.equation.affine import FREE
+from agonic.maths.rotations.attitude import rotation_of
 from agonic.maths.rotations.vectors import skew
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -43,7 +43,7 @@ def keep_level(solved: Solved) -> Solved:
     if problem.gauge != FREE or problem.model != "full" or not near:
         return solved
     lean = find_lean(solved.felt.down)
-    turn = Rotation.from_rotvec(lean @ solved.errors[:3]).as_matrix()
+    turn = rotation_of(lean @ solved.errors[:3])
     felt = _turn_felt(solved.felt, turn, lean)
     assert problem.shared is not None
     tilted = with_tilt(solved.samples, felt)

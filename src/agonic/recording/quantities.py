@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg import polar
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
@@ -106,6 +105,8 @@ def turn_deg(calibration: Affine) -> Array:
     >>> turn_deg(quarter).round(6).tolist()
     [0.0, 0.0, 90.0]
     """
+    from scipy.spatial.transform import Rotation  # slow to load
+
     turn = polar(calibration.matrix)[0]
     if np.linalg.det(turn) < 0:  # it mirrors: no turn, as a matrix of a refused fit may
         return np.full(3, np.nan)

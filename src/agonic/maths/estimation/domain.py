@@ -7,7 +7,6 @@ no row is farther from a centre than twice what is possible with so many.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from agonic.arrays import Array
 
@@ -69,6 +68,8 @@ def estimate_neighbour_covariance(
     >>> 0.35 < found < 0.65, found > 5 * error
     (True, True)
     """
+    from scipy.spatial import cKDTree  # slow to load
+
     k = min(neighbours, len(points) - 1)
     _, nearest = cKDTree(points).query(points, k=k + 1)
     near = values[np.asarray(nearest)[:, 1:]].mean(axis=1)

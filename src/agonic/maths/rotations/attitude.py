@@ -5,11 +5,15 @@ Body axes forward, right, down; n axes north, east, down; `rot_nb` takes body co
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 def rot_nb(roll_deg: ArrayLike, pitch_deg: ArrayLike, heading_deg: ArrayLike) -> Array:
@@ -61,6 +65,8 @@ def yaw_pitch_roll(heading_deg: ArrayLike, pitch_deg: ArrayLike, roll_deg: Array
     The product of the three half-angle quaternions, written out: five times the speed of
     `Rotation.from_euler("ZYX", …)`.
     """
+    from scipy.spatial.transform import Rotation  # slow to load
+
     halves = np.radians(np.broadcast_arrays(heading_deg, pitch_deg, roll_deg)) / 2
     (cy, cp, cr), (sy, sp, sr) = np.cos(halves), np.sin(halves)
     x = sr * cp * cy - cr * sp * sy
@@ -68,6 +74,17 @@ def yaw_pitch_roll(heading_deg: ArrayLike, pitch_deg: ArrayLike, roll_deg: Array
     z = cr * cp * sy - sr * sp * cy
     w = cr * cp * cy + sr * sp * sy
     return Rotation.from_quat(np.stack([x, y, z, w], axis=-1))
+
+
+def rotation_of(vector: ArrayLike) -> Array:
+    """The matrices (n, 3, 3) that turn about vectors (n, 3) by their lengths, rad.
+
+    >>> rotation_of([0.0, 0.0, np.pi / 2]).round(9)[:2].tolist()
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
+    """
+    from scipy.spatial.transform import Rotation  # slow to load
+
+    return np.asarray(Rotation.from_rotvec(np.asarray(vector, dtype=float)).as_matrix())
 
 
 def integrate_rates(rotation_rate: Array, time: Array) -> Rotation:
@@ -82,6 +99,7 @@ def integrate_rates(rotation_rate: Array, time: Array) -> Rotation:
     [0.0, 0.0, 90.0]
     """
     from scipy.interpolate import CubicSpline  # slow to load
+    from scipy.spatial.transform import Rotation
 
     turned = np.diff(CubicSpline(time, rotation_rate).antiderivative()(time), axis=0)
     coning = np.cross(rotation_rate[:-1], rotation_rate[1:]) * np.diff(time)[:, None] ** 2 / 12

@@ -10,11 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index, Mask
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
-from agonic.maths.rotations.attitude import integrate_rates
+from agonic.maths.rotations.attitude import integrate_rates, rotation_of
 
 SPACING_S = 0.5
 """Between two states."""
@@ -71,6 +70,8 @@ def lay_track(time: Array, rate: Array, parts: list[Index], spacing_s: float = S
 
 def find_slips(track: Track, states: Array) -> Array:
     """By how much the states (N, 3, 3) turn more than the gyro between them, (N − 1, 3), axes i."""
+    from scipy.spatial.transform import Rotation  # slow to load
+
     carried = states[:-1] @ track.step
     slip = Rotation.from_matrix(states[1:] @ np.swapaxes(carried, 1, 2)).as_rotvec()
     return np.where(track.joined[:, None], slip, 0.0)
@@ -79,7 +80,7 @@ def find_slips(track: Track, states: Array) -> Array:
 def find_attitudes(track: Track, states: Array) -> Array:
     """The attitude of each row, (n, 3, 3)."""
     slip = np.concatenate([find_slips(track, states), np.zeros((1, 3))])[track.interval]
-    spread = Rotation.from_rotvec(slip * track.share[:, None]).as_matrix()
+    spread = rotation_of(slip * track.share[:, None])
     return np.asarray(spread @ states[track.interval] @ track.turned)
 
 
