@@ -105,20 +105,13 @@ def thermal(n: int, degree: int = 2) -> Work:
 def trained(n: int = 1500) -> Work:
     """A network of three nodes by MINPACK, with the exact Jacobian."""
     from agonic.network.simulate import simulate_paper
-    from benchmarks.network import residuals, rows, scaled
+    from benchmarks.network import scaled
+    from benchmarks.network_rivals import train_by_scipy
 
     made = simulate_paper(15.0, directions="space", seed=0)
     problem = scaled(made, made, 3, 3, "published").problem
     begin = network.draw_weights(np.random.default_rng(0), problem.shape)
-    return partial(
-        least_squares,
-        partial(residuals, problem),
-        begin,
-        jac=partial(rows, problem),
-        method="lm",
-        max_nfev=300,
-        ftol=1e-6,
-    )
+    return partial(train_by_scipy, "lm", problem, begin)
 
 
 def filtered(n: int) -> Work:

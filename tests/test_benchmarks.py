@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 from collections.abc import Callable
@@ -27,6 +28,16 @@ MADE = re.compile(
 @pytest.mark.parametrize("script", [name for name in SCRIPTS if name != "__init__"])
 def test_every_script_starts(script: str) -> None:
     importlib.import_module(f"benchmarks.{script}")
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_what_scripts_take_from_one_another_is_there(script: str) -> None:
+    """Also what is imported when its turn comes, an hour after the start."""
+    tree = ast.parse((ROOT / "benchmarks" / f"{script}.py").read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("benchmarks."):
+            module = importlib.import_module(str(node.module))
+            assert not [name.name for name in node.names if not hasattr(module, name.name)]
 
 
 @pytest.mark.parametrize("page", RESULTS, ids=lambda page: page.stem)

@@ -242,9 +242,8 @@ def _hotelling(projected: _Projected, combined: Array, seen: Mask, captured: Arr
     statistic = np.sum(np.where(told, along**2, 0.0) / np.where(told, values, 1.0), axis=1)
     statistic = np.minimum(statistic, batches * (1 - 1e-12))
     rank = told.sum(axis=1)
-    chance = (
-        (batches > seen.sum(axis=1) + 1) & (rank > 0) & (rank < batches)
-    )  # is left to tell from
-    rank, free = np.where(chance, rank, 1), np.where(chance, batches - rank, 1)
+    spare = batches - rank  # what is left to tell chance from
+    testable = (batches > seen.sum(axis=1) + 1) & (rank > 0) & (spare > 0)
+    rank, free = np.where(testable, rank, 1), np.where(testable, spare, 1)
     ratio = captured * (statistic / rank) / ((batches - statistic) / free)
-    return np.where(chance, fdtrc(rank, free, ratio), 1.0)
+    return np.where(testable, fdtrc(rank, free, ratio), 1.0)
