@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session import Session
 from agonic.alignment.simulation.session import simulate_session
 from agonic.alignment.star_sensor.misfit import find_explanations
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
 AXIS = np.array([1.0, 2.0, -2.0]) / 3.0

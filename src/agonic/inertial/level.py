@@ -22,7 +22,7 @@ from agonic.inertial.attitude import Inertial
 from agonic.inertial.problem import pose, with_tilt
 from agonic.inertial.start import Solved
 from agonic.maths.equation.affine import FREE
-from agonic.maths.rotations.attitude import rotation_of
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.vectors import skew
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -43,7 +43,7 @@ def keep_level(solved: Solved) -> Solved:
     if problem.gauge != FREE or problem.model != "full" or not near:
         return solved
     lean = find_lean(solved.felt.down)
-    turn = rotation_of(lean @ solved.errors[:3])
+    turn = make_rotation(lean @ solved.errors[:3])
     felt = _turn_felt(solved.felt, turn, lean)
     assert problem.shared is not None
     tilted = with_tilt(solved.samples, felt)

@@ -14,11 +14,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.student import compute_widening
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.mounting import right_angles
 
 _ROUNDS = 30
@@ -87,7 +87,7 @@ def _from(starts: Array, down: Array, field: Array, free: int) -> tuple[Array, A
         step[:, :free] = -(np.linalg.pinv(jacobian, rcond=1e-9) @ residuals[..., None])[..., 0]
         length = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
         step *= np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))  # no further than half a radian
-        rotation = Rotation.from_rotvec(step[:, :3]).as_matrix() @ rotation
+        rotation = make_rotation(step[:, :3]) @ rotation
         rest = rest + step[:, 3:]
         if np.abs(step).max() < 1e-12:
             break

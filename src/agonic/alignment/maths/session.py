@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.vectors import skew
 
 GROUPS = {
@@ -64,11 +64,6 @@ class Given(NamedTuple):
 def start_unknowns() -> Unknowns:
     """Nothing turned, nothing added."""
     return Unknowns(np.eye(3), np.eye(3), np.zeros(3), np.zeros(3), np.eye(3))
-
-
-def make_rotation(vector: Array) -> Array:
-    """The rotation matrix of a rotation vector."""
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
 
 
 def predict_field_c(at: Unknowns, given: Given) -> Array:

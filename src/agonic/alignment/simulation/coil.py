@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session import Site
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
-from agonic.maths.rotations.attitude import rot_nb
+from agonic.maths.rotations.attitude import make_rotation, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Readable
 from agonic.samples import Samples

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
-from agonic.alignment.maths.session import make_rotation
 from agonic.arrays import Array
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 

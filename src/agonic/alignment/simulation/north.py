@@ -9,10 +9,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from agonic.alignment.maths.north import evaluate_swing_deg
-from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
-from agonic.maths.rotations.attitude import rot_nb
+from agonic.maths.rotations.attitude import make_rotation, rot_nb
 from agonic.readable import Readable
 from agonic.samples import Samples
 

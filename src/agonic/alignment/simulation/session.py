@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths.session import make_rotation
 from agonic.alignment.session import (
     Mounting,
     Pier,
@@ -22,6 +21,7 @@ from agonic.alignment.session import (
 from agonic.alignment.session.observed import compute_apparent_turn
 from agonic.alignment.simulation.remanence import simulate_remanence
 from agonic.arrays import Array
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.readable import Readable
 from agonic.samples import Samples

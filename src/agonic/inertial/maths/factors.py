@@ -20,7 +20,7 @@ from agonic.arrays import Array, Index
 from agonic.inertial.maths.headings import Headings
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem, field_of_terms
-from agonic.maths.rotations.attitude import rotation_of
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.low_pass import low_pass
 from agonic.maths.rotations.track import (
     Sums,
@@ -155,7 +155,7 @@ def compare_readings(
     level = problem.dip.horizontal * np.cos(turn) - problem.dip.vertical * np.sin(turn)
     below = problem.dip.vertical * np.cos(turn) + problem.dip.horizontal * np.sin(turn)
     field = np.stack(np.broadcast_arrays(level, 0.0 * level, below, np.zeros(n))[:3], axis=-1)
-    ago = rotation_of(felt.delay * rate) @ np.swapaxes(attitudes, 1, 2)
+    ago = make_rotation(felt.delay * rate) @ np.swapaxes(attitudes, 1, 2)
     back = inverse @ ago
     wanted = np.einsum("nij,nj->ni", back, field)
     residuals = problem.points - field_of_terms(problem, params[: felt.gain]) - bias - wanted

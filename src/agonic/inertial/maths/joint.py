@@ -30,7 +30,7 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
 from agonic.maths.estimation.loss import Loss, squares
-from agonic.maths.rotations.attitude import rotation_of
+from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.track import Track, find_attitudes
 
 _ROUNDS = 15
@@ -102,7 +102,7 @@ def estimate_jointly(
         else:
             step = solve_step(groups, variances, prior, params)
         params = params + step.params
-        states = rotation_of(step.states) @ states
+        states = make_rotation(step.states) @ states
         if turn:
             weights = usable * loss.weight(distances * memory / (3 * variances[0]))
             counts = weigh_slips(slips, variances[2]) if robust and near else counts

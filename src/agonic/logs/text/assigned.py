@@ -13,9 +13,9 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.text.encoding import Text
+from agonic.logs.text.layout import NUMBER
 
-_NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
-_VALUE = re.compile(rf"({_NUMBER})[fF]?(?!\w)|[-+]?(?:nan|inf)\b", re.IGNORECASE)
+_VALUE = re.compile(rf"({NUMBER})[fF]?(?!\w)|[-+]?(?:nan|inf)\b", re.IGNORECASE)
 _NAMED = re.compile(
     r"^[ \t]*(?:\w+[ \t]+)*(\w+)[ \t]*(?:\[\w*\][ \t]*)*=\s*(?:[\w.]*\()?\s*(?=[\[({])",
     re.MULTILINE,

@@ -29,6 +29,7 @@ from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LABVIEW,
     LONGEST_LINE,
+    NUMBER,
     SAMPLE,
     Layout,
     find_layout,
@@ -58,8 +59,7 @@ _BRACKETED = re.compile(r"[(\[{<]\s*[-+.\d][-+.\deE,;\s]*[)\]}>]").search
 _NESTED = re.compile(rb"[(\[]\s*[(\[]\s*[-+.\d]").search
 _IN_NUMBERS = re.compile(r"T|(?<=[\d.])[eE](?=[-+\d])")
 """Letters of moments and of exponents."""
-_NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
-_THREE = re.compile(rf"[^\d+-]*({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.+-]+({_NUMBER})[^\d.]*")
+_THREE = re.compile(rf"[^\d+-]*({NUMBER})[^\d.+-]+({NUMBER})[^\d.+-]+({NUMBER})[^\d.]*")
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:

@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 
 from agonic.logs.headers.columns import FALLBACK, find_columns, identify_column
 from agonic.logs.headers.header import is_unit
-from agonic.logs.text.layout import SAMPLE, STAMP
+from agonic.logs.text.layout import NUMBER, SAMPLE, STAMP
 
-_NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: long digits cost once
 _LABEL = re.compile(
     r"(?<![\w.])[\"']?([^\W\d][\w.\[\]/ ]{0,40}?)[\"']?\s*(?:\(([^\W\d][^()]{0,20})\)\s*)?"
-    rf"(?:[:=](?!\d\d:)|(?=[\[({{<]\s*{_NUMBER}[\s,;]))"
+    rf"(?:[:=](?!\d\d:)|(?=[\[({{<]\s*{NUMBER}[\s,;]))"
 )
-_FIND_NUMBER = re.compile(rf"(?<![\w.^]){_NUMBER}(?![\w:])|(?<![\w.^]){_NUMBER}(?=[^\W\d_])")
+_FIND_NUMBER = re.compile(rf"(?<![\w.^]){NUMBER}(?![\w:])|(?<![\w.^]){NUMBER}(?=[^\W\d_])")
 _QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
 _UNIT = re.compile(r"[\s\])}>]*([^\W\d_][\w/^²]*)[)\]]?[\s,;.|]*")
 _STAMPS = {

@@ -16,6 +16,8 @@ from agonic.logs.headers.column_names import number_columns
 from agonic.logs.headers.columns import identify_column, refuse_many
 
 COMMENT = "#%"
+NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
+"""A number in a text; possessive, so that long digits cost once."""
 STAMP = r"(?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+"
 """A moment as terminals and loggers write it before a line, to a part of a second."""
 LABVIEW = "LabVIEW Measurement"

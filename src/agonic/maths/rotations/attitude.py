@@ -76,10 +76,10 @@ def yaw_pitch_roll(heading_deg: ArrayLike, pitch_deg: ArrayLike, roll_deg: Array
     return Rotation.from_quat(np.stack([x, y, z, w], axis=-1))
 
 
-def rotation_of(vector: ArrayLike) -> Array:
+def make_rotation(vector: ArrayLike) -> Array:
     """The matrices (n, 3, 3) that turn about vectors (n, 3) by their lengths, rad.
 
-    >>> rotation_of([0.0, 0.0, np.pi / 2]).round(9)[:2].tolist()
+    >>> make_rotation([0.0, 0.0, np.pi / 2]).round(9)[:2].tolist()
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
     """
     from scipy.spatial.transform import Rotation  # slow to load

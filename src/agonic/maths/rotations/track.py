@@ -13,7 +13,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
-from agonic.maths.rotations.attitude import integrate_rates, rotation_of
+from agonic.maths.rotations.attitude import integrate_rates, make_rotation
 
 SPACING_S = 0.5
 """Between two states."""
@@ -80,7 +80,7 @@ def find_slips(track: Track, states: Array) -> Array:
 def find_attitudes(track: Track, states: Array) -> Array:
     """The attitude of each row, (n, 3, 3)."""
     slip = np.concatenate([find_slips(track, states), np.zeros((1, 3))])[track.interval]
-    spread = rotation_of(slip * track.share[:, None])
+    spread = make_rotation(slip * track.share[:, None])
     return np.asarray(spread @ states[track.interval] @ track.turned)
 
 
