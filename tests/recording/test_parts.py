@@ -51,6 +51,17 @@ def test_parts_are_fitted_as_by_themselves(way):
         assert 0.8 < wider.min() <= wider.max() < 1.25
 
 
+@pytest.mark.parametrize("way", WAYS)
+def test_parts_with_the_noise_of_all_rows_are_nearly_those_with_their_own(way):
+    samples, reference = _record(way)
+    _, open_parts, settings = WAYS[way]
+    rows = cut_blocks(samples)[0] != 3
+    own = open_parts(samples, reference, **settings)(rows)
+    given = open_parts(samples, reference, **settings, noise_known=True)(rows)
+    moved = np.abs(given.bias - own.bias) / np.sqrt(np.diag(own.covariance)[:3])
+    assert moved.max() < 0.1
+
+
 def test_outliers_count_no_more_in_a_part():
     samples, reference = _record("by magnitude", seed=1)
     field = samples.field.copy()

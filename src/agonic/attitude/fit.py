@@ -86,11 +86,12 @@ def open_channels_parts(
     channels: tuple[str, ...],
     settings: Settings,
     near: Affine | None = None,
+    noise_known: bool = False,
 ) -> Callable[[Mask], Affine]:
     """What gives the calibration by some of the rows (n,), as `fit_channels_alone` of them does.
 
-    The noise is that of all rows, and the minimum is sought from theirs; a part that has another is
-    fitted by itself.
+    The minimum is sought from that of all rows; a part that has another is fitted by itself. With
+    `noise_known` the noise is that of all rows.
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
     start = None if near is None else find_parameters(near, problem, scale)
@@ -102,7 +103,8 @@ def open_channels_parts(
 
     def fit(rows: Mask) -> Affine:
         robust = settings.robust and int(rows[usable].sum()) >= 2 * FEWEST
-        part = estimate_part(calm, found, np.flatnonzero(rows[usable]), robust=robust)
+        some = np.flatnonzero(rows[usable])
+        part = estimate_part(calm, found, some, robust=robust, noise_known=noise_known)
         if part is None:
             own_rows = samples.select(rows), reference.select(rows)
             return fit_channels_alone(*own_rows, channels, settings, near)

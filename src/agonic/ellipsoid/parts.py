@@ -17,6 +17,7 @@ from agonic.ellipsoid.solve import list_numbers, seek, state_errors
 from agonic.health import FEWEST
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.parts import estimate_part, restate
+from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -27,13 +28,15 @@ def open_ellipsoid_parts(
     *,
     near: Affine | None = None,
     estimates: tuple[Estimate, Estimate] | None = None,
+    noise_known: bool = False,
     **settings: Any,
 ) -> Callable[[Mask], Affine]:
     """What gives the calibration by some of the rows (n,), as `fit_ellipsoid_alone` of them does.
 
-    The noise is that of all rows, and the minimum is sought from theirs; where a part has another,
-    or a model is still to be chosen, it is fitted by itself. The `estimates` of all rows are not
-    sought again where `fit_ellipsoid_and_estimates` of the same has given them.
+    The minimum is sought from that of all rows; where a part has another, or a model is still to be
+    chosen, it is fitted by itself. The `estimates` of all rows are not sought again where
+    `fit_ellipsoid_and_estimates` of the same has given them. With `noise_known` the noise is that
+    of all rows, and standard errors are those of readings with equal, independent noise.
 
     >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(40, 3)))
     >>> open_ellipsoid_parts(turned, model="sphere")(np.arange(40) < 30).model
@@ -54,7 +57,8 @@ def open_ellipsoid_parts(
     try:
         if estimates is None:
             found = seek(problem, posed.robust(chosen), chosen.seed, start)
-            estimates = found, state_errors(problem, found).estimate
+            state = correct_for_unequal_noise if noise_known else state_errors
+            estimates = found, state(problem, found).estimate
     except (OverflowError, np.linalg.LinAlgError):
         return fit_alone
 
@@ -63,7 +67,7 @@ def open_ellipsoid_parts(
     def fit(rows: Mask) -> Affine:
         some = np.flatnonzero(rows[posed.usable])
         robust = chosen.robust and len(some) >= 2 * FEWEST
-        part = estimate_part(problem, found, some, robust=robust)
+        part = estimate_part(problem, found, some, robust=robust, noise_known=noise_known)
         if part is None:
             return fit_alone(rows)
         numbers = list_numbers(restate(part, found, stated), model)

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.linalg import polar
 
-from agonic.arrays import Array, Index
-from agonic.attitude.fit import CHANNELS, fit_channels_alone, open_channels_parts
+from agonic.arrays import Array, Index, Mask
+from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.settings import Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import name_sources
-from agonic.ellipsoid import fit_ellipsoid_alone, open_ellipsoid_parts
+from agonic.ellipsoid import open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.maths.equation.affine import FREE
@@ -27,7 +27,7 @@ from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
 from agonic.maths.rotations.tilt import two_axis_deg
 from agonic.recording.choice.sources import varies
-from agonic.recording.held_out import FitPart, cut_blocks, predict
+from agonic.recording.held_out import cut_blocks, predict
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
@@ -91,10 +91,10 @@ def climb(
     heading = compare(_identity(chosen))
     before = verification.spread_before
     rungs = [_rung("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
-    for name, way, why in _list_others(samples, reference, fit, method):
+    for name, open_parts, why in _list_others(samples, reference, fit, method):
         try:
-            found = way.fit(*most, near=near)
-            fit_part = way.open_parts(some, known, near=found)
+            found = open_parts(*most, near=near)(np.ones(len(most[0]), dtype=bool))
+            fit_part = open_parts(some, known, near=found)
         except AgonicError:
             continue
         folds = predict(some, fit_part, fold, weights)
@@ -143,31 +143,25 @@ def _rung(
     )
 
 
-class _Way(NamedTuple):
-    """What makes a fit, and opens the same for parts of a log."""
+_OpenParts = Callable[..., Callable[[Mask], Affine]]
+"""What opens the fits to parts of samples of a reference, `near` a calibration.
 
-    fit: Callable[..., Affine]
-    open_parts: Callable[..., FitPart]
-
-    def with_settings(self, **settings: Any) -> _Way:
-        """The same with settings."""
-        return _Way(partial(self.fit, **settings), partial(self.open_parts, **settings))
-
-
-_BY_MAGNITUDE = _Way(fit_ellipsoid_alone, open_ellipsoid_parts)
-_BY_CHANNELS = _Way(fit_channels_alone, open_channels_parts)
+Parts are fitted with the noise of all. Where a model suits the readings they predict unseen ones as
+with their own; where it does not, by draws no worse.
+"""
 
 
 def _list_others(
     samples: Samples, reference: Reference | None, fit: Fit, method: str
-) -> Iterator[tuple[str, _Way, str]]:
+) -> Iterator[tuple[str, _OpenParts, str]]:
     """Name of each fit beside the chosen one, what makes it, and why it was not chosen."""
     chosen = fit.calibration
     alone = method == "ellipsoid"
     said = {test.smaller: test.sentence for test in fit.tests if alone}
     for model, name in NAMES.items():
         if not alone or chosen.model != model:
-            yield name, _BY_MAGNITUDE.with_settings(model=model), said.get(model, "")
+            open_parts = partial(open_ellipsoid_parts, model=model, noise_known=True)
+            yield name, open_parts, said.get(model, "")
     if alone and reference is not None and varies(samples.current_A):
         yield "full + current_A", _join("magnitude", sources=("current_A",)), ""
     if chosen.needs and method in CHANNELS:
@@ -185,9 +179,10 @@ def _start_near(chosen: Affine, samples: Samples) -> Affine:
     return Affine(bias=plain.bias, matrix=polar(plain.matrix)[1], magnitude=plain.magnitude)
 
 
-def _join(*channels: str, sources: tuple[str, ...] = ()) -> _Way:
+def _join(*channels: str, sources: tuple[str, ...] = ()) -> _OpenParts:
     """The fit by those channels, with what sources add."""
-    return _BY_CHANNELS.with_settings(channels=channels, settings=Settings(sources=sources))
+    settings = Settings(sources=sources)
+    return partial(open_channels_parts, channels=channels, settings=settings, noise_known=True)
 
 
 def _identity(chosen: Affine) -> Affine:

@@ -186,7 +186,6 @@ def _refine_anew(
 ) -> Estimate | None:
     """The same, or nothing as soon as the way leads to a minimum that is known, or where readings
     are so much less likely from the start that it leads to none that is better."""
-    prior = problem.prior(problem.soft_iron_sd)
     channels, count = problem.channels, len(params)
     residuals = {channel: compute_residuals(problem, channel, params) for channel in channels}
     typical = None if len(rows) == len(problem.points) else rows
@@ -203,18 +202,7 @@ def _refine_anew(
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
-        sd = min(noise["magnitude"].sd, _NO_NOISE)
-        shares = find_attitude_shares(part, noise, params)
-        solution = leastsq.solve_together(
-            [
-                leastsq.Channel(pieces(part, c, sd, shares[c]), of.sd, of.loss, of.correlation)
-                for c, of in noise.items()
-            ],
-            params,
-            prior=prior,
-            tolerance=1e-2,
-            move=problem.move,
-        )
+        solution = minimise(part, noise, params)
         params, assumed = solution.params, noise
         if any(_leads_to(params, one) for one in known):
             return None
@@ -231,9 +219,9 @@ def _refine_anew(
         used = counted
         settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
         if problem.magnitude_only:
-            fewer = counted & find_corroborated(
-                problem, solution, weights, sd * np.sqrt(assumed["magnitude"].correlation)
-            )
+            of = assumed["magnitude"]
+            sd = min(of.sd, _NO_NOISE) * np.sqrt(of.correlation)
+            fewer = counted & find_corroborated(problem, solution, weights, sd)
             counted = fewer if fewer.any() else counted
         elif settled:
             fewer = counted & ~find_bad_readings(residuals, assumed)
@@ -241,6 +229,22 @@ def _refine_anew(
         if settled and np.array_equal(used, counted):
             break
     return Estimate(solution, noise, residuals, weights * used)
+
+
+def minimise(problem: Problem, noise: dict[str, Noise], params: Array) -> leastsq.Solution:
+    """The minimum near parameters, where the noise of each channel is known."""
+    sd = min(noise["magnitude"].sd, _NO_NOISE)
+    shares = find_attitude_shares(problem, noise, params)
+    return leastsq.solve_together(
+        [
+            leastsq.Channel(pieces(problem, c, sd, shares[c]), of.sd, of.loss, of.correlation)
+            for c, of in noise.items()
+        ],
+        params,
+        prior=problem.prior(problem.soft_iron_sd),
+        tolerance=1e-2,
+        move=problem.move,
+    )
 
 
 def find_attitude_shares(
