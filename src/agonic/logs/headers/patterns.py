@@ -39,7 +39,7 @@ _BEFORE = "raw|imu|sensor|sensors|field|data|msg|message|header|vehicle|uncal|un
 _WITHIN = "vector|raw|adc|smooth|uncal|uncomp|buffer|data|values|readings"
 WHOLE_NAME = re.compile(
     rf"(?:imu(?P<imu>\d+)|{_BEFORE})*?"
-    rf"(?P<before>[xyz])?(?P<name>{_NAME})(?:{_WITHIN})*(?P<number>\d*)(?P<axis>[xyz])?(?:axis)?"
+    rf"(?:(?P<before>[xyz])(?:axis)?)?(?P<name>{_NAME})(?:{_WITHIN})*(?P<number>\d*)(?P<axis>[xyz])?(?:axis)?"
     rf"(?P<after>\d*)(?:uncal|uncomp)?(?:in(?!t[xyz]?$))?(?P<unit>{_either(UNITS)})?(?P<last>[xyz])?",
     re.IGNORECASE,
 )

@@ -134,7 +134,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     ),
     Quantity(
         column="field", name="mag", axes="x y z",
-        aliases="m b magn magneto magnetometer magnetic magneticfield magfield magneticflux "
+        aliases="m b mf magn magneto magnetometer magnetic magneticfield magfield magneticflux "
         "magneticfluxdensity magneticinduction geomagnetic field bfield compass",
     ),
     Quantity(
@@ -154,7 +154,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     ),
     Quantity(
         column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, axes="x y z",
-        aliases="a acce accel accelerometer acceleration specificforce totalacceleration "
+        aliases="a acce accl accel accelerometer acceleration specificforce totalacceleration "
         "totalaccel",
         weak="linearacceleration", preferred="gforce gf",  # beside an ax without gravity
     ),

@@ -26,6 +26,7 @@ from agonic.logs.headers.columns import find_columns, find_quantities, identify_
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
 from agonic.logs.text.encoding import Text, load
+from agonic.logs.text.hexadecimal import find_hexadecimal, read_hexadecimal
 from agonic.logs.text.layout import (
     LABVIEW,
     LONGEST_LINE,
@@ -179,8 +180,7 @@ def _read_lines(
             return table, {"format": "labelled text", "notes": (), "others": others}
     layout = find_layout(head, sample)
     start = _skip_lines(data, layout.start)
-    table, others = _read_body(data, start, layout)
-    notes: tuple[str, ...] = ()
+    table, others, notes = _read_body(data, start, layout)
     if above := [line for line in head[: max(layout.start - 1, 0)] if line.strip()]:
         from agonic.logs.text.sanity import check_title
 
@@ -189,7 +189,8 @@ def _read_lines(
         from agonic.logs.text.sanity import check_numbers, cut_at_header
 
         check_numbers(table, data, start, layout)
-        table, notes = cut_at_header(table, data, start, layout)
+        table, cut = cut_at_header(table, data, start, layout)
+        notes += cut
     return table, {"format": "text table", "others": others, "notes": (*layout.notes, *notes)}
 
 
@@ -206,8 +207,10 @@ def _skip_lines(data: Text, count: int) -> int:
     return at
 
 
-def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """The columns that are understood, by header, and the headers of the others."""
+def _read_body(
+    data: Text, start: int, layout: Layout
+) -> tuple[dict[str, NDArray[Any]], list[str], tuple[str, ...]]:
+    """The columns that are understood, by header, the headers of the others, and notes."""
     begun = _split_head(data, start)
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
@@ -219,16 +222,23 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[dict[str, NDArra
     numeric = [i for i in wanted if i not in texts]
     values = read_numbers(data, start, layout, numeric)
     table: dict[str, NDArray[Any]] = {}
-    cells = [layout.split(row) for row in split_rows(data, start)] if texts else []
+    of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
+    coded = find_hexadecimal(first, of)
+    cells = [layout.split(row) for row in split_rows(data, start)] if texts or coded else []
+    notes: dict[str, None] = {}
     for i, name in wanted.items():
         column = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
         if i in vectors:
             table |= _take_apart(header[i], column)
         elif i in texts:
             table[name] = column
+        elif i in coded:
+            table[name], how = read_hexadecimal(column.tolist())
+            notes[f"hexadecimal numbers are read as {how}"] = None
         else:
             table[name] = values[numeric.index(i)]
-    return _add_rate(table, layout), [h for i, h in enumerate(layout.header) if i not in wanted]
+    others = [h for i, h in enumerate(layout.header) if i not in wanted]
+    return _add_rate(table, layout), others, tuple(notes)
 
 
 def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

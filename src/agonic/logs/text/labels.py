@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ _STAMPS = {
 """What loggers write before a line, by what it is: the Arduino's monitor and Python's logging, the
 kernel and ROS, ESP-IDF."""
 _AXIS = re.compile(r"(.*?)[\s_.]*([xyz])(?:[\s_-]?axis)?", re.IGNORECASE)
+_COUNTS = ("", "counts", "count", "raw", "lsb")
 _LONGEST = 4000
 """Letters of a line; a longer one is damage."""
 
@@ -75,6 +77,7 @@ class Scanner:
         [('Mag X', 'uT'), ('Mag Y', 'uT'), ('Mag Z', 'uT')]
         """
         found: list[Reading] = []
+        titled = ""
         labels = list(_LABEL.finditer(line[:_LONGEST]))
         ends = [*(label.start() for label in labels[1:]), min(len(line), _LONGEST)]
         for label, end in zip(labels, ends, strict=False):
@@ -85,18 +88,22 @@ class Scanner:
             numbers = list(_FIND_NUMBER.finditer(content))
             if not numbers and not re.search(r"\w", content):
                 self._set_title(name, label[2] or "")
+                stated = label[2] or name.rpartition(" ")[2]
+                titled = stated if is_unit(stated) else titled
             found += self._name(name, label[2] or "", [one[0] for one in numbers])
             behind = _UNIT.fullmatch(content[numbers[-1].end() :]) if numbers else None
             if behind and is_unit(behind[1]):
                 found = _give_unit(found, behind[1])
-        return found
+        return _give_unit(found, titled) if titled else found
 
     def _set_title(self, name: str, unit: str) -> None:
-        """Keep a name without a number, where it is that of a sensor."""
+        """Keep a name without a number, where it is that of a sensor, or comes after one."""
         column = identify_column(f"{name} x")
         if column is not None and column.rank != FALLBACK and column.axis:
             self._title, self._group = name, ""
             self._unit = unit
+        elif self._title:  # Orient: below Mag: is another sensor's
+            self._title, self._group, self._unit = name, "", ""
 
     _unit = ""
 
@@ -161,12 +168,19 @@ def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[st
 
 
 def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], str]:
-    """The header of each name with each unit; a name with and without its one unit has one."""
+    """The header of each name with each unit; a name with and without its one unit has one.
+
+    It is "" for counts that come with the same reading in a unit.
+    """
     counts = Counter((one.name, one.unit) for line in lines for one in line)
+    unscaled = _find_unscaled(lines)
     headers = {}
     for name, unit in counts:
         units = {other: n for (of, other), n in counts.items() if of == name and other}
         plain = identify_column(name)
+        if (name, unit) in unscaled:
+            headers[name, unit] = ""
+            continue
         if plain is not None and plain.unit is not None:
             headers[name, unit] = name  # a name that tells its unit
         elif len(units) == 1:
@@ -177,6 +191,27 @@ def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], 
     return headers
 
 
+def _find_unscaled(lines: Sequence[Sequence[Reading]]) -> set[tuple[str, str]]:
+    """The names with units, or without, of counts beside the same reading in a unit.
+
+    What has no unit is counts where it is of another size: some lines of a log may lose theirs.
+    """
+    sizes: dict[tuple[str, str], list[float]] = {}
+    for line in lines:
+        for one in line:
+            sizes.setdefault((one.name, one.unit), []).append(abs(float(one.number)))
+    usual = {named: median(values) for named, values in sizes.items()}
+    found = set()
+    for (name, unit), size in usual.items():
+        scaled = [
+            usual[of, other] for of, other in usual if of == name and other.lower() not in _COUNTS
+        ]
+        apart = unit != "" or all(not other / 2 < size < 2 * other for other in scaled)
+        if unit.lower() in _COUNTS and scaled and apart:
+            found.add((name, unit))
+    return found
+
+
 def _gather(
     lines: Sequence[Sequence[Reading]], stamps: Sequence[str], headers: dict[tuple[str, str], str]
 ) -> tuple[list[dict[str, str]], list[str]]:
@@ -184,7 +219,7 @@ def _gather(
     records: list[dict[str, str]] = []
     times: list[str] = []
     for readings, stamp in zip(lines, stamps, strict=True):
-        named = {headers[one.name, one.unit]: one.number for one in readings}
+        named = {header: one.number for one in readings if (header := headers[one.name, one.unit])}
         if not records or any(name in records[-1] for name in named):
             records.append({})
             times.append(stamp)

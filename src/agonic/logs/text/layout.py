@@ -20,6 +20,7 @@ NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 """A number in a text; possessive, so that long digits cost once."""
 STAMP = r"(?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+"
 """A moment as terminals and loggers write it before a line, to a part of a second."""
+HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
 LABVIEW = "LabVIEW Measurement"
 SAMPLE = 200
 LONGEST_LINE = 1_000_000
@@ -267,5 +268,9 @@ def count_cells(line: str, separator: str | None) -> int:
 
 def is_header(cells: Sequence[str]) -> bool:
     """Whether most of the cells that are not empty are words."""
-    words = [math.isnan(to_number(cell)) and cell.lower() != "nan" for cell in cells if cell]
+    words = [
+        math.isnan(to_number(cell)) and cell.lower() != "nan" and not HEXADECIMAL.fullmatch(cell)
+        for cell in cells
+        if cell
+    ]
     return 2 * sum(words) > len(words)
