@@ -19,7 +19,6 @@ from agonic.logs.headers.columns import (
     LAST,
     Identified,
     find_quantities,
-    find_rivals,
     identify_column,
     identify_columns,
 )
@@ -30,6 +29,7 @@ from agonic.logs.headers.conventions import (
     find_correction,
     is_corrected,
 )
+from agonic.logs.headers.remarks import tell_doubtful, tell_no_clock, tell_rivals
 from agonic.logs.log import Log, Stream
 from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
@@ -41,7 +41,6 @@ from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 _MOST_SENSORS = 64
-_CLOCKS = frozenset(("time", "date", "hour", "gps_tow"))
 _INERTIAL = {"acceleration": "an accelerometer", "rotation_rate": "a gyroscope"}
 _MAGNITUDE = re.compile(
     r"(?:mag(?:\d|_?field)?|tmi|tmf|total_?field|b_?total|scalar_?\w*)[\s_]*[(\[]?(?:nt)?[)\]]?",
@@ -96,8 +95,9 @@ def build_log(
             *remarks,
             *documented,
             *find_correction([*table, *others]),
-            *_tell_rivals(found, [*table, *others], fields),
-            *_tell_no_clock(found, others),
+            *tell_rivals(found, [*table, *others], fields),
+            *tell_no_clock(found, others),
+            *tell_doubtful(table),
         ),
     )
     sensors, failures = _read_sensors(whole, fields)
@@ -109,26 +109,6 @@ def build_log(
         streams=_list_streams(table, found, others, sensors[0]),
         notes=(*notes, *failures),
     )
-
-
-def _tell_rivals(found: Identified, headers: list[str], fields: list[str]) -> tuple[str, ...]:
-    """What was taken where a table holds a field twice, and how to take the other."""
-    notes = []
-    for number in fields:
-        axes = found["field"][number]
-        if rivals := find_rivals(headers, axes):
-            taken = ", ".join(axes[axis].header for axis in "xyz" if axis in axes)
-            given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
-            notes.append(f"{taken} are taken; the table holds the field again: --columns {given}")
-    return tuple(notes)
-
-
-def _tell_no_clock(found: Identified, others: Iterable[str]) -> tuple[str, ...]:
-    """What could be the clock of a table that has none that is known."""
-    free = [header for header in others if header.strip()]
-    if _CLOCKS.intersection(found) or not free:
-        return ()
-    return (f"no column is known for a time ({', '.join(free[:5])}): --columns time=… names it",)
 
 
 def _read_sensors(whole: Part, fields: list[str]) -> tuple[tuple[Samples, ...], list[str]]:

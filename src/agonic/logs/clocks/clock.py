@@ -29,6 +29,8 @@ _ZONES_H = {
 """Hours ahead of UTC. CST, IST and BST stand for several zones."""
 _ZONE = re.compile(r"\s+\(?([A-Z]{3,5})\)?$")
 _HOUR_S = 3600.0
+_NANOSECONDS = 3e6
+"""Steps of more, in microseconds, would be above 3 s, for which nobody counts those."""
 _NONE_READ = "times left out: none could be read"
 NO_ZONE = "times name no zone: taken as UTC"
 TIMES_OF_DAY = "times of day"
@@ -72,6 +74,9 @@ def _without_unit(numbers: Array) -> Clock:
         return since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
     finite = numbers[np.isfinite(numbers)]
     if _are_steps_whole(finite) and (step := median(np.diff(finite))) > 1:
+        if step >= _NANOSECONDS:
+            note = f"times have no unit; their steps of {step:g} can only be nanoseconds"
+            return numbers / 1e9, None, (note,)
         note = (
             f"times left out: they have no unit and step by {step:g}; name the "
             "column time_s, time_ms or time_us"

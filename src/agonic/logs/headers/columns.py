@@ -83,7 +83,8 @@ Identified = dict[str, dict[str, dict[str, Column]]]
 def identify_columns(headers: Iterable[str]) -> Identified:
     """The columns that are understood, the best name for each.
 
-    Raises `LogError` naming both where two columns could be the same thing.
+    Two that could be the same thing beside the field are left out; of the others, raises
+    `LogError` naming both.
 
     >>> identify_columns(["t", "mag2_x", "note"])["field"]["2"]["x"].header
     'mag2_x'
@@ -98,6 +99,7 @@ def identify_columns(headers: Iterable[str]) -> Identified:
     for (name, sensor), columns in groups.items():
         best = min(column.rank for column in columns)
         axes: dict[str, Column] = {}
+        doubtful: set[str] = set()
         for column in (column for column in columns if column.rank == best):
             twin = axes.setdefault(column.axis, column)
             if twin.header == "timestamp" and _OF_DEVICE.search(column.header):
@@ -107,16 +109,41 @@ def identify_columns(headers: Iterable[str]) -> Identified:
             if (preferred := _prefer(twin, column)) is not None:
                 axes[column.axis] = preferred
                 continue
+            if name in _BESIDE:
+                doubtful.add(column.axis)
+                continue
             raise LogError(
                 f"{twin.header!r} and {column.header!r} could both be the "
                 f"{' '.join(filter(None, (column.quantity.name, sensor, column.axis)))} "
                 "column; rename or remove one of them, or say which with --columns"
             )
-        found.setdefault(name, {})[sensor] = axes
+        if kept := {axis: column for axis, column in axes.items() if axis not in doubtful}:
+            found.setdefault(name, {})[sensor] = kept
     return found
 
 
-_RAW = re.compile(r"(?<![a-z])raw(?![a-z])|raw(?=[A-Z])|Raw(?![a-z])")
+_BESIDE = frozenset(
+    (
+        "temperature", "roll_deg", "pitch_deg", "heading_deg", "heading_sd_deg", "latitude_deg",
+        "longitude_deg", "altitude_m", "current_A", "throttle",
+    )
+)  # fmt: skip
+"""What is left out where two columns could be it; a magnetometer is calibrated without."""
+
+
+def find_doubtful(headers: Iterable[str]) -> list[str]:
+    """The columns of one quantity beside the field that were left out as there are several.
+
+    >>> find_doubtful(["mx", "my", "mz", "yaw (rad)", "heading (deg)"])
+    ['yaw (rad)', 'heading (deg)']
+    """
+    headers = list(headers)
+    found = identify_columns(headers)
+    known = find_quantities(headers)
+    return [h for h in headers if known[h] in _BESIDE and known[h] not in found]
+
+
+_RAW = re.compile(r"(?<![a-z])raw(?![a-z])|raw(?=[A-Z])|Raw(?![a-z])|(?<![A-Za-z])RAW(?![A-Za-z])")
 _CHANGED = re.compile(
     r"(?i)(?<![a-z])(un)?(cal|calib|calibrated|comp|compensated|corr|corrected|filt|filtered|raw|"
     r"smooth|lpf)(?![a-z])|(?<=[a-z])(Raw|Cal|Corr|Comp|Filt)(?![a-z])|^raw(?=[A-Z])"

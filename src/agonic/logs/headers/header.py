@@ -15,6 +15,7 @@ from agonic.logs.headers.patterns import (
     BARE,
     BRACKET,
     CANONICAL,
+    CODE,
     COMMA,
     DISTURBER_NAME,
     EPOCH,
@@ -109,6 +110,7 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
         or OVER.fullmatch(text)
     )
     name, unit = (split["name"], squash(IN.sub("", split["unit"]))) if split else (text, "")
+    unit = "" if CODE.fullmatch(unit) else unit
     unit = f"{unit}s" if unit.lower().endswith("second") and f"{unit}s".lower() in UNITS else unit
     if unit and not unit.isascii():
         return None
@@ -294,4 +296,6 @@ def _unit(quantity: Quantity, suffix: str | None, bracket: str) -> tuple[bool, s
             return True, find_unit(written)
     elif written.lower() in quantity.units:
         return True, written.lower()
-    return quantity.column in ("field", "time") and not suffix, None
+    elif written.lower() in UNITS:
+        return False, None  # T (nT) is no time
+    return quantity.column in ("field", "time", "date") and not suffix, None

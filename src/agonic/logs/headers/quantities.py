@@ -111,7 +111,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         "sampletimefine loggingtime stamp hhmmss hhmmssms mjd jd juliandate modifiedjuliandate",
         weak="chiptime elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime "
         "elapsedrealtime timestampsample epoch offsettime clockoffsettime",
-        preferred="headerstamp epoc timestampunix",
+        preferred="headerstamp epoc timestampunix timestampsyncunix",
     ),
     Quantity(column="date", name="date", aliases="day utcdate"),
     Quantity(column="year", name="year"),
@@ -156,7 +156,8 @@ QUANTITIES: tuple[Quantity, ...] = (
         column="acceleration", name="acc", unit="m_s2", units=_ACCELERATION, axes="x y z",
         aliases="a acce accl accel accelerometer acceleration specificforce totalacceleration "
         "totalaccel",
-        weak="linearacceleration", preferred="gforce gf",  # beside an ax without gravity
+        weak="linearacceleration useracceleration",
+        preferred="gforce gf",  # beside an ax without gravity
     ),
     Quantity(
         column="rotation_rate", name="gyro", unit="rad_s", units=_RATE, axes="x y z",

@@ -132,6 +132,9 @@ def _read_column(
     if days is not None and values.dtype.kind in "OUS":
         values = np.array([f"{day} {clock}" for day, clock in zip(days, values, strict=True)])
     clock = read_clock(values, factor)
+    if date is not None and clock[0] is None and table[date.header].dtype.kind in "OUS":
+        moments = read_clock(table[date.header], None)
+        clock = moments if moments[0] is not None and np.ptp(moments[0]) > 0 else clock
     if date is not None and any(note.startswith(TIMES_OF_DAY) for note in clock[2]):
         clock = _date_clock(clock, table[date.header])
     if not time.documented:

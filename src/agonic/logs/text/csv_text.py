@@ -45,6 +45,7 @@ _HEAD = 100_000
 _MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[ T]|-?\d+ days )\+?\d\d:\d\d")
 _LABELS = ("date", "sensor", "frame", "unit")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
+_GYROFLOW = "GYROFLOW IMU LOG"
 _ABSOLUTES = "# MagPy Absolutes"
 _MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
@@ -185,6 +186,10 @@ def _read_lines(
         from agonic.logs.text.sanity import check_title
 
         check_title(table, above)
+    if head[0].startswith(_GYROFLOW):
+        from agonic.logs.text.gyroflow import scale_columns
+
+        table = scale_columns(table, head[1 : layout.start - 1])
     if _lacks_numbers(table):
         from agonic.logs.text.sanity import check_numbers, cut_at_header
 

@@ -7,7 +7,7 @@ numbers may be written as texts. Otherwise columns are named as those of a text 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
 def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The columns of objects that are understood, by name, and the names of the others."""
-    columns = _make_columns(records)
+    columns = _make_columns([one for record in records for one in _unpack(record)])
     names = list(columns)
     texts = [[v if isinstance(v, str) else "" for v in columns[name][:SAMPLE]] for name in names]
     wanted = find_columns(rename_headers(name_label(names, list(zip(*texts, strict=True)))))
@@ -183,6 +183,38 @@ def _make_columns(records: list[dict[str, Any]]) -> dict[str, list[Any]]:
     for column in columns.values():
         column.extend([None] * (len(records) - len(column)))
     return columns
+
+
+def _unpack(record: dict[str, Any]) -> list[dict[str, Any]]:
+    """The records that a packet of several readings is: its lists of objects taken apart.
+
+    >>> _unpack({"t": 5, "mag": [{"x": 1}, {"x": 2}]})
+    [{'t': 5, 'mag': {'x': 1}}, {'t': 5, 'mag': {'x': 2}}]
+    """
+    if len(lengths := {length for length in _measure(record) if length}) != 1:
+        return [record]
+    return [_take(record, k) for k in range(lengths.pop())]
+
+
+def _measure(value: Any, depth: int = 0) -> Iterator[int]:
+    """The lengths of the lists of objects in a record."""
+    for inner in value.values() if depth < _DEEPEST else ():
+        if isinstance(inner, dict):
+            yield from _measure(inner, depth + 1)
+        elif isinstance(inner, list) and inner and _are_objects(inner):
+            yield len(inner)
+
+
+def _take(value: dict[str, Any], at: int) -> dict[str, Any]:
+    """A record with one of each list of objects."""
+    taken: dict[str, Any] = {}
+    for name, inner in value.items():
+        if isinstance(inner, dict):
+            taken[name] = _take(inner, at)
+        else:
+            listed = isinstance(inner, list) and inner and _are_objects(inner)
+            taken[name] = inner[at] if listed else inner
+    return taken
 
 
 def _flatten(record: Mapping[str, Any], before: str = "", depth: int = 0) -> dict[str, Any]:

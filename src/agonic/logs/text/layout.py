@@ -224,8 +224,10 @@ def _is_row_of_units(line: str, separator: str | None, header: Sequence[str]) ->
     units = split_cells(line, separator)
     if len(units) != len(header) or not is_header([unit.replace(",", "") for unit in units]):
         return False
-    known = [identify_column(_with_unit(h, u)) for h, u in zip(header, units, strict=True) if u]
-    return sum(column is not None and column.unit is not None for column in known) >= 2
+    words = [(h, u) for h, u in zip(header, units, strict=True) if u and math.isnan(to_number(u))]
+    known = [identify_column(_with_unit(name, unit)) for name, unit in words]
+    stated = sum(column is not None and column.unit is not None for column in known)
+    return stated >= 2 or (stated == 1 and len(words) == sum(map(bool, units)))
 
 
 def _with_unit(name: str, unit: str) -> str:

@@ -48,7 +48,11 @@ CORRECTED = {
 }
 """Sentences whose field the device has already corrected."""
 
-_SENTENCE = re.compile(r"(?P<before>[^$]*)[$!](?P<body>[A-Z]{3,},[^*]*)(?:\*(?P<sum>\S{2}))?")
+ALONE = "MAG"
+"""What a sentence of three numbers without a name is taken for."""
+_SENTENCE = re.compile(
+    r"(?P<before>[^$]*)[$!](?P<body>(?:[A-Z]{3,},|(?=-?[\d.]+,))[^*]*)(?:\*(?P<sum>\S{2}))?"
+)
 
 
 def compute_checksum(body: str) -> int:
@@ -72,24 +76,31 @@ def read_sentences(
     """
     found: list[Sentence] = []
     stamps: list[str] = []
-    wrong = 0
+    wrong, first = 0, ""
     seen: Counter[str] = Counter()
     for number, line in enumerate(data.decode("utf-8", "replace").split("\n")):
         match = _SENTENCE.match(line)
         if match is None:
             continue
-        name, *cells = match["body"].split(",")
+        name, *cells = match["body"].split(",") if match["body"][0].isalpha() else _name(match)
         seen[name] += 1
         stated = match["sum"]
         if stated and stated.upper() not in (f"{compute_checksum(match['body']):02X}", "XX"):
+            first = first or (
+                f", the first in line {number + 1}: *{stated} is not "
+                f"*{compute_checksum(match['body']):02X}"
+            )
             wrong += 1
             continue
         found.append((number, name, cells))
         stamps.append(match["before"].strip(" ,;:\t->[]"))
-    name, lines, table = _read_field(found, seen, wrong)
+    try:
+        name, lines, table = _read_field(found, seen, wrong)
+    except LogError as error:
+        raise LogError(f"{error}{first}") from None
     when = dict(zip((number for number, _, _ in found), stamps, strict=True))
     said = _add_beside(table, lines, [when[line] for line in lines.tolist()], found)
-    damaged = (f"{wrong} sentences with a wrong checksum were left out",) * (wrong > 0)
+    damaged = (f"{wrong} sentences with a wrong checksum were left out{first}",) * (wrong > 0)
     log = build_log(
         table,
         path=path,
@@ -105,6 +116,12 @@ def read_sentences(
     remark = f"${name} holds readings that the device has corrected; have it send $VNIMU"
     sensors = (replace(s, corrected=True, notes=(*s.notes, remark)) for s in log.sensors)
     return replace(log, sensors=tuple(sensors))
+
+
+def _name(match: re.Match[str]) -> list[str]:
+    """The cells of a sentence without a name, which three numbers alone take for MAG."""
+    cells = match["body"].split(",")
+    return [ALONE if len(cells) == 3 else "", *cells]
 
 
 def _read_field(
