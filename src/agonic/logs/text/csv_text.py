@@ -26,7 +26,6 @@ from agonic.logs.headers.columns import find_columns, find_quantities, identify_
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
 from agonic.logs.text.encoding import Text, load
-from agonic.logs.text.hexadecimal import find_hexadecimal, read_hexadecimal
 from agonic.logs.text.layout import (
     LABVIEW,
     LONGEST_LINE,
@@ -40,6 +39,10 @@ from agonic.logs.text.layout import (
 from agonic.logs.text.long_table import LABEL, build_tables_log, name_label
 from agonic.logs.text.numbers import read_numbers, split_rows
 from agonic.provenance import Input
+
+Table = dict[str, NDArray[Any]]
+Facts = tuple[Table, dict[str, Any]]
+"""Columns by header, and what to tell of the file."""
 
 _HEAD = 100_000
 _MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[ T]|-?\d+ days )\+?\d\d:\d\d")
@@ -97,7 +100,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     return build_log(table, path=path, source=source, unit=unit, **facts)
 
 
-def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_table(path: Path) -> Facts:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
     data, head, notes = _load(path)
     table, facts = _read_lines(data, head, sample_lines(head))
@@ -151,9 +154,7 @@ def _most(rows: Sequence[str], test: Any) -> bool:
     return bool(rows) and 2 * sum(bool(test(row)) for row in rows) > len(rows)
 
 
-def _read_lines(
-    data: Text, head: Sequence[str], sample: Sequence[int]
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> Facts:
     """The columns of lines of one kind, and what to tell of them."""
     rows = [head[i] for i in sample]
     if not rows:
@@ -179,6 +180,11 @@ def _read_lines(
         if is_labelled(rows[1:] or rows):
             table, others = read_labelled(split_rows(data[:]))
             return table, {"format": "labelled text", "notes": (), "others": others}
+    return _read_separated(data, head, sample)
+
+
+def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> Facts:
+    """The columns of cells that separators divide, and what to tell of them."""
     layout = find_layout(head, sample)
     start = _skip_lines(data, layout.start)
     table, others, notes = _read_body(data, start, layout)
@@ -199,7 +205,7 @@ def _read_lines(
     return table, {"format": "text table", "others": others, "notes": (*layout.notes, *notes)}
 
 
-def _lacks_numbers(table: dict[str, NDArray[Any]]) -> bool:
+def _lacks_numbers(table: Table) -> bool:
     """Whether a cell of a numeric column is no number."""
     return any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
 
@@ -212,9 +218,7 @@ def _skip_lines(data: Text, count: int) -> int:
     return at
 
 
-def _read_body(
-    data: Text, start: int, layout: Layout
-) -> tuple[dict[str, NDArray[Any]], list[str], tuple[str, ...]]:
+def _read_body(data: Text, start: int, layout: Layout) -> tuple[Table, list[str], tuple[str, ...]]:
     """The columns that are understood, by header, the headers of the others, and notes."""
     begun = _split_head(data, start)
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
@@ -226,9 +230,13 @@ def _read_body(
     texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
     numeric = [i for i in wanted if i not in texts]
     values = read_numbers(data, start, layout, numeric)
-    table: dict[str, NDArray[Any]] = {}
-    of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
-    coded = find_hexadecimal(first, of)
+    table: Table = {}
+    coded: list[int] = []
+    if np.isnan(values).any():
+        from agonic.logs.text.hexadecimal import find_hexadecimal, read_hexadecimal
+
+        of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
+        coded = find_hexadecimal(first, of)
     cells = [layout.split(row) for row in split_rows(data, start)] if texts or coded else []
     notes: dict[str, None] = {}
     for i, name in wanted.items():
@@ -255,7 +263,7 @@ def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[st
     return list(header)
 
 
-def _add_rate(table: dict[str, NDArray[Any]], layout: Layout) -> dict[str, NDArray[Any]]:
+def _add_rate(table: Table, layout: Layout) -> Table:
     """The columns, with times from the sampling rate where no column is a clock."""
     if layout.rate_Hz is None or not table:
         return table
@@ -279,7 +287,7 @@ def _find_vectors(header: Sequence[str], rows: Sequence[Sequence[str]]) -> set[i
     return found
 
 
-def _take_apart(name: str, cells: NDArray[Any]) -> dict[str, NDArray[Any]]:
+def _take_apart(name: str, cells: NDArray[Any]) -> Table:
     """The three columns of a column of vectors; a cell that is none becomes NaN."""
     found = (_THREE.fullmatch(cell) for cell in cells)
     values = np.array([m.groups() if m else (np.nan,) * 3 for m in found], dtype=np.float64)

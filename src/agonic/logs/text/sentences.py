@@ -74,26 +74,7 @@ def read_sentences(
 
     Raises `LogError` where none of them holds a field.
     """
-    found: list[Sentence] = []
-    stamps: list[str] = []
-    wrong, first = 0, ""
-    seen: Counter[str] = Counter()
-    for number, line in enumerate(data.decode("utf-8", "replace").split("\n")):
-        match = _SENTENCE.match(line)
-        if match is None:
-            continue
-        name, *cells = match["body"].split(",") if match["body"][0].isalpha() else _name(match)
-        seen[name] += 1
-        stated = match["sum"]
-        if stated and stated.upper() not in (f"{compute_checksum(match['body']):02X}", "XX"):
-            first = first or (
-                f", the first in line {number + 1}: *{stated} is not "
-                f"*{compute_checksum(match['body']):02X}"
-            )
-            wrong += 1
-            continue
-        found.append((number, name, cells))
-        stamps.append(match["before"].strip(" ,;:\t->[]"))
+    found, stamps, seen, wrong, first = _scan(data.decode("utf-8", "replace").split("\n"))
     try:
         name, lines, table = _read_field(found, seen, wrong)
     except LogError as error:
@@ -116,6 +97,35 @@ def read_sentences(
     remark = f"${name} holds readings that the device has corrected; have it send $VNIMU"
     sensors = (replace(s, corrected=True, notes=(*s.notes, remark)) for s in log.sensors)
     return replace(log, sensors=tuple(sensors))
+
+
+def _scan(
+    rows: Sequence[str],
+) -> tuple[list[Sentence], list[str], Counter[str], int, str]:
+    """The sentences with a right checksum, or none, what stands before each, how many there are
+    of each name, how many have a wrong one, and where the first of those is.
+    """
+    found: list[Sentence] = []
+    stamps: list[str] = []
+    wrong, first = 0, ""
+    seen: Counter[str] = Counter()
+    for number, line in enumerate(rows):
+        match = _SENTENCE.match(line)
+        if match is None:
+            continue
+        name, *cells = match["body"].split(",") if match["body"][0].isalpha() else _name(match)
+        seen[name] += 1
+        stated = match["sum"]
+        if stated and stated.upper() not in (f"{compute_checksum(match['body']):02X}", "XX"):
+            first = first or (
+                f", the first in line {number + 1}: *{stated} is not "
+                f"*{compute_checksum(match['body']):02X}"
+            )
+            wrong += 1
+            continue
+        found.append((number, name, cells))
+        stamps.append(match["before"].strip(" ,;:\t->[]"))
+    return found, stamps, seen, wrong, first
 
 
 def _name(match: re.Match[str]) -> list[str]:
