@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any
 
 from agonic.misuse import explain_making
+from agonic.pickled import lock_arrays
 
 MOST_LINES = 12
 
@@ -26,6 +27,10 @@ class Readable:
             cls.__repr__ = Readable.__repr__  # type: ignore[method-assign]
         if "__post_init__" in vars(cls):
             cls.__post_init__ = explain_making(vars(cls)["__post_init__"])  # type: ignore[attr-defined]
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state)
+        lock_arrays(state.values())  # a pickle and a copy are as read-only as what they are of
 
     def __repr__(self) -> str:
         head, *lines = self._say()

@@ -1,5 +1,10 @@
 """Every object says what it is: a short repr, a summary, a page in notebooks, a figure."""
 
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -68,6 +73,20 @@ def test_it_says_what_it_is_in_a_few_lines(shown: dict[str, ag.Fit], name: str) 
     assert max(map(len, lines)) < 160
     assert "array([" not in repr(shown[name])
     assert shown[name].summary()
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+@pytest.mark.parametrize("name", NAMES)
+def test_it_can_be_sent_to_another_process(
+    shown: dict[str, ag.Fit], name: str, again: Callable[[Any], Any]
+) -> None:
+    other = again(shown[name])
+    assert other is not shown[name]
+    assert other.summary() == shown[name].summary()
+    for key, value in vars(shown[name]).items():
+        if isinstance(value, np.ndarray) and not value.flags.writeable:
+            assert not getattr(other, key).flags.writeable
+            assert np.array_equal(getattr(other, key), value, equal_nan=value.dtype.kind == "f")
 
 
 @pytest.mark.parametrize("name", NAMES)
