@@ -201,14 +201,14 @@ def _choose_and_verify(
 
     None where the fit itself is refused, whatever held-out parts would say of it.
     """
-    choice = _keep_latency(choose(samples, reference, kind, settings))
+    choice = choose(samples, reference, kind, settings)
     fit, made = _verify_unless_refused(choice)
     if kind != "auto" or choice.method == "ellipsoid" or fit.verdict != "refused":
         return choice, made
     other = fall_back(replace(choice, fit=fit), samples, reference, settings)
     if other.method == choice.method:
         return choice, made
-    fit, by_less = _verify_unless_refused(_keep_latency(other))
+    fit, by_less = _verify_unless_refused(other)
     return (choice, made) if fit.verdict == "refused" else (other, by_less)
 
 
@@ -250,7 +250,10 @@ def calibrate_recording(
 
 
 def _verify(choice: Choice) -> Calibrated:
-    """A choice with its checks on held-out parts."""
+    """A choice with its latency kept, for all that use the calibration later, and with its checks
+    on held-out parts."""
+    kept = keep_latency(choice.fit, choice.samples, choice.latency)
+    choice = replace(choice, fit=kept)
     samples, reference, fit = choice.samples, choice.reference, choice.fit
     refused = fit.verdict == "refused"
     folds = fit_folds(samples, reference, fit.calibration, choice.open_parts, refused=refused)
@@ -269,11 +272,6 @@ def _verify(choice: Choice) -> Calibrated:
         fit = widen_by_parts(fit, folds, samples, turned=choice.method != "ellipsoid")
         choice = replace(choice, fit=fit.with_findings(*find_refusals(checks)))
     return replace(conclude(choice, replace(verification, checks=checks)), folds=folds)
-
-
-def _keep_latency(choice: Choice) -> Choice:
-    """The choice, with the latency kept in the calibration for all that use it later."""
-    return replace(choice, fit=keep_latency(choice.fit, choice.samples, choice.latency))
 
 
 def conclude(choice: Choice, verification: Verification) -> Calibrated:

@@ -88,6 +88,8 @@ def _choose(
 
 def _tell_turn(alone: Choice) -> Choice:
     """A fit to the magnitude with how roll and pitch show the sensor turned in its vehicle."""
+    if alone.fit.verdict == "refused":
+        return alone
     kind = alone.reference.kind if alone.reference is not None else None
     known = kind in ("vector", "horizontal-vertical")
     move = ASK_FOR_ATTITUDE if known else ASK_FOR_PLACE

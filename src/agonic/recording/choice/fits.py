@@ -61,7 +61,8 @@ class Choice:
 
     `samples` are those that were fitted, with a `latency` that is significant undone beside an
     attitude, and `reference` is that of their rows; `open_parts` gives what calibrates parts of a
-    log with the same choices; `disturbers` is what was tried of them, where any were.
+    log with the same choices; `ask_latency` finds the latency, which a refused fit has no use for;
+    `disturbers` is what was tried of them, where any were.
     """
 
     samples: Samples
@@ -70,8 +71,13 @@ class Choice:
     method: str
     reason: str
     open_parts: OpenParts
-    latency: LatencyFit | None = None
+    ask_latency: Callable[[], LatencyFit | None] = lambda: None
     disturbers: SourceChoice | None = None
+
+    @property
+    def latency(self) -> LatencyFit | None:
+        """How late the readings are, where anything tells it."""
+        return self.ask_latency()
 
 
 def describe_latency(latency: LatencyFit) -> str:
@@ -100,7 +106,8 @@ def fit_magnitude(
         open_some,
         partial(open_ellipsoid_parts, **same, near=fit.calibration, estimates=known),
     )
-    return Choice(samples, reference, fit, "ellipsoid", reason, parts, find_latency(samples))
+    ask_latency = partial(find_latency, samples)
+    return Choice(samples, reference, fit, "ellipsoid", reason, parts, ask_latency)
 
 
 def fit_alone(samples: Samples, reference: Reference | None, settings: Mapping[str, Any]) -> Choice:
@@ -182,7 +189,7 @@ def fit_beside_attitude(
         if fit.heading_source is not None:
             reason += f", and {fit.heading_source} was used beside the gyro"
         parts: OpenParts = partial(open_inertial_parts, fit)
-        return Choice(fit.samples, fit.reference, fit, method, reason, parts, latency)
+        return Choice(fit.samples, fit.reference, fit, method, reason, parts, lambda: latency)
     assert reference is not None  # any other fit has asked for it
     same = {**settings, "gauge": fit.calibration.gauge, "sources": list_sources(fit)}
     parts = partial(
@@ -194,7 +201,7 @@ def fit_beside_attitude(
     if not list_sources(fit):  # what follows a source slowly has to be seen row by row
         parts = partial(open_some, parts)
     return Choice(
-        samples, reference, fit.with_findings(*wrong), method, reason, parts, latency, tried
+        samples, reference, fit.with_findings(*wrong), method, reason, parts, lambda: latency, tried
     )
 
 
