@@ -170,7 +170,7 @@ def test_large_whole_steps_are_nanoseconds(tmp_path: Path) -> None:
     samples = read(tmp_path, write_rows("timestamp,mx,my,mz", stamps))
     assert samples.time is not None
     assert np.diff(samples.time) == pytest.approx(0.02)
-    assert any("can only be nanoseconds" in note for note in samples.notes)
+    assert any("taken as nanoseconds" in note for note in samples.notes)
 
 
 def test_a_date_column_stands_in_for_a_clock_of_unknown_unit(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ _ZONES_H = {
 _ZONE = re.compile(r"\s+\(?([A-Z]{3,5})\)?$")
 _HOUR_S = 3600.0
 _NANOSECONDS = 3e6
-"""Steps of more, in microseconds, would be above 3 s, for which nobody counts those."""
+"""Steps of more, in microseconds, would be above 3 s, for which hardly anybody counts those."""
 _NONE_READ = "times left out: none could be read"
 NO_ZONE = "times name no zone: taken as UTC"
 TIMES_OF_DAY = "times of day"
@@ -75,7 +75,7 @@ def _without_unit(numbers: Array) -> Clock:
     finite = numbers[np.isfinite(numbers)]
     if _are_steps_whole(finite) and (step := median(np.diff(finite))) > 1:
         if step >= _NANOSECONDS:
-            note = f"times have no unit; their steps of {step:g} can only be nanoseconds"
+            note = f"times have no unit; by their steps of {step:g} they are taken as nanoseconds"
             return numbers / 1e9, None, (note,)
         note = (
             f"times left out: they have no unit and step by {step:g}; name the "
