@@ -199,3 +199,79 @@ def test_a_code_of_the_maker_is_no_unit(tmp_path: Path) -> None:
     samples = read(tmp_path, write_rows(header, behind=",0,0,-1"))
     assert samples.acceleration is not None
     assert samples.acceleration[0] == pytest.approx([0, 0, -9.80665])
+
+
+def test_the_unit_behind_a_number_is_not_that_of_every_number_before_it(tmp_path: Path) -> None:
+    text = "[0.1] debug: Resetting ICM-20948\n" + "".join(
+        f"[{0.5 + 0.1 * k:.1f}] info: accel: x 0.04 y -0.26 z -9.85 (m/s²) temp: 26.65°C "
+        f"mag: x {x} y {y} z {z} (µT)\n"
+        for k, (x, y, z) in enumerate(READINGS)
+    )
+    samples = read(tmp_path, text)
+    assert samples.field == pytest.approx(1e3 * np.array(READINGS))
+    assert samples.acceleration is not None
+    assert samples.temperature is not None
+    assert samples.time == pytest.approx([0.5, 0.6, 0.7, 0.8])
+
+
+def test_titles_on_lines_of_their_own_name_the_axes_below_them(tmp_path: Path) -> None:
+    text = "".join(
+        f"Accelerometer:\n X1 = 0.01\n Y1 = 0.02\n Z1 = 0.99\n\nMagnetometer:\n"
+        f" X = {x}\n Y = {y}\n Z = {z}\n"
+        for x, y, z in READINGS
+    )
+    samples = read(tmp_path, text)
+    assert samples.field == pytest.approx(np.array(READINGS))
+    assert samples.acceleration is not None
+
+
+def test_rows_in_groups_between_dashes_are_not_taken_for_one_sensor(tmp_path: Path) -> None:
+    groups = (f"0.1 0.2 9.8\n{x} {y} {z}\n------\n" for x, y, z in READINGS)
+    with pytest.raises(LogError, match="groups of 2"):
+        read(tmp_path, "".join(groups))
+
+
+def test_a_unit_above_the_table_and_milliseconds_behind_a_colon(tmp_path: Path) -> None:
+    """As an app writes them: a count named "#", and 17:16:1:35 for 35 ms."""
+    stamps = ["17:16:0:980", "17:16:1:0", "17:16:1:20", "17:16:1:40"]
+    rows = "".join(
+        f"{k + 1} 99.5 {x} {y} {z} {stamp}\n"
+        for k, ((x, y, z), stamp) in enumerate(zip(READINGS, stamps, strict=True))
+    )
+    samples = read(tmp_path, f"Unit is microtesla\n# Value X Y Z Time\n{rows}")
+    assert samples.field == pytest.approx(1e3 * np.array(READINGS))
+    assert samples.time is not None
+    assert np.diff(samples.time) == pytest.approx(0.02)
+
+
+def test_a_time_that_holds_its_date_needs_no_date_beside_it(tmp_path: Path) -> None:
+    stamps = [f"2024-06-10,2024-06-10 09:00:{k:02}" for k in range(4)]
+    samples = read(tmp_path, write_rows("date,time,mx,my,mz", stamps))
+    assert samples.epoch is not None
+    assert samples.epoch.timestamp() == 1718010000
+
+
+def test_decimal_commas_without_a_header_are_a_point_cloud(tmp_path: Path) -> None:
+    text = "".join(";".join(map(str, row)).replace(".", ",") + "\n" for row in READINGS)
+    assert read(tmp_path, text).field == pytest.approx(np.array(READINGS))
+
+
+def test_one_kind_of_tagged_rows_takes_the_header_of_its_comment(tmp_path: Path) -> None:
+    rows = "".join(
+        f"Mag,{1718010000000 + 20 * k},{5_000_000_000 + 20_000_000 * k},{x},{y},{z}\n"
+        for k, (x, y, z) in enumerate(READINGS)
+    )
+    above = "# Mag,utcTimeMillis,elapsedRealtimeNanos,MagXMicroT,MagYMicroT,MagZMicroT\n"
+    assert read(tmp_path, above + rows).field == pytest.approx(1e3 * np.array(READINGS))
+
+
+def test_the_sensors_of_one_sentence_are_told_by_its_first_cell(tmp_path: Path) -> None:
+    bodies = (
+        f"PCHRS,{kind},{101.6 + 0.02 * k:.2f},{x},{y},{z},"
+        for k, (x, y, z) in enumerate(READINGS)
+        for kind in (0, 1, 2)
+    )
+    samples = read(tmp_path, "".join(f"${b}*{compute_checksum(b):02X}\n" for b in bodies))
+    assert len(samples) == len(READINGS)
+    assert samples.time is not None
+    assert np.diff(samples.time) == pytest.approx(0.02)

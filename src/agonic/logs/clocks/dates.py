@@ -12,10 +12,13 @@ from collections.abc import Iterable
 
 _MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec".split()  # noqa: SIM905
 _CLOCK = re.compile(
-    r"(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,:](?P<part>\d{1,9}))?)?"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d)"
+    r"(?::(?P<second>\d\d)(?:[.,:](?P<part>\d{1,9}))?|:(?P<bare>\d{1,2}):(?P<ms>\d{1,3}))?"
     r"\s*(?P<half>[ap]\.?m\.?)?\s*(?P<zone>z|utc|gmt|[+-]\d\d:?\d\d)?",
     re.IGNORECASE,
 )
+_MILLISECONDS = re.compile(r"\d:\d\d:\d{1,2}:(\d{1,3})(?!\d)\s*(?:[AaPpZz]|$)")
+"""Behind a colon, a number of them: 17:16:1:35 is 35 ms after 17:16:01."""
 _YEAR_FIRST = re.compile(r"(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})")
 _NAMED = re.compile(r"(?P<day>\d{1,2})[- .]+(?P<month>[a-z]{3})[a-z]*[- .,]+(?P<year>\d{4})", re.I)
 _DOTS = re.compile(r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})")
@@ -75,9 +78,12 @@ def write_iso(text: str, order: str | None) -> str | None:
     if half := (clock["half"] or "").lower():
         hour = hour % 12 + (12 if half.startswith("p") else 0)
     part = (clock["part"] or "0").ljust(6, "0")[:6]
+    if (ms := _MILLISECONDS.search(split["clock"])) is not None:
+        part = f"{int(ms[1]):03}000"
     zone = (clock["zone"] or "").lower()
     zone = "+00:00" if zone in ("z", "utc", "gmt") else zone
-    moment = f"{hour:02}:{clock['minute']}:{clock['second'] or '00'}.{part}{zone}"
+    second = int(clock["second"] or clock["bare"] or 0)
+    moment = f"{hour:02}:{clock['minute']}:{second:02}.{part}{zone}"
     return f"{day}T{moment}" if day else moment
 
 

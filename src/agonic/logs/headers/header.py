@@ -75,7 +75,6 @@ class Column:
 
 
 _LONGEST = 120
-
 MOST_COLUMNS = 4096
 """A table of more columns is not a log."""
 
@@ -109,9 +108,10 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
         or COMMA.fullmatch(text)
         or OVER.fullmatch(text)
     )
-    name, unit = (split["name"], squash(IN.sub("", split["unit"]))) if split else (text, "")
-    unit = "" if CODE.fullmatch(unit) else unit
-    unit = f"{unit}s" if unit.lower().endswith("second") and f"{unit}s".lower() in UNITS else unit
+    name, unit = (
+        (split["name"], squash(IN.sub("", CODE.sub("", split["unit"])))) if split else (text, "")
+    )
+    unit += "s" * (unit.lower().endswith("second") and f"{unit}s".lower() in UNITS)
     if unit and not unit.isascii():
         return None
     if split and (named := OF_GPS.get(squash(text).lower())):  # Time (GPS TOW)
@@ -189,8 +189,7 @@ def _identify_with_sensor(
     tokens = TOKEN.findall(name)
     if len(tokens) > 1 and tokens[-1].lower() in ("imu", "gps", "gnss"):
         return _of_a_clock(header, tokens, unit)
-    for at in range(1, len(tokens)):
-        before, rest = tokens[:at], "".join(tokens[at:])
+    for before, rest in ((tokens[:at], "".join(tokens[at:])) for at in range(1, len(tokens))):
         if TIME_OR_TEMPERATURE.fullmatch(rest):
             return None
         if NO_READING.intersection(word.lower() for word in before):
@@ -294,8 +293,7 @@ def _unit(quantity: Quantity, suffix: str | None, bracket: str) -> tuple[bool, s
     if quantity.column == "field":
         with suppress(UnitError):
             return True, find_unit(written)
-    elif written.lower() in quantity.units:
-        return True, written.lower()
-    elif written.lower() in UNITS:
-        return False, None  # T (nT) is no time
+    elif written.lower() in UNITS:  # T (nT) is no time
+        own = written.lower() in quantity.units
+        return own, written.lower() if own else None
     return quantity.column in ("field", "time", "date") and not suffix, None

@@ -66,7 +66,7 @@ LAST_BRACKET = re.compile(
 """A unit behind a name that has brackets of its own: IMU_ATTI(0):magX[a/d]."""
 IN = re.compile(r"^\s*(?:in|units?)\b[\s:=]*(?=\w)", re.IGNORECASE)
 """What may stand before a unit in words: x (in microteslas)."""
-CODE = re.compile(r"0?x[0-9a-f]{2,8}", re.IGNORECASE)
+CODE = re.compile(r"^\s*0?x[0-9a-f]{2,8}\s*$", re.IGNORECASE)
 """What makers call a channel, no unit: X Mag [x8006]."""
 COMMA = re.compile(r"(?P<name>[^,;]*\w)\s*[,;]\s*(?P<unit>[^,;]+)")
 OVER = re.compile(r"(?P<name>.*\w)\s+/\s+(?P<unit>\S+)\s*")

@@ -130,8 +130,12 @@ def _read_column(
 
         days = write_days(table, found)
     if days is not None and values.dtype.kind in "OUS":
-        values = np.array([f"{day} {clock}" for day, clock in zip(days, values, strict=True)])
-    clock = read_clock(values, factor)
+        whole = [f"{day} {clock}" for day, clock in zip(days, values, strict=True)]
+        clock = read_clock(np.array(whole), factor)
+        if clock[0] is None:  # the time may hold the date too
+            clock = read_clock(values, factor)
+    else:
+        clock = read_clock(values, factor)
     if date is not None and clock[0] is None and table[date.header].dtype.kind in "OUS":
         moments = read_clock(table[date.header], None)
         clock = moments if moments[0] is not None and np.ptp(moments[0]) > 0 else clock

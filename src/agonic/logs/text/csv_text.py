@@ -251,7 +251,11 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[Table, list[str]
         else:
             table[name] = values[numeric.index(i)]
     others = [h for i, h in enumerate(layout.header) if i not in wanted]
-    return _add_rate(table, layout), others, tuple(notes)
+    if layout.unit or layout.rate_Hz is not None:
+        from agonic.logs.text.preamble import add_stated
+
+        table = add_stated(table, layout)
+    return table, others, tuple(notes)
 
 
 def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -261,19 +265,6 @@ def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[st
     if nameless and _most([row[0] for row in rows if row], _MOMENT.match):
         return ["time", *header[1:]]
     return list(header)
-
-
-def _add_rate(table: Table, layout: Layout) -> Table:
-    """The columns, with times from the sampling rate where no column is a clock."""
-    if layout.rate_Hz is None or not table:
-        return table
-    clocks = {h for h, quantity in find_quantities(table).items() if quantity == "time"}
-    empty = {h for h in clocks if table[h].dtype.kind == "f" and np.isnan(table[h]).all()}
-    if clocks - empty:
-        return table
-    rows = len(next(iter(table.values())))
-    others = {header: values for header, values in table.items() if header not in empty}
-    return {**others, "time_s": np.arange(rows) / layout.rate_Hz}
 
 
 def _find_vectors(header: Sequence[str], rows: Sequence[Sequence[str]]) -> set[int]:

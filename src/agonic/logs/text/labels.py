@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -26,8 +27,10 @@ _LABEL = re.compile(
     rf"(?:[:=](?!\d\d:)|(?=[\[({{<]\s*{NUMBER}[\s,;]))"
 )
 _FIND_NUMBER = re.compile(rf"(?<![\w.^]){NUMBER}(?![\w:])|(?<![\w.^]){NUMBER}(?=[^\W\d_])")
+_TITLE = re.compile(r"\s*[^\W\d][\w ]*:\s*")
+"""A name above the readings that belong to it."""
 _QUOTED = re.compile(r'"[^"]*[:=][^"]*"')
-_UNIT = re.compile(r"[\s\])}>]*([^\W\d_][\w/^²]*)[)\]]?[\s,;.|]*")
+_UNIT = re.compile(r"[\s\])}>]*[(\[]?([^\W\d_][\w/^²]*)[)\]]?[\s,;.|]*")
 _STAMPS = {
     "time": re.compile(rf"\s*\[?({STAMP}Z?)\]?\s*(?:->|:|,|-|\s)"),
     "time_s": re.compile(r"(?:\[[A-Z]+\]\s*)?\[\s*(\d+\.\d+)\]"),
@@ -35,7 +38,7 @@ _STAMPS = {
 }
 """What loggers write before a line, by what it is: the Arduino's monitor and Python's logging, the
 kernel and ROS, ESP-IDF."""
-_AXIS = re.compile(r"(.*?)[\s_.]*([xyz])(?:[\s_-]?axis)?", re.IGNORECASE)
+_AXIS = re.compile(r"(.*?)[\s_.]*([xyz])(?:[\s_-]?axis|(?<![^\W_].)\d)?", re.IGNORECASE)
 _COUNTS = ("", "counts", "count", "raw", "lsb")
 _LONGEST = 4000
 """Letters of a line; a longer one is damage."""
@@ -57,7 +60,8 @@ def is_labelled(rows: Sequence[str]) -> bool:
     >>> is_labelled(["M: 1, 2, 3"]), is_labelled(["x: 1", "y: 2", "z: 3", "x: 4"])
     (True, True)
     """
-    found = [[one.name for one in Scanner().scan(_QUOTED.sub("", row))] for row in rows]
+    plain = [row for row in rows if not _TITLE.fullmatch(row)]
+    found = [[one.name for one in Scanner().scan(_QUOTED.sub("", row))] for row in plain]
     several = sum(len(names) >= 3 for names in found)
     alone = len({name for names in found for name in names}) >= 3 and all(found)
     return bool(rows) and (3 * several >= len(rows) or alone)
@@ -136,7 +140,17 @@ def _split_unit(name: str) -> tuple[str, str]:
 
 def _give_unit(found: Sequence[Reading], unit: str) -> list[Reading]:
     """The readings of a line, those without a unit with this one if it can be theirs."""
-    return [one if one.unit else one._replace(unit=unit) for one in found]
+    return [
+        one._replace(unit=unit) if not one.unit and _may_have(one.name, unit) else one
+        for one in found
+    ]
+
+
+@lru_cache(maxsize=1000)
+def _may_have(name: str, unit: str) -> bool:
+    """Whether a unit can be that of a name: none of a temperature's for an acceleration."""
+    column = identify_column(f"{name} ({unit})")
+    return identify_column(name) is None or (column is not None and column.unit is not None)
 
 
 def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[str]]:
@@ -218,10 +232,13 @@ def _gather(
     """The numbers by header, a record until one comes again, and the time before each."""
     records: list[dict[str, str]] = []
     times: list[str] = []
+    known = {header for header in headers.values() if header and identify_column(header)}
     for readings, stamp in zip(lines, stamps, strict=True):
         named = {header: one.number for one in readings if (header := headers[one.name, one.unit])}
         if not records or any(name in records[-1] for name in named):
             records.append({})
             times.append(stamp)
+        if known.isdisjoint(records[-1]):  # so far it holds what no sensor reads
+            times[-1] = stamp
         records[-1] |= named
     return records, times

@@ -7,13 +7,15 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import islice
 
-from agonic.errors import LogError
+from agonic.errors import UnitError
 from agonic.logs.contents import to_number
-from agonic.logs.headers.column_names import number_columns
 from agonic.logs.headers.columns import identify_column, refuse_many
+from agonic.logs.headers.patterns import AMBIGUOUS
+from agonic.units import find_unit
 
 COMMENT = "#%"
 NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
@@ -21,6 +23,8 @@ NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 STAMP = r"(?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+"
 """A moment as terminals and loggers write it before a line, to a part of a second."""
 HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
+_NUMERIC = re.compile(rf"{HEXADECIMAL.pattern}|[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+"""What is a number and no word, though no float: a register, a decimal comma."""
 LABVIEW = "LabVIEW Measurement"
 SAMPLE = 200
 LONGEST_LINE = 1_000_000
@@ -31,21 +35,13 @@ _RATE = re.compile(
     r"(?:\s*setting)?)\W*(?:\[?hz\]?\W*)?(\d+(?:[.,]\d+)?)\s*(k?hz)?[\W_]*",
     re.IGNORECASE,
 )
+_UNIT = re.compile(r"[#%/\s]*units?\s*(?:is|are|:|=)\s*[(\[]?([^\W\d]\w*)[)\]]?", re.IGNORECASE)
 _DECIMAL = re.compile(r"[-+]?\d*,(?:\d{1,2}|\d{4,})(?:[eE][-+]?\d+)?")
 """A number with a comma that cannot stand between thousands."""
 _NUMBERS = re.compile(
     r"[-+]?[\d.,]+(?:e[-+]?\d+)?(?:\s+[-+]?[\d.,]+(?:e[-+]?\d+)?)+", re.IGNORECASE
 )
 """Several numbers in a cell: what stands between the cells is blanks."""
-_MOMENT = ((1900, 2100), (1, 13), (1, 32), (0, 25), (0, 60), (0, 61))
-"""What a year, a month, a day, an hour, a minute and a second can be."""
-_STEPS = 20
-"""So many steady steps are those of a clock: what is measured goes up and down."""
-_TIMED = ["time", *"xyz"]
-_TIMED_NOTE = (
-    "there is no header: the first column grows steadily and is taken as the time, the others as "
-    "x, y and z of a magnetometer"
-)
 _BRACKETS = str.maketrans("", "", "()[]{}")
 _SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
 
@@ -55,7 +51,8 @@ class Layout:
     """How a text table is laid out; a `separator` of `None` means blanks.
 
     `start` is the line of the first row, `width` the number of its cells, `rate_Hz` what the lines
-    before the table state, `comma` whether numbers have a decimal comma.
+    before the table state, `comma` whether numbers have a decimal comma, `unit` that of the field
+    by those lines.
     """
 
     separator: str | None
@@ -64,6 +61,7 @@ class Layout:
     width: int
     comma: bool = False
     rate_Hz: float | None = None
+    unit: str = ""
     notes: tuple[str, ...] = ()
 
     def split(self, line: str) -> list[str]:
@@ -112,12 +110,20 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
             header = [_with_unit(name, unit) for name, unit in zip(first, units, strict=False)]
         start = sample[at] + 1
     else:
+        from agonic.logs.text.headless import name_columns
+
         rows = [split_cells(lines[i], separator) for i in sample[at:]]
-        header = _header_in_comment(lines[:start], [lines[i] for i in sample[:at]], separator, rows)
-        notes += (_TIMED_NOTE,) * (header == _TIMED)
+        last = lines[sample[at - 1]] if at else ""
+        before = reversed(lines[:start])
+        comment = next((line for line in before if line and not holds_values(line)), "")
+        header, said = name_columns(
+            _take_words(last, separator), _take_words(comment.strip(f"{COMMENT} "), separator),
+            rows, hashed=comment.startswith("# "),
+        )  # fmt: skip
+        notes += said
     return Layout(
         separator=separator, header=header, start=start, width=width, comma=comma,
-        rate_Hz=rate, notes=notes,
+        rate_Hz=rate, unit=_find_unit(lines[:start]), notes=notes,
     )  # fmt: skip
 
 
@@ -137,76 +143,10 @@ def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:
     return any(map(_DECIMAL.fullmatch, quoted)) and not any("." in cell for cell in quoted)
 
 
-def _header_in_comment(
-    before: Sequence[str],
-    skipped: Sequence[str],
-    separator: str | None,
-    rows: Sequence[Sequence[str]],
-) -> list[str]:
-    """The header in the last comment before the rows; x, y, z where there is none.
-
-    A header of one more cell is taken where no column can be behind it ("Comment"); `skipped` are
-    the lines with values before the rows.
-    """
-    width = len(rows[0])
-    above = split_cells(skipped[-1], separator) if skipped else []
-    if len(above) == width + 1 and is_header(above) and identify_column(above[-1]) is None:
-        return above[:-1]
-    comment = next((line for line in reversed(before) if not holds_values(line) and line), "")
-    header = split_cells(comment.strip(f"{COMMENT} "), separator)
-    if len(header) == width and is_header(header):
-        return header
-    if numbers := number_columns(width):
-        return numbers
-    if 2 * len(above) == width and is_header(above):
-        raise LogError(
-            f"the header has {len(above)} names and the rows have {width} cells: with decimal "
-            "commas, cells must be separated by something else (a semicolon)"
-        )
-    if width == 4 and (name := _name_first(rows)):
-        return [name, *"xyz"]
-    if width != 3:
-        raise LogError(
-            f"{width} columns and no header; name them in a first line such as "
-            "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z), or say "
-            "by their numbers which are which, as in --columns "
-            f"{_example_of(width, rows[0])} --unit uT"
-        )
-    return list("xyz")
-
-
-def _name_first(rows: Sequence[Sequence[str]]) -> str:
-    """What the first of four columns is without a name: a clock by its steady steps from row to
-    row, a count of rows by steps of one; "" where it may be anything.
-
-    >>> _name_first([[f"{0.04 * k:.2f}"] for k in range(30)])
-    'time'
-    >>> _name_first([[f"{k + 1}"] for k in range(30)]), _name_first([["1"], ["3"], ["2"]])
-    ('row', '')
-    """
-    values = [to_number(row[0]) for row in rows if row]
-    steps = sorted(after - before for before, after in pairwise(values))
-    if len(steps) < _STEPS or not steps[0] > 0:
-        return ""
-    if steps[0] == steps[-1] == 1.0 and values[0] in (0.0, 1.0):
-        return "row"
-    usual = steps[len(steps) // 2]
-    steady = sum(usual / 2 < step < 2 * usual for step in steps)
-    return "time" if steady > 0.9 * len(steps) else ""
-
-
-def _example_of(width: int, first: Sequence[str]) -> str:
-    """What to write of a table of so many columns, and with such a first row."""
-    parts = [to_number(cell) for cell in first[:6]]
-    if width > 8 and all(
-        low <= part < end for part, (low, end) in zip(parts, _MOMENT, strict=True)
-    ):
-        return "year=1,month=2,day=3,hour=4,minute=5,second=6,x=7,y=8,z=9"
-    if width == 4:
-        return "time=1,x=2,y=3,z=4"
-    if width == 9:
-        return "acc_x_g=1,acc_y_g=2,acc_z_g=3,x=7,y=8,z=9"
-    return "time=…,x=…,y=…,z=…"
+def _take_words(line: str, separator: str | None) -> list[str]:
+    """The cells of a line, if most of them are words."""
+    cells = split_cells(line, separator)
+    return cells if is_header(cells) else []
 
 
 def _find_rate(lines: Sequence[str]) -> float | None:
@@ -217,6 +157,15 @@ def _find_rate(lines: Sequence[str]) -> float | None:
             rate *= 1000.0 if (match[2] or "").lower() == "khz" else 1.0
             return rate if 0 < rate < math.inf else None
     return None
+
+
+def _find_unit(lines: Sequence[str]) -> str:
+    """The unit of a field that lines before a table state; "" for none, or one of others too."""
+    for line in lines:
+        if match := _UNIT.fullmatch(line.strip()):
+            with suppress(UnitError):
+                return find_unit(match[1]) if match[1].lower() not in AMBIGUOUS else ""
+    return ""
 
 
 def _is_row_of_units(line: str, separator: str | None, header: Sequence[str]) -> bool:
@@ -271,7 +220,7 @@ def count_cells(line: str, separator: str | None) -> int:
 def is_header(cells: Sequence[str]) -> bool:
     """Whether most of the cells that are not empty are words."""
     words = [
-        math.isnan(to_number(cell)) and cell.lower() != "nan" and not HEXADECIMAL.fullmatch(cell)
+        math.isnan(to_number(cell)) and cell.lower() != "nan" and not _NUMERIC.fullmatch(cell)
         for cell in cells
         if cell
     ]

@@ -27,6 +27,8 @@ _BETWEEN = bytes.maketrans(b"()[]{}<>,;", b" " * 10)
 _LABVIEW_END = b"***End_of_Header***"
 _TIMED = re.compile(rb"X_Dimension\tTime")
 _HEAD = 20_000
+_RULE = re.compile(r"[-=_*]{3,}")
+_FEW_GROUPS = 3
 _NOTHING = ("", "nan", "null", "none", "na", "n/a", "#n/a", "inf", "-inf", "-")
 
 Table = dict[str, NDArray[Any]]
@@ -43,6 +45,7 @@ def level(data: Text, head: Sequence[str]) -> Text:
     if head[0].startswith(LABVIEW):
         body = data[data.rfind(_LABVIEW_END, 0, _HEAD) :].partition(b"\n")[2]
         return body.replace(b"X_Value", b"time_s", 1) if _TIMED.search(data[:_HEAD]) else body
+    check_groups(head)
     rows = [line for line in head if holds_values(line)][:50]
     if rows and all(
         row.count('"') == 2 and row.strip()[:: len(row.strip()) - 1] == '""' for row in rows
@@ -121,6 +124,23 @@ def check_numbers(table: Table, data: Text, start: int, layout: Layout) -> None:
                     f"the cells of {name!r} hold no number that can be read, such as "
                     f"{cell[:30]!r}; write 12.5, with the unit in the header"
                 )
+
+
+def check_groups(head: Sequence[str]) -> None:
+    """Raise `LogError` where lines of dashes part rows of numbers alone into groups: they may be of
+    several sensors, one below the other.
+    """
+    sizes = [0]
+    for line in head:
+        if _RULE.fullmatch(line.strip()):
+            sizes.append(0)
+        elif line.strip():
+            sizes[-1] += 1
+    if len(sizes) > _FEW_GROUPS and len({*sizes[1:-1]}) == 1 and sizes[1] > 1:
+        raise LogError(
+            f"lines of dashes part its rows into groups of {sizes[1]}, each of which may be of "
+            "another sensor; write one row for each moment, with names in a first line"
+        )
 
 
 def check_title(table: Mapping[str, NDArray[Any]], lines: Sequence[str]) -> None:

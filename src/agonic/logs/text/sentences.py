@@ -50,6 +50,8 @@ CORRECTED = {
 
 ALONE = "MAG"
 """What a sentence of three numbers without a name is taken for."""
+_CH_ROBOTICS = {"0": "PCHRSGYR", "1": "PCHRSACC", "2": "PCHRSMAG"}
+"""The sensors of $PCHRS,sensor,time,x,y,z, whose time comes behind the axes then."""
 _SENTENCE = re.compile(
     r"(?P<before>[^$]*)[$!](?P<body>(?:[A-Z]{3,},|(?=-?[\d.]+,))[^*]*)(?:\*(?P<sum>\S{2}))?"
 )
@@ -123,6 +125,8 @@ def _scan(
             )
             wrong += 1
             continue
+        if name == "PCHRS" and len(cells) > 4:  # of UM6 and UM7
+            name, cells = _CH_ROBOTICS.get(cells[0], name), [*cells[2:5], cells[1]]
         found.append((number, name, cells))
         stamps.append(match["before"].strip(" ,;:\t->[]"))
     return found, stamps, seen, wrong, first
@@ -161,6 +165,7 @@ def _read_sentence(found: Sequence[Sentence], name: str) -> tuple[Array, Table]:
     """The lines of a sentence, and its columns."""
     rows = [(line, cells) for line, other, cells in found if other == name]
     columns = RAW.get(name) or CORRECTED.get(name) or ("mag_x", "mag_y", "mag_z")
+    columns += ("t",) * (name == "PCHRSMAG")
     table: Table = {
         column: np.array([to_number(cells[k]) if k < len(cells) else np.nan for _, cells in rows])
         for k, column in enumerate(columns)
@@ -175,6 +180,8 @@ def _add_beside(
     beside = {h: series for h, series in read_beside(found).items() if h not in table}
     table |= carry(beside, lines)
     seconds = np.array([to_number(stamp) for stamp in stamps])
+    if "t" in table:
+        return ()
     if np.isfinite(seconds).any():
         table["t"] = seconds
     elif 2 * sum(map(bool, stamps)) > len(stamps):

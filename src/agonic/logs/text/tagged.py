@@ -59,7 +59,7 @@ def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Kinds | None:
             if found[2] == separator and len(names) > 2:
                 headers[found[1]] = _fit_names(names, first.get(found[1], "").count(separator))
         begun = headers.keys() & first
-        if len(begun) > 1 or (begun and len(headers) > 1):
+        if len(begun) > 1 or (begun and (len(headers) > 1 or first.keys() <= begun)):
             return Kinds(headers, separator=separator)
     return None
 
