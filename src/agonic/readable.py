@@ -1,14 +1,21 @@
-"""`Readable`: objects that say what they are in a few lines, as a page in notebooks, as a plot."""
+"""`Readable`: objects that say what they are in a few lines, as a page in notebooks, as a plot.
+
+They can be pickled and copied deeply, though Python itself refuses to pickle a view of a mapping,
+and forgets that an array was read-only.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import copyreg
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from importlib import import_module
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from agonic.misuse import explain_making
-from agonic.pickled import lock_arrays
 
 MOST_LINES = 12
 
@@ -82,3 +89,20 @@ def write_value(value: Any) -> str:
     if isinstance(value, tuple | list) and any(map(is_dataclass, value)):
         return ", ".join(type(one).__name__ for one in value)
     return str(value).splitlines()[0] if str(value) else ""
+
+
+def restore_view(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    """The read-only view of values that came out of a pickle."""
+    return MappingProxyType(values)
+
+
+def lock_arrays(values: Iterable[Any]) -> None:
+    """Make the arrays among values read-only, also those in views of mappings."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        elif isinstance(value, MappingProxyType):
+            lock_arrays(value.values())
+
+
+copyreg.pickle(MappingProxyType, lambda view: (restore_view, (dict(view),)))
