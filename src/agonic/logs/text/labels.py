@@ -149,8 +149,9 @@ def _give_unit(found: Sequence[Reading], unit: str) -> list[Reading]:
 @lru_cache(maxsize=1000)
 def _may_have(name: str, unit: str) -> bool:
     """Whether a unit can be that of a name: none of a temperature's for an acceleration."""
-    column = identify_column(f"{name} ({unit})")
-    return identify_column(name) is None or (column is not None and column.unit is not None)
+    plain, column = identify_column(name), identify_column(f"{name} ({unit})")
+    vague = plain is None or plain.rank == FALLBACK  # x alone: the unit says what it is
+    return vague or (column is not None and column.unit is not None)
 
 
 def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[str]]:
