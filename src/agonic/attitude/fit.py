@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -47,16 +47,17 @@ def fit_channels(
     channels: tuple[str, ...],
     settings: Settings,
     name: str,
-    found: Estimate | None = None,
+    known: Mapping[tuple[str, ...], Estimate] | None = None,
 ) -> Fit:
     """The fit of a calibration to the channels that are known; `name` is for the record.
 
     Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
     of the fit, under a prior. A known heading determines it; the magnitude alone never shows it.
-    An estimate by the same samples and settings that was `found` before is not sought again.
+    Estimates by the same samples and settings that are `known` for these or fewer sources are not
+    sought again.
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
-    found = estimate_usable(problem, usable, settings) if found is None else found
+    found = estimate_beside(known or {}, problem, usable, settings)
     with _name_missing_hold():
         return make_fit(found, problem, scale, samples, usable, settings, name)
 
@@ -158,6 +159,24 @@ def estimate_usable(
     part = _select(problem, usable)
     with _name_missing_hold():
         return estimate(part, robust=_is_robust(part, settings), seed=settings.seed, start=start)
+
+
+def estimate_beside(
+    known: Mapping[tuple[str, ...], Estimate], problem: Problem, usable: Mask, settings: Settings
+) -> Estimate:
+    """The estimate with the sources of the settings: the one `known`, or else sought first from the
+    one with most of the first of them, of which the others add nothing."""
+    sources = settings.sources
+    if sources in known:
+        return known[sources]
+    fewer = [sources[:k] for k in range(len(sources)) if sources[:k] in known]
+    if not fewer or problem.terms is None:
+        return estimate_usable(problem, usable, settings)
+    before, own = known[fewer[-1]].solution.params, problem.basis.shape[1]
+    slopes = before[own:].reshape(3, -1)
+    more = problem.terms.shape[1] - slopes.shape[1]
+    start = np.concatenate([before[:own], np.pad(slopes, ((0, 0), (0, more))).ravel()])
+    return estimate_usable(problem, usable, settings, start)
 
 
 def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:

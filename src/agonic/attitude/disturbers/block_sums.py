@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.fit import estimate_usable
+from agonic.attitude.fit import estimate_beside
 from agonic.attitude.problem import find_terms, normalise
 from agonic.attitude.settings import Settings
 from agonic.maths.equation.affine import FREE, SYMMETRIC, expand_covariates
@@ -76,30 +76,15 @@ def sum_blocks(
     gauge: str = settings.gauge
     if gauge == "auto":
         gauge = SYMMETRIC if "dip" not in channels else FREE
-    problem, _ = normalise(samples, reference, channels, gauge, replace(settings, sources=chosen))
-    if chosen not in estimates:
-        start = _extend_fewer(chosen, estimates, problem)
-        estimates[chosen] = estimate_usable(problem, usable, settings, start)
+    own = replace(settings, sources=chosen)
+    problem, _ = normalise(samples, reference, channels, gauge, own)
+    estimates[chosen] = estimate_beside(estimates, problem, usable, own)
     rows = np.flatnonzero(usable)
     rows = rows[:: -(-len(rows) // MOST_ROWS)]
     x = np.hstack([find_terms(samples, one)[rows] for one in candidates])
     terms = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300)
     of = tuple(one for one in candidates for _ in one)
     return _add_up(problem.subset(rows), estimates[chosen], terms, of)
-
-
-def _extend_fewer(
-    chosen: tuple[str, ...], estimates: Mapping[tuple[str, ...], Estimate], problem: Problem
-) -> Array | None:
-    """The parameters with the most of the chosen sources that were fitted, those of more zero."""
-    fitted = [k for k in range(len(chosen)) if chosen[:k] in estimates]
-    if not fitted or problem.terms is None:
-        return None
-    before = estimates[chosen[: fitted[-1]]].solution.params
-    own = problem.basis.shape[1]
-    slopes = before[own:].reshape(3, -1)
-    more = problem.terms.shape[1] - slopes.shape[1]
-    return np.concatenate([before[:own], np.pad(slopes, ((0, 0), (0, more))).ravel()])
 
 
 def _add_up(

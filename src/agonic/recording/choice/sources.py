@@ -46,8 +46,7 @@ def fit_with_sources(
             return run(samples, reference, **settings, **({"sources": sources} if sources else {}))
         own = Settings(**settings, sources=sources)
         alike = own == replace(common, sources=sources, inclination_deg=own.inclination_deg)
-        known = estimates.get(sources) if alike else None
-        return fit_channels(samples, reference, channels, own, method, known)
+        return fit_channels(samples, reference, channels, own, method, estimates if alike else None)
 
     if found.sources:
         fit = fit_with(*found.sources)
