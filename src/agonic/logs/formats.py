@@ -146,6 +146,8 @@ _JSON_BEGINS = re.compile(
 
 def _is_json(head: bytes) -> bool:
     """Whether it begins like an object, or a list of objects or of lists; a calibration is none."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        head = head.decode("utf-16", "ignore").encode()
     begins = _JSON_BEGINS.match(head) is not None
     return begins and re.search(rb"\"schema\":\s*\"agonic/", head) is None
 

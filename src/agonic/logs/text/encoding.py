@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import codecs
 import mmap
+import re
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +17,11 @@ Text = bytes | mmap.mmap
 _HEAD = 262_144
 _LONG = 1_000_000
 _ENCODINGS = {"latin-1": "Latin-1", "cp1251": "Windows-1251", "gb18030": "GB 18030"}
+_TAIL = 10_000
+"""Bytes before the last line that show how long its numbers should be."""
+_FEWEST = 3
+_DIGITS = re.compile(rb"[-+]?[\d.]+(?:[eE][-+]?\d*)?")
+_TORN = "the last line ends in the middle: left out"
 _MINUS = "\u2212".encode()
 _CONTROL = bytes({*range(32), 127} - set(b"\t\n"))
 
@@ -25,7 +32,8 @@ def load(path: Path, understood: Callable[[str], int]) -> tuple[Text, tuple[str,
         with path.open("rb") as stream:
             mapped = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
         pieces = range(0, len(mapped), _LONG)
-        if all(_is_plain(mapped[at : at + _LONG]) for at in pieces):
+        whole = mapped[-1:] == b"\n"
+        if whole and all(_is_plain(mapped[at : at + _LONG]) for at in pieces):
             return mapped, ()
     return normalise(path.read_bytes(), understood)
 
@@ -51,10 +59,37 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
         data = data.replace(_MINUS, b"-")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if not data.endswith(b"\n") and (whole := _find_torn(data)) < len(data):
+        data, notes = data[:whole], (*notes, _TORN)
     head = data[:_HEAD]
     if b"\0" in data or head != head.translate(None, _CONTROL):
         data = data.translate(None, _CONTROL)
     return data, notes
+
+
+def _find_torn(data: bytes) -> int:
+    """The byte at which a last line without an end begins that is the beginning of such as come
+    before it, or whose last number is shorter than those of all lines like it.
+
+    The length of the text where there is none.
+
+    >>> text = b"1.25 3.50\\n2.25 4.50\\n3.25 5.50\\n4.25 6."
+    >>> text[_find_torn(text):], text[_find_torn(text[:-3]):]
+    (b'4.25 6.', b'4.25 6.')
+    """
+    start = data.rfind(b"\n") + 1
+    last = data[start:].strip()
+    before = [line.strip() for line in data[max(start - _TAIL, 0) : start].split(b"\n")]
+    shape = _DIGITS.sub(b"#", last)
+    shapes = [_DIGITS.sub(b"#", line) for line in before]
+    usual, times = Counter(shapes).most_common(1)[0]
+    if shape and times >= _FEWEST and usual != shape and usual.startswith(shape):
+        return start
+    alike = (line for line, one in zip(before, shapes, strict=True) if one == shape)
+    lengths = [len(found[-1]) for line in alike if (found := _DIGITS.findall(line))]
+    digits = _DIGITS.findall(last)
+    torn = len(lengths) >= _FEWEST and bool(digits) and last.endswith(digits[-1])
+    return start if torn and len(digits[-1]) < min(lengths) else len(data)
 
 
 def _to_utf8(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:

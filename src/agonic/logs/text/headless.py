@@ -72,7 +72,7 @@ def _name_first(rows: Sequence[Sequence[str]]) -> str:
     >>> _name_first([[f"{k + 1}"] for k in range(30)]), _name_first([["1"], ["3"], ["2"]])
     ('row', '')
     """
-    values = [to_number(row[0]) for row in rows if row]
+    values = [to_number(row[0]) for row in rows if len(row) == len(rows[0])]
     steps = sorted(after - before for before, after in pairwise(values))
     if len(steps) < _STEPS or not steps[0] > 0:
         return ""

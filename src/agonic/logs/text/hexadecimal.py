@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +29,21 @@ def find_hexadecimal(rows: Sequence[Sequence[str]], columns: Mapping[int, str]) 
     """
     cells = {at: [row[at] for row in rows if at < len(row) and row[at]] for at in columns}
     cells = {at: column for at, column in cells.items() if column}
-    stated = {at for at, column in cells.items() if all(map(HEXADECIMAL.fullmatch, column))}
+    stated = {at for at, column in cells.items() if _most(map(HEXADECIMAL.fullmatch, column))}
+    widths = {at: Counter(map(len, column)).most_common(1)[0][0] for at, column in cells.items()}
     bare = {
-        at: (columns[at], len(column[0]))
+        at: (columns[at], widths[at])
         for at, column in cells.items()
-        if all(map(_BARE.fullmatch, column)) and len({*map(len, column)}) == 1
+        if _most(_BARE.fullmatch(cell) and len(cell) == widths[at] for cell in column)
     }
     lettered = {of for at, of in bare.items() if any(map(_LETTER.search, cells[at]))}
     return sorted({*stated, *(at for at, of in bare.items() if of in lettered)})
+
+
+def _most(found: Iterable[object]) -> bool:
+    """Whether nine of ten are so, for a damaged cell."""
+    told = [bool(one) for one in found]
+    return 10 * sum(told) >= 9 * len(told)
 
 
 def read_hexadecimal(cells: Sequence[str]) -> tuple[Array, str]:

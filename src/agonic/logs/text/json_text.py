@@ -6,6 +6,7 @@ numbers may be written as texts. Otherwise columns are named as those of a text 
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -43,7 +44,7 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
     records, broken = _load(path.read_bytes())
     table, others = make_table(records)
-    notes = (f"{broken} lines are no JSON and were left out",) * (broken > 0)
+    notes = (f"{broken} lines or a torn end are no JSON and were left out",) * (broken > 0)
     return table, {"format": "JSON", "others": others, "notes": notes}
 
 
@@ -63,6 +64,9 @@ def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], 
 
 def _load(data: bytes) -> tuple[list[dict[str, Any]], int]:
     """The objects in a text, and how many of its lines are none."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.decode("utf-16", "replace").encode()
+    data = data.removeprefix(codecs.BOM_UTF8)
     for text in (data, _NO_NUMBER.sub(b"null", data)):
         try:
             return _find_records(msgspec.json.decode(text)), 0
@@ -84,8 +88,38 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
         else:
             broken += 1
     if broken > len(records):
+        if whole := _mend(data):
+            return _find_records(msgspec.json.decode(whole)), 1
         raise LogError("damaged JSON, or none: most of its lines are no objects; fetch it again")
     return _spread(records), broken
+
+
+_BRACKET = re.compile(rb'"(?:[^"\\]|\\.)*"|[\[\]{}]')
+_CLOSING = {b"[": b"]", b"{": b"}"}
+
+
+def _mend(data: bytes) -> bytes:
+    """A text that ends in the middle, as far as its objects are whole; empty where that is none.
+
+    >>> _mend(b'{"a": [{"x": 1}, {"x": 2}, {"x')
+    b'{"a": [{"x": 1}, {"x": 2}]}'
+    """
+    opened: list[bytes] = []
+    whole, left = 0, b""
+    for match in _BRACKET.finditer(data):
+        if match[0] in _CLOSING:
+            opened.append(_CLOSING[match[0]])
+        elif len(match[0]) == 1:
+            if not opened or opened.pop() != match[0]:
+                return b""
+            if match[0] == b"}" and opened[-1:] == [b"]"]:  # an object of a list
+                whole, left = match.end(), b"".join(reversed(opened))
+    mended = data[:whole] + left
+    try:
+        msgspec.json.decode(mended)
+    except (msgspec.DecodeError, RecursionError):
+        return b""
+    return mended
 
 
 def _spread(records: list[dict[str, Any]]) -> list[dict[str, Any]]:

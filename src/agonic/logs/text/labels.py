@@ -63,7 +63,7 @@ def is_labelled(rows: Sequence[str]) -> bool:
     plain = [row for row in rows if not _TITLE.fullmatch(row)]
     found = [[one.name for one in Scanner().scan(_QUOTED.sub("", row))] for row in plain]
     several = sum(len(names) >= 3 for names in found)
-    alone = len({name for names in found for name in names}) >= 3 and all(found)
+    alone = len({name for names in found for name in names}) >= 3 and all(found[:-1])
     return bool(rows) and (3 * several >= len(rows) or alone)
 
 
