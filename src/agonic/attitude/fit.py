@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -18,6 +17,13 @@ from agonic.attitude.model_errors import find_model_errors, grow
 from agonic.attitude.problem import Scale, normalise
 from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import add_shared_errors, find_turn_move
+from agonic.attitude.solve import (
+    estimate_beside,
+    estimate_usable,
+    is_robust,
+    name_missing_hold,
+    select_usable,
+)
 from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
@@ -25,7 +31,7 @@ from agonic.health import FEWEST, describe_model_errors, figure, find_usable_row
 from agonic.health.adequacy import ModelError
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
+from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.noisy_terms import calm_terms
 from agonic.maths.equation.parts import estimate_part, restate
 from agonic.maths.equation.priors import compute_turn
@@ -58,7 +64,7 @@ def fit_channels(
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
     found = estimate_beside(known or {}, problem, usable, settings)
-    with _name_missing_hold():
+    with name_missing_hold():
         return make_fit(found, problem, scale, samples, usable, settings, name)
 
 
@@ -68,16 +74,20 @@ def fit_channels_alone(
     channels: tuple[str, ...],
     settings: Settings,
     near: Affine | None = None,
+    known: Mapping[tuple[str, ...], Estimate] | None = None,
 ) -> Affine:
     """The calibration of `fit_channels` without its evidence, of which parts of a log make no use.
 
-    The minimum is sought from `near` first, where that is given.
+    The minimum is sought from `near` first, where that is given, or else as there.
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
-    start = None if near is None else find_parameters(near, problem, scale)
-    found = estimate_usable(problem, usable, settings, start)
-    with _name_missing_hold():
-        found, _, _ = _state_errors(found, _select(problem, usable), scale, settings)
+    if near is None:
+        found = estimate_beside(known or {}, problem, usable, settings)
+    else:
+        start = find_parameters(near, problem, scale)
+        found = estimate_usable(problem, usable, settings, start)
+    with name_missing_hold():
+        found, _, _ = _state_errors(found, select_usable(problem, usable), scale, settings)
         return make_calibration(found, problem, scale, samples, settings, "part")
 
 
@@ -97,8 +107,8 @@ def open_channels_parts(
     problem, scale, usable = _pose(samples, reference, channels, settings)
     start = None if near is None else find_parameters(near, problem, scale)
     found = estimate_usable(problem, usable, settings, start)
-    with _name_missing_hold():
-        calm, found, own = _state_own_errors(found, _select(problem, usable), settings)
+    with name_missing_hold():
+        calm, found, own = _state_own_errors(found, select_usable(problem, usable), settings)
         stated = _state_shared_errors(own, calm, scale)[0]
     shared = stated.solution.covariance - own.solution.covariance
 
@@ -152,53 +162,6 @@ def find_usable(samples: Samples) -> Mask:
     return usable
 
 
-def estimate_usable(
-    problem: Problem, usable: Mask, settings: Settings, start: Array | None = None
-) -> Estimate:
-    """The estimate from the usable rows of a problem of all rows; from `start` first, if given."""
-    part = _select(problem, usable)
-    with _name_missing_hold():
-        return estimate(part, robust=_is_robust(part, settings), seed=settings.seed, start=start)
-
-
-def estimate_beside(
-    known: Mapping[tuple[str, ...], Estimate], problem: Problem, usable: Mask, settings: Settings
-) -> Estimate:
-    """The estimate with the sources of the settings: the one `known`, or else sought first from the
-    one with most of the first of them, of which the others add nothing."""
-    sources = settings.sources
-    if sources in known:
-        return known[sources]
-    fewer = [sources[:k] for k in range(len(sources)) if sources[:k] in known]
-    if not fewer or problem.terms is None:
-        return estimate_usable(problem, usable, settings)
-    before, own = known[fewer[-1]].solution.params, problem.basis.shape[1]
-    slopes = before[own:].reshape(3, -1)
-    more = problem.terms.shape[1] - slopes.shape[1]
-    start = np.concatenate([before[:own], np.pad(slopes, ((0, 0), (0, more))).ravel()])
-    return estimate_usable(problem, usable, settings, start)
-
-
-def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:
-    """The same from near parameters, and nowhere else."""
-    part = _select(problem, usable)
-    with _name_missing_hold():
-        return refine(part, params, _is_robust(part, settings))
-
-
-@contextmanager
-def _name_missing_hold() -> Iterator[None]:
-    """The error of a fit that runs away."""
-    try:
-        yield
-    except (OverflowError, np.linalg.LinAlgError):
-        raise CoverageError(
-            "the readings do not determine a calibration: an axis never moves, or says what "
-            "another does",
-            turns="look at each axis of the log, and turn the sensor about all three",
-        ) from None
-
-
 def make_fit(
     found: Estimate,
     problem: Problem,
@@ -209,7 +172,7 @@ def make_fit(
     name: str,
 ) -> Fit:
     """The fit of an estimate from the usable rows, with what it leaves open and its evidence."""
-    part = _select(problem, usable)
+    part = select_usable(problem, usable)
     tests: tuple[ModelTest, ...] = ()
     if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
@@ -223,10 +186,6 @@ def make_fit(
     turned = turn is not None
     fit = assess(affine, grown, problem, scale, samples, usable, tests, turned, settings)
     return fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
-
-
-def _select(problem: Problem, usable: Mask) -> Problem:
-    return problem if usable.all() else problem.subset(np.flatnonzero(usable))
 
 
 def _state_errors(
@@ -248,7 +207,7 @@ def _state_own_errors(
         return part, found, found
     growth = np.zeros_like(found.solution.covariance)
     if "second" not in settings.sources:  # a mix of sensors is to weigh the noise of both
-        part, found, growth = calm_terms(part, found, _is_robust(part, settings))
+        part, found, growth = calm_terms(part, found, is_robust(part, settings))
     moved, by_axes = correct_for_unequal_noise(part, found)
     covariance = compute_row_covariance(part, moved) + growth + by_axes
     own = moved._replace(solution=moved.solution._replace(covariance=covariance))
@@ -261,11 +220,6 @@ def _state_shared_errors(
     """The estimate with the covariance that shared errors give it too, and what a turn moves."""
     turn = find_turn_move(own, part) if part.shared is None else None
     return add_shared_errors(own, part, scale, turn), turn
-
-
-def _is_robust(part: Problem, settings: Settings) -> bool:
-    """Whether outliers are down-weighted, which few rows do not allow."""
-    return settings.robust and len(part.points) >= 2 * FEWEST
 
 
 def _explain_left_out(samples: Samples, usable: Mask) -> str:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.fit import estimate_beside
 from agonic.attitude.problem import find_terms, normalise
 from agonic.attitude.settings import Settings
+from agonic.attitude.solve import estimate_beside
 from agonic.maths.equation.affine import FREE, SYMMETRIC, expand_covariates
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate
@@ -58,14 +58,11 @@ class BlockSums(NamedTuple):
         """What is left in each block, (B,), by the fits of the others with sets of sources."""
         keep = np.array([not own or own in sets for own in self.of])
         information, scores = self.information[:, keep][:, :, keep], self.scores[:, keep]
-        prior = self.prior[np.ix_(keep, keep)]
-        left = np.empty(len(scores))
-        for b in range(len(scores)):
-            others = np.arange(len(scores)) != b
-            whole = information[others].sum(axis=0) + prior
-            step = inverse(whole) @ scores[others].sum(axis=0)
-            left[b] = self.squares[b] - 2 * step @ scores[b] + step @ information[b] @ step
-        return left
+        others = 1.0 - np.eye(len(scores))
+        whole = np.tensordot(others, information, 1) + self.prior[np.ix_(keep, keep)]
+        step = (inverse(whole) @ (others @ scores)[..., None])[..., 0]
+        foretold = np.einsum("bp,bpq,bq->b", step, information, step)
+        return np.asarray(self.squares - 2 * (step * scores).sum(axis=1) + foretold)
 
 
 def sum_blocks(

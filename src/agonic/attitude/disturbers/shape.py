@@ -158,7 +158,7 @@ def _measure_move(
     near: Affine | None,
 ) -> tuple[float, float, Affine]:
     """How far the log wants the value moved, the standard error, and the fit that tells, which is
-    sought from the one `near` a value before."""
+    sought from the one `near` a value before, or else from the fit with the others alone."""
     by = 0.02 * abs(value)
     there, before, after = (
         find_terms(log.samples, _respell(sources, what, one))
@@ -179,6 +179,7 @@ def _measure_move(
         log.channels,
         replace(log.settings, sources=names),
         near,
+        {names[: given.shape[1]]: log.estimates[others]},
     )
     assert isinstance(found, Interference)
     return *_compare_slopes(found, given.shape[1], there.shape[1]), found
