@@ -17,6 +17,7 @@ from agonic.maths.equation.channels import Problem, compute_residuals, pieces
 from agonic.maths.equation.crowding import (
     choose_evenly,
     choose_spread_rows,
+    find_spread_rows,
     weigh_places,
 )
 from agonic.maths.equation.outliers import (
@@ -92,8 +93,11 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
     rows = choose_spread_rows(weights, most=_ENOUGH)
     tried: list[Estimate] = []
     for chosen in (rows, choose_evenly(n, _ENOUGH)):
-        few = problem if len(chosen) == n else problem.subset(chosen)
-        found = _search(few, robust, seed, tried)
+        few, seen = problem, spread
+        if len(chosen) < n:
+            few = problem.subset(chosen)
+            seen = find_spread_rows(few.points)
+        found = _search(few, robust, seed, seen, tried)
         if found is None:
             break
         agreed = _agrees(few, found)
@@ -139,13 +143,15 @@ def _list_parts(found: Estimate) -> tuple[Array, dict[str, Noise], dict[str, Arr
     return found.solution.params, found.noise, found.residuals
 
 
-def _search(few: Problem, robust: bool, seed: int, known: Sequence[Estimate]) -> Estimate | None:
+def _search(
+    few: Problem, robust: bool, seed: int, spread: Index, known: Sequence[Estimate]
+) -> Estimate | None:
     """The best minimum from several starts, or the first that all readings agree with.
 
-    Nothing where all starts lead to minima that are known.
+    Nothing where all starts lead to minima that are known. `spread` rows are over all that was
+    seen.
     """
-    at_once = fit_at_once(few)
-    spread = choose_spread_rows(weigh_places(few.points))
+    at_once = fit_at_once(few, robust)
     tried: list[Estimate] = []
     if at_once is not None:
         found = refine(few, at_once, robust, spread)
@@ -175,7 +181,7 @@ def refine(problem: Problem, params: Array, robust: bool, spread: Index | None =
     """The minimum on all readings that count, from a near start; noise level and correlation of
     each channel are taken from its residuals, its size from those of rows `spread` over all that
     was seen, where these are known."""
-    rows = choose_spread_rows(weigh_places(problem.points)) if spread is None else spread
+    rows = find_spread_rows(problem.points) if spread is None else spread
     found = _refine_anew(problem, params, robust, rows, ())
     assert found is not None
     return found

@@ -9,43 +9,78 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import FREE, join
-from agonic.maths.equation.channels import Problem, compute_residuals, pieces
+from agonic.maths.equation.channels import Dip, Problem, compute_residuals, pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import cauchy, squares
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
 _HARDLY = 100.0  # the condition of what a start is found from at once
+_DOUBTFUL = 0.1  # of the field, by which its vertical part is off: tilts that are wrong by 6°
 _STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
 _STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)
 
 
-def fit_at_once(few: Problem) -> Array | None:
-    """Parameters without a start: by the whole field linear ones, by one magnitude the adjusted
-    fit (`quadric`) where that is an ellipsoid; None where neither is known."""
-    if few.across is not None:
-        return _fit_linear(few)
-    return fit_algebraic(few)
+def fit_at_once(few: Problem, robust: bool) -> Array | None:
+    """Parameters without a start: by the whole field or its vertical part linear ones, by one
+    magnitude the adjusted fit (`quadric`) where that is an ellipsoid; None where none is known.
 
-
-def _fit_linear(few: Problem) -> Array | None:
-    """raw = A field + bias + K terms by least squares; None where rows hardly tell A."""
-    assert few.dip is not None
-    assert few.across is not None
+    A start by the vertical part leaves most of the noise to the magnitude. Where the channels'
+    correlation lengths settle depends on that, so both are weighed by their scatter first.
+    """
+    if few.dip is None:
+        return fit_algebraic(few)
     if few.gauge != FREE or few.model != "full":
         return None
-    level = np.cross(few.across, few.dip.down)
-    field = few.dip.horizontal[:, None] * level + few.dip.vertical[:, None] * few.dip.down
-    terms = np.zeros((len(field), 0)) if few.terms is None else few.terms
-    given = np.column_stack([field, np.ones(len(field)), terms])
-    if np.linalg.cond(given) > _HARDLY:
+    found = _fit_vertical(few, few.dip) if few.across is None else _fit_field(few, few.dip)
+    if found is None:
         return None
-    found = np.asarray(np.linalg.lstsq(given, few.points, rcond=None)[0].T, dtype=np.float64)
-    if np.linalg.cond(found[:, :3]) > _HARDLY:
+    bias, matrix, slopes = found
+    start = nearest_parameters(bias, matrix, few.basis)
+    params = np.concatenate([start, slopes.ravel(), np.zeros(few.shared_count)])
+    return params if few.across is not None else _relax(few, params, (), robust)
+
+
+def _fit_field(few: Problem, dip: Dip) -> tuple[Array, Array, Array] | None:
+    """raw = A field + bias + K terms by least squares: bias, A⁻¹ and K; None where rows hardly tell
+    A."""
+    assert few.across is not None
+    level = np.cross(few.across, dip.down)
+    field = dip.horizontal[:, None] * level + dip.vertical[:, None] * dip.down
+    found = _solve_linear(np.column_stack([field, np.ones(len(field)), _terms(few)]), few.points)
+    if found is None or np.linalg.cond(found[:3]) > _HARDLY:
         return None
-    matrix = np.asarray(np.linalg.inv(found[:, :3]), dtype=np.float64)
-    start = nearest_parameters(found[:, 3], matrix, few.basis)
-    return np.concatenate([start, found[:, 4:].ravel()])
+    return found[3], np.asarray(np.linalg.inv(found[:3].T)), found[4:].T
+
+
+def _fit_vertical(few: Problem, dip: Dip) -> tuple[Array, Array, Array] | None:
+    """down·(W raw − W bias − W K terms) = vertical by least squares: bias, W and K.
+
+    None where rows hardly tell W, as those of a vehicle that stays level, or where roll and pitch
+    are not those of the sensor: equations that do not hold, or a W turned by a right angle.
+    """
+    given = np.column_stack([few.points, -np.ones(len(few.points)), -_terms(few)])
+    by_entry = np.einsum("ni,nj->nij", dip.down, given).reshape(len(given), -1)
+    vertical = np.broadcast_to(dip.vertical, len(given))
+    found = _solve_linear(by_entry, vertical)
+    if found is None or np.std(by_entry @ found - vertical) > _DOUBTFUL:
+        return None
+    matrix, others = np.split(found.reshape(3, -1), [3], axis=1)
+    if np.linalg.eigvalsh(matrix + matrix.T)[0] <= 0.0 or np.linalg.cond(matrix) > _HARDLY:
+        return None
+    own = np.asarray(np.linalg.solve(matrix, others), dtype=np.float64)
+    return own[:, 0], matrix, own[:, 1:]
+
+
+def _solve_linear(given: Array, wanted: Array) -> Array | None:
+    """Least squares; None where rows hardly tell the unknowns."""
+    found, _, _, told = np.linalg.lstsq(given, wanted, rcond=None)
+    return np.asarray(found, dtype=np.float64) if told[0] <= _HARDLY * told[-1] else None
+
+
+def _terms(few: Problem) -> Array:
+    """Those of sources on board (n, k), which may be none."""
+    return np.zeros((len(few.points), 0)) if few.terms is None else few.terms
 
 
 def fit_algebraic(few: Problem) -> Array | None:
@@ -112,7 +147,7 @@ def _relax(few: Problem, params: Array, steps: tuple[float, ...], robust: bool) 
             residuals = compute_residuals(few, channel, params)
             scale = max(robust_scale(residuals, len(params)), 1e-9)
             channels.append(leastsq.Channel(pieces(few, channel), scale, loss))
-        params = leastsq.solve_together(
+        params = leastsq.minimise(
             channels, params, prior=few.prior(sd), tolerance=0.1, max_iterations=25, move=few.move
         ).params
     return params

@@ -133,12 +133,64 @@ def solve_together(
     max_iterations: int = 60,
     move: Callable[[Array, Array], Array] = np.add,
 ) -> Solution:
-    """Minimise Σ_c Σ ρ_c(r/scale_c)/correlation_c + |prior residuals|²/2 by Levenberg–Marquardt.
+    """The minimum that `minimise` finds, and how sure it is.
 
     The covariance is Huber's (1981) sandwich A⁻¹BA⁻¹; each channel gives A its curvature of the
     loss D = Σρ''/Σw · ΣwJᵀJ and B the scatter of its gradient, k D = Σρ'²/Σw · ΣwJᵀJ; the prior
-    joins both as one more observation. `move(params, step)` are the parameters a step away, where
-    that is not their sum.
+    joins both as one more observation.
+    """
+    params, sums, iterations, converged = minimise(
+        channels,
+        start,
+        prior=prior,
+        tolerance=tolerance,
+        max_iterations=max_iterations,
+        move=move,
+    )
+    covariance, data = _sandwich(channels, sums)
+    return Solution(
+        params,
+        covariance,
+        np.concatenate([normal.residuals for normal in sums.normals]),
+        sums.cost,
+        data,
+        float(condition(data)),
+        iterations,
+        converged,
+    )
+
+
+class Sums(NamedTuple):
+    """Channels and prior together at some parameters."""
+
+    normals: list[Normal]
+    cost: float
+    gradient: Array
+    information: Array
+    known: Array  # the prior's part of the information
+
+
+class Minimum(NamedTuple):
+    """Parameters, the sums there, and how they were reached."""
+
+    params: Array
+    sums: Sums
+    iterations: int
+    converged: bool
+
+
+def minimise(
+    channels: Sequence[Channel],
+    start: Array,
+    *,
+    prior: Prior | None = None,
+    tolerance: float = 1e-3,
+    max_iterations: int = 60,
+    move: Callable[[Array, Array], Array] = np.add,
+) -> Minimum:
+    """Minimise Σ_c Σ ρ_c(r/scale_c)/correlation_c + |prior residuals|²/2 by Levenberg–Marquardt.
+
+    `move(params, step)` are the parameters a step away, where that is not their sum.
     """
     params, damping = np.array(start, dtype=np.float64), 1e-6
     sums = _sums(channels, params, prior)
@@ -157,30 +209,10 @@ def solve_together(
         else:
             damping = max(damping * 10, 1e-4)
             converged = damping > 1e10
-    covariance, data = _sandwich(channels, sums)
-    return Solution(
-        params,
-        covariance,
-        np.concatenate([normal.residuals for normal in sums.normals]),
-        sums.cost,
-        data,
-        float(condition(data)),
-        iterations,
-        converged,
-    )
+    return Minimum(params, sums, iterations, converged)
 
 
-class _Sums(NamedTuple):
-    """Channels and prior together at some parameters."""
-
-    normals: list[Normal]
-    cost: float
-    gradient: Array
-    information: Array
-    known: Array  # the prior's part of the information
-
-
-def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> _Sums:
+def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> Sums:
     m = len(params)
     cost, gradient, known = 0.0, np.zeros(m), np.zeros((m, m))
     if prior is not None:
@@ -194,7 +226,7 @@ def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> _S
         gradient = gradient + normal.gradient / of.correlation
         information += normal.information / of.correlation
         normals.append(normal)
-    return _Sums(normals, cost, gradient, information, known)
+    return Sums(normals, cost, gradient, information, known)
 
 
 def _step(information: Array, gradient: Array, damping: float) -> Array:
@@ -210,7 +242,7 @@ def _step(information: Array, gradient: Array, damping: float) -> Array:
     return np.asarray(step / size)
 
 
-def _sandwich(channels: Sequence[Channel], sums: _Sums) -> tuple[Array, Array]:
+def _sandwich(channels: Sequence[Channel], sums: Sums) -> tuple[Array, Array]:
     """A⁻¹BA⁻¹ and ΣD in the units of the parameters, A = ΣD + H, B = ΣkD + H, prior H.
 
     With the smallest k taken out, B = kA + Σ(k_c − k)D_c + (1 − k)H, the variances stay positive
