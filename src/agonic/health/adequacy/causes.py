@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -140,7 +141,7 @@ def _make_cause(
     shared = None
     if compared:
         moves = [(again.residuals - work.seen.residuals)[:, None] for again in work.again]
-        shared = np.sum([c * by for c, by in zip(changes, moves, strict=True)], axis=0)
+        shared = reduce(np.add, map(np.multiply, changes, moves))
 
     def error(size: Array) -> Array:
         return errors_at(work.feet, work.seen.signals).add_up(size) * work.radius

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
-from agonic.maths.equation.coverage import heading_sd_deg, level_directions
+from agonic.maths.equation.coverage import (
+    find_rms_sd,
+    heading_jacobian_deg,
+    level_directions,
+)
 from agonic.maths.estimation.inference.linearised import Linearised
 
 FEWEST_ROWS = 60
@@ -85,9 +90,12 @@ class Fitted:
 
     def heading_deg(self, covariance: Array) -> float:
         """What a covariance leaves open of a level heading, rms over all headings."""
+        return float(find_rms_sd(self._heading_by, covariance))
+
+    @cached_property
+    def _heading_by(self) -> Array:
         c = self.calibration
-        at = (self.inclination_deg, self.magnitude, c.matrix, covariance, c.gauge)
-        return float(heading_sd_deg(*at))
+        return heading_jacobian_deg(self.inclination_deg, self.magnitude, c.matrix, c.gauge)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

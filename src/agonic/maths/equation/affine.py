@@ -285,7 +285,7 @@ def _distance(
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    return np.asarray(np.einsum("ij,ij->j", a, b))
 
 
 def _square(a: Array) -> Array:

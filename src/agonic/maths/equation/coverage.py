@@ -73,7 +73,8 @@ def field_covariance(
     raw = magnitude * directions @ np.linalg.inv(matrix).T + bias
     jacobian = correction_jacobian(raw, bias, matrix) @ model_basis("full", gauge)
     covariance = covariance[: jacobian.shape[2], : jacobian.shape[2]]  # of sources on board none
-    return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
+    by_all = (jacobian.reshape(-1, len(covariance)) @ covariance).reshape(jacobian.shape)
+    return np.asarray(by_all @ np.swapaxes(jacobian, 1, 2))
 
 
 def level_directions(
@@ -152,7 +153,12 @@ def heading_sd_deg(
     local = heading_jacobian_deg(inclination_deg, magnitude, matrix, gauge, down)
     if but_constant:
         local = local - local.mean(axis=-2, keepdims=True)
-    variance = ((local @ covariance) * local).sum(axis=-1).mean(axis=-1)
+    return find_rms_sd(local, covariance)
+
+
+def find_rms_sd(jacobian: Array, covariance: Array) -> Any:
+    """The standard error of numbers with such derivatives (…, n, m), rms over all n, (…)."""
+    variance = ((jacobian @ covariance) * jacobian).sum(axis=-1).mean(axis=-1)
     return np.sqrt(np.maximum(variance, 0.0))[()]  # rounding, where nothing is determined
 
 

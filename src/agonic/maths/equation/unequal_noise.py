@@ -105,8 +105,8 @@ def _find_pulls(part: Problem, estimate: Estimate, rows: Index) -> Array:
     for channel, of in estimate.noise.items():
         found = zip(*pieces(moved, channel, 0.0, shares[channel])(params), strict=True)
         r, jacobian = (np.concatenate(side) for side in found)
-        weighed = jacobian * (np.tile(weights, len(steps)) * r)[:, None]
-        sums = weighed.reshape(len(steps), -1, len(params)).sum(axis=1)
-        gradients += sums / of.sd**2 / of.correlation
+        weighed = weights * r.reshape(len(steps), 1, -1)
+        sums = weighed @ jacobian.reshape(len(steps), -1, len(params))
+        gradients += sums[:, 0] / of.sd**2 / of.correlation
     ahead, back, plain = gradients[:3], gradients[3:6], gradients[6]
     return np.asarray(0.5 * sd**2 * (ahead + back - 2.0 * plain) / _STEP**2)

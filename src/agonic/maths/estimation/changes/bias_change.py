@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.estimation.noise.batch_means import compute_scatter
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
 from agonic.maths.one_pass import median
@@ -127,9 +126,8 @@ def _find_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int
     A = X_SᵀX_S − X_SᵀJ G⁻¹JᵀX_S, X_S the rows of the normals in S; the sums add over blocks.
     """
     edges = np.linspace(0, len(residuals), blocks + 1).astype(int)
-    spans = [slice(i, j) for i, j in pairwise(edges)]
-    outer = np.cumsum([np.zeros((9, 9)), *(moves[s].T @ moves[s] for s in spans)], axis=0)
-    score = np.cumsum([np.zeros(9), *(residuals[s] @ moves[s] for s in spans)], axis=0)
+    products = _sum_products(np.column_stack([moves, residuals]), edges)
+    outer, score = products[:, :9, :9], products[:, 9, :9]
     first, last = np.triu_indices(blocks + 1, _SHORTEST)
     enough = last - first <= blocks - _SHORTEST
     first, last = first[enough], last[enough]
@@ -142,6 +140,17 @@ def _find_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int
     fall = _weigh(towards, own)
     best = int(np.argmax(fall))
     return int(edges[first[best]]), int(edges[last[best]]), float(fall[best])
+
+
+def _sum_products(columns: Array, edges: Index) -> Array:
+    """CᵀC of the rows of columns (n, k) before each of the edges (b + 1,), (b + 1, k, k)."""
+    longest = int(np.diff(edges).max())
+    rows = edges[:-1, None] + np.arange(longest)
+    blocks = columns[np.minimum(rows, edges[-1] - 1)]
+    blocks[rows >= edges[1:, None]] = 0.0
+    sums = np.zeros((len(edges), *2 * columns.shape[1:]))
+    np.cumsum(blocks.transpose(0, 2, 1) @ blocks, axis=0, out=sums[1:])
+    return sums
 
 
 def _weigh(vectors: Array, matrices: Array) -> Array:
