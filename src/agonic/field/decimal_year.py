@@ -66,7 +66,7 @@ def _of_datetime64(moments: NDArray[np.generic]) -> Array:
     moment = moments.astype("datetime64[us]")
     year = moment.astype("datetime64[Y]")
     start = year.astype("datetime64[us]")
-    length = (year + 1).astype("datetime64[us]") - start
+    length = (year + np.timedelta64(1, "Y")).astype("datetime64[us]") - start
     return np.asarray(1970.0 + year.astype(np.int64) + (moment - start) / length)
 
 
