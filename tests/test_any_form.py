@@ -73,7 +73,7 @@ def test_moments_of_python_and_pandas() -> None:
 
 def test_a_moment_that_is_none_is_left_out_and_counted() -> None:
     times = np.datetime64(T0, "us") + np.arange(600) * np.timedelta64(1, "s")
-    times[7] = np.datetime64("NaT")
+    times[7] = np.datetime64("NaT", "us")
     made = ag.Samples(field=FIELD, unit="nT", time=times)
     assert len(made) == 599
     assert dict(made.rejected) == {"NaN or infinite time": 1}

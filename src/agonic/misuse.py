@@ -15,6 +15,8 @@ from typing import Any
 from agonic.errors import AgonicError
 
 _CAUGHT = (TypeError, AttributeError, ValueError, LookupError, NotImplementedError)
+_ARRAYS = ("ndarray", "NDArray")
+"""What an annotated array is called; from NumPy 2.5 on the alias keeps its own name."""
 
 
 def explain_misuse(function: Callable[..., Any], package: str) -> Callable[..., Any]:
@@ -123,7 +125,7 @@ def is_a(value: Any, hint: Any) -> bool:
     if origin is typing.Annotated:
         return is_a(value, inside[0])
     if _is_of_numpy(hint):
-        return _is_numeric(value, scalar=getattr(origin, "__name__", "") != "ndarray")
+        return _is_numeric(value, scalar=getattr(origin, "__name__", "") not in _ARRAYS)
     if origin is not None:
         return _is_made_of(value, origin, inside)
     if not isinstance(hint, type):

@@ -54,7 +54,8 @@ def test_a_leap_year_is_longer() -> None:
 
 
 @pytest.mark.parametrize(
-    "moment", ["tomorrow", "", None, True, [2025.0, None], ["2025-13-01"], np.datetime64("NaT")]
+    "moment",
+    ["tomorrow", "", None, True, [2025.0, None], ["2025-13-01"], np.datetime64("NaT", "us")],
 )
 def test_what_is_no_moment_is_said(moment: object) -> None:
     with pytest.raises(AgonicError, match=r"is not a time; give a decimal year|is missing \(NaT\)"):

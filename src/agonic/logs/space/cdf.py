@@ -151,7 +151,7 @@ def _decode_epoch(milliseconds: Array) -> NDArray[Any]:
     since_1970 = np.where(known, milliseconds, np.nan) - _YEAR_0_MS
     microseconds = np.round(np.where(known, since_1970, 0.0) * 1e3).astype(np.int64)
     stamps = microseconds.astype("datetime64[us]")
-    stamps[~known] = np.datetime64("NaT")
+    stamps[~known] = np.datetime64("NaT", "us")
     return stamps
 
 
@@ -162,7 +162,7 @@ def _decode_tt2000(nanoseconds: NDArray[np.int64]) -> NDArray[np.datetime64]:
     known = nanoseconds > np.iinfo(np.int64).min + 1_000
     stamps = cdflib.cdfepoch.to_datetime(np.where(known, nanoseconds, 0))
     stamps = np.atleast_1d(stamps).astype("datetime64[us]")
-    stamps[~known] = np.datetime64("NaT")
+    stamps[~known] = np.datetime64("NaT", "us")
     return np.asarray(stamps)
 
 

@@ -179,7 +179,7 @@ def _moments(numbers: Array, since: re.Match[str]) -> NDArray[Any]:
     known = np.abs(seconds) < _MOST_EXTENT_S
     steps = np.round(np.where(known, seconds, 0.0) * 1e6).astype("timedelta64[us]")
     stamps = np.datetime64(start.replace(tzinfo=None), "us") + steps
-    stamps[~known] = np.datetime64("NaT")
+    stamps[~known] = np.datetime64("NaT", "us")
     return np.asarray(stamps)
 
 
