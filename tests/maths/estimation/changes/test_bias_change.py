@@ -89,3 +89,21 @@ def test_a_wrong_shape_is_no_change() -> None:
 def test_too_few_rows_and_perfect_ones_tell_nothing() -> None:
     assert find_bias_change(*residuals(40, slice(20, 40))) is None
     assert find_bias_change(*residuals(500, slice(0), noise=0.0)) is None
+
+
+def test_what_rounding_tells_of_a_level_vehicle_decides_nothing() -> None:
+    """On a level circle noise alone tells four of the moves, by the square of its size."""
+    heading = np.linspace(0.0, 40.0, 1000)
+    level = np.stack([0.5 * np.cos(heading), 0.5 * np.sin(heading), np.full(1000, 0.75**0.5)], 1)
+    rng = np.random.default_rng(0)
+    off, jitter = 0.002 * rng.normal(size=1000), rng.normal(size=(1000, 3))
+    off[300:500] += level[300:500] @ SHIFT
+    found = []
+    for size in (0.0, 1e-9, 1e-6, 3e-6):
+        units = level + size * jitter
+        units /= np.linalg.norm(units, axis=1, keepdims=True)
+        change = find_bias_change(off, units, units)
+        assert change is not None
+        found.append(change)
+    assert np.ptp([np.log(change.significance) for change in found]) < 1e-3
+    assert np.ptp([np.log(change.seen) for change in found]) < 1e-3

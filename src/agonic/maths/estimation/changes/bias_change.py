@@ -16,6 +16,7 @@ _SHORTEST = 2  # blocks, of the stretch and of what is left
 _STRETCHES = 512  # that pulls are summed up in
 _FEWEST = 8  # batches that tell how they scatter
 _OUTLYING = 4.0  # median distances beyond which a residual counts no more than this
+_UNTOLD = 1e-10  # of the mean information about a move: less is told by rounding
 
 
 class BiasChange(NamedTuple):
@@ -105,9 +106,7 @@ def find_seen_shift(residuals: Array, normals: Array, places: Array, changed: Ma
 
 
 def _see(away: Array, moves: Array, changed: Mask) -> float:
-    own = away - moves @ (
-        np.linalg.pinv(moves.T @ moves, rcond=1e-12, hermitian=True) @ (away @ moves)
-    )
+    own = away - moves @ (_invert(moves.T @ moves) @ (away @ moves))
     return float(np.sqrt(3 * (own @ own) / (len(away) * changed.mean() * (1 - changed.mean()))))
 
 
@@ -117,6 +116,17 @@ def _moves(normals: Array, places: Array) -> Array:
     x, y, z = places.T
     shape = (a * x, b * y, c * z, a * y + b * x, a * z + c * x, b * z + c * y)
     return np.stack([a, b, c, *shape], axis=1)
+
+
+def _invert(information: Array) -> Array:
+    """The inverse of what rows tell of moves (m, m), each held as if by 1e-10 of it.
+
+    Moves by as much as the field that shift readings by less than a hundred-thousandth of it,
+    0.5 nT of 50 µT, are no moves that a calibration makes. A vehicle that stays level shows some
+    of them by the rounding of its readings only, which a rank, a yes or no, would go by.
+    """
+    hold = _UNTOLD * np.trace(information) / len(information)
+    return np.asarray(np.linalg.inv(information + hold * np.eye(len(information))))
 
 
 def _find_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int, float]:
@@ -131,7 +141,7 @@ def _find_stretch(residuals: Array, moves: Array, blocks: int) -> tuple[int, int
     first, last = np.triu_indices(blocks + 1, _SHORTEST)
     enough = last - first <= blocks - _SHORTEST
     first, last = first[enough], last[enough]
-    inverse = np.linalg.pinv(outer[-1], rcond=1e-12, hermitian=True)
+    inverse = _invert(outer[-1])
     cross = outer[last, :3] - outer[first, :3]
     taken = (cross.reshape(-1, 9) @ inverse).reshape(cross.shape)
     own = cross[:, :, :3] - taken @ np.swapaxes(cross, 1, 2)
@@ -172,7 +182,7 @@ def _refit(residuals: Array, moves: Array, changed: Mask) -> tuple[Array, Array]
     """
     own = moves[:, :3] * changed[:, None]
     design = np.hstack([own, moves])
-    solve = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True) @ design.T
+    solve = _invert(design.T @ design) @ design.T
     estimate, left = np.zeros(design.shape[1]), residuals
     for _ in range(10):
         reach = _OUTLYING * median(np.abs(left))
