@@ -26,6 +26,7 @@ def test_a_last_row_that_ends_in_the_middle_is_left_out(tmp_path: Path, cut: str
     """A reading of 41.75 that was cut to 41, or to 4, looks like any other."""
     samples = read(tmp_path, TABLE.removesuffix(cut).encode())
     assert samples.field == pytest.approx(READINGS[:-1])
+    assert samples.rejected == {"the last line ends in the middle": 1}
 
 
 def test_a_whole_last_row_needs_no_end_of_line(tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
     """
     return [
         Finding(
-            "NaN" if "NaN" in why else "clock",
+            "NaN" if "NaN" in why else "torn end" if "ends" in why else "clock",
             "check" if count > 0.01 * total else "note",
             f"{count} of {total} rows were left out ({why})",
             "look at the logger" if count > 0.01 * total else "",

@@ -16,6 +16,9 @@ from agonic.samples import Logged, Samples
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+TORN = "the last line ends in the middle"
+"""Note on a text whose last line was left out, and the reason why it counts as rejected."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Stream:

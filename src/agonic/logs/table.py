@@ -30,7 +30,7 @@ from agonic.logs.headers.conventions import (
     is_corrected,
 )
 from agonic.logs.headers.remarks import tell_doubtful, tell_no_clock, tell_rivals
-from agonic.logs.log import Log, Stream
+from agonic.logs.log import TORN, Log, Stream
 from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.resample import compute_rate_Hz
@@ -101,6 +101,8 @@ def build_log(
         ),
     )
     sensors, failures = _read_sensors(whole, fields)
+    if TORN in notes:
+        sensors = tuple(one.with_columns(rejected={**one.rejected, TORN: 1}) for one in sensors)
     return Log(
         path=path,
         format=format,

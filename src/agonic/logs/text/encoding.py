@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from agonic.logs.formats import is_wide
+from agonic.logs.log import TORN
 
 Text = bytes | mmap.mmap
 """A text as it lies in memory, or in a file that is mapped."""
@@ -21,7 +22,6 @@ _TAIL = 10_000
 """Bytes before the last line that show how long its numbers should be."""
 _FEWEST = 3
 _DIGITS = re.compile(rb"[-+]?[\d.]+(?:[eE][-+]?\d*)?")
-_TORN = "the last line ends in the middle: left out"
 _MINUS = "\u2212".encode()
 _CONTROL = bytes({*range(32), 127} - set(b"\t\n"))
 
@@ -60,7 +60,7 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not data.endswith(b"\n") and (whole := _find_torn(data)) < len(data):
-        data, notes = data[:whole], (*notes, _TORN)
+        data, notes = data[:whole], (*notes, TORN)
     head = data[:_HEAD]
     if b"\0" in data or head != head.translate(None, _CONTROL):
         data = data.translate(None, _CONTROL)
