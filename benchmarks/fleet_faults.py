@@ -40,7 +40,7 @@ RIGHT: Mapping[str, tuple[str, ...]] = {
     "reversed axis": ("axes",),
     "turned axes": ("axes",),
     "duplicated": ("duplicated",),
-    "truncated": ("NaN", "too few readings"),
+    "truncated": ("torn end", "NaN", "too few readings"),
     "binary": ("binary data", "too few readings"),
     "empty": ("empty", "too few readings"),
     "wrong columns": ("no magnetometer columns", "too few readings"),
