@@ -37,7 +37,7 @@ class Readable:
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         vars(self).update(state)
-        lock_arrays(state.values())  # a pickle and a copy are as read-only as what they are of
+        _lock_arrays(state.values())  # a pickle and a copy are as read-only as what they are of
 
     def __repr__(self) -> str:
         head, *lines = self._say()
@@ -96,13 +96,13 @@ def restore_view(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(values)
 
 
-def lock_arrays(values: Iterable[Any]) -> None:
+def _lock_arrays(values: Iterable[Any]) -> None:
     """Make the arrays among values read-only, also those in views of mappings."""
     for value in values:
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
         elif isinstance(value, MappingProxyType):
-            lock_arrays(value.values())
+            _lock_arrays(value.values())
 
 
 copyreg.pickle(MappingProxyType, lambda view: (restore_view, (dict(view),)))

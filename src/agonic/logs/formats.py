@@ -112,6 +112,18 @@ def is_wide(data: bytes) -> bool:
     return len(high) >= 10 and not any(high) and low.isascii() and 0 not in low
 
 
+def decode_marked(data: bytes) -> bytes:
+    """A text whose first bytes say that it is UTF-8 or UTF-16, as UTF-8 without them; any other as
+    it is.
+
+    >>> decode_marked("x,y".encode("utf-16")), decode_marked(b"x,y")
+    (b'x,y', b'x,y')
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace").encode()
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
 def _is_text(head: bytes) -> bool:
     marks = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
     if head.startswith(marks) or is_wide(head):
@@ -138,16 +150,13 @@ def _is_workbook(head: bytes) -> bool:
     return head.startswith(b"PK\x03\x04") and (first.startswith(begins) or opendocument)
 
 
-_JSON_BEGINS = re.compile(
-    rb"(\xef\xbb\xbf)?\s*(\[\s*(\[\s*(-?\d+(\.\d+)?([eE][-+]?\d+)?\s*[],]|\")|\{)|\{)"
-)
+_JSON_BEGINS = re.compile(rb"\s*(\[\s*(\[\s*(-?\d+(\.\d+)?([eE][-+]?\d+)?\s*[],]|\")|\{)|\{)")
 """Not like the numbers without a comma, or without a digit behind the point, that NumPy prints."""
 
 
 def _is_json(head: bytes) -> bool:
     """Whether it begins like an object, or a list of objects or of lists; a calibration is none."""
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        head = head.decode("utf-16", "ignore").encode()
+    head = decode_marked(head)
     begins = _JSON_BEGINS.match(head) is not None
     return begins and re.search(rb"\"schema\":\s*\"agonic/", head) is None
 

@@ -32,6 +32,7 @@ from agonic.logs.text.layout import (
     NUMBER,
     SAMPLE,
     Layout,
+    Table,
     find_layout,
     is_header,
     sample_lines,
@@ -40,7 +41,6 @@ from agonic.logs.text.long_table import LABEL, build_tables_log, name_label
 from agonic.logs.text.numbers import read_numbers, split_rows
 from agonic.provenance import Input
 
-Table = dict[str, NDArray[Any]]
 Facts = tuple[Table, dict[str, Any]]
 """Columns by header, and what to tell of the file."""
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import codecs
 import mmap
 import re
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from agonic.logs.formats import is_wide
+from agonic.logs.formats import decode_marked, is_wide
 from agonic.logs.log import TORN
 
 Text = bytes | mmap.mmap
@@ -50,12 +49,11 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
     UTF-8, the encoding is taken in which most do.
     """
     notes: tuple[str, ...] = ()
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.decode("utf-16", "replace").encode()
-    elif is_wide(data):
+    data = decode_marked(data)
+    if is_wide(data):
         data = data.decode("utf-16-le", "replace").encode()
     elif not data.isascii():
-        data, notes = _to_utf8(data.removeprefix(codecs.BOM_UTF8), understood)
+        data, notes = _to_utf8(data, understood)
         data = data.replace(_MINUS, b"-")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")

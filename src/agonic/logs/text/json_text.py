@@ -6,7 +6,6 @@ numbers may be written as texts. Otherwise columns are named as those of a text 
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
+from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
 from agonic.logs.log import Log
@@ -64,9 +64,7 @@ def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], 
 
 def _load(data: bytes) -> tuple[list[dict[str, Any]], int]:
     """The objects in a text, and how many of its lines are none."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.decode("utf-16", "replace").encode()
-    data = data.removeprefix(codecs.BOM_UTF8)
+    data = decode_marked(data)
     for text in (data, _NO_NUMBER.sub(b"null", data)):
         try:
             return _find_records(msgspec.json.decode(text)), 0
@@ -88,9 +86,12 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
         else:
             broken += 1
     if broken > len(records):
-        if whole := _mend(data):
-            return _find_records(msgspec.json.decode(whole)), 1
-        raise LogError("damaged JSON, or none: most of its lines are no objects; fetch it again")
+        try:
+            return _find_records(msgspec.json.decode(_mend(data))), 1
+        except (msgspec.DecodeError, RecursionError):
+            raise LogError(
+                "damaged JSON, or none: most of its lines are no objects; fetch it again"
+            ) from None
     return _spread(records), broken
 
 
@@ -114,12 +115,7 @@ def _mend(data: bytes) -> bytes:
                 return b""
             if match[0] == b"}" and opened[-1:] == [b"]"]:  # an object of a list
                 whole, left = match.end(), b"".join(reversed(opened))
-    mended = data[:whole] + left
-    try:
-        msgspec.json.decode(mended)
-    except (msgspec.DecodeError, RecursionError):
-        return b""
-    return mended
+    return data[:whole] + left
 
 
 def _spread(records: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -10,12 +10,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
+
+from numpy.typing import NDArray
 
 from agonic.errors import UnitError
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import identify_column, refuse_many
 from agonic.logs.headers.patterns import AMBIGUOUS
 from agonic.units import find_unit
+
+Table = dict[str, NDArray[Any]]
+"""The columns of a text table, by header."""
 
 COMMENT = "#%"
 NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.logs.headers.columns import find_quantities
-from agonic.logs.text.layout import Layout
-
-Table = dict[str, NDArray[Any]]
+from agonic.logs.text.layout import Layout, Table
 
 
 def add_stated(table: Table, layout: Layout) -> Table:

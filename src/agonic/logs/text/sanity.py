@@ -15,7 +15,15 @@ from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import FALLBACK, find_quantities, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.text.encoding import Text
-from agonic.logs.text.layout import LABVIEW, STAMP, Layout, holds_values, is_header, split_cells
+from agonic.logs.text.layout import (
+    LABVIEW,
+    STAMP,
+    Layout,
+    Table,
+    holds_values,
+    is_header,
+    split_cells,
+)
 from agonic.logs.text.numbers import split_rows
 
 _PLAIN = re.compile(r"[-+\d.eE,;\s()\[\]{}<>]+")
@@ -30,8 +38,6 @@ _HEAD = 20_000
 _RULE = re.compile(r"[-=_*]{3,}")
 _FEW_GROUPS = 3
 _NOTHING = ("", "nan", "null", "none", "na", "n/a", "#n/a", "inf", "-inf", "-")
-
-Table = dict[str, NDArray[Any]]
 
 
 def level(data: Text, head: Sequence[str]) -> Text:

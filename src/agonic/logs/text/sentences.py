@@ -13,10 +13,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
@@ -24,10 +22,9 @@ from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
+from agonic.logs.text.layout import Table
 from agonic.logs.text.nmea import Sentence, carry, read_beside, read_clock, read_transducers
 from agonic.provenance import Input
-
-Table = dict[str, NDArray[Any]]
 
 
 def _vectors(*units: tuple[str, str]) -> tuple[str, ...]:

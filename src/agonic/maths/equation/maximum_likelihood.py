@@ -208,7 +208,7 @@ def _refine_anew(
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
         part = problem if counted.all() else problem.subset(np.flatnonzero(counted))
-        solution = minimise(part, noise, params)
+        solution = solve_with_noise(part, noise, params)
         params, assumed = solution.params, noise
         if any(_leads_to(params, one) for one in known):
             return None
@@ -237,7 +237,7 @@ def _refine_anew(
     return Estimate(solution, noise, residuals, weights * used)
 
 
-def minimise(problem: Problem, noise: dict[str, Noise], params: Array) -> leastsq.Solution:
+def solve_with_noise(problem: Problem, noise: dict[str, Noise], params: Array) -> leastsq.Solution:
     """The minimum near parameters, where the noise of each channel is known."""
     sd = min(noise["magnitude"].sd, _NO_NOISE)
     shares = find_attitude_shares(problem, noise, params)

@@ -11,7 +11,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import Estimate, find_near, minimise
+from agonic.maths.equation.maximum_likelihood import Estimate, find_near, solve_with_noise
 
 _NEVER = 1e-9  # of its standard deviation: a term that changes by less in a part is still there
 
@@ -40,7 +40,7 @@ def estimate_part(
     weights = whole.weights[rows]
     counted = part if weights.all() else part.subset(np.flatnonzero(weights))
     try:
-        solution = minimise(counted, whole.noise, whole.solution.params)
+        solution = solve_with_noise(counted, whole.noise, whole.solution.params)
     except np.linalg.LinAlgError:
         return None
     residuals = {channel: of[rows] for channel, of in whole.residuals.items()}
