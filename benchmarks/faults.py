@@ -202,6 +202,23 @@ def record(
     return Recording(samples, draft.reads, attitude)
 
 
+def of_time(fault: Callable[..., Fault]) -> Callable[..., Fault]:
+    """A fault that changes in time: the sensor is true as it was on the average over the log."""
+
+    def make(*args: Any) -> Fault:
+        inner = fault(*args)
+
+        def made(d: Draft) -> None:
+            clean, before = d.raw.copy(), d.reads
+            inner(d)
+            mean = (d.raw - clean).mean(axis=0)
+            d.reads = lambda field: before(field) + mean
+
+        return made
+
+    return make
+
+
 # --- faults: of the sensor -------------------------------------------------------------------
 
 
@@ -403,10 +420,13 @@ def quantised(step: float) -> Fault:
 
 
 def gain_changes(axis: int, share: float) -> Fault:
-    """One axis changes its gain half-way."""
+    """One axis changes its gain half-way; the sensor is true as it was on the average."""
 
     def fault(d: Draft) -> None:
+        before, mean = d.reads, np.ones(3)
+        mean[axis] += share / 2
         d.raw[d.n // 2 :, axis] *= 1 + share
+        d.reads = lambda field: before(field) * mean
 
     return fault
 
@@ -420,6 +440,7 @@ def axis_dies(axis: int) -> Fault:
     return fault
 
 
+@of_time
 def second_sensor(size: float, every: int = 2) -> Fault:
     """Another sensor in alternate rows, a little apart."""
 
@@ -431,12 +452,14 @@ def second_sensor(size: float, every: int = 2) -> Fault:
 
 
 def mixed_sensors(size: float, share: float, gain: float) -> Fault:
-    """Rows at random of another sensor, with another bias and other gains."""
+    """Rows at random of another sensor, with another bias and other gains; true is their mean."""
 
     def fault(d: Draft) -> None:
         away, other = d.rng.normal(size=3), d.rng.random(d.n) < share
-        gains = 1 + gain * d.rng.normal(size=3)
-        d.raw[other] = d.raw[other] * gains + size * away / np.linalg.norm(away)
+        gains, before = 1 + gain * d.rng.normal(size=3), d.reads
+        shift = size * away / np.linalg.norm(away)
+        d.raw[other] = d.raw[other] * gains + shift
+        d.reads = lambda field: before(field) * (1 + share * (gains - 1)) + share * shift
 
     return fault
 
@@ -470,6 +493,7 @@ def coloured(memory: float, size: float) -> Fault:
     return fault
 
 
+@of_time
 def set_and_reset(size: float, rows: int) -> Fault:
     """What set and reset leave of the bias changes its sign every so many rows."""
 
@@ -480,6 +504,7 @@ def set_and_reset(size: float, rows: int) -> Fault:
     return fault
 
 
+@of_time
 def random_walk(size: float) -> Fault:
     """A bias that walks, ending this far (rms an axis)."""
 
@@ -493,6 +518,7 @@ def random_walk(size: float) -> Fault:
 # --- faults: of the surroundings -------------------------------------------------------------
 
 
+@of_time
 def slow_step(share: float) -> Fault:
     """The bias moves over a tenth of the log, by this share of the field."""
 
@@ -504,6 +530,7 @@ def slow_step(share: float) -> Fault:
     return fault
 
 
+@of_time
 def warm_up(size: float) -> Fault:
     """A bias of the first minutes that dies away."""
 
@@ -514,6 +541,7 @@ def warm_up(size: float) -> Fault:
     return fault
 
 
+@of_time
 def load_levels(size: float, rows: int = 50) -> Fault:
     """A current whose load is another every so many rows."""
 
@@ -569,6 +597,7 @@ def raised(size: float) -> Fault:
     return fault
 
 
+@of_time
 def steady_drift(size: float) -> Fault:
     """The bias moves steadily, ending this far."""
 
@@ -579,6 +608,7 @@ def steady_drift(size: float) -> Fault:
     return fault
 
 
+@of_time
 def switching(size: float, mean_rows: float = 40.0) -> Fault:
     """A current that goes on and off at random."""
 
@@ -590,6 +620,7 @@ def switching(size: float, mean_rows: float = 40.0) -> Fault:
     return fault
 
 
+@of_time
 def bursts(size: float, rows: float = 40.0, on: float = 0.3) -> Fault:
     """A current that is on for a share of every so many rows."""
 
@@ -694,6 +725,7 @@ def magnet_passes(size: float) -> Fault:
     return fault
 
 
+@of_time
 def magnet_added(size: float) -> Fault:
     """Something magnetic is added at 60 % of the log."""
 

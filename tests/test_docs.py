@@ -19,7 +19,8 @@ from _pytest.mark import ParameterSet
 
 import agonic as ag
 from agonic.cli import COMMANDS
-from agonic.health.adequacy.examine import CAUSES
+from agonic.model.terms import HIDDEN
+from agonic.model.terms.time import STEP
 from agonic.samples import Logged
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -83,6 +84,11 @@ def test_every_command_is_explained(command: str) -> None:
     assert any(f"agonic {command}" in text_of(page) for page in PAGES)
 
 
+TOLD_BESIDE = {"prior"}
+"""Doubts of the heading that become notes beside a graver one."""
+JUDGED = {term.name for term in HIDDEN} | {STEP.name, "ripple", "coverage", "noise with memory"}
+
+
 def findings_in_the_source() -> dict[str, set[str]]:
     """The names of findings, and how severe each can be, from the calls that make them."""
     found: dict[str, set[str]] = {}
@@ -91,10 +97,11 @@ def findings_in_the_source() -> dict[str, set[str]]:
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
                 if ast.unparse(node.args[0]) == "check.name":  # verify.md explains the checks
                     continue
-                if ast.unparse(node.args[0]) == "error.cause":  # one sentence for each of CAUSES
-                    found |= {cause: {"check", "note"} for cause in CAUSES}
+                if ast.unparse(node.args[0]) in {"one.term.name", "name"}:  # terms and doubts
+                    found |= {name: {"note", "check", "refuse"} for name in JUDGED}
                     continue
                 names, severities = map(set, map(choices, node.args[:2]))
+                severities |= {"note"} if names & TOLD_BESIDE else set()
                 for name in names:
                     found.setdefault(name, set()).update(severities)
     return found
@@ -317,3 +324,13 @@ def test_the_architecture_names_the_rooms_and_files_that_there_are() -> None:
     paths = re.findall(r"`([\w/]+(?:/|\.py))`", walk)
     assert len(paths) > 10
     assert [path for path in paths if not (house / path).exists()] == []
+
+
+def test_what_calibrate_decides_is_said_beside_the_function_that_does_it() -> None:
+    page = text_of(DOCS / "architecture.md")
+    table = page[page.index("## What `calibrate` decides") : page.index("## Recipes")]
+    made_in = re.findall(r"^\| [A-Z].+\. \| `([\w.]+)` \|$", table, re.MULTILINE)
+    assert len(made_in) == 10
+    for path in made_in:
+        module, name = path.rsplit(".", 1)
+        assert inspect.getdoc(getattr(import_module(f"agonic.{module}"), name))

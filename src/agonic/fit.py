@@ -140,7 +140,8 @@ class Fit(Estimated):
     `covariance`; `condition` is that of the scaled information matrix; `channels` are the residuals
     by kind ("magnitude", "dip", "azimuth") where the attitude aided the fit; `findings` are all
     observations, by name; `tests` the choice of model; `accuracy` how well it is known, unless it
-    is refused. `covariance` (9, 9) is that of bias x y z, then matrix xx yy zz xy xz yz; (12, 12)
+    is refused; `shares` what the heading's error is made of, degrees by name, the largest first.
+    `covariance` (9, 9) is that of bias x y z, then matrix xx yy zz xy xz yz; (12, 12)
     where the matrix is free, with yx zx zy, and further with the coefficients of sources on board.
     """
 
@@ -158,6 +159,7 @@ class Fit(Estimated):
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     accuracy: Accuracy | None = None
+    shares: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
     def _say_how_good(self) -> tuple[str, ...]:

@@ -9,7 +9,8 @@ import agonic as ag
 from agonic.attitude.delay import advance, keep_latency, measure_rate
 from agonic.attitude.latency import LATENCY_SD_S, fit_latency
 from agonic.calibration.setup import Compass, Setup
-from agonic.health import check_coverage, figure
+from agonic.health import figure
+from agonic.model.verdict import check_coverage
 from agonic.simulation import (
     delayed,
     duplicated,

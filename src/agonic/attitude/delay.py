@@ -14,9 +14,10 @@ from agonic.calibration.base import Calibration
 from agonic.coverage import Coverage
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import Fit
-from agonic.health import Finding, check_coverage, figure
+from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
+from agonic.model.verdict import check_coverage
 from agonic.reference import Reference
 from agonic.samples import Samples
 

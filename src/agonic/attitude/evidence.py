@@ -39,10 +39,13 @@ from agonic.maths.equation.channels import (
     compute_residuals,
     field_of_terms,
 )
-from agonic.maths.equation.coverage import count_visits, find_level_down
+from agonic.maths.equation.coverage import DOWN, count_visits, find_level_down
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
+from agonic.model.posterior import Posterior
+from agonic.model.result import list_shares
+from agonic.model.verdict import judge, shows_changes
 from agonic.samples import Samples
 
 ATTITUDE_DOUBTFUL_DEG = 5.0
@@ -62,6 +65,7 @@ def assess(
     tests: tuple[ModelTest, ...],
     turned: bool,
     settings: Settings,
+    posterior: Posterior | None,
 ) -> Fit:
     """The fit with residuals of every row, coverage, findings and remarks.
 
@@ -86,6 +90,7 @@ def assess(
         coverage=coverage,
         channels=channels,
         tests=tests,
+        shares=list_shares(posterior),
     )
     magnitude = problem.magnitude * scale.magnitude
     _, normals = compute_distances(cleaned, plain.bias, plain.matrix, magnitude)
@@ -93,7 +98,12 @@ def assess(
     tilt_sd = _tilt_sd_deg(channels, evidence.radius)
     mounted = compute_mounted_heading(plain, coverage)
     own = replace(coverage, heading_sd_deg=mounted.own_sd_deg)
-    found = _findings(samples, replace(evidence, coverage=own), problem, cleaned, channels, tilt_sd)
+    evidence = replace(evidence, coverage=own)
+    changes = shows_changes(posterior)
+    found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd, changes)
+    named = {one.name for one in found}
+    judged = judge(posterior, own, samples.unit, evidence.radius, evidence.time, found)
+    found += tuple(one for one in judged if one.name not in named)
     told = check_turned_sensor(mounted, turned) if "dip" in channels else None
     bent = {f.name for f in found if f.severity == "refuse"} & {"mounting", "attitude"}
     column = None if bent else _check_heading(plain, cleaned, samples, problem, weights > 0)
@@ -134,6 +144,20 @@ def _channels(estimate: Estimate, problem: Problem, size: float) -> dict[str, Ch
     }
 
 
+def find_dip_deg(problem: Problem, settings: Settings) -> float:
+    """The dip at which the heading's standard error is stated: that of the place."""
+    if settings.inclination_deg is not None:
+        return settings.inclination_deg
+    if problem.dip is None:
+        return 60.0
+    return float(np.degrees(np.arctan2(problem.dip.vertical.mean(), problem.dip.horizontal.mean())))
+
+
+def find_down(problem: Problem) -> Array:
+    """Where the sensor's axes have down in a level vehicle, as far as roll and pitch tell."""
+    return DOWN if problem.dip is None else find_level_down(problem.dip.down, squarely=True)
+
+
 def _coverage(
     plain: Affine,
     cleaned: Array,
@@ -142,13 +166,8 @@ def _coverage(
     settings: Settings,
 ) -> Coverage:
     """Coverage and heading uncertainty with the sources at their mean, at the dip of the place."""
-    dip = settings.inclination_deg
-    if dip is None and problem.dip is not None:
-        dip = float(
-            np.degrees(np.arctan2(problem.dip.vertical.mean(), problem.dip.horizontal.mean()))
-        )
+    dip = find_dip_deg(problem, settings)
     field = plain.correct(cleaned[used])
-    dip = 60.0 if dip is None else dip
     if problem.dip is None:
         return compute_coverage(plain, count_visits(field), dip)
     down = problem.dip.down[used]
@@ -193,6 +212,7 @@ def _findings(
     cleaned: Array,
     channels: dict[str, Channel],
     tilt_sd: float | None,
+    changes: bool,
 ) -> tuple[Finding, ...]:
     """What is wrong with readings and fit; one cause is not reported twice."""
     seen = inspect(samples)
@@ -206,7 +226,7 @@ def _findings(
         return (REVERSED_FIELD, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
-    examined = examine(evidence, attitude_aided=True)
+    examined = examine(evidence, attitude_aided=True, changes=changes, left=0.0)
     coarse = check_resolution(samples.field, evidence.radius, samples.unit)
     known = evidence.known_radius
     size = median(find_length(samples.field)) / known if known else None

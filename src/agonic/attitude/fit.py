@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Mask
 from agonic.attitude.calibration import (
     find_parameters,
     make_calibration,
-    make_mean_calibration,
 )
-from agonic.attitude.evidence import assess
-from agonic.attitude.model_errors import find_model_errors, grow
+from agonic.attitude.evidence import assess, find_dip_deg, find_down
 from agonic.attitude.problem import Scale, normalise
 from agonic.attitude.settings import Settings
-from agonic.attitude.shared_errors import add_shared_errors, find_turn_move
+from agonic.attitude.shared_errors import TURN, list_considered
 from agonic.attitude.solve import (
     estimate_beside,
     estimate_usable,
@@ -27,17 +26,15 @@ from agonic.attitude.solve import (
 from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, describe_model_errors, figure, find_usable_rows
-from agonic.health.adequacy import ModelError
+from agonic.health import FEWEST, figure, find_usable_rows
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.noisy_terms import calm_terms
-from agonic.maths.equation.parts import estimate_part, restate
+from agonic.maths.equation.parts import estimate_part
 from agonic.maths.equation.priors import compute_turn
-from agonic.maths.equation.row_scatter import compute_row_covariance
-from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
 from agonic.maths.estimation.inference.wald import wald
+from agonic.model.posterior import find_posterior
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -87,7 +84,6 @@ def fit_channels_alone(
         start = find_parameters(near, problem, scale)
         found = estimate_usable(problem, usable, settings, start)
     with name_missing_hold():
-        found, _, _ = _state_errors(found, select_usable(problem, usable), scale, settings)
         return make_calibration(found, problem, scale, samples, settings, "part")
 
 
@@ -107,20 +103,16 @@ def open_channels_parts(
     problem, scale, usable = _pose(samples, reference, channels, settings)
     start = None if near is None else find_parameters(near, problem, scale)
     found = estimate_usable(problem, usable, settings, start)
-    with name_missing_hold():
-        calm, found, own = _state_own_errors(found, select_usable(problem, usable), settings)
-        stated = _state_shared_errors(own, calm, scale)[0]
-    shared = stated.solution.covariance - own.solution.covariance
+    used = select_usable(problem, usable)
 
     def fit(rows: Mask) -> Affine:
         robust = settings.robust and int(rows[usable].sum()) >= 2 * FEWEST
         some = np.flatnonzero(rows[usable])
-        part = estimate_part(calm, found, some, robust=robust, noise_known=noise_known)
+        part = estimate_part(used, found, some, robust=robust, noise_known=noise_known)
         if part is None:
             own_rows = samples.select(rows), reference.select(rows)
             return fit_channels_alone(*own_rows, channels, settings, near)
-        restated = restate(part, found, own, shared)
-        return make_calibration(restated, problem, scale, samples, settings, "part")
+        return make_calibration(part, problem, scale, samples, settings, "part")
 
     return fit
 
@@ -176,50 +168,32 @@ def make_fit(
     tests: tuple[ModelTest, ...] = ()
     if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
-    found, part, turn = _state_errors(found, part, scale, settings)
-    errors: tuple[ModelError, ...] = ()
+    if part.shared is None and "second" not in settings.sources:
+        part, found = calm_terms(part, found, is_robust(part, settings))
+    posterior, turned = None, False
     if settings.model == "full":
-        plain = make_mean_calibration(found, problem, scale, samples)
-        errors = find_model_errors(plain, found, samples, usable, part, scale)
-    grown = grow(found, errors, scale)
-    affine = make_calibration(grown, problem, scale, samples, settings, name)
-    turned = turn is not None
-    fit = assess(affine, grown, problem, scale, samples, usable, tests, turned, settings)
-    return fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
-
-
-def _state_errors(
-    found: Estimate, part: Problem, scale: Scale, settings: Settings
-) -> tuple[Estimate, Problem, Array | None]:
-    """The estimate with the covariance that rows and shared errors give it, the problem with terms
-    less their noise, and what a turn moves."""
-    part, _, own = _state_own_errors(found, part, settings)
-    stated, turn = _state_shared_errors(own, part, scale)
-    return stated, part, turn
-
-
-def _state_own_errors(
-    found: Estimate, part: Problem, settings: Settings
-) -> tuple[Problem, Estimate, Estimate]:
-    """The problem with terms less their noise, its estimate, and the same with the covariance that
-    its rows give it."""
-    if part.shared is not None:  # beside an inertial unit batches have told it
-        return part, found, found
-    growth = np.zeros_like(found.solution.covariance)
-    if "second" not in settings.sources:  # a mix of sensors is to weigh the noise of both
-        part, found, growth = calm_terms(part, found, is_robust(part, settings))
-    moved, by_axes = correct_for_unequal_noise(part, found)
-    covariance = compute_row_covariance(part, moved) + growth + by_axes
-    own = moved._replace(solution=moved.solution._replace(covariance=covariance))
-    return part, found, own
-
-
-def _state_shared_errors(
-    own: Estimate, part: Problem, scale: Scale
-) -> tuple[Estimate, Array | None]:
-    """The estimate with the covariance that shared errors give it too, and what a turn moves."""
-    turn = find_turn_move(own, part) if part.shared is None else None
-    return add_shared_errors(own, part, scale, turn), turn
+        considered = list_considered(found, part, scale)
+        turned = TURN in considered
+        settle = partial(
+            find_posterior,
+            part,
+            found,
+            None if samples.time is None else samples.time[usable],
+            scale.centre / scale.size,
+            inclination_deg=find_dip_deg(part, settings),
+            down=find_down(part),
+            considered=considered,
+        )
+        posterior = settle() if part.shared is None else None
+        if posterior is None or posterior.attitude_lasts:  # terms would explain an attitude's error
+            posterior = settle(known=found.solution.covariance)
+    if posterior is not None:
+        solution = found.solution
+        known = solution._replace(params=posterior.params, covariance=posterior.covariance)
+        found = found._replace(solution=known)
+    affine = make_calibration(found, problem, scale, samples, settings, name)
+    at = (problem, scale, samples, usable, tests, turned, settings, posterior)
+    return assess(affine, found, *at)
 
 
 def _explain_left_out(samples: Samples, usable: Mask) -> str:

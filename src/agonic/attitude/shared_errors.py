@@ -2,7 +2,7 @@
 
 An error of the reference's dip or declination, or of the zero of roll and pitch, is the same in
 every row, so no number of rows averages it out. Each is one unknown with a standard deviation; what
-it moves the estimate by joins the covariance (Schmidt's consider covariance).
+it moves the estimate by joins the covariance (Schmidt's consider covariance, `model.posterior`).
 """
 
 from __future__ import annotations
@@ -21,21 +21,19 @@ from agonic.maths.rotations.vectors import skew
 
 TURN_DOUBTFUL = 0.01
 """A turn that chance makes this seldom may be the sensor's, or an error of roll and pitch."""
+TURN = "turn of the sensor"
 _SMALL = 0.1  # of a standard deviation of the reference: the residuals are linear in so little
 
 
-def add_shared_errors(
-    estimate: Estimate, problem: Problem, scale: Scale, turn: Array | None
-) -> Estimate:
-    """The estimate with the covariance grown by the errors that all its rows share.
+def list_considered(estimate: Estimate, problem: Problem, scale: Scale) -> dict[str, Array]:
+    """By how much errors that all rows share move the parameters, by the name of the error.
 
-    Parameters: the problem of the rows that were fitted; `turn` as of `find_turn_move`.
+    Parameters: the problem of the rows that were fitted.
     """
     moves = find_reference_moves(estimate, problem, scale.sd / scale.magnitude)
-    if turn is not None:
-        moves.append(turn)
-    grown = estimate.solution.covariance + sum(np.outer(move, move) for move in moves)
-    return estimate._replace(solution=estimate.solution._replace(covariance=grown))
+    named = dict(zip(("dip of the reference", "azimuth of the reference"), moves, strict=False))
+    turn = find_turn_move(estimate, problem) if problem.shared is None else None
+    return named if turn is None else {**named, TURN: turn}
 
 
 def find_reference_moves(estimate: Estimate, problem: Problem, sd: float) -> list[Array]:

@@ -10,7 +10,6 @@ from agonic.arrays import Array
 from agonic.ellipse.maths.conic import find_start
 from agonic.maths.equation.affine import ELLIPSE
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.covariance import add_up, compute_covariance
 from agonic.maths.equation.maximum_likelihood import refine
 
 
@@ -46,12 +45,11 @@ def solve(readings: Array, rounding: float, *, robust: bool = True, seed: int = 
         rounding=rounding / size,
     )
     found = refine(problem, find_start(points, seed), robust)
-    covariance = compute_covariance(problem, found, add_up(problem, found))
     scale = np.array([size, size, 1 / size, 1 / size, 1 / size])
     noise = found.noise["magnitude"]
     return Found(
         found.solution.params * scale + np.r_[centre, np.zeros(3)],
-        covariance * np.outer(scale, scale),
+        found.solution.covariance * np.outer(scale, scale),
         noise.sd * size,
         noise.correlation,
         found.residuals["magnitude"] * size,

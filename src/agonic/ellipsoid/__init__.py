@@ -6,7 +6,6 @@ from agonic.ellipsoid.fit import (
     find_inclination_deg,
     fit_ellipsoid,
     fit_ellipsoid_alone,
-    fit_ellipsoid_and_estimates,
 )
 from agonic.ellipsoid.large_fit import fit_recording, fit_recording_and_rows
 from agonic.ellipsoid.large_scan import Recording
@@ -20,7 +19,6 @@ __all__ = [
     "find_inclination_deg",
     "fit_ellipsoid",
     "fit_ellipsoid_alone",
-    "fit_ellipsoid_and_estimates",
     "fit_moments",
     "fit_recording",
     "fit_recording_and_rows",

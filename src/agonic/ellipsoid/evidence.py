@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 
 from agonic.arrays import Array, Mask
@@ -20,17 +17,15 @@ from agonic.health import (
     check_resolution,
     check_scale,
     examine,
-    figure,
     find_usable_rows,
     inspect,
-    verdict_of,
 )
-from agonic.health.adequacy import ModelError
-from agonic.health.adequacy.examine import CAUSES
-from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
 from agonic.maths.estimation.noise.residuals import estimate_noise
+from agonic.model.posterior import Posterior
+from agonic.model.result import list_shares
+from agonic.model.verdict import judge, shows_changes
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -127,6 +122,7 @@ def assess(
     inclination_deg: float,
     *,
     attitude_aided: bool = False,
+    posterior: Posterior | None = None,
 ) -> Fit:
     """The fit: residuals of every row, coverage, findings and remarks.
 
@@ -153,6 +149,7 @@ def assess(
         coverage=coverage,
         tests=tests,
         findings=inspect(samples),
+        shares=list_shares(posterior),
         accuracy=state_accuracy(affine, coverage),
         remarks=describe_result(affine, tests, reference is not None or _states_reference(affine)),
     )
@@ -160,7 +157,14 @@ def assess(
         return fit.with_findings()
     known = _known_radius(affine, reference)
     evidence = gather_evidence(fit, affine, samples, samples.field, normals, usable, known)
-    fit = fit.with_findings(*examine(evidence, attitude_aided=attitude_aided))
+    facts = examine(
+        evidence,
+        attitude_aided=attitude_aided,
+        changes=shows_changes(posterior),
+        left=None if posterior is None else posterior.left,
+    )
+    at = (samples.unit, evidence.radius, evidence.time)
+    fit = fit.with_findings(*facts, *judge(posterior, coverage, *at, facts))
     if not any(finding.name == "static" for finding in fit.findings):
         fit = fit.with_findings(check_resolution(samples.field, evidence.radius, samples.unit))
     if fit.verdict == "refused":
@@ -170,62 +174,6 @@ def assess(
     return fit.with_findings(find_wrong_scale(affine), size)
 
 
-def widen_by_change(fit: Fit, errors: Sequence[ModelError] = ()) -> Fit:
-    """The fit to readings of more than one bias, its covariance as large as these are apart.
-
-    Of that the `errors` of the model may hold a part already.
-    """
-    apart = max((one.bias_sd for one in fit.findings if one.severity == "check"), default=0.0)
-    if apart == 0.0 or fit.verdict == "refused":
-        return fit
-    known = sum((error.growth[:3, :3] for error in errors), np.zeros((3, 3)))
-    values, vectors = np.linalg.eigh(apart**2 * np.eye(3) - known)
-    assert fit.calibration.covariance is not None
-    covariance = fit.calibration.covariance.copy()
-    covariance[:3, :3] += (vectors * np.maximum(values, 0.0)) @ vectors.T
-    wider, seen = replace(fit.calibration, covariance=covariance), fit.coverage
-    coverage = compute_coverage(wider, seen.cells, seen.inclination_deg, seen.down)
-    accuracy = state_accuracy(wider, coverage)
-    return replace(fit, calibration=wider, coverage=coverage, accuracy=accuracy)
-
-
 def find_wrong_scale(affine: Affine) -> Finding | None:
     """A wrong unit or a wrong reference."""
     return check_scale(float(np.trace(affine.matrix) / 3), affine.unit_in)
-
-
-def name_uncertainty(fit: Fit, plain: Array | None, errors: Sequence[ModelError]) -> Fit:
-    """The fit, with what makes the heading uncertain called by its name.
-
-    Where the directions alone would leave it certain, by the covariance `plain` of noise without
-    memory (None: that of the fit), it is one of the `errors` of the model, which a finding names,
-    or noise with memory.
-    """
-    found = next((finding for finding in fit.findings if finding.name == "coverage"), None)
-    if found is None or any(one.cause == "prior" for one in errors):
-        return fit
-    at = replace(fit.calibration, hidden_bias=None)
-    if plain is not None:
-        at = replace(at, covariance=plain)
-    heading = compute_coverage(at, fit.coverage.cells, fit.coverage.inclination_deg).heading_sd_deg
-    if heading >= HEADING_DOUBTFUL_DEG:
-        return fit
-    others = tuple(finding for finding in fit.findings if finding is not found)
-    if found.severity == "check" and verdict_of(others) != "good":
-        return replace(fit, findings=others)
-    open_deg = fit.coverage.heading_sd_deg
-    leaves = f"leave the heading uncertain by {figure(open_deg)}°"
-    shown = [error for error in errors if error.probability == 1.0]
-    worst = max(shown, key=lambda error: error.heading_deg, default=None)
-    if worst is not None and worst.heading_deg > open_deg / 2:
-        what, move = CAUSES[worst.cause]
-        named = replace(found, what=f"{what}; errors of the model {leaves}", move=move)
-        return replace(fit, findings=others).with_findings(named)
-    memory = Finding(
-        "noise with memory",
-        "check" if found.severity == "check" else "refuse",
-        f"errors of the readings last, some as long as the log: they {leaves}",
-        "let the sensor warm up, keep iron and currents as they are, and record longer",
-    )
-    others = tuple(finding for finding in others if finding.name != memory.name)  # a note of it
-    return replace(fit, findings=others).with_findings(memory)

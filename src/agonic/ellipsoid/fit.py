@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.arrays import Mask
 from agonic.calibration.affine import Affine
-from agonic.ellipsoid.calibration import make_calibration, make_calibration_of
-from agonic.ellipsoid.evidence import (
-    assess,
-    name_uncertainty,
-    rows_of,
-    wanted_magnitude,
-    widen_by_change,
-)
-from agonic.ellipsoid.problem import normalise_start, pose
+from agonic.ellipsoid.calibration import make_calibration_of
+from agonic.ellipsoid.evidence import assess, rows_of
+from agonic.ellipsoid.problem import Posed, normalise_start, pose
 from agonic.ellipsoid.settings import (
     CITATIONS,
     STATED_DIP_DEG,
@@ -37,18 +30,12 @@ from agonic.ellipsoid.solve import (
 )
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import (
-    Fitted,
-    check_resolution,
-    describe_model_errors,
-    examine_model,
-    inspect,
-    widen,
-)
-from agonic.health.adequacy import ModelError
+from agonic.health import check_resolution, inspect
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation import moments
-from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.equation.affine import model_basis, split
+from agonic.maths.equation.gauge import expand_model_covariance
+from agonic.model.posterior import find_posterior
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -118,34 +105,33 @@ def fit_ellipsoid(
         inclination_deg=find_inclination_deg(inclination_deg, reference),
         seed=seed,
     )
-    return _fit(samples, reference, settings)[0]
+    return _fit(samples, reference, settings)
 
 
-def fit_ellipsoid_and_estimates(
-    samples: Samples, reference: Reference | None = None, **settings: Any
-) -> tuple[Fit, tuple[Estimate, Estimate] | None]:
-    """The fit of `fit_ellipsoid`, and the estimates before and after its residuals told how they
-    scatter, where it is by likelihood: for `open_ellipsoid_parts`.
-
-    >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(20, 3)))
-    >>> fit_ellipsoid_and_estimates(turned, model="sphere")[1] is None
-    False
-    """
-    dip = find_inclination_deg(settings.get("inclination_deg"), reference)
-    return _fit(samples, reference, Settings(**{**settings, "inclination_deg": dip}))
-
-
-def _fit(
-    samples: Samples, reference: Reference | None, settings: Settings
-) -> tuple[Fit, tuple[Estimate, Estimate] | None]:
-    """The fit with its evidence, and the estimates that it is of."""
-    found, affine, usable, tests = _solve(samples, reference, settings)
-    errors = _find_model_errors(found, affine, samples, reference, usable, settings)
-    wider = widen(affine, errors, found.plain)
-    fit = assess(found, wider, samples, reference, usable, tests, settings.inclination_deg)
-    fit = widen_by_change(fit, errors)
-    fit = fit.with_findings(*describe_model_errors(errors, fit.findings, samples.unit))
-    return name_uncertainty(fit, found.plain, errors), found.estimates
+def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> Fit:
+    """The fit with all that is known of it."""
+    solved = _solve(samples, reference, settings)
+    usable, found, posterior = solved.posed.usable, solved.found, None
+    if found.estimate is not None:
+        posterior = find_posterior(
+            solved.posed.problem(found.model, settings.soft_iron_sd),
+            found.estimate,
+            None if samples.time is None else samples.time[rows_of(usable)],
+            solved.posed.origin,
+            inclination_deg=settings.inclination_deg,
+            shrink=settings.model == "auto" and settings.soft_iron_sd is not None,
+        )
+    if posterior is not None:
+        covariance = expand_model_covariance(found.model, posterior.covariance)
+        found = found._replace(covariance=covariance)
+    if posterior is not None and found.model == "full":  # a smaller model is asked for as it is
+        bias, matrix = split(model_basis(found.model) @ posterior.params)
+        found = found._replace(bias=bias, matrix=matrix)
+    affine = _make_affine(solved.posed, found, samples, reference, settings)
+    assert affine.noise is not None
+    found = found._replace(noise=affine.noise)
+    at = (samples, reference, usable, solved.tests, settings.inclination_deg)
+    return assess(found, affine, *at, posterior=posterior)
 
 
 def find_inclination_deg(given: float | None, reference: Reference | None) -> float:
@@ -169,7 +155,17 @@ def fit_ellipsoid_alone(
     >>> fit_ellipsoid_alone(turned, model="sphere").model
     'sphere'
     """
-    return _solve(samples, reference, Settings(**settings), near)[1]
+    chosen = Settings(**settings)
+    solved = _solve(samples, reference, chosen, near)
+    return _make_affine(solved.posed, solved.found, samples, reference, chosen)
+
+
+class _Solved(NamedTuple):
+    """What was asked, what was found of it, and the tests of smaller models."""
+
+    posed: Posed
+    found: Found
+    tests: tuple[ModelTest, ...]
 
 
 def _solve(
@@ -177,13 +173,11 @@ def _solve(
     reference: Reference | None,
     settings: Settings,
     near: Affine | None = None,
-) -> tuple[Found, Affine, Mask, tuple[ModelTest, ...]]:
-    """What was found, its noise in the unit of the readings, as a calibration too; the rows that
-    could be used; the tests of models."""
+) -> _Solved:
     method = settings.method
     posed = pose(samples, reference, method)
-    scale, points = posed.scale, posed.points
-    start = None if near is None else normalise_start(near, scale)
+    points = posed.points
+    start = None if near is None else normalise_start(near, posed.scale)
 
     def attempt(model: Fixed) -> Found:
         if method != "likelihood":
@@ -197,51 +191,24 @@ def _solve(
         raise _without_hold(samples) from None
     if not _HELD < np.linalg.norm(found.matrix) < 1 / _HELD:
         raise _without_hold(samples)
-    affine = replace(
-        make_calibration_of(samples, found, scale, settings.gauge),
+    return _Solved(posed, found, tests)
+
+
+def _make_affine(
+    posed: Posed,
+    found: Found,
+    samples: Samples,
+    reference: Reference | None,
+    settings: Settings,
+) -> Affine:
+    """The calibration, with where it is from."""
+    return replace(
+        make_calibration_of(samples, found, posed.scale, settings.gauge),
         provenance=Provenance(
             inputs=(samples.origin,),
             settings=settings.recorded(reference),
-            method=CITATIONS[method],
+            method=CITATIONS[settings.method],
         ),
-    )
-    assert affine.noise is not None
-    plain = found.plain
-    if plain is not None:
-        alone = found._replace(covariance=plain)
-        plain = make_calibration(alone, scale, samples.unit, settings.gauge).covariance
-    return found._replace(noise=affine.noise, plain=plain), affine, posed.usable, tests
-
-
-def _find_model_errors(
-    found: Found,
-    affine: Affine,
-    samples: Samples,
-    reference: Reference | None,
-    usable: Mask,
-    settings: Settings,
-) -> tuple[ModelError, ...]:
-    """What the residuals of the usable rows show that the model does not have."""
-    if found.weights is None:
-        return ()
-    rows = rows_of(usable)
-    magnitude = wanted_magnitude(affine, reference, len(samples))
-    prior = np.zeros((9, 9))
-    if settings.soft_iron_sd is not None:
-        gain = float(np.trace(affine.matrix)) / 3
-        prior[3:, 3:] = np.eye(6) / (settings.soft_iron_sd * gain) ** 2
-    return examine_model(
-        Fitted(
-            calibration=affine,
-            readings=samples.field[rows],
-            time=None if samples.time is None else samples.time[rows],
-            weights=found.weights,
-            wanted=magnitude if len(magnitude) == 1 else magnitude[rows],
-            noise=found.noise,
-            correlation=found.correlation,
-            prior=prior,
-            inclination_deg=settings.inclination_deg,
-        )
     )
 
 

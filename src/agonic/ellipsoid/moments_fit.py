@@ -20,8 +20,8 @@ from agonic.ellipsoid.settings import CITATIONS, Gauge, Model, describe_referenc
 from agonic.ellipsoid.solve import choose_model, solve_algebraic
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
-from agonic.health import check_coverage
 from agonic.maths.equation import moments as kernel
+from agonic.model.verdict import check_coverage
 from agonic.moments import Moments
 from agonic.provenance import Provenance
 from agonic.reference import Reference

@@ -13,11 +13,9 @@ from agonic.ellipsoid.calibration import make_calibration_of
 from agonic.ellipsoid.fit import fit_ellipsoid_alone
 from agonic.ellipsoid.problem import normalise_start, pose
 from agonic.ellipsoid.settings import Settings
-from agonic.ellipsoid.solve import list_numbers, seek, state_errors
+from agonic.ellipsoid.solve import list_numbers, seek
 from agonic.health import FEWEST
-from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.equation.parts import estimate_part, restate
-from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
+from agonic.maths.equation.parts import estimate_part
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -27,15 +25,13 @@ def open_ellipsoid_parts(
     reference: Reference | None = None,
     *,
     near: Affine | None = None,
-    estimates: tuple[Estimate, Estimate] | None = None,
     noise_known: bool = False,
     **settings: Any,
 ) -> Callable[[Mask], Affine]:
     """What gives the calibration by some of the rows (n,), as `fit_ellipsoid_alone` of them does.
 
     The minimum is sought from that of all rows; where a part has another, or a model is still to be
-    chosen, it is fitted by itself. The `estimates` of all rows are not sought again where
-    `fit_ellipsoid_and_estimates` of the same has given them. With `noise_known` the noise is that
+    chosen, it is fitted by itself. With `noise_known` the noise is that
     of all rows, and standard errors are those of readings with equal, independent noise.
 
     >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(40, 3)))
@@ -55,14 +51,9 @@ def open_ellipsoid_parts(
     start = None if near is None else normalise_start(near, posed.scale)
     problem = posed.problem(model, chosen.soft_iron_sd)
     try:
-        if estimates is None:
-            found = seek(problem, posed.robust(chosen), chosen.seed, start)
-            state = correct_for_unequal_noise if noise_known else state_errors
-            estimates = found, state(problem, found).estimate
+        found = seek(problem, posed.robust(chosen), chosen.seed, start)
     except (OverflowError, np.linalg.LinAlgError):
         return fit_alone
-
-    found, stated = estimates
 
     def fit(rows: Mask) -> Affine:
         some = np.flatnonzero(rows[posed.usable])
@@ -70,7 +61,7 @@ def open_ellipsoid_parts(
         part = estimate_part(problem, found, some, robust=robust, noise_known=noise_known)
         if part is None:
             return fit_alone(rows)
-        numbers = list_numbers(restate(part, found, stated), model)
+        numbers = list_numbers(part, model)
         return make_calibration_of(samples, numbers, posed.scale, chosen.gauge)
 
     return fit

@@ -32,6 +32,11 @@ class Posed(NamedTuple):
         """The problem of one model."""
         return Problem(self.points, self.magnitude, model, soft_iron_sd, rounding=self.rounding)
 
+    @property
+    def origin(self) -> Array:
+        """What is to be added to points (3,) for readings from zero, over the same size."""
+        return np.asarray(self.scale.centre / self.scale.size)
+
     def robust(self, settings: Settings) -> bool:
         """Whether outliers are down-weighted: there are enough readings to tell one from the
         rest."""

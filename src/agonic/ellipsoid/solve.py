@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,22 +15,14 @@ from agonic.health import FEWEST
 from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.covariance import add_up, compute_covariance, predict_unseen
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate
 from agonic.maths.equation.starting_values import nearest_parameters
-from agonic.maths.equation.unequal_noise import correct_for_unequal_noise
 
 SIGNIFICANT = 0.01
 """A larger model is kept when the smaller one would be this improbable."""
 
 DISCERNIBLE = 0.01
 """Soft iron (over the mean gain) that must be known this well before its absence counts."""
-
-UNSEEN_CHANCE = 2.5
-"""Standard errors by which a smaller model has to predict unseen readings worse to be rejected."""
-
-UNSEEN_TRIFLE = 0.05
-"""And the share of the mean square of their residuals."""
 
 _PRESENT = {"sphere": "soft iron or unequal gains are", "diagonal": "cross-axis terms are"}
 _WHICH = {True: "soft iron or non-orthogonal axes are", False: "unequal gains are"}
@@ -41,11 +32,8 @@ SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
 
 
 class Found(NamedTuple):
-    """One model's fit to points that are centred and scaled to about one, magnitude one.
-
-    `plain` is the covariance for equal noise with one correlation length, where residuals tell
-    more; `unseen` the mean square of residuals of each block of time by the fit without it.
-    """
+    """One model's fit to points that are centred and scaled to about one, magnitude one; by
+    likelihood with the `estimate` that it is of."""
 
     model: Fixed
     bias: Array
@@ -58,19 +46,7 @@ class Found(NamedTuple):
     condition: float = 1.0
     iterations: int = 1
     converged: bool = True
-    plain: Array | None = None
-    unseen: Array | None = None
-    estimates: tuple[Estimate, Estimate] | None = None
-
-
-class Stated(NamedTuple):
-    """An estimate with the covariance that residuals give it; the covariance for equal noise with
-    one correlation length; the mean square of residuals of each block of time by the fit without
-    it."""
-
-    estimate: Estimate
-    plain: Array
-    unseen: Array
+    estimate: Estimate | None = None
 
 
 def solve_likelihood(
@@ -82,28 +58,13 @@ def solve_likelihood(
 ) -> Found:
     """The maximum-likelihood (with a prior: maximum a posteriori) fit of one model; the minimum
     near the bias and matrix of `start`, where given."""
-    found = seek(problem, robust, seed, start)
-    stated = state_errors(problem, found)
-    plain = gauge.expand_model_covariance(model, stated.plain)
-    return list_numbers(stated.estimate, model)._replace(
-        plain=plain, unseen=stated.unseen, estimates=(found, stated.estimate)
-    )
+    return list_numbers(seek(problem, robust, seed, start), model)
 
 
 def seek(problem: Problem, robust: bool, seed: int, start: tuple[Array, Array] | None) -> Estimate:
     """The estimate of one model, before residuals tell how it scatters."""
     near = None if start is None else nearest_parameters(*start, problem.basis)
     return estimate(problem, robust=robust, seed=seed, start=near)
-
-
-def state_errors(problem: Problem, found: Estimate) -> Stated:
-    """The estimate by a magnitude as its residuals tell how it scatters, corrected for axes whose
-    noise is unequal."""
-    found, growth = correct_for_unequal_noise(problem, found)
-    sums, plain = add_up(problem, found), found.solution.covariance + growth
-    covariance = compute_covariance(problem, found, sums) + growth
-    stated = found._replace(solution=found.solution._replace(covariance=covariance))
-    return Stated(stated, plain, predict_unseen(problem, found, sums))
 
 
 def list_numbers(estimate: Estimate, model: Fixed) -> Found:
@@ -122,6 +83,7 @@ def list_numbers(estimate: Estimate, model: Fixed) -> Found:
         solution.condition,
         solution.iterations,
         solution.converged,
+        estimate,
     )
 
 
@@ -184,8 +146,12 @@ def too_few(n: int, model: Model) -> CoverageError:
 def choose_model(
     attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
 ) -> tuple[Found, tuple[ModelTest, ...]]:
-    """The fit of the model asked for, or of the smallest that nested tests do not reject and that
-    predicts unseen readings as well, with the uncertainty of the full one (`gauge.keep_doubt`)."""
+    """The fit of the model asked for, or of all that the readings tell, and tests of smaller ones.
+
+    By likelihood that is the full model, whose soft iron the evidence shrinks (`model.posterior`);
+    moments leave the smallest that tests do not reject, with the uncertainty of the full one
+    (`gauge.keep_doubt`).
+    """
     if n < UNKNOWNS.get(model, 4):
         raise too_few(n, model)
     if model != "auto":
@@ -207,27 +173,11 @@ def choose_model(
         )
         for small, large, x, p in compared
     )
-    if method != "li-griffiths":
-        for k, (fixed, test) in enumerate(zip(SMALLER, tests, strict=True)):
-            if test.p_value <= SIGNIFICANT:
-                continue
-            small = attempt(fixed)
-            if not _predicts_worse(small, full):
-                return _doubt(small, full, test.statistic), tests
-            seen = replace(test, sentence=_describe_unseen(fixed))
-            tests = (*tests[:k], seen, *tests[k + 1 :])
+    if method not in ("likelihood", "li-griffiths"):
+        for fixed, test in zip(SMALLER, tests, strict=True):
+            if test.p_value > SIGNIFICANT:
+                return _doubt(attempt(fixed), full, test.statistic), tests
     return full, tests
-
-
-def _predicts_worse(small: Found, full: Found) -> bool:
-    """Whether a smaller model predicts unseen blocks of time worse than the full one, by more than
-    the blocks' own scatter and by more than a trifle."""
-    if small.unseen is None or full.unseen is None:
-        return False
-    more = small.unseen - full.unseen
-    chance = float(more.std(ddof=1)) / np.sqrt(len(more))
-    worse = float(np.mean(small.unseen)) > (1 + UNSEEN_TRIFLE) * float(np.mean(full.unseen))
-    return bool(worse and more.mean() > UNSEEN_CHANCE * chance)
 
 
 def _doubt(small: Found, full: Found, statistic: float) -> Found:
@@ -235,17 +185,8 @@ def _doubt(small: Found, full: Found, statistic: float) -> Found:
     one, other = (small.bias, small.matrix), (full.bias, full.matrix)
     conditions = UNKNOWNS["full"] - UNKNOWNS[small.model]
 
-    def widen(covariance: Array) -> Array:
-        return gauge.keep_doubt(one, other, covariance, statistic, conditions)
-
-    plain = None if full.plain is None else widen(full.plain)
-    return small._replace(covariance=widen(full.covariance), plain=plain)
-
-
-def _describe_unseen(smaller: str) -> str:
-    """What unseen readings say where a test says nothing."""
-    what = _PRESENT[smaller]
-    return f"{what} present (unseen parts of the log fit better with them)"
+    covariance = gauge.keep_doubt(one, other, full.covariance, statistic, conditions)
+    return small._replace(covariance=covariance)
 
 
 def describe_test(smaller: str, p: float, discerned: bool, tilted: bool) -> str:

@@ -13,10 +13,11 @@ from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.ellipsoid.many_sensors import Fits
 from agonic.ellipsoid.solve import SIGNIFICANT, describe_test
 from agonic.fit import Accuracy
-from agonic.health import Finding, check_coverage, check_scale, verdict_of
+from agonic.health import Finding, check_scale, verdict_of
 from agonic.health.finding import sentences
 from agonic.health.readings import check_rejected
 from agonic.logs.large.grouped_moments import Grouped
+from agonic.model.verdict import check_coverage
 from agonic.population.population import AXES, COLUMNS, ENTRIES, get_dtype
 
 Columns = dict[str, NDArray[Any]]

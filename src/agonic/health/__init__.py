@@ -1,8 +1,7 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
-from agonic.health.adequacy import Fitted, describe_model_errors, examine_model, widen
 from agonic.health.evidence import RECORD_LONGER, Evidence
-from agonic.health.examine import check_bias_drift, check_coverage, examine
+from agonic.health.examine import check_bias_drift, examine
 from agonic.health.finding import (
     Finding,
     Judged,
@@ -36,12 +35,10 @@ __all__ = [
     "REVERSED_FIELD",
     "Evidence",
     "Finding",
-    "Fitted",
     "Judged",
     "Verdict",
     "check_axes",
     "check_bias_drift",
-    "check_coverage",
     "check_magnitude",
     "check_mounting",
     "check_outliers",
@@ -49,9 +46,7 @@ __all__ = [
     "check_resolution",
     "check_scale",
     "describe",
-    "describe_model_errors",
     "examine",
-    "examine_model",
     "figure",
     "find_mounting",
     "find_quantisation",
@@ -62,5 +57,4 @@ __all__ = [
     "sentences",
     "sort_findings",
     "verdict_of",
-    "widen",
 ]

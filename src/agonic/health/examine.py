@@ -5,50 +5,49 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.coverage import OPEN_DEG, Coverage
-from agonic.health.changes import HOLDS, find_change
 from agonic.health.evidence import (
     HALF_CIRCLE_DEG,
-    HEADING_DOUBTFUL_DEG,
-    HEADING_REFUSED_DEG,
     MOST_ROWS,
     NOISE_DOUBTFUL,
-    RECORD_LONGER,
+    OUTLIERS_DOUBTFUL,
     SHIFT_DOUBTFUL,
     SPARE,
     Evidence,
 )
 from agonic.health.finding import Finding, figure
 from agonic.health.outliers import find_outliers
+from agonic.health.states import check_states, spreads_by_direction
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
 from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows, count_orientations
 from agonic.maths.one_pass import find_length, median
 
-EXPLAINS = 0.5
-"""Of what scatters about a fit: a change that leaves less is what makes the heading uncertain."""
+HOLDS = 0.03
+"""Noise over the field below which a fit holds for most of the readings."""
 
 
-def examine(evidence: Evidence, *, attitude_aided: bool = False) -> tuple[Finding, ...]:
+def examine(
+    evidence: Evidence,
+    *,
+    attitude_aided: bool = False,
+    changes: bool = True,
+    left: float | None = None,
+) -> tuple[Finding, ...]:
     """The findings of a fit, the gravest first; one cause is not reported twice.
 
-    Readings in a plane are no fault of an attitude-aided fit.
+    Readings in a plane are no fault of an attitude-aided fit. Without any sign of `changes` two
+    biases are not sought; `left` is the noise that terms leave, over the radius.
     """
     shape = None if attitude_aided else _static(evidence) or _flat(evidence)
     few = None if attitude_aided or shape else _few_orientations(evidence)
     if shape is not None or (few is not None and few.severity == "refuse"):
         return tuple(finding for finding in (shape, few) if finding is not None)
-    changed = find_change(evidence, attitude_aided=attitude_aided)
-    told = None if changed is None else changed.finding
-    coverage = check_coverage(evidence.coverage)
-    if changed is not None and told is not None and told.severity == "refuse":
-        # a change makes the heading uncertain as well, unless it would be without the change
-        by_noise = min(changed.noise / max(evidence.noise, np.finfo(float).tiny), 1.0)
-        if by_noise < EXPLAINS or evidence.coverage.heading_sd_deg * by_noise < HEADING_REFUSED_DEG:
-            return (told,)
-        return tuple(finding for finding in (coverage, told) if finding is not None)
-    found = [coverage, told, few]
-    if changed is None:
-        found += [_noisy(evidence), find_outliers(evidence)]
+    kept = evidence.weights > 0.0
+    changes = changes or float(kept.mean()) < 1.0 - OUTLIERS_DOUBTFUL / 2
+    changes = changes or spreads_by_direction(evidence.residuals[kept], evidence.normals[kept])
+    changed = check_states(evidence, left) if changes else None
+    if changed is not None:
+        return tuple(finding for finding in (changed, few) if finding is not None)
+    found = (few, _noisy(evidence), find_outliers(evidence))
     return tuple(finding for finding in found if finding is not None)
 
 
@@ -142,25 +141,6 @@ def _flat(e: Evidence) -> Finding | None:
         f"{what}: bias and gain along {axis} are not determined",
         "tilt the nose up and down and bank by 30° or more at several headings",
     )
-
-
-def check_coverage(c: Coverage) -> Finding | None:
-    """A heading that the directions visited leave uncertain."""
-    if c.heading_sd_deg < HEADING_DOUBTFUL_DEG:
-        return None
-    refused = c.heading_sd_deg >= HEADING_REFUSED_DEG
-    return Finding(
-        "coverage",
-        "refuse" if refused else "check",
-        f"the directions visited ({100 * c.filled:.0f} % of the sphere) leave the heading "
-        f"{_describe_doubt(c.heading_sd_deg)}",
-        c.turns or f"{RECORD_LONGER}, turning slowly about all three axes",
-    )
-
-
-def _describe_doubt(sd_deg: float) -> str:
-    """How uncertain a heading is; beyond a quarter of the circle a number says nothing."""
-    return f"uncertain by {figure(sd_deg)}°" if sd_deg < OPEN_DEG else "entirely open"
 
 
 def _noisy(e: Evidence) -> Finding | None:

@@ -28,7 +28,6 @@ from agonic.recording.advice import suit_fit
 from agonic.recording.choice.choose import Kind, choose
 from agonic.recording.choice.fallback import fall_back
 from agonic.recording.choice.fits import Choice, describe_latency
-from agonic.recording.choice.part_scatter import widen_by_parts
 from agonic.recording.held_out import (
     CHANCE,
     Folds,
@@ -38,7 +37,7 @@ from agonic.recording.held_out import (
     fit_folds,
 )
 from agonic.recording.ladder import Rung, climb
-from agonic.recording.stretch import describe_part, find_all_rows, find_change, list_parts
+from agonic.recording.stretch import CHANGED, describe_part, find_all_rows, find_change, list_parts
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
@@ -181,7 +180,8 @@ def _calibrate_stretch(
             continue
         if made is None or made.verdict == "refused" or made.failed:
             continue
-        if find_change(made.fit.findings) is None:
+        names = {finding.name for finding in made.fit.findings if finding.severity != "note"}
+        if not names & {CHANGED, "prior"}:  # what only a prior holds is no calibration of a stretch
             return made.with_finding(describe_part(changed, part, timed=timed))
     return None
 
@@ -269,7 +269,6 @@ def _verify(choice: Choice) -> Calibrated:
     )
     checks = (*verification.checks, compare_folds(folds))
     if not refused:
-        fit = widen_by_parts(fit, folds, samples, turned=choice.method != "ellipsoid")
         choice = replace(choice, fit=fit.with_findings(*find_refusals(checks)))
     return replace(conclude(choice, replace(verification, checks=checks)), folds=folds)
 

@@ -221,3 +221,12 @@ def test_turned_points_give_the_turned_estimate(seed: int) -> None:
     turned_bias, turned_matrix = calibration(turned.params)
     assert turned_bias == pytest.approx(turn @ bias, abs=1e-4)  # stops at 1 % of its sd, 6e-4
     assert turned_matrix == pytest.approx(turn @ matrix @ turn.T, abs=1e-4)
+
+
+def test_a_start_without_numbers_is_given_up() -> None:
+    given = problem(1600, noise=0.006)
+    found = estimate(given)
+    lost = np.full(len(found.solution.params), 1e200)
+    with np.errstate(all="ignore"):
+        again = estimate(given, start=lost)
+    np.testing.assert_allclose(again.solution.params, found.solution.params, rtol=1e-6)

@@ -70,7 +70,8 @@ def test_it_agrees_with_the_fit_to_rows():
     fit = fit_ellipsoid(Samples(field=rows), Reference.constant(FIELD), model="full")
     other = np.concatenate([fit.calibration.bias, fit.calibration.matrix[ROWS, COLUMNS]])
     assert np.abs((params - other) / fit.sd[:9]).max() < 0.7
-    np.testing.assert_allclose(sd, fit.sd[:9], rtol=0.15)
+    more = fit.sd[:9] / sd  # rows tell in addition what terms may hide
+    assert 0.9 < more.min() <= more.max() < 1.8
     assert noise == pytest.approx(fit.noise, rel=0.05)
 
 

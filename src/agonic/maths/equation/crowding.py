@@ -85,16 +85,18 @@ def weigh_places(points: Array) -> Array:
     return weigh_crowded(find_places(points))
 
 
-def find_spread_rows(points: Array, *, most: int | None = None) -> Index:
+def find_spread_rows(points: Array) -> Index:
     """Rows of points (n, 3), in order, thinned where most of them say the same.
 
-    All rows where none or few would go; at most `most`, evenly over those that are left.
+    All rows where none or few would go.
     """
-    return choose_spread_rows(weigh_places(points), most=most)
+    return choose_spread_rows(weigh_places(points))
 
 
 def choose_spread_rows(weights: Array, *, most: int | None = None) -> Index:
-    """The same from the weights (n,) of the rows, for whoever chooses among them more than once."""
+    """The same from the weights (n,) of the rows, for whoever chooses among them more than once;
+    at most `most`, evenly over those that are left.
+    """
     rows = np.arange(len(weights))
     if weights.mean() < _THINNED:
         rows = choose_by_weight(weights)

@@ -33,12 +33,10 @@ _SEEN = 1e-4  # of the column: less does nothing
 
 
 class Calmed(NamedTuple):
-    """The problem with terms less their noise, its estimate, and what the covariance grows by for
-    what of them is noise (m, m)."""
+    """The problem with terms less their noise, and its estimate."""
 
     problem: Problem
     estimate: Estimate
-    growth: Array
 
 
 def calm_terms(problem: Problem, estimate: Estimate, robust: bool) -> Calmed:
@@ -47,24 +45,24 @@ def calm_terms(problem: Problem, estimate: Estimate, robust: bool) -> Calmed:
     Parameters: the problem of the readings that were fitted, in order of time.
     """
     solution = estimate.solution
-    as_it_was = Calmed(problem, estimate, np.zeros_like(solution.covariance))
+    as_it_was = Calmed(problem, estimate)
     if problem.terms is None or len(problem.terms) < FEWEST:
         return as_it_was
     quick = np.stack([column - smooth(column).values for column in problem.terms.T], axis=1)
     if (quick.std(axis=0) < _SEEN).any():
         return as_it_was
     by, noise, spread = _find_noise(problem, estimate, quick)
-    noisy, known = np.zeros(len(noise)), np.zeros(len(noise))
+    noisy = np.zeros(len(noise))
     for k in np.flatnonzero((noise > 0.0) & (np.diag(spread) < _TELLING)):
         found = average_over_term(noise[[k]], spread[[k]][:, [k]], slice(0, 1), _NOISY)
-        noisy[k], known[k] = found.params[0], found.covariance[0, 0]
+        noisy[k] = found.params[0]
     if not noisy.any():
         return as_it_was
     params = problem.move(solution.params, -by @ noisy)
     grown = _measure_slopes(problem, params) / _measure_slopes(problem, solution.params)
     share = np.minimum(noisy / np.maximum(grown, 1.0), 1.0)
     calmed = problem._replace(terms=problem.terms - share * quick)
-    return Calmed(calmed, refine(calmed, params, robust), (by * known) @ by.T)
+    return Calmed(calmed, refine(calmed, params, robust))
 
 
 def _measure_slopes(problem: Problem, params: Array) -> Array:

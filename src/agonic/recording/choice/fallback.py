@@ -13,8 +13,8 @@ from agonic.samples import Samples
 
 OF_THE_RECORDING = {"attitude", "heading", "mounting", "inertial unit"}
 """Reasons to refuse a fit which another recording of the same motion would not have."""
-NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting"}
-"""Reasons to refuse a fit that do not concern one that knows the magnitude only."""
+NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting", "noise with memory"}
+"""Reasons to refuse a fit that do not concern one that knows the magnitude only, or need not."""
 
 
 def fall_back(
@@ -60,6 +60,7 @@ def carry_refusal(choice: Choice, refused: Choice) -> Choice:
     if "inertial unit" in said:
         said |= {finding.name for finding in refused.fit.findings}
     told = [replace(one, severity="check") for one in grave if one.name not in said]
-    carried = [one for one in refused.fit.findings if one.name == "heading" and one not in grave]
+    beside = {"heading", "attitude"} - said
+    carried = [one for one in refused.fit.findings if one.name in beside and one not in grave]
     why = f"a {refused.method} fit was refused ({grave[0].what})"
     return replace(choice, fit=choice.fit.with_findings(*told, *carried), reason=why)

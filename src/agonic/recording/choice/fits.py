@@ -25,8 +25,8 @@ from agonic.calibration.sources import describe_sources
 from agonic.ellipsoid import (
     check_by_gravity,
     find_inclination_deg,
+    fit_ellipsoid,
     fit_ellipsoid_alone,
-    fit_ellipsoid_and_estimates,
     open_ellipsoid_parts,
 )
 from agonic.fit import Fit
@@ -95,16 +95,15 @@ def fit_magnitude(
     """The fit to the magnitude, and what it does not see but matters to a heading: its axes, its
     latency, what is wrong with accelerometer and gyro."""
     recorded, (samples, wrong) = samples, leave_out_faulty(samples)
-    plain, estimates = fit_ellipsoid_and_estimates(samples, reference, **settings)
+    plain = fit_ellipsoid(samples, reference, **settings)
     fit = check_by_gravity(plain, samples, reference)
     if fit.verdict == "refused":  # then what was recorded wrongly is the first thing to know
         wrong = mend(recorded)[1]
     fit = fit.with_findings(*wrong)
     same = {**settings, "model": fit.calibration.model}
-    known = estimates if len(samples) <= ENOUGH else None  # parts are of fewer rows
     parts = partial(
         open_some,
-        partial(open_ellipsoid_parts, **same, near=fit.calibration, estimates=known),
+        partial(open_ellipsoid_parts, **same, near=fit.calibration),
     )
     ask_latency = partial(find_latency, samples)
     return Choice(samples, reference, fit, "ellipsoid", reason, parts, ask_latency)

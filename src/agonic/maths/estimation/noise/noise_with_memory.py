@@ -73,13 +73,12 @@ class Stretches(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """How slow errors scatter the gradient (m, m), what is left of white noise's variance, the
-    variance of the slow errors of each geometry, and correlation time, in stretches, columns and
-    variance of each, the last widened by what is not known of it."""
+    """How slow errors scatter the gradient (m, m), what is left of white noise's variance, and
+    correlation time, in stretches, columns and variance of each slow error, the last widened by
+    what is not known of it."""
 
     scatter: Array
     white: float
-    slow: tuple[float, ...]
     each: tuple[tuple[float, slice, float], ...] = ()
 
 
@@ -121,15 +120,14 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
     if float(np.sum((seen - constant * max(first, 0.0)) ** 2)) - left**2 < _CHANCE:
         return None
     amplitude = amplitude / size
-    scatter, variances, each = np.zeros_like(response), [0.0] * len(geometries), []
+    scatter, each = np.zeros_like(response), []
     for (tau, at), (_, added), a in zip(slow, found, amplitude[1:], strict=True):
         if a > 0:
-            variances[geometries.index(at)] += float(a)
             freedom = max((at.stop - at.start) * k / (2 * tau), _LEAST_FREEDOM)
             widened = float(a * compute_widening(freedom) ** 2)
             scatter += widened * added
             each.append((float(tau), at, widened))
-    return Memory(scatter, float(amplitude[0]), tuple(variances), tuple(each))
+    return Memory(scatter, float(amplitude[0]), tuple(each))
 
 
 def sum_scatter(hold: Array, slow: tuple[tuple[float, slice, float], ...]) -> Array:

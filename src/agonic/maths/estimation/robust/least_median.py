@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.maths.one_pass import median
 
 
 def fit_least_median_sphere(
     points: Array,
     magnitude: Array,
     *,
-    quantile: float = 0.5,
     subsets: int = 300,
     size: int = 6,
     seed: int = 0,
@@ -23,8 +18,7 @@ def fit_least_median_sphere(
     """Bias and gain of the sphere with the least median distance (Rousseeuw 1984).
 
     Spheres |p|² = 2 c·p + t are put through random subsets of `size` readings; with half the
-    readings spoilt a few subsets are still clean; a `quantile` below the median finds the larger
-    of two populations that are nearly equal. `magnitude` is (1,) or, where the field changes
+    readings spoilt a few subsets are still clean. `magnitude` is (1,) or, where the field changes
     from reading to reading, (n,): then |p|² = 2 c·p + t + q F² with gain 1/√q.
 
     Parameters: points (n, 3) centred and scaled to about one. Returns bias (3,) and gain.
@@ -56,47 +50,9 @@ def fit_least_median_sphere(
     np.sqrt(np.maximum(distance, 0.0, out=distance), out=distance)
     distance -= wanted
     np.abs(distance, out=distance)
-    middle = round(quantile * (len(judged) - 1))
+    middle = round(0.5 * (len(judged) - 1))
     distance.partition(middle, axis=1)  # np.quantile sorts for both ends too
     typical = distance[:, middle]
     typical[~np.isfinite(typical)] = np.inf
     best = int(np.argmin(typical))
     return centres[best], float(gains[best])
-
-
-class Pair(NamedTuple):
-    """Two spheres, and which points lie on which.
-
-    `side` (n,) −1 for the first, +1 for the second, 0 where it cannot be told; `distance` (n,) to
-    the nearer one and `shift` between the centres, in the unit of the points.
-    """
-
-    side: NDArray[np.int8]
-    distance: Array
-    shift: float
-
-
-def fit_two_spheres(points: Array, *, seed: int = 0) -> Pair | None:
-    """Two spheres of similar size through points (n, 3), or None.
-
-    They are accepted when, after the first sphere took all within 8 % of its radius, one eighth of
-    the points at least is left and half of those lie within 6 % of the second.
-    """
-    one = np.ones(1)
-    first, gain = fit_least_median_sphere(points, one, quantile=0.3, subsets=600, seed=seed)
-    radius = 1 / gain
-    away = np.abs(np.linalg.norm(points - first, axis=1) - radius)
-    rest = away > 0.08 * radius
-    if rest.mean() < 0.125 or rest.sum() < 30:
-        return None
-    middle = points[rest].mean(axis=0)
-    second, other_gain = fit_least_median_sphere(points[rest] - middle, one, seed=seed)
-    second = second + middle
-    other = np.abs(np.linalg.norm(points - second, axis=1) - 1 / other_gain)
-    shift = float(np.linalg.norm(second - first))
-    alike = 0.4 < 1 / (other_gain * radius) < 2.5
-    if not alike or median(other[rest]) > 0.06 / other_gain or shift < 0.1 * radius:
-        return None
-    side = np.sign(away - other).astype(np.int8)
-    side[np.maximum(away, other) < 0.08 * radius] = 0
-    return Pair(side, np.minimum(away, other), shift)

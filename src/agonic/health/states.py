@@ -1,0 +1,393 @@
+"""Two biases in one log: which rows have which. Two sensors in turn, or what came and went.
+
+Of points p over their radius and one shape S, with a centre for either state k, the algebraic
+distance from its ellipsoid is linear in all unknowns,
+
+    e_k = pᵀp + pᵀS p − 2 q_kᵀp + c_k,   distance ≈ e_k/2.
+
+From a guess of the rows of either, a least-squares fit and the choice of the nearer state are taken
+in turn (Lloyd 1982); where states last, a switch between them has a price (Viterbi 1967).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.arrays import Array, Index, Mask
+from agonic.health.evidence import SHIFT_DOUBTFUL, SHIFT_OVER_NOISE, SHIFT_REFUSED, Evidence
+from agonic.health.finding import Finding, figure
+from agonic.health.moments import describe_moments
+from agonic.maths.equation.crowding import choose_evenly
+from agonic.maths.estimation.changes.hidden_states import find_path
+
+HOLDS = 0.03
+"""Noise over the field below which the matrix of a fit is that of most readings."""
+MOST_ROWS = 2000
+FEWEST = 12
+"""Rows of either state."""
+STRANGE = 4.0
+"""Standard deviations from both ellipsoids that are as likely as belonging to neither."""
+APART = 4.0
+"""Standard deviations between states: by chance two are 1.6 apart, the halves of one Gaussian."""
+MOST_NEITHER = 0.5
+"""Of the rows of the rarer state: where more belong to neither, they are no second state."""
+ALIKE = 0.8
+"""Of the radii, the smaller over the larger: one magnitude is behind both."""
+BETTER = 0.65
+"""Of what one ellipsoid leaves, two leave less: bends leave more, and so do halves of noise."""
+BETTER_ROWS = 0.5
+"""The same of states row by row, which the halves of one Gaussian pretend to be."""
+PROMISING = 0.9
+"""Of the same, what a guess leaves that is worth a try."""
+FAR = 0.2
+"""Of the radius: how far off a row is counts no more beyond."""
+SHORT = 0.03
+"""Of the log: a stretch is longer. Less is a magnet that was passed, which outliers tell."""
+AS_LITTLE = 1.3
+"""Of the noise that terms leave: so much is the same."""
+MIXED_REFUSED = 0.1
+"""Of the field between two sensors, or of what comes and goes: less errs a row as noise may."""
+MOST_EDGES = 6
+"""What changes more often did not come and go: the field varies, or the model is another."""
+MOST_BIASES = 3
+PRICE = 15.0
+"""Of a switch between lasting states, in log-likelihood: by chance one in e¹⁵ rows."""
+SHAPE_SD = 0.1
+"""Of soft iron, as a prior where few orientations leave the shape open."""
+BY_DIRECTION = 25.0
+"""Of χ² with five degrees of freedom: by chance one in 7000."""
+SUBSETS, LOOKED_AT = 400, 400
+"""Spheres through four rows that are tried, and the rows by which they are."""
+MANY, MANY_TO_SD = 0.5, 0.674
+"""Of the rows: so many hold the nearest sphere; half of a Gaussian are within 0.674 of its sd."""
+SURE, SURE_TO_SD = 0.3, 0.385
+"""Of the rows of a state, those that tell its noise: others may be of a third."""
+PARTS, BEST = 20, 3
+"""Parts of the log between which stretches are sought, and how many stretches are tried."""
+_LEAST = 1e-9
+_ROUNDS = 12
+_NEITHER = 2
+
+
+class States(NamedTuple):
+    """The rows (k,) at which the bias changes, none where states take turns row by row; the share
+    of rows of the rarer state; how far the biases are apart over the radius; the noise likewise."""
+
+    edges: Index
+    share: float
+    shift: float
+    noise: float
+
+
+class _Split(NamedTuple):
+    """The state of each row, 0, 1 or neither, distances (2, n) over the radius, the noise, how
+    far the biases are apart, and the radii (2,)."""
+
+    state: NDArray[np.int8]
+    off: Array
+    noise: float
+    shift: float
+    radii: Array
+
+    @property
+    def cost(self) -> float:
+        """What is left of each row of the nearer state."""
+        return _measure_cost(np.abs(self.off).min(axis=0))
+
+    @property
+    def second(self) -> Mask:
+        """The rows of the rarer state."""
+        counts = np.bincount(self.state, minlength=3)
+        return np.asarray(self.state == (1 if counts[1] <= counts[0] else 0))
+
+    @property
+    def lasts(self) -> bool:
+        """Whether states last over rows."""
+        return _last(self.state)
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether these are two states, and not the halves of one, or one and what is left of it.
+
+        Where they last, each is seen by many rows that follow one another.
+        """
+        if not ALIKE < self.radii[0] / max(self.radii[1], 1e-9) < 1 / ALIKE:
+            return False
+        if self.lasts:
+            return self.shift > SHIFT_OVER_NOISE * self.noise
+        neither = self.state == _NEITHER
+        if np.count_nonzero(neither) > MOST_NEITHER * np.count_nonzero(self.second):
+            return False
+        other = np.where(self.state == 1, self.off[0], self.off[1])[~neither]
+        apart = np.sqrt(np.mean(np.minimum(np.abs(other), 1.0) ** 2))
+        return bool(apart >= APART * self.noise)
+
+
+def _measure_cost(off: Array) -> float:
+    """The mean distance, of strange rows no more than `FAR`."""
+    return float(np.minimum(np.abs(off), FAR).mean())
+
+
+def check_states(e: Evidence, left: float | None) -> Finding | None:
+    """The finding that two sensors are mixed, or that the bias was another for a while.
+
+    A small step is told where it leaves as little as the terms that compete with it: `left`, the
+    noise over the radius, None where there are none.
+    """
+    raw, at = (e.readings - e.bias) / e.radius, (e.residuals / e.radius, e.normals)
+    found = None if e.noise < HOLDS * e.radius else find_states(raw, *at, e.weights == 0.0)
+    if found is None:
+        found = find_states(raw @ e.shape.T, *at, e.weights == 0.0)
+    if found is None:
+        return None
+    least = SHIFT_DOUBTFUL if left is None or found.noise < AS_LITTLE * left else SHIFT_REFUSED
+    if len(found.edges) and found.shift < least:
+        return None
+    if not len(found.edges):
+        return Finding(
+            "two sensors mixed",
+            "refuse" if found.shift >= MIXED_REFUSED else "check",
+            f"{100 * found.share:.0f} % of the readings lie on a second sphere, row by row among "
+            "the others: two sensors are mixed in one log",
+            "separate them (a sensor column, --sensor) and calibrate each by itself",
+        )
+    few = len(found.edges) <= 2
+    moments = found.edges if e.time is None else e.time[found.edges]
+    return Finding(
+        "field changed",
+        "refuse" if found.shift >= (SHIFT_REFUSED if few else MIXED_REFUSED) else "check",
+        f"the bias moved by about {figure(found.shift * e.radius)} {e.unit} "
+        f"({100 * found.shift:.0f} % of the field) {describe_moments(found.edges, e.time)}: "
+        "something magnetic, or a current, was added or removed",
+        "calibrate the stretches before and after separately, with everything in its final place",
+        tuple(moments.astype(float).tolist()),
+    )
+
+
+def find_states(points: Array, residuals: Array, normals: Array, rejected: Mask) -> States | None:
+    """Two biases among the rows of a fit; None where there is one.
+
+    Of what lasts, the rows of the commonest state are searched once more, for a third bias.
+    Parameters: points (n, 3) of the calibrated field over its magnitude, residuals (n,) and normals
+    (n, 3) of the fit in the same unit, and which rows it rejected (n,).
+    """
+    rows = choose_evenly(len(points), MOST_ROWS)
+    points, rejected = points[rows], rejected[rows]
+    residuals, normals = residuals[rows], normals[rows]
+    changed, first, rest = np.zeros(len(rows), dtype=bool), None, np.arange(len(rows))
+    strange = rejected
+    for _ in range(MOST_BIASES):
+        guesses = _guess(points[rest], residuals[rest], normals[rest], strange[rest], rows[rest])
+        split = _find_split(points[rest], guesses)
+        if split is None or (first is not None and not split.lasts):
+            break
+        first = first or split
+        changed[rest[split.second]] = True
+        if not split.lasts:
+            break
+        strange = np.zeros(len(rows), dtype=bool)
+        strange[rest[split.state == _NEITHER]] = True
+        rest = np.flatnonzero(~changed)
+    if first is None:
+        return None
+    edges = _find_edges(changed) if first.lasts else np.zeros(0, dtype=np.intp)
+    if first.lasts and not 0 < len(edges) <= MOST_EDGES:
+        return None
+    radius = float(first.radii.mean())
+    return States(rows[edges], float(changed.mean()), first.shift / radius, first.noise / radius)
+
+
+def _find_edges(changed: Mask) -> Index:
+    """The rows at which stretches begin and end, without those that are short."""
+    edges = np.flatnonzero(np.diff(changed)) + 1
+    while len(edges) > 1:
+        k = int(np.argmin(np.diff(edges)))
+        if edges[k + 1] - edges[k] > SHORT * len(changed):
+            break
+        edges = np.delete(edges, [k, k + 1])
+    return edges
+
+
+def spreads_by_direction(residuals: Array, normals: Array) -> bool:
+    """Whether squares of residuals go with the direction, as of a bias that is one of two.
+
+    n R² of the regression of r² on the squares of the normals is χ² of five by chance (Breusch and
+    Pagan 1979).
+    """
+    design = _design_squares(normals)
+    square = residuals**2
+    left = square - design @ np.linalg.lstsq(design, square, rcond=None)[0]
+    told = 1.0 - float(np.var(left)) / max(float(np.var(square)), 1e-300)
+    return len(square) * told > BY_DIRECTION
+
+
+def _design_squares(normals: Array) -> Array:
+    a, b, c = normals.T
+    return np.stack([a * a, b * b, c * c, a * b, a * c, b * c, np.ones(len(a))], axis=1)
+
+
+def _find_split(points: Array, guesses: Iterator[Mask]) -> _Split | None:
+    """The best split from any of the guesses, None where none is one."""
+    one = _measure_cost(_fit(points, np.zeros(len(points), dtype=np.int8))[0][0])
+    tried = [_alternate(points, guess, PROMISING * one) for guess in guesses]
+    found = (split for split in tried if split is not None)
+    best = min(found, key=lambda split: split.cost, default=None)
+    if best is None or not best.stands_out:
+        return None
+    share = BETTER if best.lasts else BETTER_ROWS
+    return best if best.cost < share * one else None
+
+
+def _guess(
+    points: Array, residuals: Array, normals: Array, rejected: Mask, rows: Index
+) -> Iterator[Mask]:
+    """Guesses of the rows of the second state: those rejected, or left over by a sphere through
+    many; every second; the likeliest stretches with a bias of their own; those whose residual goes
+    with the shift δ that makes r² = σ² + (n·δ)²."""
+    yield rejected
+    yield _leave_over(points)
+    yield rows % 2 == 1
+    yield from _scan(points)
+    squares = _design_squares(normals)
+    xx, yy, zz, xy, xz, yz, _ = np.linalg.lstsq(squares, residuals**2, rcond=None)[0]
+    square = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]])
+    shift = np.linalg.eigh(square)[1][:, -1]
+    yield residuals * (normals @ shift) > 0.0
+
+
+def _scan(points: Array) -> Iterator[Mask]:
+    """The best stretches of whole parts of the log, by cross-products of each part."""
+    n = len(points)
+    columns = np.column_stack([*_columns(points), np.sum(points**2, axis=1)])
+    edges = np.linspace(0, n, PARTS + 1).astype(np.intp)
+    sums = np.array([columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)])
+    before = np.concatenate([np.zeros((1, 10, 10)), np.cumsum(sums, axis=0)])
+    first, last = np.triu_indices(PARTS + 1, 1)
+    inside = before[last] - before[first]
+    left = _project(inside) + _project(before[-1] - inside)
+    left[:, range(5), range(5)] += _hold(n)
+    taken = np.linalg.solve(left[:, :5, :5], left[:, :5, 5:])
+    rest = left[:, 5, 5] - np.sum(left[:, :5, 5] * taken[:, :, 0], axis=1)
+    row = np.arange(n)
+    for k in np.argsort(rest)[:BEST]:
+        yield (row >= edges[first[k]]) & (row < edges[last[k]])
+
+
+def _project(sums: Array) -> Array:
+    """Cross-products (…, 10, 10) without what a centre and a radius take of them, (…, 6, 6)."""
+    own = [0, 1, 2, 3, 4, 9]
+    across = sums[..., 5:9, :][..., own]
+    centre = sums[..., 5:9, 5:9] + _LEAST * np.eye(4)
+    return np.asarray(
+        sums[..., own, :][..., own] - np.swapaxes(across, -1, -2) @ np.linalg.solve(centre, across)
+    )
+
+
+def _columns(points: Array) -> tuple[Array, Array]:
+    """Columns of the shape (n, 5), and of a centre and radius (n, 4)."""
+    x, y, z = points.T
+    bends = np.stack([x * x - z * z, y * y - z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
+    return bends, np.column_stack([-2 * points, np.ones(len(points))])
+
+
+def _hold(rows: int) -> float:
+    """What a prior on the shape adds, for residuals of a hundredth."""
+    return rows * (1e-2 / SHAPE_SD) ** 2
+
+
+def _leave_over(points: Array) -> Mask:
+    """The rows in succession that are far from the sphere that is nearest to many of all.
+
+    2 cᵀp + (ρ² − cᵀc) = pᵀp through the corners of many tetrahedra, then through the nearest rows.
+    """
+    rng = np.random.default_rng(0)
+    design = np.column_stack([2 * points, np.ones(len(points))])
+    square = np.sum(points**2, axis=1)
+    corners = rng.integers(0, len(points), (SUBSETS, 4))
+    corners = corners[np.abs(np.linalg.det(design[corners])) > 1e-6]
+    if not len(corners):
+        return np.zeros(len(points), dtype=bool)
+    spheres = np.linalg.solve(design[corners], square[corners][:, :, None])[:, :, 0].T
+    some = choose_evenly(len(points), LOOKED_AT)
+    off = np.abs(design[some] @ spheres - square[some][:, None])
+    sphere = spheres[:, np.argmin(np.quantile(off, MANY, axis=0))]
+    left = np.abs(design @ sphere - square)
+    for _ in range(3):
+        near = left <= np.quantile(left, MANY)
+        sphere = np.linalg.lstsq(design[near], square[near], rcond=None)[0]
+        left = np.abs(design @ sphere - square)
+    noise = max(float(np.quantile(left, MANY)) / MANY_TO_SD, 1e-9)
+    far = np.full(len(points), STRANGE**2 / 2)
+    cost = np.stack([np.minimum((left / noise) ** 2 / 2, STRANGE**2), far])
+    return np.asarray(find_path(cost, PRICE) == 1)
+
+
+def _alternate(points: Array, second: Mask, most: float) -> _Split | None:
+    """The states after fits and choices in turn, rows one by one first, lasting where they last.
+
+    None where the guess by itself leaves more than `most`.
+    """
+    state = second.astype(np.int8)
+    found, price = None, 0.0
+    for _ in range(_ROUNDS):
+        if min(np.count_nonzero(state == 0), np.count_nonzero(state == 1)) < FEWEST:
+            return None
+        off, shift, radii = _fit(points, state)
+        own = np.where(state == 1, off[1], off[0])[state != _NEITHER]
+        if found is None and _measure_cost(own) > most:
+            return None
+        noise = max(float(np.quantile(np.abs(own), SURE)) / SURE_TO_SD, 1e-9)
+        far = np.full((1, len(points)), STRANGE**2 / 2)
+        cost = np.concatenate([np.minimum((off / noise) ** 2 / 2, STRANGE**2), far])
+        before = state
+        state = find_path(cost, price) if price else cost.argmin(axis=0).astype(np.int8)
+        price = PRICE if _last(state) else 0.0
+        found = _Split(state, off, noise, shift, radii)
+        if np.array_equal(before, state):
+            break
+    return found
+
+
+def _last(state: NDArray[np.int8]) -> bool:
+    """Whether states switch less than half as often as those of rows at random."""
+    told = state[state != _NEITHER]
+    share = float((told == 1).mean()) if len(told) else 0.0
+    return bool((told[1:] != told[:-1]).mean() < share * (1 - share)) if len(told) > 1 else False
+
+
+def _fit(points: Array, state: NDArray[np.int8]) -> tuple[Array, float, Array]:
+    """Distances (2, n) from the ellipsoid of either state, how far their centres are apart, and
+    their radii (2,)."""
+    bends, centre = _columns(points)
+    square = np.sum(points**2, axis=1)
+    first, second = (state == 0)[:, None], (state == 1)[:, None]
+    design = np.hstack([bends, centre * first, centre * second])
+    told = state != _NEITHER
+    params, hold = np.zeros(13), np.full(13, _LEAST)
+    hold[:5] = _hold(len(points))
+    weight = told.astype(float)
+    for _ in range(5):
+        weighted = design * weight[:, None]
+        params = np.linalg.solve(weighted.T @ design + np.diag(hold), -weighted.T @ square)
+        left = square + design @ params
+        reach = STRANGE * float(np.quantile(np.abs(left[told]), SURE)) / SURE_TO_SD + 1e-12
+        weight = told * np.minimum(1.0, reach / np.maximum(np.abs(left), 1e-12)) ** 3
+    shape = params[:5]
+    common = square + bends @ shape
+    full = np.eye(3) + np.array(
+        [
+            [shape[0], shape[2], shape[3]],
+            [shape[2], shape[1], shape[4]],
+            [shape[3], shape[4], -shape[0] - shape[1]],
+        ]
+    )
+    off = np.stack([common + centre @ params[5:9], common + centre @ params[9:13]]) / 2
+    centres = np.linalg.solve(full, params[[[5, 9], [6, 10], [7, 11]]])
+    square = np.sum(params[[[5, 9], [6, 10], [7, 11]]] * centres, axis=0) - params[[8, 12]]
+    radii = np.sqrt(np.maximum(square, 0.0))
+    return np.asarray(off), float(np.linalg.norm(centres[:, 0] - centres[:, 1])), radii

@@ -1,0 +1,115 @@
+"""What goes together in time: terms, or noise with memory, whichever is likelier."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.model.average import Base, Group, Prior, choose, price, solve
+from agonic.model.gram import Blocks, Stack, add_up, with_steps
+from agonic.model.noise import WHITE, fit_filter
+
+LEAST_NOISE = 1e-8
+"""Of the field, 0.5 pT: what is less is rounding."""
+_ROUNDS = 3
+_SETTLED = 0.01
+
+
+class Explained(NamedTuple):
+    """Filters that make residuals white and standard deviations (c,) of what they leave, by
+    channel; the sizes of the groups that are there; Gram blocks (b, m + 1, m + 1) over the noise;
+    what memory adds to the mean square of each channel, (c,)."""
+
+    filters: list[Array]
+    sds: Array
+    there: Mapping[int, float]
+    blocks: Blocks
+    memory: Array
+
+    @property
+    def gram(self) -> Array:
+        """The sum over channels and blocks."""
+        return np.asarray(self.blocks.sums.sum(axis=(0, 1)))
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is known before: the rows' columns, priors, groups of unknowns, and the radius."""
+
+    stacks: list[Stack]
+    prior: Prior
+    groups: Sequence[Group]
+    radius: float
+
+    def explain(self, sds: Array) -> Explained:
+        """The likelier of two ways: one gives terms the first word, the other memory.
+
+        Parameters: `sds` (c,) of the channels to begin with.
+        """
+        sds, white = np.maximum(sds, LEAST_NOISE), [WHITE] * len(self.stacks)
+        first, _ = self._settle(white, sds)
+        filters = [fit_filter(one) for one in self.leave(first)]
+        most = [np.mean(stack.columns[-1] ** 2) for stack in self.stacks]
+        if all(len(by) == 1 for by in filters):
+            return first
+        tried = []
+        for by in (filters, [fit_filter(stack.columns[-1]) for stack in self.stacks]):
+            found, _ = self._settle(by, sds)
+            by = [fit_filter(one) for one in self.leave(found)]
+            found, likelihood = self._settle(by, sds)
+            whole = np.minimum([np.mean(one**2) for one in self.leave(found)], most)
+            memory = np.maximum(whole - found.sds**2, 0.0)
+            tried.append((likelihood, found._replace(memory=memory)))
+        return max(tried, key=lambda one: one[0])[1]
+
+    def _settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
+        """Terms and standard deviations for given filters, all from one pass over the rows."""
+        blocks = with_steps(add_up(self.stacks, filters), self.radius)
+        by_channel, n = blocks.sums.sum(axis=1), float(blocks.rows.sum())
+        there: dict[int, float] = {}
+        for _ in range(_ROUNDS):
+            gram = np.tensordot(sds**-2.0, by_channel, axes=1)
+            there = choose(gram, self.prior, self.groups)
+            base = solve(gram, self.prior, self.groups, there)
+            before, sds = sds, _find_sds(by_channel, base, sds, n)
+            if np.abs(sds / before - 1).max() < _SETTLED:
+                break
+        gram = np.tensordot(sds**-2.0, by_channel, axes=1)
+        evidence = solve(gram, self.prior, self.groups, there).evidence
+        likelihood = evidence - n * float(np.log(sds).sum()) + price(self.groups, there)
+        scaled = Blocks(blocks.sums / sds[:, None, None, None] ** 2, blocks.rows)
+        return Explained(filters, sds, there, scaled, np.zeros(len(sds))), likelihood
+
+    def leave(self, found: Explained) -> list[Array]:
+        """What parameters and terms leave of each channel's residuals."""
+        base = solve(found.gram, self.prior, self.groups, found.there)
+        m = len(self.stacks[0].columns) - 1
+        weights = np.zeros(found.gram.shape[0] - 1)
+        weights[base.columns] = base.estimate
+        rows = found.blocks.rows
+        steps = np.cumsum(weights[m:].reshape(-1, 3), axis=0)
+        shifts = self.radius * np.vstack([np.zeros((1, 3)), steps])
+        shifts -= rows @ shifts / rows.sum()
+        bias = np.repeat(shifts, rows.astype(int), axis=0).T
+        return [
+            stack.columns[-1]
+            - weights[:m] @ stack.columns[:-1]
+            - np.sum(bias * stack.columns[:3], axis=0)
+            for stack in self.stacks
+        ]
+
+
+def _find_sds(by_channel: Array, base: Base, sds: Array, n: float) -> Array:
+    """The standard deviation of each channel's residuals, less the freedom that the base took."""
+    columns, found = base.columns, []
+    for sums, sd in zip(by_channel, sds, strict=True):
+        own = sums[np.ix_(columns, columns)]
+        square = sums[-1, -1] - 2 * sums[columns, -1] @ base.estimate
+        square += base.estimate @ own @ base.estimate
+        freedom = n - float(np.sum(base.inverse * own)) / sd**2
+        found.append(max(np.sqrt(max(float(square), 0.0) / max(freedom, 0.2 * n)), LEAST_NOISE))
+    return np.array(found)

@@ -1,0 +1,94 @@
+"""The rows that tell terms and noise: their feet, and the columns of every channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.maths.equation.affine import split
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.one_pass import find_length
+from agonic.model.feet import find_units, join_pieces, stand_on_feet
+from agonic.model.gram import Stack
+from agonic.model.term import Errors, Seen
+
+FEWEST_ROWS = 12
+"""Fewer rows tell nothing beside the parameters."""
+MOST_ROWS = 30_000
+"""Rows that tell terms and noise of all; of more, stretches in all parts of the log are taken."""
+STRETCHES = 64
+LEAST_WEIGHT = 0.05
+"""Readings that the robust loss leaves less of are outliers, which no term explains."""
+MOST_NOISE = 0.5
+"""Of the field: what scatters by more is no calibration."""
+
+
+class Rows(NamedTuple):
+    """The problem of these rows, the same at their feet, what terms may depend on, their weights,
+    the radius of the readings, and which share of the log's rows they are."""
+
+    problem: Problem
+    feet: Problem
+    seen: Seen
+    weights: Array
+    radius: float
+    share: float
+
+
+def choose_rows(
+    problem: Problem, estimate: Estimate, time: Array | None, origin: Array
+) -> Rows | None:
+    """The rows that count; None where they are too few, or scatter like no calibration.
+
+    Parameters: `time` (n,) of all rows, `origin` (3,) to be added to points for readings from zero.
+    """
+    n = len(problem.points)
+    kept = estimate.weights > LEAST_WEIGHT
+    counted = int(kept.sum())
+    if n > MOST_ROWS:
+        stretch = np.arange(n) * STRETCHES // n
+        kept &= np.arange(n) - np.searchsorted(stretch, stretch) < MOST_ROWS // STRETCHES
+    rows = np.flatnonzero(kept)
+    bias, matrix = split(problem.basis @ estimate.solution.params[: problem.basis.shape[1]])
+    gain = abs(float(np.trace(matrix))) / 3
+    noise = estimate.noise["magnitude"].sd * gain
+    if len(rows) < FEWEST_ROWS or not 0.0 < noise < MOST_NOISE:
+        return None
+    part = problem.subset(rows)
+    few = estimate._replace(weights=estimate.weights[rows])
+    feet = stand_on_feet(part, few)
+    x = (feet.points + origin) * gain
+    t = np.arange(n, dtype=float) if time is None else time
+    seen = Seen(
+        x=x,
+        unit=find_units(feet.points, bias, matrix),
+        time=(t[rows] - t[0]) / max(float(t[-1] - t[0]), 1e-300),
+        rows=rows,
+        reach=float(np.abs(x).max()),
+        length=float(find_length(x).max()),
+        total=n,
+    )
+    return Rows(part, feet, seen, few.weights, 1.0 / gain, len(rows) / max(counted, 1))
+
+
+def stack_columns(
+    rows: Rows, estimate: Estimate, errors: Sequence[Errors], channels: Sequence[str]
+) -> list[Stack]:
+    """Columns of parameters and terms at the feet, and residuals of the readings, by channel.
+
+    A residual r(θ) is that of the true parameters θ + Δ, less J Δ, and what errors do to it:
+    r = −J Δ + Σ E u + noise.
+    """
+    params, noise = estimate.solution.params, estimate.noise["magnitude"].sd
+    roots, stacks = np.sqrt(rows.weights), []
+    for channel in channels:
+        residuals, _ = join_pieces(rows.problem, channel, params, noise)
+        _, jacobian = join_pieces(rows.feet, channel, params)
+        ways = -jacobian[:, :3] * rows.radius
+        columns = [-jacobian.T, *(one.along(ways).T for one in errors), residuals[None]]
+        stacks.append(Stack(channel, np.concatenate(columns) * roots))
+    return stacks

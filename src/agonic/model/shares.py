@@ -1,0 +1,62 @@
+"""What each term makes of the heading's error, by itself and through the parameters."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.model.average import Sized
+from agonic.model.level import Level
+from agonic.model.term import Errors, Term
+
+SHAPE, DILUTION = 1.0, 1.5
+"""Of what a term that is there moves the heading by, so much is in doubt: of a bend, whose law is
+not known, and of a term of noisy rates, which comes out too small (regression dilution)."""
+
+
+class Share(NamedTuple):
+    """A term's part in a fit: log-odds that it is there, its rms error in the readings over the
+    field, the standard error of a level heading that it makes, of that at rest what the parameters
+    do not have, and the rms by which it moves a heading over the log, degrees; the row from which
+    on the bias is another, then by `size`."""
+
+    term: Term
+    odds: float
+    size: float
+    heading_deg: float
+    at_rest_deg: float
+    moves_deg: float
+    row: int | None = None
+
+
+def weigh(
+    term: Term, errors: Errors, sized: Sized, alias: Array, level: Level, *, there: bool
+) -> Share:
+    """The share of a term with these errors in the log; `alias` (m, k) is how its unknowns move the
+    parameters."""
+    through = level.by_params @ alias
+    moved = level.spread(sized.covariance, through)
+    rest = 0.0
+    if term.at_rest:
+        own = term.errors(level.seen)
+        assert own is not None
+        if term.sideways:
+            rest = own.mean_square(sized.square) * level.per_error
+        else:
+            direct = own.along(level.by_errors)
+            both = level.spread(sized.covariance, direct + through)
+            rest = max(both - moved, 0.0) + float(np.mean((direct @ sized.mean) ** 2))
+    if there and (term.at_rest or term.diluted):
+        doubt = DILUTION if term.diluted else SHAPE
+        rest += doubt**2 * float(np.mean((through @ sized.mean) ** 2))
+    size = float(np.sqrt(errors.mean_square(sized.square))) if there else 0.0
+    return Share(
+        term=term,
+        odds=sized.odds,
+        size=size,
+        heading_deg=float(np.sqrt(moved + rest)),
+        at_rest_deg=float(np.sqrt(rest)),
+        moves_deg=size * float(np.sqrt(level.per_error / 3)) if term.moves else 0.0,
+    )

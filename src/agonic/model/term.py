@@ -1,0 +1,100 @@
+"""`Term`: one thing that a reading may contain beside matrix⁻¹ field + bias, and how it is seen.
+
+    raw_i = matrix⁻¹ field_i + bias + Σ_terms E_i u + noise_i,   u ~ N(0, τ²)
+
+E_i is the error of one reading for unknowns u of size one, in units of the field's magnitude over
+the gain (the radius of the readings); τ is estimated, under a half-Cauchy prior of the scale that
+nature gives (A. Gelman 2006, Bayesian Analysis 1, 515).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from agonic.arrays import Array, Index
+
+
+class Seen(NamedTuple):
+    """What a term may depend on, of n rows: `x` (n, 3) readings without their noise from raw zero,
+    over the radius, `unit` (n, 3) directions of the field in the axes of the calibrated field,
+    `time` (n,) from 0 to 1, `rows` (n,) their numbers in the log, which has `total`.
+    `reach` is the largest component of x of the log, `length` its largest length: they stay those
+    of the log where a term is asked for other readings."""
+
+    x: Array
+    unit: Array
+    time: Array
+    rows: Index
+    reach: float
+    length: float
+    total: int
+
+
+class Errors(NamedTuple):
+    """Errors of the readings: `parts` (n, b, 3), of which every axis has an unknown of its own
+    where they are `apart`, else the whole vector has one; (n, b, 1) where all axes have the same
+    part.
+
+    >>> Errors(np.array([[[2.0, 3.0, 5.0]]])).along(np.eye(3)[:1]).tolist()
+    [[2.0, 0.0, 0.0]]
+    """
+
+    parts: Array
+    apart: bool = True
+
+    @property
+    def unknowns(self) -> int:
+        """How many unknowns there are."""
+        return int(self.parts.shape[1]) * (3 if self.apart else 1)
+
+    def along(self, ways: Array) -> Array:
+        """What each unknown does along the vectors (n, 3), (n, k)."""
+        seen = ways[:, None, :] * self.parts
+        return np.asarray(seen.reshape(len(ways), -1) if self.apart else seen.sum(axis=2))
+
+    def mean_square(self, square: Array) -> float:
+        """The mean square length of E u for E[u uᵀ] = square (k, k)."""
+        n, b, axes = self.parts.shape
+        if self.apart:
+            every = square.reshape(b, 3, b, 3)
+            by_axis = np.einsum("iaja->aij", every)
+            parts = np.broadcast_to(self.parts, (n, b, 3)) if axes == 1 else self.parts
+            return float(np.einsum("nia,aij,nja->", parts, by_axis, parts) / n)
+        return float(np.einsum("nia,ij,nja->", self.parts, square, self.parts) / n)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A row of the table of terms.
+
+    `errors(seen)` gives E, or None where the rows cannot tell. `scale` is the half-Cauchy scale of
+    τ over the field, with its `source`; τ is at most `most` times that: a calibration that leans on
+    a larger error is none. `odds` how often such a term is there at all. `at_rest`: it errs a
+    sensor that stays where it is, so also a heading; then `errors` is asked for level
+    readings. `sideways`: it is only seen along the field, and taken to err as much across it.
+    `moves`: it changes the readings of a sensor in time, so that a calibration is of its mean.
+    `diluted`: its columns follow noisy rates, so its size comes out too small. `what` says it in
+    words and `move` what helps.
+    """
+
+    name: str
+    errors: Callable[[Seen], Errors | None]
+    scale: float
+    source: str
+    what: str
+    move: str
+    odds: float = 0.1
+    most: float = 30.0
+    at_rest: bool = False
+    sideways: bool = False
+    moves: bool = False
+    diluted: bool = False
+
+
+def along_time(signals: Array) -> Errors:
+    """A bias along any direction that goes with each of signals (n, b)."""
+    return Errors(signals[:, :, None])

@@ -1,0 +1,58 @@
+"""A wave along the readings of an axis, as of a converter that skips codes or repeats an error."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.model.term import Errors, Seen, Term
+
+BINS = 4096
+FEWEST_WAVES = 3
+"""Waves across the readings; fewer are a bend."""
+FINEST = 4
+"""Bins of the shortest wave."""
+STANDS_OUT = 8.0
+"""In log-likelihood, beyond that of all frequencies tried, before a wave is looked at."""
+
+
+def find_ripple(seen: Seen, residuals: Array, bias: Array) -> Term | None:
+    """The term of the waves that residuals (n,) over their noise show most along each axis.
+
+    A wave of an axis shows by the columns `bias` (3, n) of the residuals:
+    |Σ b r exp(2πi f x)|²/Σ b², for all frequencies f by a Fourier transform of sums over narrow
+    bins of x, is exponential by chance.
+    """
+    low, width = seen.x.min(axis=0), float(np.ptp(seen.x, axis=0).max())
+    if not width > 0.0:
+        return None
+    order = np.arange(BINS // 2 + 1)
+    allowed = (order >= FEWEST_WAVES) & (order <= BINS / FINEST)
+    found, powers = np.zeros(3), np.zeros(3)
+    for axis, column in enumerate(bias):
+        bins = np.minimum((seen.x[:, axis] - low[axis]) / width * BINS, BINS - 1).astype(np.intp)
+        waves = np.fft.rfft(np.bincount(bins, column * residuals, BINS))
+        power = np.where(allowed, np.abs(waves) ** 2, 0.0) / max(float(column @ column), 1e-300)
+        best = int(np.argmax(power))
+        found[axis], powers[axis] = order[best] / width, power[best]
+    tries = np.log(3 * np.count_nonzero(allowed))
+    if powers.max() < STANDS_OUT + tries:
+        return None
+    return Term(
+        name="ripple",
+        errors=partial(ripple, frequencies=found),
+        scale=2e-3,
+        source="differential non-linearity of one step of 16 bits across ± 8 G",
+        what="readings err in waves along an axis, as of a converter that skips codes",
+        move="look whether the converter skips codes; choose a finer range, or another sensor",
+        odds=float(0.1 * np.exp(-tries)),
+        at_rest=True,
+    )
+
+
+def ripple(seen: Seen, *, frequencies: Array) -> Errors:
+    """A wave along the readings of each axis, of these frequencies (3,) over the radius."""
+    phase = 2 * np.pi * frequencies * seen.x
+    return Errors(np.stack([np.cos(phase), np.sin(phase)], axis=1))

@@ -1,0 +1,140 @@
+"""Terms of the sensor itself: bends, compression, cross-talk, lag, memory, turns."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial.legendre import legval
+
+from agonic.arrays import Array
+from agonic.model.term import Errors, Seen, Term, along_time
+
+ORDERS = (2, 3, 4, 5)
+"""Legendre orders of a bend along an axis; each is smaller than the one before by 1/(j + 1)."""
+MEMORY_SHARE = 200
+"""An old field fades within this share of the log, and within three rows at least."""
+TURN_ROWS = 1, 5
+FEWEST_ROWS = 50
+"""Fewer rows tell nothing of a memory or of turns."""
+
+
+def bend(seen: Seen) -> Errors:
+    """Every axis bends by itself: Legendre polynomials of its reading over the largest."""
+    x = np.clip(seen.x / seen.reach, -1.0, 1.0)
+    return Errors(np.stack([legval(x, np.eye(6)[j]) / (j + 1) for j in ORDERS], axis=1))
+
+
+def compress(seen: Seen) -> Errors:
+    """The whole vector shrinks with its length: x |x|² and x |x|⁶."""
+    square = np.sum(seen.x**2, axis=1, keepdims=True) / seen.length**2
+    along = seen.x / seen.reach
+    return Errors(np.stack([along * square, along * square**3], axis=1), apart=False)
+
+
+def cross(seen: Seen) -> Errors:
+    """Each axis holds something of the products and squares of the others: x_j x_k."""
+    x = seen.x / seen.reach
+    squares = x**2
+    parts = [np.stack([squares[:, (a + j) % 3] for a in range(3)], axis=1) for j in (1, 2)]
+    parts += [
+        np.repeat((x[:, j] * x[:, k])[:, None], 3, axis=1) for j, k in ((0, 1), (0, 2), (1, 2))
+    ]
+    return Errors(np.stack(parts, axis=1))
+
+
+def lag(seen: Seen) -> Errors | None:
+    """The readings are late: dx/dt of each axis over its rms."""
+    if len(seen.x) < 3:
+        return None
+    slope = np.zeros_like(seen.x)
+    slope[1:-1] = (seen.x[2:] - seen.x[:-2]) / 2
+    return Errors(_over_rms(slope)[:, None])
+
+
+def memory(seen: Seen) -> Errors | None:
+    """The readings hold something of those before them, an average that fades."""
+    n = len(seen.x)
+    if n < FEWEST_ROWS:
+        return None
+    share, x = 1.0 / max(3.0, n / MEMORY_SHARE), seen.x - seen.x[0]
+    fading = np.fft.rfft(share * (1.0 - share) ** np.arange(n), 2 * n)
+    old = np.fft.irfft(np.fft.rfft(x, 2 * n, axis=0) * fading[:, None], 2 * n, axis=0)[:n] - x
+    return Errors(_over_rms(old)[:, None])
+
+
+def turning(seen: Seen) -> Errors | None:
+    """A bias that goes with how fast the field turns in the sensor, over one row and over several,
+    by its rms."""
+    n = len(seen.x)
+    if n < FEWEST_ROWS:
+        return None
+    rates = np.zeros((n, len(TURN_ROWS)))
+    for k, rows in enumerate(TURN_ROWS):
+        apart = seen.unit[2 * rows :] - seen.unit[: -2 * rows]
+        rates[rows:-rows, k] = np.linalg.norm(apart, axis=1)
+    return along_time(rates / (np.sqrt(np.mean(rates**2, axis=0)) + 1e-12))
+
+
+def _over_rms(values: Array) -> Array:
+    return np.asarray(values / (np.sqrt(np.mean(values**2)) + 1e-12))
+
+
+SENSOR = (
+    Term(
+        name="non-linear",
+        errors=bend,
+        scale=1e-3,
+        source="linearity of 0.1 % of the range in data sheets (HMC5883L, LIS3MDL, RM3100)",
+        what="the sensor is not linear: its readings bend",
+        move="take iron away from it, choose a wider range, or calibrate it with a network "
+        "(agonic fit network)",
+        at_rest=True,
+    ),
+    Term(
+        name="compressed",
+        errors=compress,
+        scale=1e-3,
+        odds=0.01,
+        most=100.0,
+        source="as a bend of one axis",
+        what="readings are compressed where the field on the sensor is strong",
+        move="take iron and magnets away from it, or choose a wider range",
+        at_rest=True,
+    ),
+    Term(
+        name="cross-talk",
+        errors=cross,
+        scale=1e-3,
+        odds=0.02,
+        source="cross-field error of 0.2 % of the range, magnetoresistors (HMC1001)",
+        what="an axis holds something of the products of the others",
+        move="choose a sensor with set and reset, or a wider range",
+        at_rest=True,
+    ),
+    Term(
+        name="late",
+        errors=lag,
+        scale=2e-3,
+        source="a filter of the sensor delays by a row or less",
+        what="readings are late where the sensor turns fast",
+        move="turn it slowly, or take the delay out (agonic fit latency)",
+        diluted=True,
+    ),
+    Term(
+        name="memory",
+        errors=memory,
+        scale=1e-3,
+        source="hysteresis of 0.05 to 0.1 % of the range in data sheets",
+        what="readings depend on those before them (a filter, interpolated rows, hysteresis)",
+        move="turn it slowly; if that changes nothing, take soft iron away from the sensor",
+        diluted=True,
+    ),
+    Term(
+        name="follows turns",
+        errors=turning,
+        scale=1e-3,
+        source="motor currents of a vehicle while it turns",
+        what="a disturbance goes with how fast the vehicle turns (the current of its motors)",
+        move="record the currents beside the field and calibrate with them, or turn it by hand",
+        diluted=True,
+    ),
+)

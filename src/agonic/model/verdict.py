@@ -1,0 +1,216 @@
+"""The verdict of a fit: a pure function of what is known of it, and its table of limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.coverage import OPEN_DEG, Coverage
+from agonic.health.evidence import (
+    HEADING_DOUBTFUL_DEG,
+    HEADING_REFUSED_DEG,
+    RECORD_LONGER,
+    SHIFT_DOUBTFUL,
+)
+from agonic.health.finding import Finding, Severity, figure, sort_findings
+from agonic.health.moments import describe_moments
+from agonic.model.average import EVIDENCE
+from agonic.model.posterior import Posterior
+from agonic.model.shares import Share
+from agonic.model.terms.time import STEP, TIME
+
+SEEN_DEG = 0.2
+"""Of heading: nobody looks for what is less."""
+PRIOR_SHARE = 0.5
+"""Of the variance of a heading: where priors hold more, the log does not determine it."""
+UNSEEN_RESIDUALS = 1.3
+"""Unseen blocks scatter by so much more than stated where the model is not that of the log: twenty
+times what chance makes of 300 rows."""
+DRIFT = TIME[0].name
+OF_TIME = frozenset(term.name for term in (*TIME, STEP))
+
+_PRIOR = (
+    "the directions seen do not determine the heading: what is known of it follows from the "
+    "assumed prior on soft iron, or from noise"
+)
+
+
+def judge(
+    posterior: Posterior | None,
+    coverage: Coverage,
+    unit: str,
+    radius: float,
+    time: Array | None,
+    facts: Sequence[Finding] = (),
+) -> tuple[Finding, ...]:
+    """The findings of a fit.
+
+    Parameters: coverage with the heading's standard error; the radius of the readings in their
+    unit; `time` (n,) of the rows of the fit, None where they have none; `facts` of the record that
+    are known: where one of them forbids the fit there is nothing more to say of it, and what moved
+    the bias is told once.
+    """
+    if any(fact.severity == "refuse" for fact in facts):
+        return ()
+    if posterior is None:
+        return tuple(_doubt_heading(coverage, None))
+    changed = any(fact.name == STEP.name for fact in facts)
+    shown = [
+        one
+        for one in posterior.shares
+        if one.odds > EVIDENCE and not (changed and one.term.name in OF_TIME)
+    ]
+    doubts, terms = _doubt_heading(coverage, posterior), _name_terms(shown, unit, radius, time)
+    found = _tell_once([*terms, *doubts], changed)
+    names = {one.name for one in (*found, *facts) if one.severity != "note"}
+    if not names:
+        found += _check_unseen(posterior, coverage.heading_sd_deg)
+    return tuple(found)
+
+
+def _check_unseen(posterior: Posterior, stated_deg: float) -> Iterator[Finding]:
+    """Parts of the log that contradict what is stated: their residuals, or by how much the heading
+    moves without each (its jackknife error)."""
+    residuals, moves = posterior.unseen.residuals, posterior.unseen.moves_deg
+    foretold = float(np.hypot(stated_deg, posterior.unseen.expected_deg))
+    if residuals > UNSEEN_RESIDUALS:
+        what = f"scatter {figure(residuals)} times as much as it states"
+    elif moves >= HEADING_DOUBTFUL_DEG and moves > UNSEEN_RESIDUALS * foretold:
+        what = f"leave the heading uncertain by {figure(moves)}°, by how it moves without each"
+    else:
+        return
+    yield Finding(
+        "unseen parts",
+        "check",
+        f"parts of the log that the fit has not seen {what}",
+        "look what changed during the log, and record again",
+    )
+
+
+def check_coverage(coverage: Coverage) -> Finding | None:
+    """A heading that the directions visited leave uncertain."""
+    return next(_doubt_heading(coverage, None), None)
+
+
+def _doubt_heading(coverage: Coverage, posterior: Posterior | None) -> Iterator[Finding]:
+    """A heading that is not known well enough, by what leaves it uncertain."""
+    total = coverage.heading_sd_deg
+    held = posterior is not None and posterior.held.share > PRIOR_SHARE
+    alone = posterior.held.alone_deg if posterior is not None else 0.0
+    if held and alone > HEADING_DOUBTFUL_DEG:
+        yield Finding(
+            "prior",
+            "refuse" if total >= HEADING_REFUSED_DEG else "check",
+            f"{_PRIOR}; without it the heading is {_say_uncertain(alone)}",
+            coverage.turns or "turn the sensor about all three axes",
+        )
+        if total < HEADING_REFUSED_DEG:
+            return
+    if total < HEADING_DOUBTFUL_DEG:
+        return
+    severity: Severity = "refuse" if total >= HEADING_REFUSED_DEG else "check"
+    name, what, move = _find_largest(posterior, coverage)
+    yield Finding(name, severity, f"{what} the heading {_say_uncertain(total)}", move)
+
+
+def _find_largest(posterior: Posterior | None, coverage: Coverage) -> tuple[str, str, str]:
+    """What makes most of the heading's error: its name, its words, and what helps."""
+    seen = f"the directions visited ({100 * coverage.filled:.0f} % of the sphere) leave"
+    turns = coverage.turns or f"{RECORD_LONGER}, turning slowly about all three axes"
+    if posterior is None:
+        return "coverage", seen, turns
+    term = max(posterior.shares, key=lambda one: one.heading_deg, default=None)
+    shared = max(posterior.considered_deg.values(), default=0.0)
+    largest = max(posterior.noise_deg, posterior.memory_deg, shared)
+    if term is not None and term.odds > EVIDENCE and term.heading_deg > largest:
+        return term.term.name, f"{term.term.what}; this leaves", term.term.move
+    if posterior.memory_deg > max(posterior.noise_deg, shared):
+        what = "disturbances of unknown cause last while the sensor turns: they leave"
+        move = "let the sensor warm up, keep iron and currents as they are, and record longer"
+        return "noise with memory", what, move
+    return "coverage", seen, turns
+
+
+def _tell_once(found: list[Finding], changed: bool) -> list[Finding]:
+    """The first of the gravest findings, the others as notes without a move; all but a refusal as
+    notes where it is known that the bias `changed`."""
+    told = sort_findings(found)
+    first = [one for one in told[:1] if one.severity == "refuse" or not changed]
+    return [*first, *(replace(one, severity="note", move="") for one in told[len(first) :])]
+
+
+def shows_changes(posterior: Posterior | None) -> bool:
+    """Whether anything but white noise is seen beside the calibration."""
+    if posterior is None:
+        return True
+    return posterior.memory_deg > 0.0 or any(one.odds > EVIDENCE for one in posterior.shares)
+
+
+def _name_terms(
+    shown: Sequence[Share], unit: str, radius: float, time: Array | None
+) -> Iterator[Finding]:
+    """What residuals show beside the calibration; a check where readings move by too much."""
+    steps = [one for one in shown if one.row is not None]
+    for one in _join_moves(shown):
+        if max(one.heading_deg, one.moves_deg) < SEEN_DEG:
+            continue
+        rms = "" if one.row is not None else " rms"
+        size = f", by {figure(one.size * radius)} {unit}{rms}" if one.size else ""
+        severity = _judge_moves(one)
+        effect = max(one.heading_deg, one.moves_deg)
+        left = f"it leaves the heading uncertain by {figure(effect)}°"
+        if one.moves_deg > one.heading_deg:
+            left = f"the calibration is of its mean, the heading moves by {figure(effect)}° with it"
+        moments: tuple[float, ...] = ()
+        what = one.term.what
+        if one.row is not None:
+            rows = np.array(sorted(step.row for step in steps if step.row is not None))
+            moments = tuple((rows if time is None else time[rows]).astype(float).tolist())
+            what = f"{what} {describe_moments(rows, time)}"
+        yield Finding(
+            one.term.name,
+            severity,
+            f"{what}{size}; {left}",
+            one.term.move if severity != "note" else "",
+            moments,
+        )
+
+
+def _judge_moves(one: Share) -> Severity:
+    """What a heading is worth that moves by so much over the log, or a bias by one step.
+
+    A large step is a fact of the record (`check_states`).
+    """
+    if one.row is not None:
+        return "check" if one.size >= SHIFT_DOUBTFUL else "note"
+    moves_deg = one.moves_deg
+    if moves_deg >= HEADING_REFUSED_DEG:
+        return "refuse"
+    return "check" if moves_deg >= HEADING_DOUBTFUL_DEG else "note"
+
+
+def _join_moves(shown: Sequence[Share]) -> list[Share]:
+    """All steps of the bias as one with the size of the largest, or as part of its drift."""
+    others = [one for one in shown if one.term is not STEP]
+    steps = [one for one in shown if one.row is not None]
+    if not steps:
+        return others
+    heading = float(np.linalg.norm([one.heading_deg for one in steps]))
+    moves = float(np.linalg.norm([one.moves_deg for one in steps]))
+    for k, one in enumerate(others):
+        if one.term.name == DRIFT and one.size:
+            others[k] = one._replace(
+                heading_deg=float(np.hypot(one.heading_deg, heading)),
+                moves_deg=float(np.hypot(one.moves_deg, moves)),
+            )
+            return others
+    largest = max(steps, key=lambda one: one.size)
+    return [largest._replace(heading_deg=heading, moves_deg=moves), *others]
+
+
+def _say_uncertain(sd_deg: float) -> str:
+    """How uncertain a heading is; beyond a quarter of the circle a number says nothing."""
+    return f"uncertain by {figure(sd_deg)}°" if sd_deg < OPEN_DEG else "entirely open"
