@@ -10,16 +10,25 @@ from agonic.coverage import Coverage
 from agonic.maths.equation.crowding import weigh_places
 
 HEADING_REFUSED_DEG = 10.0
+"""Of a level heading, one standard error: what is known no better is no compass."""
 HEADING_DOUBTFUL_DEG = 2.0
-NOISE_DOUBTFUL = 0.04  # of the field's magnitude
+"""The same: what a skipper or an autopilot notices."""
+NOISE_DOUBTFUL = 0.04
+"""Of the field, scatter about the best calibration: the field was not the same everywhere."""
 OUTLIERS_DOUBTFUL = 0.1
-SPARE = 3  # orientations beyond the unknowns that check them
+"""Of the rows left out: more are a fault of the log and not accidents."""
+SPARE = 3
+"""Orientations beyond the unknowns that check them."""
 RECORD_LONGER = "record longer"
 """The advice that goes with no cause."""
 HALF_CIRCLE_DEG = 180.0
-SHIFT_REFUSED = 0.04  # of the field's magnitude
+"""Of arc in one plane: less tells neither bias nor gain in it."""
+SHIFT_REFUSED = 0.04
+"""Of the field, a step of the bias: no calibration holds for both sides within 2° of heading."""
 SHIFT_DOUBTFUL = 0.01
-SHIFT_OVER_NOISE = 3.0  # less than this does not stand out of the readings
+"""The same, told: half a degree of heading."""
+SHIFT_OVER_NOISE = 3.0
+"""Of the noise: a smaller step does not stand out of the readings."""
 MOST_ROWS = 20_000
 """Rows that are enough to tell of all."""
 

@@ -28,6 +28,7 @@ from agonic.maths.estimation.changes.hidden_states import find_path
 HOLDS = 0.03
 """Noise over the field below which the matrix of a fit is that of most readings."""
 MOST_ROWS = 2000
+"""Rows that are enough to tell of all."""
 FEWEST = 12
 """Rows of either state."""
 STRANGE = 4.0
@@ -55,6 +56,7 @@ MIXED_REFUSED = 0.1
 MOST_EDGES = 6
 """What changes more often did not come and go: the field varies, or the model is another."""
 MOST_BIASES = 3
+"""Searches for a bias beside those found."""
 PRICE = 15.0
 """Of a switch between lasting states, in log-likelihood: by chance one in e¹⁵ rows."""
 SHAPE_SD = 0.1

@@ -28,6 +28,7 @@ EVIDENCE = 3.0
 DOUBT = 1.0
 """And that it stays, beside terms found later."""
 MOST_TERMS = 8
+"""Beside each other: what needs more is not described."""
 _FIRM = 1e-10  # of a column's own square: so near to others it says nothing
 _BLIND = 1e-9  # of a term's squares: less is rounding of the cross-products, not information
 

@@ -29,7 +29,7 @@ PRIOR_SHARE = 0.5
 UNSEEN_RESIDUALS = 1.3
 """Unseen blocks scatter by so much more than stated where the model is not that of the log: twenty
 times what chance makes of 300 rows."""
-DRIFT = TIME[0].name
+DRIFT = "bias drift"
 OF_TIME = frozenset(term.name for term in (*TIME, STEP))
 
 _PRIOR = (
