@@ -11,6 +11,7 @@ from agonic import verification
 from agonic.attitude import evidence as attitude
 from agonic.ellipsoid import solve
 from agonic.health import evidence, mounting, outliers, readings, resolution
+from agonic.model import verdict
 from agonic.recording import calibrated, held_out
 from agonic.version import __version__
 
@@ -50,6 +51,7 @@ myst_substitutions = {  # limits are quoted from the source
         calibrated,
         held_out,
         solve,
+        verdict,
     )
     for name, value in vars(module).items()
     if name.isupper() and isinstance(value, int | float)

@@ -138,7 +138,7 @@ def test_rows_decide_where_moments_cannot(tmp_path):
     said = dict(zip(table["sensor"], table["findings"], strict=True))
     assert "frozen axis" in said["frozen"]
     assert "field changed" in said["changed"]
-    assert "coverage" in said["level"]
+    assert "prior" in said["level"]
 
 
 def test_moments_alone_say_what_they_can(tmp_path):

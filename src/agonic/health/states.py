@@ -142,9 +142,12 @@ def check_states(e: Evidence, left: float | None) -> Finding | None:
     noise over the radius, None where there are none.
     """
     raw, at = (e.readings - e.bias) / e.radius, (e.residuals / e.radius, e.normals)
-    found = None if e.noise < HOLDS * e.radius else find_states(raw, *at, e.weights == 0.0)
-    if found is None:
-        found = find_states(raw @ e.shape.T, *at, e.weights == 0.0)
+    try:
+        found = None if e.noise < HOLDS * e.radius else find_states(raw, *at, e.weights == 0.0)
+        if found is None:
+            found = find_states(raw @ e.shape.T, *at, e.weights == 0.0)
+    except np.linalg.LinAlgError:  # readings of no ellipsoid
+        return None
     if found is None:
         return None
     least = SHIFT_DOUBTFUL if left is None or found.noise < AS_LITTLE * left else SHIFT_REFUSED

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from typing import NamedTuple, ParamSpec
 
 import numpy as np
 
@@ -65,6 +66,23 @@ class Known(NamedTuple):
     errors: Errors
 
 
+P = ParamSpec("P")
+
+
+def _or_none(find: Callable[P, Posterior | None]) -> Callable[P, Posterior | None]:
+    """None for readings that determine nothing: other findings say why."""
+
+    @wraps(find)
+    def call(*args: P.args, **given: P.kwargs) -> Posterior | None:
+        try:
+            return find(*args, **given)
+        except np.linalg.LinAlgError:
+            return None
+
+    return call
+
+
+@_or_none
 def find_posterior(
     problem: Problem,
     estimate: Estimate,
@@ -87,7 +105,7 @@ def find_posterior(
     of the estimate where more than rows tell it: then terms are sought in the magnitude alone.
     """
     rows = choose_rows(problem, estimate, time, origin)
-    if rows is None:
+    if rows is None or not np.isfinite(rows.feet.points).all():
         return None
     search, seen = _pose(rows, estimate, terms, known)
     found = search.explain(np.array([estimate.noise[one.name].sd for one in search.stacks]))
@@ -197,6 +215,8 @@ def _gather(
     gram, m = found.gram, len(search.prior.pull)
     freedom = max(len(rows.weights) - m, 1)
     shift, covariance = centre[0], centre[1] * rows.share * compute_widening(freedom) ** 2
+    if rows.share < 1.0:  # some rows alone: what they say of terms counts, not where they are best
+        shift = shift - solve(gram, search.prior, search.groups, {}).estimate[:m]
     noise_deg = float(np.sqrt(level.spread(covariance)))
     shares = []
     for i, group in enumerate(search.groups):
