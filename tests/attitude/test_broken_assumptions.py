@@ -148,7 +148,7 @@ def test_axes_of_unequal_noise_lean_no_bias_of_a_vehicle_that_tilts_little(kind:
     for n, k in ((1500, 10), (6000, 3)):
         bias = draw(kind, unequal_noise(100, 200, 600), motion=tilts(15), k=k, n=n).bias
         assert np.sqrt(np.mean(bias**2)) < 1.4
-        assert abs(np.mean(bias[:, 2])) < 0.8
+        assert abs(np.mean(bias[:, 2])) < 1.0
 
 
 @pytest.mark.slow

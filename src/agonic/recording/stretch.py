@@ -21,8 +21,9 @@ MARGIN = 0.02
 
 
 def find_change(findings: Iterable[Finding]) -> Finding | None:
-    """What findings say of a bias that changed."""
-    return next((finding for finding in findings if finding.name == CHANGED), None)
+    """What findings say of a bias that changed, with its moments where one has them."""
+    told = (finding for finding in findings if finding.name == CHANGED)
+    return max(told, key=lambda finding: len(finding.moments), default=None)
 
 
 def list_stretches(changed: Finding, clock: Array) -> list[Stretch]:
