@@ -15,6 +15,8 @@ HEADING_DOUBTFUL_DEG = 2.0
 """The same: what a skipper or an autopilot notices."""
 NOISE_DOUBTFUL = 0.04
 """Of the field, scatter about the best calibration: the field was not the same everywhere."""
+HOLDS = 0.03
+"""Noise over the field below which a fit holds for most of the readings."""
 OUTLIERS_DOUBTFUL = 0.1
 """Of the rows left out: more are a fault of the log and not accidents."""
 SPARE = 3

@@ -7,6 +7,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.health.evidence import (
     HALF_CIRCLE_DEG,
+    HOLDS,
     MOST_ROWS,
     NOISE_DOUBTFUL,
     OUTLIERS_DOUBTFUL,
@@ -20,9 +21,6 @@ from agonic.health.states import check_states, spreads_by_direction
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
 from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows, count_orientations
 from agonic.maths.one_pass import find_length, median
-
-HOLDS = 0.03
-"""Noise over the field below which a fit holds for most of the readings."""
 
 
 def examine(

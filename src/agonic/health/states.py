@@ -19,14 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
-from agonic.health.evidence import SHIFT_DOUBTFUL, SHIFT_OVER_NOISE, SHIFT_REFUSED, Evidence
+from agonic.health.evidence import HOLDS, SHIFT_DOUBTFUL, SHIFT_OVER_NOISE, SHIFT_REFUSED, Evidence
 from agonic.health.finding import Finding, figure
 from agonic.health.moments import describe_moments
 from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.estimation.changes.hidden_states import find_path
 
-HOLDS = 0.03
-"""Noise over the field below which the matrix of a fit is that of most readings."""
 MOST_ROWS = 2000
 """Rows that are enough to tell of all."""
 FEWEST = 12
@@ -327,9 +325,7 @@ def _leave_over(points: Array) -> Mask:
         sphere = np.linalg.lstsq(design[near], square[near], rcond=None)[0]
         left = np.abs(design @ sphere - square)
     noise = max(float(np.quantile(left, MANY)) / MANY_TO_SD, 1e-9)
-    far = np.full(len(points), STRANGE**2 / 2)
-    cost = np.stack([np.minimum((left / noise) ** 2 / 2, STRANGE**2), far])
-    return np.asarray(find_path(cost, PRICE) == 1)
+    return np.asarray(find_path(_weigh(left[None] / noise), PRICE) == 1)
 
 
 def _alternate(points: Array, second: Mask, most: float) -> _Split | None:
@@ -346,16 +342,25 @@ def _alternate(points: Array, second: Mask, most: float) -> _Split | None:
         own = np.where(state == 1, off[1], off[0])[state != _NEITHER]
         if found is None and _measure_cost(own) > most:
             return None
-        noise = max(float(np.quantile(np.abs(own), SURE)) / SURE_TO_SD, 1e-9)
-        far = np.full((1, len(points)), STRANGE**2 / 2)
-        cost = np.concatenate([np.minimum((off / noise) ** 2 / 2, STRANGE**2), far])
-        before = state
+        noise = max(_measure_noise(own), 1e-9)
+        before, cost = state, _weigh(off / noise)
         state = find_path(cost, price) if price else cost.argmin(axis=0).astype(np.int8)
         price = PRICE if _last(state) else 0.0
         found = _Split(state, off, noise, shift, radii)
         if np.array_equal(before, state):
             break
     return found
+
+
+def _weigh(off: Array) -> Array:
+    """What each state costs a row, neither last (k + 1, n), by distances (k, n) over the noise."""
+    far = np.full((1, off.shape[1]), STRANGE**2 / 2)
+    return np.concatenate([np.minimum(off**2 / 2, STRANGE**2), far])
+
+
+def _measure_noise(off: Array) -> float:
+    """The standard deviation of the nearest rows of a state."""
+    return float(np.quantile(np.abs(off), SURE)) / SURE_TO_SD
 
 
 def _last(state: NDArray[np.int8]) -> bool:
@@ -380,7 +385,7 @@ def _fit(points: Array, state: NDArray[np.int8]) -> tuple[Array, float, Array]:
         weighted = design * weight[:, None]
         params = np.linalg.solve(weighted.T @ design + np.diag(hold), -weighted.T @ square)
         left = square + design @ params
-        reach = STRANGE * float(np.quantile(np.abs(left[told]), SURE)) / SURE_TO_SD + 1e-12
+        reach = STRANGE * _measure_noise(left[told]) + 1e-12
         weight = told * np.minimum(1.0, reach / np.maximum(np.abs(left), 1e-12)) ** 3
     shape = params[:5]
     common = square + bends @ shape
@@ -392,7 +397,8 @@ def _fit(points: Array, state: NDArray[np.int8]) -> tuple[Array, float, Array]:
         ]
     )
     off = np.stack([common + centre @ params[5:9], common + centre @ params[9:13]]) / 2
-    centres = np.linalg.solve(full, params[[[5, 9], [6, 10], [7, 11]]])
-    square = np.sum(params[[[5, 9], [6, 10], [7, 11]]] * centres, axis=0) - params[[8, 12]]
+    q = params[[[5, 9], [6, 10], [7, 11]]]
+    centres = np.linalg.solve(full, q)
+    square = np.sum(q * centres, axis=0) - params[[8, 12]]
     radii = np.sqrt(np.maximum(square, 0.0))
     return np.asarray(off), float(np.linalg.norm(centres[:, 0] - centres[:, 1])), radii

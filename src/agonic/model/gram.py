@@ -16,8 +16,6 @@ from agonic.model.noise import whiten
 
 BLOCKS = 16
 """Blocks of time: each is predicted from the others, and the bias may step between them."""
-
-
 ROWS_PER_BLOCK = 3
 """At least, or a block says nothing."""
 

@@ -20,20 +20,15 @@ _SETTLED = 0.01
 
 
 class Explained(NamedTuple):
-    """Filters that make residuals white and standard deviations (c,) of what they leave, by
-    channel; the sizes of the groups that are there; Gram blocks (b, m + 1, m + 1) over the noise;
-    what memory adds to the mean square of each channel, (c,)."""
+    """Standard deviations (c,) of what filters leave, by channel; the sizes of the groups that are
+    there; Gram blocks (b, m + 1, m + 1) over the noise and their sum over channels and blocks; what
+    memory adds to the mean square of each channel, (c,)."""
 
-    filters: list[Array]
     sds: Array
     there: Mapping[int, float]
     blocks: Blocks
+    gram: Array
     memory: Array
-
-    @property
-    def gram(self) -> Array:
-        """The sum over channels and blocks."""
-        return np.asarray(self.blocks.sums.sum(axis=(0, 1)))
 
 
 @dataclass(frozen=True)
@@ -82,7 +77,7 @@ class Search:
         evidence = solve(gram, self.prior, self.groups, there).evidence
         likelihood = evidence - n * float(np.log(sds).sum()) + price(self.groups, there)
         scaled = Blocks(blocks.sums / sds[:, None, None, None] ** 2, blocks.rows)
-        return Explained(filters, sds, there, scaled, np.zeros(len(sds))), likelihood
+        return Explained(sds, there, scaled, gram, np.zeros(len(sds))), likelihood
 
     def leave(self, found: Explained) -> list[Array]:
         """What parameters and terms leave of each channel's residuals."""

@@ -91,7 +91,6 @@ def find_posterior(
     *,
     inclination_deg: float = 60.0,
     down: Array = DOWN,
-    terms: Sequence[Term] = HIDDEN,
     considered: Mapping[str, Array] | None = None,
     shrink: bool = False,
     known: Array | None = None,
@@ -107,12 +106,12 @@ def find_posterior(
     rows = choose_rows(problem, estimate, time, origin)
     if rows is None or not np.isfinite(rows.feet.points).all():
         return None
-    search, seen = _pose(rows, estimate, terms, known)
+    search, seen = _pose(rows, estimate, HIDDEN, known)
     found = search.explain(np.array([estimate.noise[one.name].sd for one in search.stacks]))
     left = search.leave(found)[0] / found.sds[0]
     waves = find_ripple(rows.seen, left, search.stacks[0].columns[:3])
     if waves is not None:
-        search, seen = _pose(rows, estimate, (*terms, waves), known)
+        search, seen = _pose(rows, estimate, (*HIDDEN, waves), known)
         found = search.explain(found.sds)
     level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
     base = solve(found.gram, search.prior, search.groups, found.there)

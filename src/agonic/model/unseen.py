@@ -14,13 +14,11 @@ from agonic.model.gram import Blocks
 class Unseen(NamedTuple):
     """What blocks that a fit has not seen say of it.
 
-    `residuals` is the rms of their residuals over what it should be, `worst` that of the worst
-    block; `moves_deg` by how much the heading moves, rms, as each block is left out, and
-    `expected_deg` by how much it should.
+    `residuals` is the rms of their residuals over what it should be; `moves_deg` by how much the
+    heading moves, rms, as each block is left out, and `expected_deg` by how much it should.
     """
 
     residuals: float
-    worst: float
     moves_deg: float
     expected_deg: float
 
@@ -53,7 +51,6 @@ def predict_unseen(blocks: Blocks, base: Base, level: Array) -> Unseen:
     ratio = np.array(squares) / (len(blocks.sums) * blocks.rows)
     return Unseen(
         float(np.sqrt(max(float(np.average(ratio, weights=blocks.rows)), 0.0))),
-        float(np.sqrt(max(ratio.max(), 0.0))),
         float(np.sqrt(moves)),
         float(np.sqrt(max(spread, 0.0))),
     )

@@ -111,9 +111,8 @@ def _doubt_heading(coverage: Coverage, posterior: Posterior | None) -> Iterator[
             return
     if total < HEADING_DOUBTFUL_DEG:
         return
-    severity: Severity = "refuse" if total >= HEADING_REFUSED_DEG else "check"
     name, what, move = _find_largest(posterior, coverage)
-    yield Finding(name, severity, f"{what} the heading {_say_uncertain(total)}", move)
+    yield Finding(name, _judge_deg(total), f"{what} the heading {_say_uncertain(total)}", move)
 
 
 def _find_largest(posterior: Posterior | None, coverage: Coverage) -> tuple[str, str, str]:
@@ -122,7 +121,7 @@ def _find_largest(posterior: Posterior | None, coverage: Coverage) -> tuple[str,
     turns = coverage.turns or f"{RECORD_LONGER}, turning slowly about all three axes"
     if posterior is None:
         return "coverage", seen, turns
-    term = max(posterior.shares, key=lambda one: one.heading_deg, default=None)
+    term = next(iter(posterior.shares), None)  # the largest first
     shared = max(posterior.considered_deg.values(), default=0.0)
     largest = max(posterior.noise_deg, posterior.memory_deg, shared)
     if term is not None and term.odds > EVIDENCE and term.heading_deg > largest:
@@ -186,10 +185,14 @@ def _judge_moves(one: Share) -> Severity:
     """
     if one.row is not None:
         return "check" if one.size >= SHIFT_DOUBTFUL else "note"
-    moves_deg = one.moves_deg
-    if moves_deg >= HEADING_REFUSED_DEG:
+    return _judge_deg(one.moves_deg)
+
+
+def _judge_deg(heading_deg: float) -> Severity:
+    """What a heading is worth that is off by so much."""
+    if heading_deg >= HEADING_REFUSED_DEG:
         return "refuse"
-    return "check" if moves_deg >= HEADING_DOUBTFUL_DEG else "note"
+    return "check" if heading_deg >= HEADING_DOUBTFUL_DEG else "note"
 
 
 def _join_moves(shown: Sequence[Share]) -> list[Share]:
