@@ -22,10 +22,6 @@ def calibrate(sensors: list[ag.Samples]) -> list:
     return [ag.calibrate(one, ag.wmm().along(one)) for one in sensors]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the fit that mixes is not found surer: it states what terms may hide as well",
-)
 @pytest.mark.slow
 def test_opposite_disturbance_is_told_and_mixed_away(tmp_path) -> None:
     sensors = fly(3, (60.0, -35.0, 90.0), "opposite")

@@ -40,8 +40,6 @@ from agonic.samples import Samples
 
 CHANNELS = {"levelled": ("magnitude", "dip"), "vector": ("magnitude", "dip", "azimuth")}
 """What each fit takes of an attitude."""
-LASTING = 1.5
-"""Rows that say as much as one, of dip or azimuth: of white errors 1."""
 TURN_SIGNIFICANT = 1e-4
 """A turn between sensor and vehicle is told when chance would make it this seldom."""
 
@@ -186,7 +184,7 @@ def make_fit(
             down=find_down(part),
             considered=considered,
         )
-        posterior = None if part.shared is not None or _lasts(found) else settle()
+        posterior = None if part.shared is not None else settle()
         if posterior is None or posterior.attitude_lasts:  # terms would explain an attitude's error
             posterior = settle(known=found.solution.covariance)
     if posterior is not None:
@@ -196,13 +194,6 @@ def make_fit(
     affine = make_calibration(found, problem, scale, samples, settings, name)
     at = (problem, scale, samples, usable, tests, turned, settings, posterior)
     return assess(affine, found, *at)
-
-
-def _lasts(found: Estimate) -> bool:
-    """Whether errors of dip or azimuth last."""
-    return any(
-        noise.correlation > LASTING for kind, noise in found.noise.items() if kind != "magnitude"
-    )
 
 
 def _explain_left_out(samples: Samples, usable: Mask) -> str:

@@ -46,13 +46,16 @@ class Search:
         Parameters: `sds` (c,) of the channels to begin with.
         """
         sds, white = np.maximum(sds, LEAST_NOISE), [WHITE] * len(self.stacks)
-        first, _ = self._settle(white, sds)
-        filters = [fit_filter(one) for one in self.leave(first)]
+        first, likelihood = self._settle(white, sds)
         most = [np.mean(stack.columns[-1] ** 2) for stack in self.stacks]
-        if all(len(by) == 1 for by in filters):
-            return first
-        tried = []
-        for by in (filters, [fit_filter(stack.columns[-1]) for stack in self.stacks]):
+        tried = [(likelihood, first)]
+        starts = [
+            [fit_filter(one) for one in self.leave(first)],
+            [fit_filter(stack.columns[-1]) for stack in self.stacks],
+        ]
+        for by in starts:
+            if all(len(one) == 1 for one in by):
+                continue
             found, _ = self._settle(by, sds)
             by = [fit_filter(one) for one in self.leave(found)]
             found, likelihood = self._settle(by, sds)
