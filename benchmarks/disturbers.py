@@ -30,11 +30,10 @@ NOISE = 100.0
 
 
 class Scene(NamedTuple):
-    """Samples, the field of the place, the channels that are known, and what disturbs in truth."""
+    """Samples, the field of the place, and what disturbs in truth."""
 
     samples: ag.Samples
     reference: ag.Reference
-    channels: tuple[str, ...]
     sources: tuple[str, ...]
     added: np.ndarray
 
@@ -47,7 +46,7 @@ def fly_quadrotor(seed: int) -> Scene:
     )  # fmt: skip
     samples, truth = made.samples[0].with_columns(current_A=None, throttle=None), made.truths[0]
     return Scene(
-        samples, ag.wmm().along(samples), ("magnitude", "dip"), truth.sources[1:],
+        samples, ag.wmm().along(samples), truth.sources[1:],
         truth.coefficients[:, 1:],
     )  # fmt: skip
 
@@ -63,7 +62,7 @@ def sail_boat(seed: int) -> Scene:
         field=quiet.field + drawn[:, None] @ added.T, disturbers={"alternator_A": drawn}
     )
     place = ag.Reference.vector(made.field_n, frame="n")
-    return Scene(samples, place, ("magnitude", "dip"), ("alternator_A",), added)
+    return Scene(samples, place, ("alternator_A",), added)
 
 
 def fly_satellite(seed: int) -> Scene:
@@ -87,7 +86,7 @@ def fly_satellite(seed: int) -> Scene:
         field=field, disturbers=columns, roll_deg=None, pitch_deg=None, heading_deg=None,
         acceleration=None, rotation_rate=None,
     )  # fmt: skip
-    return Scene(samples, ag.Reference.constant(50_000.0), ("magnitude",), tuple(columns), added)
+    return Scene(samples, ag.Reference.constant(50_000.0), tuple(columns), added)
 
 
 SCENES: dict[str, Callable[[int], Scene]] = {
@@ -102,7 +101,7 @@ def study(name: str, make: Callable[[int], Scene], draws: int) -> list[str]:
     taken, ratios, sizes = 0, [], []
     for seed in range(draws):
         scene = make(seed)
-        found = choose_sources(scene.samples, scene.reference, scene.channels, Settings())
+        found = choose_sources(scene.samples, scene.reference, Settings())
         taken += set(list_columns(found.sources)) == set(list_columns(scene.sources))
         fit = ag.fit_interference(scene.samples, scene.reference, scene.sources)
         sd = fit.sd[-scene.added.size :].reshape(scene.added.shape)
@@ -137,7 +136,7 @@ def study_shape(what: str, value: float, draws: int) -> list[str]:
             disturbers={"heater_A": logged},
         )
         place = ag.Reference.vector(made.field_n, frame="n")
-        shapes = choose_sources(samples, place, ("magnitude", "dip"), Settings()).shapes
+        shapes = choose_sources(samples, place, Settings()).shapes
         told = [one for one in shapes if one.what == what]
         found += len(told) == len(shapes) == 1
         ratios += [(one.value - value) / one.sd for one in told]
@@ -160,7 +159,7 @@ def study_confounded(draws: int) -> list[str]:
         }
         samples = quiet.with_columns(disturbers=columns)
         place = ag.Reference.vector(flown.field_n, frame="n")
-        taken += bool(choose_sources(samples, place, ("magnitude", "dip"), Settings()).sources)
+        taken += bool(choose_sources(samples, place, Settings()).sources)
         named += all(one.move for one in judge_disturbers(samples, noise=NOISE))
         sphere = np.linalg.norm(samples.field - flown.truth.bias, axis=1)
         basis = np.column_stack([np.ones(len(samples)), columns["esc1_A"]])
@@ -176,7 +175,7 @@ def compare_flight() -> Iterable[list[str]]:
     ahead = np.unwrap(np.radians(_heading(outer, ag.fit_levelled(outer, ag.igrf().along(outer)))))
     for samples in inner:
         reference = ag.igrf().along(samples)
-        chosen = choose_sources(samples, reference, ("magnitude", "dip"), Settings()).sources
+        chosen = choose_sources(samples, reference, Settings()).sources
         wanted = np.interp(samples.time, outer.time, ahead)
         for what, sources in {
             "iron alone": (),

@@ -13,7 +13,6 @@ from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27)
 NOISE = 100.0
-TILT = ("magnitude", "dip")
 
 
 def flight(seed: int, n: int = 2000) -> ag.Samples:
@@ -45,7 +44,7 @@ def test_motors_are_found_each_for_itself() -> None:
         x = np.stack([columns[name] ** 1.5 for name in columns], axis=1)
         quiet = flight(seed)
         samples = quiet.with_columns(field=quiet.field + x @ added.T, disturbers=columns)
-        choice = choose_sources(samples, PLACE, TILT, Settings())
+        choice = choose_sources(samples, PLACE, Settings())
         assert choice.sources == tuple(f"motor{k}_duty^1.5" for k in (1, 2, 3, 4))
         assert 0.5 < choice.gain < 1.0
         fit = ag.fit_levelled(samples, PLACE, sources=choice.sources)
@@ -90,7 +89,7 @@ def test_what_only_goes_with_the_attitude_is_not_taken() -> None:
             "esc1_A": 12.0 + 4.0 * wind + 0.2 * rng.normal(size=len(quiet)),
         }
         samples = quiet.with_columns(disturbers=columns)
-        taken += bool(choose_sources(samples, PLACE, TILT, Settings()).sources)
+        taken += bool(choose_sources(samples, PLACE, Settings()).sources)
     assert taken == 0
 
 
@@ -105,7 +104,7 @@ def test_a_disturber_beside_one_that_goes_with_the_attitude_keeps_its_own() -> N
     }
     field = quiet.field + heater[:, None] * np.array([300.0, -200.0, 400.0])
     samples = quiet.with_columns(field=field, disturbers=columns)
-    choice = choose_sources(samples, PLACE, TILT, Settings())
+    choice = choose_sources(samples, PLACE, Settings())
     assert choice.sources == ("heater_A",)
     fit = ag.fit_levelled(samples, PLACE, sources=choice.sources)
     z = (fit.calibration.coefficients[:, 0] - [300.0, -200.0, 400.0]) / fit.sd[-3:]

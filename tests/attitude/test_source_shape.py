@@ -12,7 +12,7 @@ from agonic.attitude.disturbers.choice import choose_sources
 from agonic.attitude.settings import Settings
 from agonic.calibration.sources import parse_source
 from agonic.calibration.timing import follow
-from tests.attitude.test_disturbers import PLACE, TILT, duties, flight
+from tests.attitude.test_disturbers import PLACE, duties, flight
 
 
 @pytest.mark.slow
@@ -23,7 +23,7 @@ def test_how_late_a_source_is_recorded_is_found_and_undone(late: float) -> None:
     x = np.stack([duty**1.5 for duty in true.values()], axis=1)
     logged = {name: np.interp(quiet.time - late, quiet.time, duty) for name, duty in true.items()}
     samples = quiet.with_columns(field=quiet.field + x @ added.T, disturbers=logged)
-    sources = choose_sources(samples, PLACE, TILT, Settings()).sources
+    sources = choose_sources(samples, PLACE, Settings()).sources
     assert [parse_source(one).late_s for one in sources] == pytest.approx([late] * 4, abs=0.02)
     fit = ag.fit_levelled(samples, PLACE, sources=sources)
     assert {name: one.late_s for name, one in fit.calibration.timing.items()} == {
@@ -53,7 +53,7 @@ def test_the_time_constant_of_a_filter_is_found_with_its_standard_error(constant
         samples = quiet.with_columns(
             field=quiet.field + acting[:, None] * added, disturbers={"heater_A": logged}
         )
-        choice = choose_sources(samples, PLACE, TILT, Settings())
+        choice = choose_sources(samples, PLACE, Settings())
         (found,) = choice.shapes
         assert found.what == "time constant"
         assert parse_source(choice.sources[0]).time_constant_s == pytest.approx(found.value, 1e-3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -17,7 +17,6 @@ from agonic.attitude.problem import Scale, normalise
 from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import TURN, list_considered
 from agonic.attitude.solve import (
-    estimate_beside,
     estimate_usable,
     is_robust,
     name_missing_hold,
@@ -50,17 +49,14 @@ def fit_channels(
     channels: tuple[str, ...],
     settings: Settings,
     name: str,
-    known: Mapping[tuple[str, ...], Estimate] | None = None,
 ) -> Fit:
     """The fit of a calibration to the channels that are known; `name` is for the record.
 
     Where roll and pitch are known, a turn between sensor and vehicle shows in the dip: it is part
     of the fit, under a prior. A known heading determines it; the magnitude alone never shows it.
-    Estimates by the same samples and settings that are `known` for these or fewer sources are not
-    sought again.
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
-    found = estimate_beside(known or {}, problem, usable, settings)
+    found = estimate_usable(problem, usable, settings)
     with name_missing_hold():
         return make_fit(found, problem, scale, samples, usable, settings, name)
 
@@ -71,18 +67,14 @@ def fit_channels_alone(
     channels: tuple[str, ...],
     settings: Settings,
     near: Affine | None = None,
-    known: Mapping[tuple[str, ...], Estimate] | None = None,
 ) -> Affine:
     """The calibration of `fit_channels` without its evidence, of which parts of a log make no use.
 
     The minimum is sought from `near` first, where that is given, or else as there.
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
-    if near is None:
-        found = estimate_beside(known or {}, problem, usable, settings)
-    else:
-        start = find_parameters(near, problem, scale)
-        found = estimate_usable(problem, usable, settings, start)
+    start = None if near is None else find_parameters(near, problem, scale)
+    found = estimate_usable(problem, usable, settings, start)
     with name_missing_hold():
         return make_calibration(found, problem, scale, samples, settings, "part")
 

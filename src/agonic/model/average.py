@@ -29,6 +29,8 @@ DOUBT = 1.0
 """And that it stays, beside terms found later."""
 MOST_TERMS = 8
 """Beside each other: what needs more is not described."""
+RIVALS = 3.0
+"""In log-odds, by which a term may be less likely than another and still be meant: 1 to 20."""
 _FIRM = 1e-10  # of a column's own square: so near to others it says nothing
 _BLIND = 1e-9  # of a term's squares: less is rounding of the cross-products, not information
 
@@ -144,6 +146,33 @@ def choose(gram: Array, prior: Prior, groups: Sequence[Group]) -> dict[int, floa
             else:
                 there[i] = size
     return there
+
+
+def list_ways(
+    gram: Array, prior: Prior, groups: Sequence[Group], there: Mapping[int, float], alike: set[int]
+) -> list[tuple[float, dict[int, float]]]:
+    """The ways to explain the residuals, with their chances: as they are, and with each term that
+    is `alike` in place of another, where the residuals hardly tell one from the other."""
+    ways = [(1.0, dict(there))]
+    for i in alike & set(there):
+        others = {k: size for k, size in there.items() if k != i}
+        base = solve(gram, prior, groups, others)
+        odds = _best(gram, base, groups[i])[0]
+        for j in alike - set(there):
+            other, size = _best(gram, base, groups[j])
+            if other > odds - RIVALS:
+                ways.append((float(np.exp(min(other - odds, RIVALS))), {**others, j: size}))
+    total = sum(chance for chance, _ in ways)
+    return [(chance / total, way) for chance, way in ways]
+
+
+def mix(chances: Array, each: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Mean and covariance of a mixture, by those of its parts."""
+    mean = np.asarray(sum(p * own for p, (own, _) in zip(chances, each, strict=True)))
+    covariance = np.zeros((len(mean), len(mean)))
+    for p, (own, spread) in zip(chances, each, strict=True):
+        covariance += p * (spread + np.outer(own - mean, own - mean))
+    return mean, covariance
 
 
 def price(groups: Sequence[Group], there: Mapping[int, float]) -> float:

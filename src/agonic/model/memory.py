@@ -45,8 +45,8 @@ class Search:
 
         Parameters: `sds` (c,) of the channels to begin with.
         """
-        sds, white = np.maximum(sds, LEAST_NOISE), [WHITE] * len(self.stacks)
-        first, likelihood = self._settle(white, sds)
+        sds = np.maximum(sds, LEAST_NOISE)
+        first, likelihood = self.explain_white(sds)
         most = [np.mean(stack.columns[-1] ** 2) for stack in self.stacks]
         tried = [(likelihood, first)]
         starts = [
@@ -56,15 +56,19 @@ class Search:
         for by in starts:
             if all(len(one) == 1 for one in by):
                 continue
-            found, _ = self._settle(by, sds)
+            found, _ = self.settle(by, sds)
             by = [fit_filter(one) for one in self.leave(found)]
-            found, likelihood = self._settle(by, sds)
+            found, likelihood = self.settle(by, sds)
             whole = np.minimum([np.mean(one**2) for one in self.leave(found)], most)
             memory = np.maximum(whole - found.sds**2, 0.0)
             tried.append((likelihood, found._replace(memory=memory)))
         return max(tried, key=lambda one: one[0])[1]
 
-    def _settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
+    def explain_white(self, sds: Array) -> tuple[Explained, float]:
+        """The terms beside white noise, and their log-likelihood."""
+        return self.settle([WHITE] * len(self.stacks), np.maximum(sds, LEAST_NOISE))
+
+    def settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
         """Terms and standard deviations for given filters, all from one pass over the rows."""
         blocks = with_steps(add_up(self.stacks, filters), self.radius)
         by_channel, n = blocks.sums.sum(axis=1), float(blocks.rows.sum())

@@ -13,12 +13,12 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.coverage import DOWN
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.noise.student import compute_widening
-from agonic.model.average import Base, Group, Prior, average, solve
+from agonic.model.average import Base, average, list_ways, mix, solve
 from agonic.model.determinacy import Held, find_held
-from agonic.model.gram import Stack, count_blocks
 from agonic.model.level import Level, stand_level
 from agonic.model.memory import Explained, Search
-from agonic.model.rows import Rows, choose_rows, stack_columns
+from agonic.model.pose import Known, find_prior, pose
+from agonic.model.rows import Rows, choose_rows
 from agonic.model.shares import Share, weigh
 from agonic.model.term import Errors, Term
 from agonic.model.terms import HIDDEN
@@ -59,11 +59,26 @@ class Posterior(NamedTuple):
     unseen: Unseen
 
 
-class Known(NamedTuple):
-    """A term with its errors in the rows."""
+class Scene(NamedTuple):
+    """What the posterior is found from: rows, terms, level headings, cross-products; `soft_iron` is
+    the problem of all rows where the size of soft iron is a further unknown."""
 
-    term: Term
-    errors: Errors
+    rows: Rows
+    estimate: Estimate
+    known: Sequence[Known]
+    level: Level
+    search: Search
+    gram: Array
+    soft_iron: Problem | None
+
+
+class Way(NamedTuple):
+    """One way to explain the residuals: how far it moves the parameters, their covariance, and the
+    share of each group."""
+
+    shift: Array
+    covariance: Array
+    shares: list[Share]
 
 
 P = ParamSpec("P")
@@ -106,134 +121,106 @@ def find_posterior(
     rows = choose_rows(problem, estimate, time, origin)
     if rows is None or not np.isfinite(rows.feet.points).all():
         return None
-    search, seen = _pose(rows, estimate, HIDDEN, known)
+    search, seen = pose(rows, estimate, HIDDEN, known)
     found = search.explain(np.array([estimate.noise[one.name].sd for one in search.stacks]))
     left = search.leave(found)[0] / found.sds[0]
     waves = find_ripple(rows.seen, left, search.stacks[0].columns[:3])
     if waves is not None:
-        search, seen = _pose(rows, estimate, (*HIDDEN, waves), known)
+        search, seen = pose(rows, estimate, (*HIDDEN, waves), known)
         found = search.explain(found.sds)
     level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
-    base = solve(found.gram, search.prior, search.groups, found.there)
-    centre = (
-        _shrink(problem, estimate, search, found)
-        if shrink
-        else _centre(base, len(search.prior.pull))
-    )
-    made = (rows, estimate, seen, level, search, found, base, centre, considered or {})
-    return _gather(*made, priors_alone=known is None)
+    at = Scene(rows, estimate, seen, level, search, found.gram, problem if shrink else None)
+    return _gather(at, found, considered or {}, priors_alone=known is None)
 
 
-def _pose(
-    rows: Rows, estimate: Estimate, terms: Sequence[Term], covariance: Array | None
-) -> tuple[Search, list[Known]]:
-    """Columns, priors and groups of unknowns, with the errors of every term that rows can tell."""
-    made = [(term, term.errors(rows.seen)) for term in terms]
-    known = [Known(term, errors) for term, errors in made if errors is not None]
-    problem, params = rows.problem, estimate.solution.params
-    channels = problem.channels if covariance is None else ("magnitude",)
-    stacks = stack_columns(rows, estimate, [one.errors for one in known], channels)
-    prior = _find_prior(problem, params, problem.soft_iron_sd)
-    if covariance is not None:
-        prior = _hold(covariance, stacks[0], estimate.noise["magnitude"].sd, len(params))
-    groups, at = [], len(params)
-    for term, errors in known:
-        columns = np.arange(at, at + errors.unknowns)
-        groups.append(Group(term.name, columns, term.scale, term.odds, term.most))
-        at += errors.unknowns
-    places = count_blocks(len(rows.weights)) - 1
-    for k in range(places):
-        columns = np.arange(at + 3 * k, at + 3 * k + 3)
-        groups.append(Group(STEP.name, columns, STEP.scale, STEP.odds / places, STEP.most))
-    return Search(stacks, prior, groups, rows.radius), known
-
-
-def _find_prior(problem: Problem, params: Array, soft_iron_sd: float | None) -> Prior:
-    given = problem.prior(soft_iron_sd)
-    if given is None:
-        return Prior(np.zeros((len(params), len(params))), np.zeros(len(params)), 0.0)
-    residuals, jacobian = given(params)
-    return Prior(jacobian.T @ jacobian, -jacobian.T @ residuals, float(residuals @ residuals))
-
-
-def _hold(covariance: Array, stack: Stack, sd: float, m: int) -> Prior:
-    """What more than the rows of one channel tells, as a prior: the covariance's information less
-    theirs."""
-    size = np.sqrt(np.diag(covariance))
-    scale = np.outer(size, size)
-    own = stack.columns[:m] @ stack.columns[:m].T / sd**2
-    values, axes = np.linalg.eigh(np.linalg.inv(covariance / scale) - own * scale)
-    more = (axes * np.maximum(values, 0.0)) @ axes.T / scale
-    return Prior(more, np.zeros(m), 0.0)
-
-
-def _centre(base: Base, m: int) -> tuple[Array, Array]:
-    """How far the base moves the parameters, and their covariance."""
-    return base.estimate[:m].copy(), base.inverse[:m, :m].copy()
-
-
-def _shrink(
-    problem: Problem, estimate: Estimate, search: Search, found: Explained
-) -> tuple[Array, Array]:
-    """The same averaged over how large soft iron is, by the evidence of each size.
+def _centre(at: Scene, base: Base, there: Mapping[int, float]) -> tuple[Array, Array]:
+    """How far the base moves the parameters, and their covariance; averaged over how large soft
+    iron is, by the evidence of each size, where that is unknown.
 
     The larger it may be, the less the prior holds, and the more its normalisation costs.
     """
-    bases, evidence = [], []
+    m = len(at.search.prior.pull)
+    if at.soft_iron is None:
+        return base.estimate[:m].copy(), base.inverse[:m, :m].copy()
+    bases = []
     for sd in SOFT_IRON_SDS:
-        prior = _find_prior(problem, estimate.solution.params, float(sd))
-        base = solve(found.gram, prior, search.groups, found.there)
-        bases.append(_centre(base, len(prior.pull)))
-        evidence.append(base.evidence - _SOFT_IRON_FREEDOM * np.log(sd))
-    weights = np.exp(np.array(evidence) - max(evidence))
+        prior = find_prior(at.soft_iron, at.estimate.solution.params, float(sd))
+        bases.append(solve(at.gram, prior, at.search.groups, there))
+    evidence = np.array([one.evidence for one in bases])
+    evidence -= _SOFT_IRON_FREEDOM * np.log(SOFT_IRON_SDS)
+    weights = np.exp(evidence - evidence.max())
     weights /= weights.sum()
-    mean = np.asarray(sum(w * move for w, (move, _) in zip(weights, bases, strict=True)))
-    covariance = np.zeros((len(mean), len(mean)))
-    for w, (move, own) in zip(weights, bases, strict=True):
-        covariance += w * (own + np.outer(move - mean, move - mean))
-    return mean, covariance
+    return mix(weights, [(one.estimate[:m], one.inverse[:m, :m]) for one in bases])
+
+
+def _explain(at: Scene, there: Mapping[int, float], base: Base, counts: Array) -> Way:
+    """Parameters and covariance averaged over the sizes of all terms, beside those that are there.
+
+    Parameters: rows of each block `counts` (b,).
+    """
+    gram, groups, prior, share = at.gram, at.search.groups, at.search.prior, at.rows.share
+    m = len(prior.pull)
+    shift, covariance = _centre(at, base, there)
+    covariance *= share * compute_widening(max(len(at.rows.weights) - m, 1)) ** 2
+    if share < 1.0:  # some rows alone: what they say of terms counts, not where they are best
+        shift = shift - solve(gram, prior, groups, {}).estimate[:m]
+    shares = []
+    for i, group in enumerate(groups):
+        beside = base
+        if i in there:
+            others = {k: size for k, size in there.items() if k != i}
+            beside = solve(gram, prior, groups, others)
+        sized = average(gram, beside, group)
+        alias = sized.alias[:m]
+        if i not in there:
+            shift = shift - alias @ sized.mean
+            covariance += alias @ sized.covariance @ alias.T
+        term, errors, row = _find_errors(at, i, counts)
+        one = weigh(term, errors, sized, alias, at.level, there=i in there)
+        if i in there and row is not None:
+            one = one._replace(row=row, size=float(np.sqrt(np.trace(sized.square))))
+        shares.append(one)
+    return Way(shift, covariance, shares)
+
+
+def _explain_all(at: Scene, found: Explained, base: Base) -> Way:
+    """The same averaged over which of the terms that err at rest it is, where they hardly differ in
+    the residuals."""
+    bends = {i for i, one in enumerate(at.known) if one.term.at_rest}
+    listed = list_ways(at.gram, at.search.prior, at.search.groups, found.there, bends)
+    counts = found.blocks.rows
+    first = _explain(at, found.there, base, counts)
+    if len(listed) == 1:
+        return first
+    more = [
+        _explain(at, there, solve(at.gram, at.search.prior, at.search.groups, there), counts)
+        for _, there in listed[1:]
+    ]
+    ways, chances = [first, *more], np.array([chance for chance, _ in listed])
+    shift, covariance = mix(chances, [(one.shift, one.covariance) for one in ways])
+    apart = np.sqrt([at.level.spread(np.outer(d, d)) for d in (w.shift - shift for w in ways)])
+    shares = []
+    for i, each in enumerate(zip(*(one.shares for one in ways), strict=True)):
+        own = apart if i in bends and i in found.there else np.zeros(len(ways))
+        by = np.array([[one.heading_deg**2, one.at_rest_deg**2] for one in each])
+        heading, rest = np.sqrt(chances @ by)
+        whole = float(np.hypot(heading, np.sqrt(chances @ own**2)))
+        shares.append(each[0]._replace(heading_deg=whole, at_rest_deg=float(rest)))
+    return Way(shift, covariance, shares)
 
 
 def _gather(
-    rows: Rows,
-    estimate: Estimate,
-    known: Sequence[Known],
-    level: Level,
-    search: Search,
-    found: Explained,
-    base: Base,
-    centre: tuple[Array, Array],
-    considered: Mapping[str, Array],
-    *,
-    priors_alone: bool,
+    at: Scene, found: Explained, considered: Mapping[str, Array], *, priors_alone: bool
 ) -> Posterior:
-    """Parameters and covariance averaged over every term, and the shares of each.
+    """Parameters, covariance and shares, with what no row shows.
 
     Unless `priors_alone` are beside the rows, nothing is said of what priors hold.
     """
-    gram, m = found.gram, len(search.prior.pull)
-    freedom = max(len(rows.weights) - m, 1)
-    shift, covariance = centre[0], centre[1] * rows.share * compute_widening(freedom) ** 2
-    if rows.share < 1.0:  # some rows alone: what they say of terms counts, not where they are best
-        shift = shift - solve(gram, search.prior, search.groups, {}).estimate[:m]
-    noise_deg = float(np.sqrt(level.spread(covariance)))
-    shares = []
-    for i, group in enumerate(search.groups):
-        there = i in found.there
-        beside = base
-        if there:
-            others = {k: size for k, size in found.there.items() if k != i}
-            beside = solve(gram, search.prior, search.groups, others)
-        sized = average(gram, beside, group)
-        alias = sized.alias[:m]
-        if not there:
-            shift = shift - alias @ sized.mean
-            covariance += alias @ sized.covariance @ alias.T
-        term, errors, row = _find_errors(known, i, found, rows)
-        share = weigh(term, errors, sized, alias, level, there=there)
-        if there and row is not None:
-            share = share._replace(row=row, size=float(np.sqrt(np.trace(sized.square))))
-        shares.append(share)
+    rows, level, search, m = at.rows, at.level, at.search, len(at.search.prior.pull)
+    base = solve(at.gram, search.prior, search.groups, found.there)
+    shift, covariance, shares = _explain_all(at, found, base)
+    noise = _centre(at, base, found.there)[1] * rows.share
+    noise *= compute_widening(max(len(rows.weights) - m, 1)) ** 2
     for move in considered.values():
         covariance += np.outer(move, move)
     far = level.spread(np.outer(shift, shift)) > FARTHEST_DEG**2
@@ -246,10 +233,10 @@ def _gather(
     channels = [one.name for one in search.stacks]
     own = level.by_params - (level.by_params.mean(axis=0) if search.stacks[1:] else 0.0)
     return Posterior(
-        params=estimate.solution.params + shift,
+        params=at.estimate.solution.params + shift,
         covariance=covariance,
         shares=tuple(sorted(shares, key=lambda one: -one.heading_deg)),
-        noise_deg=noise_deg,
+        noise_deg=float(np.sqrt(level.spread(noise))),
         memory_deg=float(np.sqrt(memory * level.per_error)),
         attitude_lasts=bool(found.memory[1:].any()),
         left=float(found.sds[0]) / rows.radius,
@@ -257,21 +244,18 @@ def _gather(
             name: float(np.sqrt(np.mean((level.by_params @ move) ** 2)))
             for name, move in considered.items()
         },
-        held=find_held(rows, estimate, channels, base, search.prior, own)
+        held=find_held(rows, at.estimate, channels, base, search.prior, own)
         if priors_alone
         else _FREE,
         unseen=predict_unseen(found.blocks, base, level.by_params),
     )
 
 
-def _find_errors(
-    known: Sequence[Known], i: int, found: Explained, rows: Rows
-) -> tuple[Term, Errors, int | None]:
+def _find_errors(at: Scene, i: int, counts: Array) -> tuple[Term, Errors, int | None]:
     """A group's term and its errors; of a step those of its moment, and the row where it is."""
-    if i < len(known):
-        return known[i].term, known[i].errors, None
-    counts = found.blocks.rows
-    before = int(counts[: i - len(known) + 1].sum())
+    if i < len(at.known):
+        return at.known[i].term, at.known[i].errors, None
+    before = int(counts[: i - len(at.known) + 1].sum())
     n = int(counts.sum())
     height = np.where(np.arange(n) >= before, before / n, before / n - 1.0)
-    return STEP, Errors(np.asarray(height[:, None, None])), int(rows.seen.rows[before])
+    return STEP, Errors(np.asarray(height[:, None, None])), int(at.rows.seen.rows[before])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -23,31 +24,47 @@ class Unseen(NamedTuple):
     expected_deg: float
 
 
-def predict_unseen(blocks: Blocks, base: Base, level: Array) -> Unseen:
+class LeftOut(NamedTuple):
+    """One block by the fit to all others: how far the unknowns move without it, how much less is
+    known of them, and what is left of its squares, as they are and over what they should be."""
+
+    apart: Array
+    wider: Array
+    square: float
+    standard: float
+
+
+def leave_out(blocks: Blocks, base: Base) -> Iterator[LeftOut]:
     """Each block by the fit to all others, from M − G_b and its right side.
 
     Of the residuals e of a block with columns X, by the fit without it, eᵀ(1 + X(M − G_b)⁻¹Xᵀ)⁻¹e =
     eᵀe − (Xᵀe)ᵀM⁻¹(Xᵀe) is as large as the rows are many.
 
-    Parameters: Gram `blocks` over the noise, the `base` that was fitted to all, and `level` (h, m)
-    derivatives of the heading.
+    Parameters: Gram `blocks` over the noise, and the `base` that was fitted to all.
     """
-    columns, m = base.columns, level.shape[1]
-    sums = blocks.sums.sum(axis=0)
+    columns = base.columns
     whole = np.linalg.inv(base.inverse)
     right = whole @ base.estimate
-    squares, moves, spread = list[float](), 0.0, 0.0
-    for one in sums:
+    for one in blocks.sums.sum(axis=0):
         own = one[np.ix_(columns, columns)]
         inverse = np.linalg.inv(whole - own)
         without = inverse @ (right - one[columns, -1])
         pull = one[columns, -1] - own @ without
-        square = one[-1, -1] - one[columns, -1] @ without - without @ pull
-        squares.append(float(square - pull @ base.inverse @ pull))
-        apart = level @ (without - base.estimate)[:m]
-        moves += float(apart @ apart) / len(level)
-        wider = (inverse - base.inverse)[:m, :m]
-        spread += float(np.einsum("hi,ij,hj->", level, wider, level)) / len(level)
+        square = float(one[-1, -1] - one[columns, -1] @ without - without @ pull)
+        standard = square - float(pull @ base.inverse @ pull)
+        yield LeftOut(without - base.estimate, inverse - base.inverse, square, standard)
+
+
+def predict_unseen(blocks: Blocks, base: Base, level: Array) -> Unseen:
+    """What each block says of the fit to all others.
+
+    Parameters as in `leave_out`, and `level` (h, m) derivatives of the heading.
+    """
+    m, squares, moves, spread = level.shape[1], list[float](), 0.0, 0.0
+    for one in leave_out(blocks, base):
+        squares.append(one.standard)
+        moves += float(np.mean((level @ one.apart[:m]) ** 2))
+        spread += float(np.einsum("hi,ij,hj->", level, one.wider[:m, :m], level)) / len(level)
     ratio = np.array(squares) / (len(blocks.sums) * blocks.rows)
     return Unseen(
         float(np.sqrt(max(float(np.average(ratio, weights=blocks.rows)), 0.0))),

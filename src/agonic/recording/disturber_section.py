@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.disturbers.block_sums import BLOCKS
-from agonic.attitude.disturbers.choice import MATTERS, POWER, Trial
+from agonic.attitude.disturbers.choice import POWER, Trial
 from agonic.attitude.problem import find_terms
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import name_sources
+from agonic.model.gram import BLOCKS
 from agonic.recording.calibrated import Calibrated
 from agonic.report import tables
 from agonic.report.digits import percent, quantity, with_sd
@@ -93,10 +93,10 @@ def _list_moves(result: Calibrated) -> list[list[str]]:
 def _explain() -> Markup:
     return element(
         "p",
-        f"The log was cut into {BLOCKS} blocks of time. Each set of sources was judged by what a "
-        "fit to the other blocks leaves of a block, beside the fit without it; a second that is "
-        f"taken, beside the first. Sets are taken that are surely better, by {MATTERS:.0%} or "
-        f"more, the simplest of those as good. A duty counts to the power {POWER:g}, as a motor’s "
-        "current, unless another power, a delay or a filter surely suits unseen blocks better.",
+        f"The log was cut into {BLOCKS} blocks of time; the last column is what a fit to the "
+        "other blocks leaves less of a block with the sources than without. That set is taken "
+        "which explains most of the residuals, beside drifts and whatever else may cause them; a "
+        f"second that is taken, beside the first. A duty counts to the power {POWER:g}, as a "
+        "motor’s current, unless another power, a delay or a filter is surely likelier.",
         class_="aside",
     )

@@ -1,15 +1,8 @@
-"""Which recorded disturbers belong into a fit, and in which form: by readings not fitted.
+"""Which recorded disturbers belong into a fit, and in which form.
 
-At the solution without them, residuals r and Jacobian J are linear in what the disturbers add, for
-that joins the bias. With the normal equations N_b = JᵀWJ, g_b = JᵀWr of each block of time b, the
-fit of all blocks but b, and what it leaves in b, come without another fit:
-
-    δ = (Σ_{a≠b} N_a + P)⁻¹ Σ_{a≠b} g_a,     left_b = r_bᵀWr_b − 2 δᵀg_b + δᵀN_bδ.
-
-A set of sources is better by the mean over the blocks of what it leaves less, with the standard
-error of that mean. What only goes with the attitude, as the throttle in a climb, shares its columns
-with bias and matrix there, and explains nothing in blocks that were not fitted. Sources are added
-one after the other while they are surely better, and the fit is made anew with each.
+Every set of sources is a term of the one model (`model.recorded`): it competes with drifts, bends
+and noise with memory for the residuals of the fit without it. The set that explains most is added,
+in the shape that suits it best, and the fit is made anew, while any explains something.
 """
 
 from __future__ import annotations
@@ -18,25 +11,20 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from agonic.arrays import Array
-from agonic.attitude.disturbers.block_sums import BLOCKS, BlockSums, Log, sum_blocks
-from agonic.attitude.disturbers.shape import Shape, find_shapes, list_followed
+from agonic.attitude.disturbers.log import Log, weigh_sources
+from agonic.attitude.disturbers.shape import Shape, find_shapes, list_timings
 from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import list_disturbers
 from agonic.calibration.sources import MEMBER, list_columns, name_sources
-from agonic.health import FEWEST, Finding
-from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.health import Finding
+from agonic.model.average import RIVALS
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-CHANCE = 0.05
-"""How often a log without any disturber may have one taken, whatever the number of candidates."""
-MATTERS = 0.03
-"""Share of what is left that a source has to take away."""
 ALIKE = 0.99
 """Correlation beyond which two columns cannot be told apart."""
 MOST = 3
@@ -49,14 +37,14 @@ POWER = 1.5
 
 class Trial(NamedTuple):
     """A set of sources, the share of the residuals' squares that it takes away on blocks that were
-    not fitted, the standard error of that share, and whether it was taken; `followed` where the
-    field followed it slowly."""
+    not fitted, the standard error of that share, whether it was taken, and the log-odds that it
+    disturbs."""
 
     sources: tuple[str, ...]
     gain: float
     gain_sd: float
     taken: bool
-    followed: bool = False
+    odds: float
 
 
 class SourceChoice(NamedTuple):
@@ -74,75 +62,57 @@ class SourceChoice(NamedTuple):
         return 1.0 - float(np.prod([1.0 - one.gain for one in self.trials if one.taken]))
 
 
-def choose_sources(
-    samples: Samples,
-    reference: Reference,
-    channels: tuple[str, ...],
-    settings: Settings,
-    estimates: dict[tuple[str, ...], Estimate] | None = None,
-) -> SourceChoice:
-    """The sources that lower what is left on unseen blocks of time, and all that was tried.
+def choose_sources(samples: Samples, reference: Reference, settings: Settings) -> SourceChoice:
+    """The sources that disturb, by the steadiness of the magnitude, and all that was tried.
 
-    Parameters as in `fit_channels`; candidates are the disturbers that the samples hold, and
-    `estimates` takes the estimate with each set of sources that was a fit on the way.
+    Errors of an attitude last and go with it, as a throttle in a climb does: the magnitude has
+    none. Parameters as in `fit_channels`; candidates are the disturbers that the samples hold.
     """
-    kept = {} if estimates is None else estimates
-    log = Log(samples, reference, channels, settings, find_usable(samples), kept)
+    log = Log(samples, reference, settings, find_usable(samples), {})
     candidates = list_candidates(samples.select(log.usable))
     chosen: tuple[str, ...] = ()
     trials: list[Trial] = []
     shapes: list[Shape] = []
     alike: list[tuple[str, ...]] = []
     for _ in range(MOST):
-        if not candidates:
-            break
-        tried = _compare(log, chosen, candidates)
+        left = [one for one in candidates if not _shares(one, chosen)]
+        told = [one for one in left if _is_alike(log.samples, one, chosen)]
+        alike += [one for one in told if one not in alike]
+        left = [one for one in left if one not in told]
+        tried = _compare(log, chosen, left) if left else []
         trials += tried
         taken = next((one for one in tried if one.taken), None)
         if taken is None:
             break
-        shaped, found = find_shapes(log, chosen, taken.sources)
-        if taken.followed and not any(one.what == "time constant" for one in found):
-            trials[-1] = taken._replace(taken=False)
-            break
-        chosen, shapes = chosen + shaped, shapes + found
-        left = [one for one in candidates if not _shares(one, chosen)]
-        candidates = [one for one in left if not _is_alike(samples, one, chosen)]
-        alike += [one for one in left if one not in candidates]
+        shaped, more = find_shapes(log, chosen, taken.sources)
+        chosen, shapes = chosen + shaped, shapes + more
     return SourceChoice(chosen, tuple(trials), tuple(shapes), tuple(alike))
 
 
 def _compare(
     log: Log, chosen: tuple[str, ...], candidates: Sequence[tuple[str, ...]]
 ) -> list[Trial]:
-    """The candidates beside those chosen, one of them taken where one is surely better.
+    """The candidates beside those chosen, that one taken which explains most.
 
-    Where none is, the field may follow what is switched so slowly that only a filter shows it: the
-    likeliest are tried once more with several time constants.
+    Where none explains anything, the field may follow what is switched late or slowly: the
+    likeliest are tried once more in all their timings.
     """
-    sums = sum_blocks(log, chosen, candidates)
-    tried = [_try(sums, one) for one in candidates]
-    surely = _find_surely(len(tried))
-    best = max(tried, key=lambda one: one.gain - one.gain_sd)
-    best = next((one for one in tried if _is_as_good(one, best, surely)), best)
-    if _is_sure(best, surely):
-        return [one._replace(taken=one is best) for one in tried]
-    likely = sorted(tried, key=lambda one: -one.gain)[:LIKELY]
-    if log.samples.time is None or len(log.samples) < FEWEST:
+    weighed = weigh_sources(log, chosen, candidates)
+    tried = [Trial(s, w.gain, w.gain_sd, w.taken, w.odds) for s, w in weighed.items()]
+    best = next((one for one in tried if one.taken), None)
+    if best is not None:  # of those as likely the first: a current before a throttle that makes it
+        first = next(one for one in tried if one.odds > best.odds - RIVALS)
+        return [one._replace(taken=one is first) for one in tried]
+    if not tried or log.samples.time is None:
         return tried
-    followed = {
-        later: one.sources for one in likely for later in list_followed(log.samples, one.sources)
-    }
-    sums = sum_blocks(log, chosen, list(followed))
-    best = max((_try(sums, one) for one in followed), key=lambda one: one.gain - one.gain_sd)
-    if _is_sure(best, _find_surely(len(tried) + len(followed))):
-        tried.append(best._replace(sources=followed[best.sources], taken=True, followed=True))
+    likely = sorted(tried, key=lambda one: -one.odds)[:LIKELY]
+    timed = {later: one for one in likely for later in list_timings(log.samples, one.sources)}
+    for later, w in weigh_sources(log, chosen, list(timed)).items():
+        if w.taken:
+            one = timed[later]
+            again = Trial(one.sources, w.gain, w.gain_sd, True, w.odds)
+            tried[tried.index(one)] = again
     return tried
-
-
-def _find_surely(count: int) -> float:
-    """By how many standard errors the best of so many has to be better."""
-    return float(stdtrit(BLOCKS - 1, 1.0 - CHANCE / count))
 
 
 def list_candidates(samples: Samples) -> list[tuple[str, ...]]:
@@ -190,24 +160,6 @@ def _are_apart(columns: Sequence[Array]) -> bool:
     x = (x - x.mean(axis=0)) / x.std(axis=0)
     information = np.linalg.inv(x.T @ x / len(x) + 1e-9 * np.eye(x.shape[1]))
     return bool(np.diag(information).max() < 1 / (1 - ALIKE**2))
-
-
-def _try(sums: BlockSums, sources: tuple[str, ...]) -> Trial:
-    """How much less is left of unseen blocks with these sources, by the mean of the logarithms."""
-    ratio = np.log(sums.measure((sources,)) / sums.measure(()))
-    left, sd = np.exp(ratio.mean()), ratio.std(ddof=1) / np.sqrt(BLOCKS)
-    return Trial(sources, float(1.0 - left), float(left * sd), False)
-
-
-def _is_as_good(one: Trial, best: Trial, surely: float) -> bool:
-    """Whether a trial is not surely worse than the best, and itself surely better than nothing."""
-    margin = max(MATTERS, best.gain_sd)
-    return _is_sure(one, surely) and best.gain - one.gain < margin
-
-
-def _is_sure(one: Trial, surely: float) -> bool:
-    """Whether a trial takes away more than a trifle, and that by so many standard errors."""
-    return one.gain > max(MATTERS, surely * one.gain_sd)
 
 
 def _is_alike(samples: Samples, sources: tuple[str, ...], chosen: tuple[str, ...]) -> bool:

@@ -1,25 +1,18 @@
 """The shape in which sources count: the power of a duty, and how a column goes with its effect.
 
-Values of a grid are compared on blocks of time that were not fitted, like sources. One that surely
-leaves less than the usual one is refined by fits with the sources x and ∂x/∂θ side by side
-(`find_move`).
+Values of a grid compete as terms of the model, like sources. One that is surely likelier than the
+usual one is refined by fits with the sources x and ∂x/∂θ side by side (`find_move`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
-from agonic.arrays import Array
-from agonic.attitude.disturbers.block_sums import BLOCKS, MOST_ROWS, Log, sum_blocks
-from agonic.attitude.fit import fit_channels_alone
+from agonic.attitude.disturbers.log import Log, measure_slope, weigh_sources
 from agonic.attitude.problem import find_terms
-from agonic.calibration.affine import Affine
-from agonic.calibration.interference import Interference
 from agonic.calibration.sources import (
     Source,
     list_columns,
@@ -30,14 +23,14 @@ from agonic.calibration.sources import (
 from agonic.errors import AgonicError
 from agonic.maths.estimation.shape import find_move
 from agonic.maths.one_pass import median
+from agonic.model.average import EVIDENCE, RIVALS
+from agonic.model.recorded import is_surely_less
 from agonic.samples import Samples
 
 What = Literal["power", "delay", "time constant"]
 
-CHANCE = 0.05
-"""How often another shape than the usual one may be taken where that is the true one."""
 POWERS = (1.0, 1.5, 2.0, 2.5, 3.0)
-DELAYS_S = (-0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+DELAYS_S = (-1.0, -0.5, -0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.4, 2.0)
 """How late a source may be recorded: current sensors are filtered, outputs are early."""
 TIME_CONSTANTS = (-16.0, -8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Time constants, over the step of the rows or 0.1 s, whichever is longer."""
@@ -94,16 +87,19 @@ def _list_kinds(samples: Samples, sources: Sequence[str]) -> list[list[tuple[Wha
     if all(one.form == "^" for one in parsed):
         kinds.append([("power", value) for value in POWERS if value != parsed[0].value])
     if samples.time is not None and len(samples) > 1:
-        step = find_step_s(samples)
-        delays: list[tuple[What, float]] = [("delay", by) for by in DELAYS_S]
-        kinds.append([*delays, *(("time constant", step * by) for by in TIME_CONSTANTS)])
+        kinds.append(_list_timings(samples))
     return kinds
 
 
-def list_followed(samples: Samples, sources: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The sources where the field follows them slowly, with several time constants."""
+def list_timings(samples: Samples, sources: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """The sources in all their timings."""
+    return [_respell(sources, *one) for one in _list_timings(samples)]
+
+
+def _list_timings(samples: Samples) -> list[tuple[What, float]]:
     step = find_step_s(samples)
-    return [_respell(sources, "time constant", step * by) for by in TIME_CONSTANTS if by < -1.0]
+    delays: list[tuple[What, float]] = [("delay", by) for by in DELAYS_S]
+    return [*delays, *(("time constant", step * by) for by in TIME_CONSTANTS)]
 
 
 def find_step_s(samples: Samples) -> float:
@@ -118,35 +114,68 @@ def _find_shape(
     sources: tuple[str, ...],
     kinds: Sequence[tuple[What, float]],
 ) -> Shape | None:
-    """The best of these shapes, refined, where it is surely better than the one there is."""
-    variants = [sources, *(_respell(sources, *kind) for kind in kinds)]
-    sums = sum_blocks(log, others, variants)
-    left = np.stack([np.log(sums.measure((one,))) for one in variants])
-    best = int(np.argmin(left.mean(axis=1)))
-    better = left[0] - left[best]
-    surely = float(stdtrit(BLOCKS - 1, 1.0 - CHANCE / len(kinds)))
-    if not better.mean() > surely * better.std(ddof=1) / np.sqrt(BLOCKS):
+    """The likeliest of these shapes, refined, where it surely suits better than the usual one.
+
+    A delay and a filter hardly differ where a load swings: of those that are about as likely once
+    refined the first is taken, by the rows that all of them tell.
+    """
+    found = _list_likely(log, others, sources, kinds)
+    refined = [(what, _refine(log, others, sources, what, value)) for what, value in found]
+    refined.sort(key=lambda kind: (kind[0] != "delay", abs(kind[1])))
+    if not refined:
         return None
-    return _refine(log, others, sources, *kinds[best - 1])
+    what, value = refined[0]
+    if len(refined) > 1:
+        late = max(abs(value) for what, value in kinds if what == "delay")
+        sets = [_respell(sources, *kind) for kind in refined]
+        odds = [one.odds for one in weigh_sources(log, others, sets, margin_s=late).values()]
+        what, value = next(
+            kind for kind, own in zip(refined, odds, strict=True) if own > max(odds) - RIVALS
+        )
+    _, sd = _measure_move(log, others, sources, what, value, white=False) or (0.0, float("inf"))
+    return Shape(_respell(sources, what, value), what, value, sd)
+
+
+def _list_likely(
+    log: Log,
+    others: tuple[str, ...],
+    sources: tuple[str, ...],
+    kinds: Sequence[tuple[What, float]],
+) -> list[tuple[What, float]]:
+    """The best of each kind and sign that is surely better than the usual shape, and by half as
+    much at least as the best of all."""
+    variants = [sources, *(_respell(sources, *kind) for kind in kinds)]
+    weighed = list(weigh_sources(log, others, variants).values())
+    if not weighed:
+        return []
+    usual, by_kind = weighed[0], dict(zip(kinds, weighed[1:], strict=True))
+    better = {kind: one.odds - usual.odds for kind, one in by_kind.items()}
+    least = max(EVIDENCE, max(better.values()) / 2)
+    found: dict[tuple[What, bool], tuple[What, float]] = {}
+    for kind in sorted(kinds, key=lambda one: -better[one]):
+        surely = is_surely_less(by_kind[kind].left - usual.left, len(kinds))
+        if better[kind] > least and surely:
+            found.setdefault((kind[0], kind[1] > 0), kind)
+    return sorted(found.values(), key=kinds.index)
 
 
 def _refine(
     log: Log, others: tuple[str, ...], sources: tuple[str, ...], what: What, value: float
-) -> Shape:
-    """The shape near one of the grid that the log determines, with its standard error."""
-    sd, reach, near = float("inf"), 0.5 * abs(value), None
+) -> float:
+    """The value near one of the grid that the log determines."""
+    reach = 0.5 * abs(value)
     for _ in range(_ROUNDS):
-        try:
-            moved, sd, near = _measure_move(log, others, sources, what, value, near)
-        except AgonicError:
+        measured = _measure_move(log, others, sources, what, value, white=True)
+        if measured is None:
             break
+        moved, sd = measured
         nearer = value + float(np.clip(moved, -reach, reach))
         if nearer * value <= 0:  # a filter does not turn into its reverse
             break
         value = nearer
         if abs(moved) < 0.1 * sd:
             break
-    return Shape(_respell(sources, what, value), what, value, sd)
+    return value
 
 
 def _measure_move(
@@ -155,45 +184,23 @@ def _measure_move(
     sources: tuple[str, ...],
     what: What,
     value: float,
-    near: Affine | None,
-) -> tuple[float, float, Affine]:
-    """How far the log wants the value moved, the standard error, and the fit that tells, which is
-    sought from the one `near` a value before, or else from the fit with the others alone."""
+    *,
+    white: bool,
+) -> tuple[float, float] | None:
+    """How far the log wants the value moved, and the standard error, for `white` noise or any;
+    None where it does not tell."""
     by = 0.02 * abs(value)
-    there, before, after = (
-        find_terms(log.samples, _respell(sources, what, one))
-        for one in (value, value - by, value + by)
-    )
-    known = dict(log.samples.disturbers)
-    given = find_terms(log.samples, others)
-    columns = np.hstack([given, there, (after - before) / (2 * by)])
-    names = tuple(f"shape{k}_part" for k in range(columns.shape[1]))
-    samples = log.samples.with_columns(
-        disturbers={**known, **dict(zip(names, columns.T, strict=True))}
-    )
-    rows = np.flatnonzero(log.usable)
-    rows = rows[:: -(-len(rows) // MOST_ROWS)]
-    found = fit_channels_alone(
-        samples.select(rows),
-        log.reference.select(rows),
-        log.channels,
-        replace(log.settings, sources=names),
-        near,
-        {names[: given.shape[1]]: log.estimates[others]},
-    )
-    assert isinstance(found, Interference)
-    return *_compare_slopes(found, given.shape[1], there.shape[1]), found
-
-
-def _compare_slopes(found: Interference, first: int, count: int) -> tuple[float, float]:
-    """δ and its standard error, by `count` terms from the `first` and the slopes behind them."""
-    width = found.coefficients.shape[1]
-    at = np.arange(3 * width).reshape(3, width)[:, first + count :].ravel()
-    assert found.covariance is not None
-    covariance = found.covariance[-3 * width :, -3 * width :][np.ix_(at, at)]
-    terms: Array = found.coefficients[:, first : first + count].ravel()
-    slopes: Array = found.coefficients[:, first + count :].ravel()
-    return find_move(terms, slopes, covariance)
+    before, there, after = (_respell(sources, what, one) for one in (value - by, value, value + by))
+    slope = (find_terms(log.samples, after) - find_terms(log.samples, before)) / (2 * by)
+    first = find_terms(log.samples, others).shape[1]
+    try:
+        measured = measure_slope(log, others + there, first, slope, white=white)
+    except AgonicError:
+        return None
+    if measured is None:
+        return None
+    terms, slopes, covariance = measured
+    return find_move(terms.ravel(), slopes.ravel(), covariance)
 
 
 def _respell(sources: Sequence[str], what: What, value: float) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ def _choose(
     )
     if method == "ellipsoid":
         alone = _tell_turn(fit_magnitude(samples, reference, reason, settings))
-        if kind != "auto" or reference is None:
+        if kind != "auto":
             return alone
         return join_disturbers(alone, samples, reference, reason, settings)
     if kind == "auto" and method == "inertial":

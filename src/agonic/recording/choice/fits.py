@@ -51,6 +51,8 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 BESIDE_EACH_ROW = ("levelled", "vector")
 """Fits that compare a reading with the attitude of its row: one that is only held is late there."""
 
+OF_COVERAGE = {"coverage", "prior"}
+"""Reasons to refuse a fit that may go where what disturbs is known."""
 ENOUGH = 10_000
 """Rows that parts of a log are fitted to, together."""
 
@@ -135,24 +137,32 @@ def _keep_own(settings: Mapping[str, Any]) -> dict[str, Any]:
 def join_disturbers(
     alone: Choice,
     samples: Samples,
-    reference: Reference,
+    reference: Reference | None,
     reason: str,
     settings: Mapping[str, Any],
 ) -> Choice:
-    """The fit to the magnitude with what disturbs on board, where anything recorded does."""
-    if not list_moving(samples):
+    """The fit to the magnitude with what disturbs on board, where anything recorded does.
+
+    Without a reference the magnitude is that which the fit found for a mean gain of 1.
+    """
+    calibration = alone.fit.calibration
+    refused = {one.name for one in alone.fit.findings if one.severity == "refuse"}
+    if not list_moving(samples) or not refused <= OF_COVERAGE:
         return alone
-    found = choose_sources(samples, reference, ("magnitude",), keep_common(settings))
+    assert calibration.magnitude is not None
+    known = reference or Reference.constant(calibration.magnitude, source="a mean gain of 1")
+    found = choose_sources(samples, known, keep_common(settings))
     if not found.sources:
         return replace(alone, disturbers=found)
     given = {**asdict(keep_common(settings)), "sources": found.sources}
     plain = samples.with_columns(roll_deg=None, pitch_deg=None)
     why = f"{reason}, and {describe_sources(found.sources)} the readings"
-    joined = fit_beside_attitude(plain, reference, "interference", why, given)
+    joined = fit_beside_attitude(plain, known, "interference", why, given)
     fit = add_choice(joined.fit, found)
-    if fit.verdict == "refused" != alone.fit.verdict:
+    if fit.verdict == "refused":
         return replace(alone, disturbers=found)
-    return replace(joined, fit=fit, disturbers=found)
+    in_unit = replace(fit.calibration, unit_out=calibration.unit_out)
+    return replace(joined, fit=replace(fit, calibration=in_unit), disturbers=found)
 
 
 def fit_beside_attitude(
@@ -181,7 +191,7 @@ def fit_beside_attitude(
         fit = run(samples, reference, **settings)
     else:
         assert reference is not None
-        fit, tried = fit_with_sources(run, samples, reference, method, settings)
+        fit, tried = fit_with_sources(run, samples, reference, settings)
         if list_sources(fit):
             reason += f", and {describe_sources(list_sources(fit))} the readings"
     if isinstance(fit, InertialFit):

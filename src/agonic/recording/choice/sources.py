@@ -11,12 +11,10 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.attitude.disturbers.choice import SourceChoice, choose_sources, describe_gain
 from agonic.attitude.disturbers.shape import find_timing_sd
-from agonic.attitude.fit import CHANNELS, fit_channels
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
 from agonic.calibration.interference import Interference
 from agonic.fit import Fit
-from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.inference.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -30,23 +28,16 @@ def fit_with_sources(
     run: Callable[..., Fit],
     samples: Samples,
     reference: Reference,
-    method: str,
     settings: Mapping[str, Any],
 ) -> tuple[Fit, SourceChoice]:
     """The fit, with what disturbs on board where anything recorded does; and what was compared.
 
     What is better on unseen parts of the log is taken, or a current that moves the readings.
     """
-    channels = ("magnitude", "dip", "azimuth")[: {"vector": 3, "levelled": 2}.get(method, 1)]
-    common, estimates = keep_common(settings), dict[tuple[str, ...], Estimate]()
-    found = choose_sources(samples, reference, channels, common, estimates)
+    found = choose_sources(samples, reference, keep_common(settings))
 
     def fit_with(*sources: str) -> Fit:
-        if CHANNELS.get(method) != channels:
-            return run(samples, reference, **settings, **({"sources": sources} if sources else {}))
-        own = Settings(**settings, sources=sources)
-        alike = own == replace(common, sources=sources, inclination_deg=own.inclination_deg)
-        return fit_channels(samples, reference, channels, own, method, estimates if alike else None)
+        return run(samples, reference, **settings, **({"sources": sources} if sources else {}))
 
     if found.sources:
         fit = fit_with(*found.sources)

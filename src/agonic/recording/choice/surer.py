@@ -78,7 +78,7 @@ def _try_alone(
         alone = fit_alone(samples, reference, settings)
     except CoverageError:
         return None
-    if reference is None or not _lacks_dip(reference):
+    if not _lacks_dip(reference):
         return alone
     return join_disturbers(alone, samples, reference, alone.reason, settings)
 

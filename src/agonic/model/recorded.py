@@ -1,0 +1,173 @@
+"""What was recorded beside the field, against what no column names: which explains the residuals.
+
+Each set of columns is a term like all others, and competes with them in one likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from agonic.arrays import Array
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.model.average import average, solve
+from agonic.model.gram import count_blocks
+from agonic.model.memory import Explained, Search
+from agonic.model.noise import fit_filter
+from agonic.model.pose import pose
+from agonic.model.rows import Rows, choose_rows
+from agonic.model.term import Errors, Seen, Term, along_time
+from agonic.model.terms import HIDDEN
+from agonic.model.unseen import leave_out
+
+ODDS = 0.5
+"""How often one of the columns of a log that could disturb does."""
+HUBER = 1.345
+"""Of the noise: beyond it a residual counts by its size (Huber 1981)."""
+CHANCE = 0.05
+"""How often a log without any disturber may have one taken, whatever the number of candidates."""
+FEWEST_BLOCKS = 4
+"""Fewer tell nothing of their scatter."""
+_ROUNDS = 2
+
+
+class Weighed(NamedTuple):
+    """The log-odds that a set of columns disturbs, whether it explains most and surely something,
+    and the logarithms of what is left of the squares of each block by the fit to all others, with
+    the set over without it, (b,)."""
+
+    odds: float
+    taken: bool
+    left: Array
+
+    @property
+    def gain(self) -> float:
+        """The share of the squares of unseen blocks that the set takes away."""
+        return float(1.0 - np.exp(self.left.mean()))
+
+    @property
+    def gain_sd(self) -> float:
+        """The standard error of the gain, by its scatter over the blocks."""
+        return float((1.0 - self.gain) * self.left.std(ddof=1) / np.sqrt(len(self.left)))
+
+
+def is_surely_less(left: Array, tries: int) -> bool:
+    """Whether the mean of logarithms (b,) is below zero by more than chance makes of the best of so
+    many tries (Student's t), whatever the memory of the noise within blocks."""
+    surely = float(stdtrit(len(left) - 1, 1.0 - CHANCE / tries))
+    return bool(-left.mean() > surely * left.std(ddof=1) / np.sqrt(len(left)))
+
+
+def weigh_recorded(
+    problem: Problem, estimate: Estimate, time: Array | None, origin: Array, sets: Sequence[Array]
+) -> list[Weighed]:
+    """Each set of columns beside hidden terms, without the other sets.
+
+    Noise is white at first: one with memory explains much of a disturber whose shape is not exact.
+    What explains most is sure where it is likely with the memory that the noise is left with too,
+    or where unseen blocks have surely less.
+
+    Parameters as in `find_posterior`, and sets of columns (n, k); an empty list where the rows are
+    too few to tell.
+    """
+    terms = [_make_term(one, len(sets)) for one in sets]
+    rows = _choose(problem, estimate, time, origin)
+    if rows is None or count_blocks(len(rows.weights)) < FEWEST_BLOCKS:
+        return []
+    search, found = _explain(rows, estimate, [*terms, *HIDDEN], white=True)
+    hidden = {i: size for i, size in found.there.items() if i >= len(sets)}
+    base = solve(found.gram, search.prior, search.groups, hidden)
+    sized = [average(found.gram, base, group) for group in search.groups[: len(sets)]]
+    shown = [i for i in found.there if i < len(sets)]
+    best = max(shown, key=lambda i: sized[i].odds, default=None)
+    before = np.log([one.square for one in leave_out(found.blocks, base)])
+    weighed = []
+    for i, one in enumerate(sized):
+        joined = solve(found.gram, search.prior, search.groups, {**hidden, i: one.size})
+        after = np.log([left.square for left in leave_out(found.blocks, joined)])
+        weighed.append(Weighed(one.odds, False, after - before))
+    if best is not None:
+        sure = is_surely_less(weighed[best].left, len(sets)) or _outlasts(search, found, best)
+        weighed[best] = weighed[best]._replace(taken=sure)
+    return weighed
+
+
+def _outlasts(search: Search, found: Explained, i: int) -> bool:
+    """Whether a group is there beside the memory that the noise is left with as well."""
+    filters = [fit_filter(one) for one in search.leave(found)]
+    if all(len(by) == 1 for by in filters):
+        return True
+    again, _ = search.settle(filters, found.sds)
+    return i in again.there
+
+
+def measure_slopes(
+    problem: Problem,
+    estimate: Estimate,
+    time: Array | None,
+    origin: Array,
+    slopes: Array,
+    *,
+    white: bool,
+) -> tuple[Array, Array] | None:
+    """What columns (n, k) add per unit to a fit, (3 k,) with its covariance, beside hidden terms
+    and `white` noise or any; None where the rows are too few to tell."""
+    rows = _choose(problem, estimate, time, origin)
+    if rows is None:
+        return None
+    search, found = _explain(rows, estimate, [_make_term(slopes, 1), *HIDDEN], white=white)
+    free = {**{i: size for i, size in found.there.items() if i > 0}, 0: 1e3}
+    base = solve(found.gram, search.prior, search.groups, free)
+    at = np.isin(base.columns, search.groups[0].columns)
+    scale = np.repeat(rows.radius / _spread(slopes), 3)
+    return base.estimate[at] * scale, base.inverse[np.ix_(at, at)] * np.outer(scale, scale)
+
+
+def _choose(problem: Problem, estimate: Estimate, time: Array | None, origin: Array) -> Rows | None:
+    """All rows: what a disturber does stands out of a fit without it like an outlier."""
+    every = estimate._replace(weights=np.ones(len(problem.points)))
+    return choose_rows(problem, every, time, origin)
+
+
+def _explain(
+    rows: Rows, estimate: Estimate, terms: Sequence[Term], *, white: bool
+) -> tuple[Search, Explained]:
+    """The terms that explain the residuals, with Huber's weights for what they leave."""
+    sds = np.array([estimate.noise[one].sd for one in rows.problem.channels])
+    search, _ = pose(rows, estimate, terms, None)
+    left = [one.columns[-1] for one in search.stacks]
+    for _ in range(_ROUNDS):
+        over = np.max([np.abs(one) / sd for one, sd in zip(left, sds, strict=True)], axis=0)
+        weights = np.minimum(1.0, HUBER / np.maximum(over, 1e-300))
+        search, _ = pose(rows._replace(weights=weights), estimate, terms, None)
+        found = search.explain_white(sds)[0] if white else search.explain(sds)
+        left, sds = [one / np.sqrt(weights) for one in search.leave(found)], found.sds
+    return search, found
+
+
+def _make_term(columns: Array, among: int) -> Term:
+    scaled = (columns - columns.mean(axis=0)) / _spread(columns)
+    return Term(
+        name="recorded",
+        errors=partial(_pick, columns=scaled),
+        scale=1e-2,
+        most=100.0,
+        odds=ODDS / among,
+        source="motor currents some centimetres off, 500 nT",
+        what="the readings move with what was recorded beside them",
+        move="calibrate with it",
+    )
+
+
+def _spread(columns: Array) -> Array:
+    return np.asarray(np.maximum(columns.std(axis=0), 1e-300))
+
+
+def _pick(seen: Seen, *, columns: Array) -> Errors:
+    """The columns (n, k) of the log at the rows that are seen."""
+    return along_time(columns[seen.rows])
