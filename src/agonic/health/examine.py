@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.health.evidence import (
     HALF_CIRCLE_DEG,
     HOLDS,
@@ -19,7 +18,12 @@ from agonic.health.finding import Finding, figure
 from agonic.health.outliers import find_outliers
 from agonic.health.states import check_states, spreads_by_direction
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
-from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows, count_orientations
+from agonic.maths.equation.crowding import (
+    choose_evenly,
+    choose_spread_rows,
+    count_orientations,
+    looks_like_noise,
+)
 from agonic.maths.one_pass import find_length, median
 
 
@@ -55,7 +59,7 @@ def _static(e: Evidence) -> Finding | None:
     low, high = np.percentile(some, (2, 98), axis=0)
     spread = float((high - low).max() / 2)
     at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius and not _too_small(e)
-    if not (at_rest or (e.noise > 0.15 * e.radius and _gaussian(some))):
+    if not (at_rest or (e.noise > 0.15 * e.radius and looks_like_noise(some))):
         return None
     return Finding(
         "static",
@@ -90,19 +94,6 @@ def _few_orientations(e: Evidence) -> Finding | None:
         f"unknowns, {left}",
         f"record {enough} orientations or more, well spread, or turn the sensor slowly all the way",
     )
-
-
-def _gaussian(readings: Array) -> bool:
-    """Whether readings look like noise: they jump as far as they range, and pile up in the middle.
-
-    Kurtosis is near 3 for noise, where a turning sensor has 1.8; or they flicker between a few
-    levels.
-    """
-    sd = np.maximum(readings.std(axis=0), 1e-300)
-    jumps = np.diff(readings, axis=0).std(axis=0) / (np.sqrt(2) * sd)
-    few_levels = max(len(np.unique(column)) for column in readings.T) < 8
-    kurtosis = (((readings - readings.mean(axis=0)) / sd) ** 4).mean()
-    return bool(jumps.max() > 0.5 and (few_levels or kurtosis > 2.5))
 
 
 def _flat(e: Evidence) -> Finding | None:

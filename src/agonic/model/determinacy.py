@@ -19,11 +19,12 @@ _FLOOR = 1e-12
 
 
 class Held(NamedTuple):
-    """The share of priors in the variance of a level heading, and its standard error without them,
-    degrees."""
+    """The share of priors in the variance of a level heading, its standard error without them,
+    degrees, and that of the bias along each axis, (3,), over the radius."""
 
     share: float
     alone_deg: float
+    bias_sd: Array
 
 
 def find_held(
@@ -56,7 +57,8 @@ def find_held(
     moved = np.linalg.solve(whole * both, ways.T)
     share = float(np.sum((held @ moved) * moved)) / max(float(np.sum(ways.T * moved)), 1e-300)
     variance = float(np.einsum("hi,ij,hj->", ways, alone, ways)) / len(level)
-    return Held(min(share, 1.0), float(np.sqrt(max(variance, 0.0))))
+    bias_sd = np.sqrt(np.maximum(np.diag(alone)[:3], 0.0)) * scale[:3] / rows.radius
+    return Held(min(share, 1.0), float(np.sqrt(max(variance, 0.0))), bias_sd)
 
 
 def _root(information: Array) -> Array:

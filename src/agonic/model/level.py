@@ -51,5 +51,6 @@ def stand_level(
         unit=directions,
         time=np.zeros(len(d)),
         rows=np.zeros(len(d), dtype=np.intp),
+        blur=0.0,
     )
     return Level(by_params, np.degrees(across @ matrix * rows.radius / level), seen)

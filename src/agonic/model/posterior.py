@@ -35,7 +35,7 @@ SOFT_IRON_SDS = np.geomspace(0.003, 0.3, 7)
 _SOFT_IRON_FREEDOM = 5  # a symmetric matrix but for its mean gain
 
 
-_FREE = Held(0.0, 0.0)
+_FREE = Held(0.0, 0.0, np.zeros(3))
 
 
 class Posterior(NamedTuple):
@@ -44,7 +44,7 @@ class Posterior(NamedTuple):
     `shares` by term, the largest first; `noise_deg` is that of noise and coverage, `memory_deg` of
     disturbances with memory whose cause is not known, `attitude_lasts` where errors of dip or
     azimuth have one, `left` the noise that terms leave, over the radius, `considered_deg` of errors
-    that all rows share; `held` by priors; `unseen` blocks.
+    that all rows share; `bias_sd` (3,) over the radius; `held` by priors; `unseen` blocks.
     """
 
     params: Array
@@ -55,6 +55,7 @@ class Posterior(NamedTuple):
     attitude_lasts: bool
     left: float
     considered_deg: Mapping[str, float]
+    bias_sd: Array
     held: Held
     unseen: Unseen
 
@@ -244,6 +245,7 @@ def _gather(
             name: float(np.sqrt(np.mean((level.by_params @ move) ** 2)))
             for name, move in considered.items()
         },
+        bias_sd=np.sqrt(np.diag(covariance)[:3]) / rows.radius,
         held=find_held(rows, at.estimate, channels, base, search.prior, own)
         if priors_alone
         else _FREE,

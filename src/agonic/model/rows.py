@@ -68,6 +68,7 @@ def choose_rows(
         unit=find_units(feet.points, bias, matrix),
         time=(t[rows] - t[0]) / max(float(t[-1] - t[0]), 1e-300),
         rows=rows,
+        blur=noise,
         reach=float(np.abs(x).max()),
         length=float(find_length(x).max()),
         total=n,

@@ -29,6 +29,10 @@ PRIOR_SHARE = 0.5
 UNSEEN_RESIDUALS = 1.3
 """Unseen blocks scatter by so much more than stated where the model is not that of the log: twenty
 times what chance makes of 300 rows."""
+PRIOR_TOLD = 0.25
+"""Of the variance of a bias: what priors hold more of is said to be theirs."""
+OPEN_BIAS = 0.035
+"""Of the field: a bias that is known less well without priors errs a tilted heading by 2°."""
 DRIFT = "bias drift"
 OF_TIME = frozenset(term.name for term in (*TIME, STEP))
 
@@ -68,7 +72,28 @@ def judge(
     names = {one.name for one in (*found, *facts) if one.severity != "note"}
     if not names:
         found += _check_unseen(posterior, coverage.heading_sd_deg)
+    if not any(one.name == "prior" for one in found):
+        found += _name_held_axes(posterior, coverage, unit, radius)
     return tuple(found)
+
+
+def _name_held_axes(
+    posterior: Posterior, coverage: Coverage, unit: str, radius: float
+) -> Iterator[Finding]:
+    """What of the bias follows from the prior, where a level heading does not rest on it."""
+    alone, stated = posterior.held.bias_sd, posterior.bias_sd
+    open_axes = (alone > OPEN_BIAS) & (stated**2 < (1.0 - PRIOR_TOLD) * alone**2)
+    if not open_axes.any():
+        return
+    axes = [axis for axis, is_open in zip("xyz", open_axes, strict=True) if is_open]
+    worst = int(np.argmax(np.where(open_axes, alone, 0.0)))
+    yield Finding(
+        "prior",
+        "note",
+        f"the bias along {' and '.join(axes)} follows from the assumed prior on soft iron: "
+        f"± {figure(stated[worst] * radius)} {unit} with it, ± {figure(alone[worst] * radius)} "
+        f"{unit} without; the heading of a tilted vehicle rests on it",
+    )
 
 
 def _check_unseen(posterior: Posterior, stated_deg: float) -> Iterator[Finding]:

@@ -183,9 +183,10 @@ def describe_gain(choice: SourceChoice) -> Finding | None:
     names = dict.fromkeys(name for one in choice.alike for name in list_columns(one))
     if names:
         shaped.append(f"; {', '.join(names)} moved with that and cannot be told from it")
-    return Finding(
-        "disturbers",
-        "note",
-        f"the readings move with {name_sources(choice.sources)}: with that, unseen parts of the "
-        f"log leave {100 * choice.gain:.0f} % less in squares{''.join(shaped)}",
-    )
+    less = ""
+    if choice.gain > 0.01:
+        less = (
+            f": with that, unseen parts of the log leave {100 * choice.gain:.0f} % less in squares"
+        )
+    what = f"the readings move with {name_sources(choice.sources)}{less}{''.join(shaped)}"
+    return Finding("disturbers", "note", what)

@@ -38,7 +38,8 @@ def weigh_crowded(cells: Index) -> Array:
 def find_places(points: Array) -> Index:
     """The cube that each of points (n, 3) lies in, numbered; no centre has to be known.
 
-    Cubes are halved until a dozen hold points in succession; so far outliers do not set them.
+    Cubes are halved until a dozen hold points in succession, so far outliers do not set them; or
+    until a dozen hold any beside one in which most points are nothing but noise about one place.
     """
     axes = np.array(points.T, order="C")  # passes along an axis are many times faster so
     axes -= np.array([[median(along)] for along in axes])
@@ -55,9 +56,30 @@ def find_places(points: Array) -> Index:
             continue  # a dozen pairs of successive points are too far apart for one cube each
         cells = _number_cubes(axes, size, halved)
         stays = np.bincount(cells[1:][cells[1:] == cells[:-1]], minlength=cells.max(initial=0) + 1)
-        if np.count_nonzero((np.bincount(cells) >= 3) & (stays > 0)) >= _FEWEST_CELLS:
+        counts = np.bincount(cells)
+        if np.count_nonzero((counts >= 3) & (stays > 0)) >= _FEWEST_CELLS:
             break
+        if np.count_nonzero(counts >= 3) >= _FEWEST_CELLS and 2 * counts.max() > len(cells):
+            fullest = cells == counts.argmax()
+            if looks_like_noise(points[fullest]):
+                break
     return cells
+
+
+def looks_like_noise(readings: Array) -> bool:
+    """Whether readings (n, 3) jump as far as they range, and pile up in the middle.
+
+    Kurtosis is near 3 for noise, where a turning sensor has 1.8; or they flicker between a few
+    levels.
+
+    >>> looks_like_noise(np.random.default_rng(0).normal(size=(500, 3)))
+    True
+    """
+    sd = np.maximum(readings.std(axis=0), 1e-300)
+    jumps = np.diff(readings, axis=0).std(axis=0) / (np.sqrt(2) * sd)
+    few_levels = max(len(np.unique(column)) for column in readings.T) < 8
+    kurtosis = (((readings - readings.mean(axis=0)) / sd) ** 4).mean()
+    return bool(jumps.max() > 0.5 and (few_levels or kurtosis > 2.5))
 
 
 def _number_cubes(axes: Array, size: float, halved: int) -> Index:

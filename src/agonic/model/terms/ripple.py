@@ -14,6 +14,8 @@ FEWEST_WAVES = 3
 """Waves across the readings; fewer are a bend."""
 FINEST = 4
 """Bins of the shortest wave."""
+FINER = 4
+"""Frequencies a wave: between two of them no more than a tenth of a wave's size is lost."""
 STANDS_OUT = 8.0
 """In log-likelihood, beyond that of all frequencies tried, before a wave is looked at."""
 
@@ -28,12 +30,12 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array) -> Term | None:
     low, width = seen.x.min(axis=0), float(np.ptp(seen.x, axis=0).max())
     if not width > 0.0:
         return None
-    order = np.arange(BINS // 2 + 1)
+    order = np.arange(FINER * BINS // 2 + 1) / FINER
     allowed = (order >= FEWEST_WAVES) & (order <= BINS / FINEST)
     found, powers = np.zeros(3), np.zeros(3)
     for axis, column in enumerate(bias):
         bins = np.minimum((seen.x[:, axis] - low[axis]) / width * BINS, BINS - 1).astype(np.intp)
-        waves = np.fft.rfft(np.bincount(bins, column * residuals, BINS))
+        waves = np.fft.rfft(np.bincount(bins, column * residuals, BINS), FINER * BINS)
         power = np.where(allowed, np.abs(waves) ** 2, 0.0) / max(float(column @ column), 1e-300)
         best = int(np.argmax(power))
         found[axis], powers[axis] = order[best] / width, power[best]
@@ -49,10 +51,15 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array) -> Term | None:
         move="look whether the converter skips codes; choose a finer range, or another sensor",
         odds=float(0.1 * np.exp(-tries)),
         at_rest=True,
+        sideways=True,
     )
 
 
 def ripple(seen: Seen, *, frequencies: Array) -> Errors:
-    """A wave along the readings of each axis, of these frequencies (3,) over the radius."""
-    phase = 2 * np.pi * frequencies * seen.x
-    return Errors(np.stack([np.cos(phase), np.sin(phase)], axis=1))
+    """A wave along the readings of each axis, of these frequencies (3,) over the radius.
+
+    Noise along the field blurs it: what a foot shows is the mean over where the reading may be.
+    """
+    turn = 2 * np.pi * frequencies
+    kept = np.exp(-((turn * seen.blur * seen.unit) ** 2) / 2)
+    return Errors(kept[:, None] * np.stack([np.cos(turn * seen.x), np.sin(turn * seen.x)], axis=1))
