@@ -44,7 +44,6 @@ from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.model.posterior import Posterior
-from agonic.model.result import list_shares
 from agonic.model.verdict import judge, shows_changes
 from agonic.samples import Samples
 
@@ -90,7 +89,7 @@ def assess(
         coverage=coverage,
         channels=channels,
         tests=tests,
-        shares=list_shares(posterior),
+        shares={} if posterior is None else posterior.list_shares(),
     )
     magnitude = problem.magnitude * scale.magnitude
     _, normals = compute_distances(cleaned, plain.bias, plain.matrix, magnitude)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -22,24 +22,6 @@ def estimate_usable(
     part = select_usable(problem, usable)
     with name_missing_hold():
         return estimate(part, robust=is_robust(part, settings), seed=settings.seed, start=start)
-
-
-def estimate_beside(
-    known: Mapping[tuple[str, ...], Estimate], problem: Problem, usable: Mask, settings: Settings
-) -> Estimate:
-    """The estimate with the sources of the settings: the one `known`, or else sought first from the
-    one with most of the first of them, of which the others add nothing."""
-    sources = settings.sources
-    if sources in known:
-        return known[sources]
-    fewer = [sources[:k] for k in range(len(sources)) if sources[:k] in known]
-    if not fewer or problem.terms is None:
-        return estimate_usable(problem, usable, settings)
-    before, own = known[fewer[-1]].solution.params, problem.basis.shape[1]
-    slopes = before[own:].reshape(3, -1)
-    more = problem.terms.shape[1] - slopes.shape[1]
-    start = np.concatenate([before[:own], np.pad(slopes, ((0, 0), (0, more))).ravel()])
-    return estimate_usable(problem, usable, settings, start)
 
 
 def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:

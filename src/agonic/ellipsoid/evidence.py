@@ -24,7 +24,6 @@ from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
 from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.model.posterior import Posterior
-from agonic.model.result import list_shares
 from agonic.model.verdict import judge, shows_changes
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -149,7 +148,7 @@ def assess(
         coverage=coverage,
         tests=tests,
         findings=inspect(samples),
-        shares=list_shares(posterior),
+        shares={} if posterior is None else posterior.list_shares(),
         accuracy=state_accuracy(affine, coverage),
         remarks=describe_result(affine, tests, reference is not None or _states_reference(affine)),
     )

@@ -11,8 +11,8 @@ from scipy.special import stdtr
 
 from agonic.arrays import Array, Index, Mask
 from agonic.history.fit import DRIFTING, FEWEST
+from agonic.history.maths.drift_model import Series, compute_posterior
 from agonic.history.parameters import NAMES
-from agonic.maths.estimation.noise.drift_model import Series, compute_posterior
 from agonic.population.store import History
 
 _COLUMNS = (

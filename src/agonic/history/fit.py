@@ -10,16 +10,16 @@ from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.health import Finding
 from agonic.health.finding import figure
-from agonic.history.parameters import NAMES, Parameters, extract_parameters, find_comparable
-from agonic.history.result import Drift, Event, ParameterChange
-from agonic.history.trend import Trend, make_series, make_trend
-from agonic.maths.estimation.changes.change_points import (
+from agonic.history.maths.change_points import (
     ChangePoint,
     estimate_size,
     find_change_points,
     join_design,
 )
-from agonic.maths.estimation.noise.drift_model import Series, compute_posterior
+from agonic.history.maths.drift_model import Series, compute_posterior
+from agonic.history.parameters import NAMES, Parameters, extract_parameters, find_comparable
+from agonic.history.result import Drift, Event, ParameterChange
+from agonic.history.trend import Trend, make_series, make_trend
 from agonic.population import Population
 from agonic.population.store_schema import UNDATED
 

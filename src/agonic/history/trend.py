@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.estimation.changes.change_points import ChangePoint
-from agonic.maths.estimation.noise.drift_model import Posterior, Series, mix_normals, predict
+from agonic.history.maths.change_points import ChangePoint
+from agonic.history.maths.drift_model import Posterior, Series, mix_normals, predict
 
 YEAR_S = 365.25 * 86_400.0
 _UNKNOWN = 1e4  # error of what is not told, over all that the others differ by

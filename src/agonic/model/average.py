@@ -15,6 +15,7 @@ Source: D. MacKay (1992), Neural Computation 4, 415; A. Gelman (2006), Bayesian 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -106,7 +107,11 @@ def solve(gram: Array, prior: Prior, groups: Sequence[Group], there: Mapping[int
 
 def average(gram: Array, base: Base, group: Group) -> Sized:
     """One term beside a base, averaged over its size."""
-    values, axes, seen, moved = _beside(gram, base, group)
+    across = gram[np.ix_(base.columns, group.columns)]
+    moved = base.inverse @ across
+    own = gram[np.ix_(group.columns, group.columns)]
+    score = gram[group.columns, -1] - across.T @ base.estimate
+    values, axes, seen = _turn(own - across.T @ moved, score, np.trace(own))
     sizes, chance = _grid(group)
     square = sizes[:, None] ** 2
     likelihood = _likelihood(values, seen, square)
@@ -119,7 +124,7 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
     covariance = np.diag(weight @ shrunk) + (apart * weight[:, None]).T @ apart
     best = 1 + int(np.argmax((likelihood + np.log(chance))[1:]))
     return Sized(
-        odds=_odds(likelihood, chance),
+        odds=float(_odds(likelihood, chance)),
         size=float(sizes[best]),
         mean=axes @ mean,
         covariance=axes @ covariance @ axes.T,
@@ -132,20 +137,44 @@ def choose(gram: Array, prior: Prior, groups: Sequence[Group]) -> dict[int, floa
     beside which those before it are sized again."""
     there: dict[int, float] = {}
     for _ in range(MOST_TERMS):
-        base = solve(gram, prior, groups, there)
-        found = {i: _best(gram, base, group) for i, group in enumerate(groups) if i not in there}
-        best = max(found, key=lambda i: found[i][0], default=None)
-        if best is None or found[best][0] < EVIDENCE:
+        odds, sizes = rate(gram, solve(gram, prior, groups, there), groups)
+        odds[[*there]] = -np.inf
+        best = int(np.argmax(odds)) if groups else -1
+        if best < 0 or odds[best] < EVIDENCE:
             break
-        there[best] = found[best][1]
+        there[best] = float(sizes[best])
         for i in [i for i in there if len(there) > 1]:
             others = {k: size for k, size in there.items() if k != i}
-            odds, size = _best(gram, solve(gram, prior, groups, others), groups[i])
-            if odds < DOUBT:
+            again, size = rate(gram, solve(gram, prior, groups, others), [groups[i]])
+            if again[0] < DOUBT:
                 del there[i]
             else:
-                there[i] = size
+                there[i] = float(size[0])
     return there
+
+
+def rate(gram: Array, base: Base, groups: Sequence[Group]) -> tuple[Array, Array]:
+    """The log-odds (g,) that each group is there beside a base, and its likeliest size."""
+    odds, best = np.empty(len(groups)), np.empty(len(groups))
+    alike: dict[tuple[int, int], list[int]] = {}
+    for i, group in enumerate(groups):
+        alike.setdefault((len(group.columns), len(_grid(group)[0])), []).append(i)
+    for members in alike.values():
+        columns = np.stack([groups[i].columns for i in members])
+        before = gram[base.columns][:, columns]  # (b, g, k)
+        own = gram[columns[:, :, None], columns[:, None, :]]
+        moved = base.inverse @ before.reshape(len(base.columns), -1)
+        across = before.transpose(1, 2, 0) @ moved.reshape(before.shape).transpose(1, 0, 2)
+        score = gram[columns, -1] - np.tensordot(base.estimate, before, 1)
+        trace = np.trace(own, axis1=1, axis2=2)[:, None]
+        values, _, seen = _turn(own - across, score, trace)
+        grids = [_grid(groups[i]) for i in members]
+        sizes, chance = (np.stack(each) for each in zip(*grids, strict=True))
+        likelihood = _likelihood(values[:, None], seen[:, None], sizes[:, :, None] ** 2)
+        odds[members] = _odds(likelihood, chance)
+        likeliest = 1 + np.argmax((likelihood + np.log(chance))[:, 1:], axis=1)
+        best[members] = sizes[np.arange(len(members)), likeliest]
+    return odds, best
 
 
 def list_ways(
@@ -156,12 +185,11 @@ def list_ways(
     ways = [(1.0, dict(there))]
     for i in alike & set(there):
         others = {k: size for k, size in there.items() if k != i}
-        base = solve(gram, prior, groups, others)
-        odds = _best(gram, base, groups[i])[0]
+        odds, sizes = rate(gram, solve(gram, prior, groups, others), groups)
         for j in alike - set(there):
-            other, size = _best(gram, base, groups[j])
-            if other > odds - RIVALS:
-                ways.append((float(np.exp(min(other - odds, RIVALS))), {**others, j: size}))
+            if odds[j] > odds[i] - RIVALS:
+                chance = float(np.exp(min(odds[j] - odds[i], RIVALS)))
+                ways.append((chance, {**others, j: float(sizes[j])}))
     total = sum(chance for chance, _ in ways)
     return [(chance / total, way) for chance, way in ways]
 
@@ -184,42 +212,35 @@ def price(groups: Sequence[Group], there: Mapping[int, float]) -> float:
     return total
 
 
-def _best(gram: Array, base: Base, group: Group) -> tuple[float, float]:
-    """The log-odds that a term is there, and its likeliest size."""
-    values, _, seen, _ = _beside(gram, base, group)
-    sizes, chance = _grid(group)
-    likelihood = _likelihood(values, seen, sizes[:, None] ** 2)
-    best = 1 + int(np.argmax((likelihood + np.log(chance))[1:]))
-    return _odds(likelihood, chance), float(sizes[best])
+@lru_cache(maxsize=64)
+def _list_sizes(scale: float, odds: float, most: float) -> tuple[Array, Array]:
+    ratio = GRID[most * 1.01 >= GRID]
+    density = ratio / (1 + ratio**2)  # half-Cauchy over the logarithm
+    chance = odds * density / density.sum()
+    return np.append(0.0, ratio * scale), np.append(1.0 - odds, chance)
 
 
 def _grid(group: Group) -> tuple[Array, Array]:
     """Sizes (g,), the first zero, and their prior probabilities."""
-    ratio = GRID[group.most * 1.01 >= GRID]
-    density = ratio / (1 + ratio**2)  # half-Cauchy over the logarithm
-    chance = group.odds * density / density.sum()
-    return np.append(0.0, ratio * group.scale), np.append(1.0 - group.odds, chance)
+    return _list_sizes(group.scale, group.odds, group.most)
 
 
-def _beside(gram: Array, base: Base, group: Group) -> tuple[Array, Array, Array, Array]:
-    """Λ, U and q of a term beside a base, and by how much its unknowns move the parameters."""
-    across = gram[np.ix_(base.columns, group.columns)]
-    moved = base.inverse @ across
-    own = gram[np.ix_(group.columns, group.columns)]
-    square = own - across.T @ moved
-    values, axes = np.linalg.eigh((square + square.T) / 2)
-    seen = axes.T @ (gram[group.columns, -1] - across.T @ base.estimate)
-    blind = values < _BLIND * np.trace(own)
-    return np.where(blind, 0.0, values), axes, np.where(blind, 0.0, seen), moved
+def _turn(square: Array, score: Array, trace: Array) -> tuple[Array, Array, Array]:
+    """Λ, U and q of S (…, k, k) and s (…, k); what is rounding beside `trace` (…, 1) is none."""
+    values, axes = np.linalg.eigh((square + np.swapaxes(square, -1, -2)) / 2)
+    seen = np.einsum("...ij,...i->...j", axes, score)
+    blind = values < _BLIND * trace
+    return np.where(blind, 0.0, values), axes, np.where(blind, 0.0, seen)
 
 
 def _likelihood(values: Array, seen: Array, square: Array) -> Array:
     spread = 1 + square * values
-    return np.asarray(0.5 * (seen**2 * square / spread - np.log(spread)).sum(axis=1))
+    return np.asarray(0.5 * (seen**2 * square / spread - np.log(spread)).sum(axis=-1))
 
 
-def _odds(likelihood: Array, chance: Array) -> float:
-    """The log-odds of all sizes above zero against none."""
-    rest = likelihood[1:] + np.log(chance[1:])
-    none = likelihood[0] + np.log(chance[0])
-    return float(np.log(np.exp(rest - rest.max()).sum()) + rest.max() - none)
+def _odds(likelihood: Array, chance: Array) -> Array:
+    """The log-odds of all sizes above zero against none, over the last axis."""
+    joint = likelihood + np.log(chance)
+    most = joint[..., 1:].max(axis=-1)
+    rest = np.log(np.exp(joint[..., 1:] - most[..., None]).sum(axis=-1)) + most
+    return np.asarray(rest - joint[..., 0])

@@ -16,7 +16,7 @@ from agonic.maths.estimation.noise.student import compute_widening
 from agonic.model.average import Base, average, list_ways, mix, solve
 from agonic.model.determinacy import Held, find_held
 from agonic.model.level import Level, stand_level
-from agonic.model.memory import Explained, Search
+from agonic.model.memory import LEAST_NOISE, Explained, Search
 from agonic.model.pose import Known, find_prior, pose
 from agonic.model.rows import Rows, choose_rows
 from agonic.model.shares import Share, weigh
@@ -30,6 +30,8 @@ ATTITUDE_MEMORY = 0.5
 """Errors of roll, pitch and heading that last move the bias by this share of them, about."""
 FARTHEST_DEG = 10.0
 """Of heading: as far as terms may move the estimate; algebra about a fit holds no farther."""
+LEAST_SHARE = 0.01
+"""Of the variance of the heading: smaller shares are not told."""
 SOFT_IRON_SDS = np.geomspace(0.003, 0.3, 7)
 """Of soft iron over the mean gain, from a bare sensor to one beside steel."""
 _SOFT_IRON_FREEDOM = 5  # a symmetric matrix but for its mean gain
@@ -58,6 +60,16 @@ class Posterior(NamedTuple):
     bias_sd: Array
     held: Held
     unseen: Unseen
+
+    def list_shares(self) -> Mapping[str, float]:
+        """The standard error of a level heading by what makes it, degrees, the largest first."""
+        shares = {"noise and coverage": self.noise_deg, "memory of noise": self.memory_deg}
+        shares |= self.considered_deg
+        for one in self.shares:
+            shares[one.term.name] = float(np.hypot(shares.get(one.term.name, 0.0), one.heading_deg))
+        total = sum(value**2 for value in shares.values())
+        told = {name: value for name, value in shares.items() if value**2 > LEAST_SHARE * total}
+        return dict(sorted(told.items(), key=lambda one: -one[1]))
 
 
 class Scene(NamedTuple):
@@ -124,8 +136,10 @@ def find_posterior(
         return None
     search, seen = pose(rows, estimate, HIDDEN, known)
     found = search.explain(np.array([estimate.noise[one.name].sd for one in search.stacks]))
-    left = search.leave(found)[0] / found.sds[0]
-    waves = find_ripple(rows.seen, left, search.stacks[0].columns[:3])
+    left = search.leave(found)[0]
+    left = left / max(float(left.std()), LEAST_NOISE)
+    step = problem.rounding * 12**0.5 / rows.radius
+    waves = find_ripple(rows.seen, left, search.stacks[0].columns[:3], step)
     if waves is not None:
         search, seen = pose(rows, estimate, (*HIDDEN, waves), known)
         found = search.explain(found.sds)
@@ -260,4 +274,4 @@ def _find_errors(at: Scene, i: int, counts: Array) -> tuple[Term, Errors, int | 
     before = int(counts[: i - len(at.known) + 1].sum())
     n = int(counts.sum())
     height = np.where(np.arange(n) >= before, before / n, before / n - 1.0)
-    return STEP, Errors(np.asarray(height[:, None, None])), int(at.rows.seen.rows[before])
+    return STEP, Errors(np.asarray(height[None, None])), int(at.rows.seen.rows[before])

@@ -170,4 +170,4 @@ def _spread(columns: Array) -> Array:
 
 def _pick(seen: Seen, *, columns: Array) -> Errors:
     """The columns (n, k) of the log at the rows that are seen."""
-    return along_time(columns[seen.rows])
+    return along_time(columns[seen.rows].T)

@@ -86,10 +86,18 @@ def stack_columns(
     """
     params, noise = estimate.solution.params, estimate.noise["magnitude"].sd
     roots, stacks = np.sqrt(rows.weights), []
+    count = len(params) + sum(one.unknowns for one in errors) + 1
     for channel in channels:
         residuals, _ = join_pieces(rows.problem, channel, params, noise)
         _, jacobian = join_pieces(rows.feet, channel, params)
-        ways = -jacobian[:, :3] * rows.radius
-        columns = [-jacobian.T, *(one.along(ways).T for one in errors), residuals[None]]
-        stacks.append(Stack(channel, np.concatenate(columns) * roots))
+        by_params = -jacobian.T
+        ways = by_params[:3] * (rows.radius * roots)
+        columns = np.empty((count, len(roots)))
+        np.multiply(by_params, roots, out=columns[: len(params)])
+        at = len(params)
+        for one in errors:
+            columns[at : at + one.unknowns] = one.along(ways)
+            at += one.unknowns
+        columns[-1] = residuals * roots
+        stacks.append(Stack(channel, columns))
     return stacks

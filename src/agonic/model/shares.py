@@ -45,7 +45,7 @@ def weigh(
         if term.sideways:
             rest = own.mean_square(sized.square) * level.per_error
         else:
-            direct = own.along(level.by_errors)
+            direct = own.along(level.by_errors.T).T
             both = level.spread(sized.covariance, direct + through)
             rest = max(both - moved, 0.0) + float(np.mean((direct @ sized.mean) ** 2))
     if there and (term.at_rest or term.diluted):

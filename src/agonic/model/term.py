@@ -37,12 +37,12 @@ class Seen(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors of the readings: `parts` (n, b, 3), of which every axis has an unknown of its own
-    where they are `apart`, else the whole vector has one; (n, b, 1) where all axes have the same
+    """Errors of the readings: `parts` (b, 3, n), of which every axis has an unknown of its own
+    where they are `apart`, else the whole vector has one; (b, 1, n) where all axes have the same
     part.
 
-    >>> Errors(np.array([[[2.0, 3.0, 5.0]]])).along(np.eye(3)[:1]).tolist()
-    [[2.0, 0.0, 0.0]]
+    >>> Errors(np.array([[[2.0], [3.0], [5.0]]])).along(np.eye(3)[:, :1]).tolist()
+    [[2.0], [0.0], [0.0]]
     """
 
     parts: Array
@@ -51,22 +51,22 @@ class Errors(NamedTuple):
     @property
     def unknowns(self) -> int:
         """How many unknowns there are."""
-        return int(self.parts.shape[1]) * (3 if self.apart else 1)
+        return len(self.parts) * (3 if self.apart else 1)
 
     def along(self, ways: Array) -> Array:
-        """What each unknown does along the vectors (n, 3), (n, k)."""
-        seen = ways[:, None, :] * self.parts
-        return np.asarray(seen.reshape(len(ways), -1) if self.apart else seen.sum(axis=2))
+        """What each unknown does along the vectors (3, n), (k, n)."""
+        seen = ways * self.parts
+        return np.asarray(seen.reshape(-1, ways.shape[1]) if self.apart else seen.sum(axis=1))
 
     def mean_square(self, square: Array) -> float:
         """The mean square length of E u for E[u uᵀ] = square (k, k)."""
-        n, b, axes = self.parts.shape
+        b, axes, n = self.parts.shape
         if self.apart:
             every = square.reshape(b, 3, b, 3)
             by_axis = np.einsum("iaja->aij", every)
-            parts = np.broadcast_to(self.parts, (n, b, 3)) if axes == 1 else self.parts
-            return float(np.einsum("nia,aij,nja->", parts, by_axis, parts) / n)
-        return float(np.einsum("nia,ij,nja->", self.parts, square, self.parts) / n)
+            parts = np.broadcast_to(self.parts, (b, 3, n)) if axes == 1 else self.parts
+            return float(np.einsum("ian,aij,jan->", parts, by_axis, parts, optimize=True) / n)
+        return float(np.einsum("ian,ij,jan->", self.parts, square, self.parts, optimize=True) / n)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,5 +98,5 @@ class Term:
 
 
 def along_time(signals: Array) -> Errors:
-    """A bias along any direction that goes with each of signals (n, b)."""
-    return Errors(signals[:, :, None])
+    """A bias along any direction that goes with each of signals (b, n)."""
+    return Errors(signals[:, None])

@@ -26,7 +26,6 @@ from agonic.maths.equation.coverage import heading_jacobian_deg, level_direction
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
 from agonic.maths.rotations.tilt import two_axis_deg
-from agonic.recording.choice.sources import varies
 from agonic.recording.held_out import cut_blocks, predict
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -91,7 +90,7 @@ def climb(
     heading = compare(_identity(chosen))
     before = verification.spread_before
     rungs = [_rung("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
-    for name, open_parts, why in _list_others(samples, reference, fit, method):
+    for name, open_parts, why in _list_others(fit, method):
         try:
             found = open_parts(*most, near=near)(np.ones(len(most[0]), dtype=bool))
             fit_part = open_parts(some, known, near=found)
@@ -151,9 +150,7 @@ with their own; where it does not, by draws no worse.
 """
 
 
-def _list_others(
-    samples: Samples, reference: Reference | None, fit: Fit, method: str
-) -> Iterator[tuple[str, _OpenParts, str]]:
+def _list_others(fit: Fit, method: str) -> Iterator[tuple[str, _OpenParts, str]]:
     """Name of each fit beside the chosen one, what makes it, and why it was not chosen."""
     chosen = fit.calibration
     alone = method == "ellipsoid"
@@ -162,11 +159,10 @@ def _list_others(
         if not alone or chosen.model != model:
             open_parts = partial(open_ellipsoid_parts, model=model, noise_known=True)
             yield name, open_parts, said.get(model, "")
-    if alone and reference is not None and varies(samples.current_A):
-        yield "full + current_A", _join("magnitude", sources=("current_A",)), ""
     if chosen.needs and method in CHANNELS:
         name = f"{NAMES[chosen.model]} + {AIDS[method]}"
-        yield name, _join(*CHANNELS[method]), "what disturbs on board is missing"
+        beside = partial(open_channels_parts, channels=CHANNELS[method], settings=Settings())
+        yield name, partial(beside, noise_known=True), "what disturbs on board is missing"
 
 
 def _start_near(chosen: Affine, samples: Samples) -> Affine:
@@ -177,12 +173,6 @@ def _start_near(chosen: Affine, samples: Samples) -> Affine:
         inputs = stack_inputs(chosen.sources, None, select_columns(chosen, samples))
         plain = chosen.at(inputs.mean(axis=0))
     return Affine(bias=plain.bias, matrix=polar(plain.matrix)[1], magnitude=plain.magnitude)
-
-
-def _join(*channels: str, sources: tuple[str, ...] = ()) -> _OpenParts:
-    """The fit by those channels, with what sources add."""
-    settings = Settings(sources=sources)
-    return partial(open_channels_parts, channels=channels, settings=settings, noise_known=True)
 
 
 def _identity(chosen: Affine) -> Affine:

@@ -11,7 +11,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.attitude.problem import Scale, find_terms, normalise
 from agonic.attitude.settings import Settings
-from agonic.attitude.solve import estimate_beside, select_usable
+from agonic.attitude.solve import estimate_usable, select_usable
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
@@ -72,5 +72,6 @@ def _fit(log: Log, sources: tuple[str, ...]) -> tuple[Problem, Scale, Estimate]:
     samples, reference, settings, usable, estimates = log
     own = replace(settings, sources=sources)
     problem, scale = normalise(samples, reference, ("magnitude",), SYMMETRIC, own)
-    estimates[sources] = estimate_beside(estimates, problem, usable, own)
+    if sources not in estimates:
+        estimates[sources] = estimate_usable(problem, usable, own)
     return select_usable(problem, usable), scale, estimates[sources]

@@ -9,15 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces, turn_directions
-from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise.correlated_errors import (
+from agonic.inflight.maths.correlated_errors import (
     STRETCHES,
     CorrelatedError,
     Sums,
     compute_scatter,
     find_correlated_errors,
 )
+from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces, turn_directions
+from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import Noise
 
 OF_SENSOR = 1

@@ -19,6 +19,7 @@ from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
 from agonic.inflight.fit.terms import Terms
+from agonic.inflight.maths.correlated_errors import CorrelatedError
 from agonic.inflight.maths.residuals import (
     KINDS,
     Layout,
@@ -33,7 +34,6 @@ from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.equation.channels import Problem as Known
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise.correlated_errors import CorrelatedError
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 from agonic.maths.rotations.vectors import find_best_rotation
 

@@ -14,9 +14,9 @@ from agonic.calibration.tracking import Jump
 from agonic.health import Finding
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.fit.pointing import find_eclipse
+from agonic.inflight.maths.correlated_errors import STRETCHES, Sums, find_correlated_errors
 from agonic.inflight.report.ground import Numbers, compare_fit, compare_tracker
 from agonic.inflight.tracking import Coefficients, Tracker
-from agonic.maths.estimation.noise.correlated_errors import STRETCHES, Sums, find_correlated_errors
 from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.samples import Samples
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from math import factorial, prod
+
 import numpy as np
-from scipy.special import sph_harm_y
 
 from agonic.arrays import Array
 from agonic.model.term import Errors, Seen, Term
@@ -14,21 +15,38 @@ FEW_DEGREES, FEW_ROWS = 4, 150
 
 
 def harmonics(unit: Array, last: int) -> Array:
-    """Real spherical harmonics of the degrees (n, k), of rms ℓ^−1.5 over the sphere."""
-    theta, phi = np.arccos(np.clip(unit[:, 2], -1.0, 1.0)), np.arctan2(unit[:, 1], unit[:, 0])
-    columns = []
-    for degree in range(DEGREES[0], last + 1):
-        size = np.sqrt(4 * np.pi) / degree**1.5
-        for order in range(degree + 1):
-            y = sph_harm_y(degree, order, theta, phi) * size
-            columns += [y.real] if order == 0 else [np.sqrt(2) * y.real, np.sqrt(2) * y.imag]
-    return np.stack(columns, axis=1)
+    """Real spherical harmonics (k, n) of the degrees, of rms ℓ^−1.5 over the sphere.
+
+    Of the order m they are the real and imaginary part of (x + iy)^m times a polynomial of z, by
+    (ℓ − m) P_ℓ = (2ℓ − 1) z P_ℓ₋₁ − (ℓ + m − 1) P_ℓ₋₂ from P_m = (2m − 1)!!.
+    """
+    z, turned = unit[:, 2], unit[:, 0] + 1j * unit[:, 1]
+    columns, around = [], np.ones(len(unit), dtype=complex)
+    for m in range(last + 1):
+        before, now = np.zeros(len(z)), np.full(len(z), float(prod(range(1, 2 * m, 2))))
+        for degree in range(m, last + 1):
+            if degree > m:
+                rise = (2 * degree - 1) * z * now - (degree + m - 1) * before
+                before, now = now, rise / (degree - m)
+            if degree >= DEGREES[0]:
+                ratio = factorial(degree - m) / factorial(degree + m) * (1 if m == 0 else 2)
+                size = np.sqrt((2 * degree + 1) * ratio) / degree**1.5 * now
+                columns += (
+                    [size * around.real]
+                    if m == 0
+                    else [
+                        size * around.real,
+                        size * around.imag,
+                    ]
+                )
+        around = around * turned
+    return np.stack(columns)
 
 
 def by_direction(seen: Seen) -> Errors:
     """The magnitude is off by harmonics of the field's direction in the sensor."""
     last = DEGREES[1] if seen.total >= FEW_ROWS else FEW_DEGREES
-    return Errors(harmonics(seen.unit, last)[:, :, None] * seen.unit[:, None, :], apart=False)
+    return Errors(harmonics(seen.unit, last)[:, None] * seen.unit.T, apart=False)
 
 
 DIRECTION = (

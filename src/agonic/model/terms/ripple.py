@@ -16,16 +16,19 @@ FINEST = 4
 """Bins of the shortest wave."""
 FINER = 4
 """Frequencies a wave: between two of them no more than a tenth of a wave's size is lost."""
+ROUNDING = 0.05
+"""Of a frequency: a wave so near to that of the steps of the readings is theirs."""
 STANDS_OUT = 8.0
 """In log-likelihood, beyond that of all frequencies tried, before a wave is looked at."""
 
 
-def find_ripple(seen: Seen, residuals: Array, bias: Array) -> Term | None:
+def find_ripple(seen: Seen, residuals: Array, bias: Array, step: float) -> Term | None:
     """The term of the waves that residuals (n,) over their noise show most along each axis.
 
     A wave of an axis shows by the columns `bias` (3, n) of the residuals:
     |Σ b r exp(2πi f x)|²/Σ b², for all frequencies f by a Fourier transform of sums over narrow
-    bins of x, is exponential by chance.
+    bins of x, is exponential by chance. A converter's error has a mean that no wave shows, about as
+    large. Rounding to a known `step` of the readings is noise.
     """
     low, width = seen.x.min(axis=0), float(np.ptp(seen.x, axis=0).max())
     if not width > 0.0:
@@ -40,7 +43,8 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array) -> Term | None:
         best = int(np.argmax(power))
         found[axis], powers[axis] = order[best] / width, power[best]
     tries = np.log(3 * np.count_nonzero(allowed))
-    if powers.max() < STANDS_OUT + tries:
+    rounds = abs(found[int(np.argmax(powers))] * step - 1.0) < ROUNDING
+    if rounds or powers.max() < STANDS_OUT + tries:
         return None
     return Term(
         name="ripple",
@@ -60,6 +64,6 @@ def ripple(seen: Seen, *, frequencies: Array) -> Errors:
 
     Noise along the field blurs it: what a foot shows is the mean over where the reading may be.
     """
-    turn = 2 * np.pi * frequencies
-    kept = np.exp(-((turn * seen.blur * seen.unit) ** 2) / 2)
-    return Errors(kept[:, None] * np.stack([np.cos(turn * seen.x), np.sin(turn * seen.x)], axis=1))
+    turn = 2 * np.pi * frequencies[:, None]
+    kept, phase = np.exp(-((turn * seen.blur * seen.unit.T) ** 2) / 2), turn * seen.x.T
+    return Errors(kept * np.stack([np.cos(phase), np.sin(phase)]))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.polynomial.legendre import legval
 
 from agonic.arrays import Array
+from agonic.maths.one_pass import find_length
 from agonic.model.term import Errors, Seen, Term, along_time
 
 ORDERS = (2, 3, 4, 5)
@@ -19,35 +20,32 @@ FEWEST_ROWS = 50
 
 def bend(seen: Seen) -> Errors:
     """Every axis bends by itself: Legendre polynomials of its reading over the largest."""
-    x = np.clip(seen.x / seen.reach, -1.0, 1.0)
-    return Errors(np.stack([legval(x, np.eye(6)[j]) / (j + 1) for j in ORDERS], axis=1))
+    x = np.clip(seen.x.T / seen.reach, -1.0, 1.0)
+    return Errors(np.stack([legval(x, np.eye(6)[j]) / (j + 1) for j in ORDERS]))
 
 
 def compress(seen: Seen) -> Errors:
     """The whole vector shrinks with its length: x |x|² and x |x|⁶."""
-    square = np.sum(seen.x**2, axis=1, keepdims=True) / seen.length**2
-    along = seen.x / seen.reach
-    return Errors(np.stack([along * square, along * square**3], axis=1), apart=False)
+    square = np.sum(seen.x**2, axis=1) / seen.length**2
+    along = seen.x.T / seen.reach
+    return Errors(np.stack([along * square, along * square**3]), apart=False)
 
 
 def cross(seen: Seen) -> Errors:
     """Each axis holds something of the products and squares of the others: x_j x_k."""
-    x = seen.x / seen.reach
-    squares = x**2
-    parts = [np.stack([squares[:, (a + j) % 3] for a in range(3)], axis=1) for j in (1, 2)]
-    parts += [
-        np.repeat((x[:, j] * x[:, k])[:, None], 3, axis=1) for j, k in ((0, 1), (0, 2), (1, 2))
-    ]
-    return Errors(np.stack(parts, axis=1))
+    x = seen.x.T / seen.reach
+    squares = [x[[1, 2, 0]] ** 2, x[[2, 0, 1]] ** 2]
+    products = [np.broadcast_to(x[j] * x[k], x.shape) for j, k in ((0, 1), (0, 2), (1, 2))]
+    return Errors(np.stack([*squares, *products]))
 
 
 def lag(seen: Seen) -> Errors | None:
     """The readings are late: dx/dt of each axis over its rms."""
     if len(seen.x) < 3:
         return None
-    slope = np.zeros_like(seen.x)
-    slope[1:-1] = (seen.x[2:] - seen.x[:-2]) / 2
-    return Errors(_over_rms(slope)[:, None])
+    slope = np.zeros((3, len(seen.x)))
+    slope[:, 1:-1] = (seen.x[2:] - seen.x[:-2]).T / 2
+    return Errors(_over_rms(slope)[None])
 
 
 def memory(seen: Seen) -> Errors | None:
@@ -55,10 +53,10 @@ def memory(seen: Seen) -> Errors | None:
     n = len(seen.x)
     if n < FEWEST_ROWS:
         return None
-    share, x = 1.0 / max(3.0, n / MEMORY_SHARE), seen.x - seen.x[0]
+    share, x = 1.0 / max(3.0, n / MEMORY_SHARE), (seen.x - seen.x[0]).T
     fading = np.fft.rfft(share * (1.0 - share) ** np.arange(n), 2 * n)
-    old = np.fft.irfft(np.fft.rfft(x, 2 * n, axis=0) * fading[:, None], 2 * n, axis=0)[:n] - x
-    return Errors(_over_rms(old)[:, None])
+    old = np.fft.irfft(np.fft.rfft(x, 2 * n) * fading, 2 * n)[:, :n] - x
+    return Errors(_over_rms(old)[None])
 
 
 def turning(seen: Seen) -> Errors | None:
@@ -67,11 +65,11 @@ def turning(seen: Seen) -> Errors | None:
     n = len(seen.x)
     if n < FEWEST_ROWS:
         return None
-    rates = np.zeros((n, len(TURN_ROWS)))
+    rates = np.zeros((len(TURN_ROWS), n))
     for k, rows in enumerate(TURN_ROWS):
         apart = seen.unit[2 * rows :] - seen.unit[: -2 * rows]
-        rates[rows:-rows, k] = np.linalg.norm(apart, axis=1)
-    return along_time(rates / (np.sqrt(np.mean(rates**2, axis=0)) + 1e-12))
+        rates[k, rows:-rows] = find_length(apart)
+    return along_time(rates / (np.sqrt(np.mean(rates**2, axis=1, keepdims=True)) + 1e-12))
 
 
 def _over_rms(values: Array) -> Array:

@@ -13,8 +13,8 @@ ROWS_PER_COSINE = 20
 
 
 def _cosines(seen: Seen, most: int) -> Array:
-    order = np.arange(1, max(min(most, len(seen.time) // ROWS_PER_COSINE), 1) + 1)
-    return np.asarray(np.cos(np.pi * np.outer(seen.time, order)) / order)
+    order = np.arange(1, max(min(most, len(seen.time) // ROWS_PER_COSINE), 1) + 1)[:, None]
+    return np.asarray(np.cos(np.pi * order * seen.time) / order)
 
 
 def bias_drift(seen: Seen) -> Errors:
@@ -24,20 +24,19 @@ def bias_drift(seen: Seen) -> Errors:
 
 def gain_drift(seen: Seen) -> Errors:
     """The gain of every axis walks."""
-    cosines = _cosines(seen, COSINES["gains"])
-    return Errors(cosines[:, :, None] * (seen.x / seen.reach)[:, None, :])
+    return Errors(_cosines(seen, COSINES["gains"])[:, None] * (seen.x.T / seen.reach))
 
 
 def field_change(seen: Seen) -> Errors:
     """The magnitude of the field walks."""
-    cosines = _cosines(seen, COSINES["field"])
-    return Errors(cosines[:, :, None] * seen.unit[:, None, :], apart=False)
+    return Errors(_cosines(seen, COSINES["field"])[:, None] * seen.unit.T, apart=False)
 
 
 def alternation(seen: Seen) -> Errors:
     """Even and odd rows differ in bias and gains: two sensors that take turns."""
-    sign = np.where(seen.rows % 2, 1.0, -1.0)[:, None]
-    return Errors(np.stack([np.repeat(sign, 3, axis=1), sign * seen.x / seen.reach], axis=1))
+    sign = np.where(seen.rows % 2, 1.0, -1.0)
+    x = seen.x.T / seen.reach
+    return Errors(np.stack([np.broadcast_to(sign, x.shape), sign * x]))
 
 
 def no_errors(seen: Seen) -> None:

@@ -8,20 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.attitude.disturbers.choice import SourceChoice, choose_sources, describe_gain
 from agonic.attitude.disturbers.shape import find_timing_sd
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings
 from agonic.calibration.interference import Interference
 from agonic.fit import Fit
-from agonic.maths.estimation.inference.wald import wald
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 MATTERS = 0.003
-"""A current joins the fit when its usual changes move the readings by this share of the field."""
-SIGNIFICANT = 1e-4
+"""Sources join the fit where their usual changes move the readings by this share of the field."""
 
 
 def fit_with_sources(
@@ -30,25 +27,13 @@ def fit_with_sources(
     reference: Reference,
     settings: Mapping[str, Any],
 ) -> tuple[Fit, SourceChoice]:
-    """The fit, with what disturbs on board where anything recorded does; and what was compared.
-
-    What is better on unseen parts of the log is taken, or a current that moves the readings.
-    """
+    """The fit, with what disturbs on board where that moves the readings; and what was compared."""
     found = choose_sources(samples, reference, keep_common(settings))
-
-    def fit_with(*sources: str) -> Fit:
-        return run(samples, reference, **settings, **({"sources": sources} if sources else {}))
-
     if found.sources:
-        fit = fit_with(*found.sources)
+        fit = run(samples, reference, **settings, sources=found.sources)
         if _measure_sources(fit, samples) > MATTERS:
             return add_choice(fit, found), found
-    if varies(samples.current_A):
-        fit = fit_with("current_A")
-        surely = _test_sources(fit) < SIGNIFICANT
-        if surely and _measure_sources(fit, samples) > MATTERS:
-            return fit, found
-    return fit_with(), found
+    return run(samples, reference, **settings), found
 
 
 def add_choice(fit: Fit, found: SourceChoice) -> Fit:
@@ -61,19 +46,6 @@ def add_choice(fit: Fit, found: SourceChoice) -> Fit:
 
 def list_sources(fit: Fit) -> tuple[str, ...]:
     return getattr(fit.calibration, "sources", ())
-
-
-def varies(current: Array | None) -> bool:
-    """Whether a current was recorded and changes."""
-    return current is not None and float(np.ptp(current)) > 0.0
-
-
-def _test_sources(joined: Fit) -> float:
-    """How likely chance would make what sources add."""
-    assert isinstance(joined.calibration, Interference)
-    slopes = joined.calibration.coefficients
-    known = joined.covariance[-slopes.size :, -slopes.size :]
-    return wald(slopes.ravel(), known, joined.n / joined.correlation).p_value
 
 
 def _measure_sources(joined: Fit, samples: Samples) -> float:

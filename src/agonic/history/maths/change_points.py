@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.noise.drift_model import (
+from agonic.history.maths.drift_model import (
     Posterior,
     Series,
     compute_posterior,

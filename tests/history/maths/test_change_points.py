@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.changes.change_points import FEWEST, ChangePoint, find_change_points
-from agonic.maths.estimation.noise.drift_model import Series
+from agonic.history.maths.change_points import FEWEST, ChangePoint, find_change_points
+from agonic.history.maths.drift_model import Series
 
 CHANCE = 0.004
 PARAMETERS = 9

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from agonic.maths.estimation.noise.drift_model import (
+from agonic.history.maths.drift_model import (
     Posterior,
     Series,
     compute_posterior,

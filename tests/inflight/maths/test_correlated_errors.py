@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from agonic.maths.estimation.noise.correlated_errors import (
+from agonic.inflight.maths.correlated_errors import (
     CorrelatedError,
     Sums,
     compute_scatter,

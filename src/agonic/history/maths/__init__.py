@@ -1,0 +1,1 @@
+"""Mathematics that only a history uses."""
