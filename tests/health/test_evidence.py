@@ -217,7 +217,7 @@ def test_outliers_are_left_out_and_noted(share: float) -> None:
 
 
 def test_very_many_outliers_are_to_be_looked_at() -> None:
-    (finding,) = grave(fitted(minute("tumble", 3000, 0, defects=[with_outliers(0.2)])))
+    (finding,) = grave(fitted(minute("tumble", 3000, 0, defects=[with_outliers(0.3)])))
     assert (finding.name, finding.severity) == ("outliers", "check")
 
 

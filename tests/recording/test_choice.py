@@ -115,7 +115,7 @@ def test_a_sensor_in_other_axes_is_turned_into_those_of_the_vehicle() -> None:
     assert np.sqrt(np.mean(off**2)) < 1.5 * result.fit.noise
     named = calibrate_as_named(turned, place)
     assert (named.method, named.verdict) == ("ellipsoid", "check")
-    assert "a vector fit was refused" in named.reason
+    assert "a levelled fit was refused" in named.reason
 
 
 def test_halves_are_fitted_with_the_same_choices() -> None:

@@ -65,8 +65,9 @@ def check_heading_column(
     looks = describe_relation(relation, declination_deg)
     if not looks:
         return None
+    turned = relation.sign > 0 and not relation.radians  # as of a sensor that sits turned
     return Finding(
-        "heading",
+        "mounting" if turned else "heading",
         "check" if looks.startswith("off by") else "refuse",
         f"the logged heading is not the true heading by the field: it looks {looks}",
         "give the true heading in degrees, clockwise from north, or leave the column out",

@@ -9,7 +9,7 @@ from agonic.health.evidence import (
     HOLDS,
     MOST_ROWS,
     NOISE_DOUBTFUL,
-    OUTLIERS_DOUBTFUL,
+    OUTLIERS_TELLING,
     SHIFT_DOUBTFUL,
     SPARE,
     Evidence,
@@ -44,7 +44,7 @@ def examine(
     if shape is not None or (few is not None and few.severity == "refuse"):
         return tuple(finding for finding in (shape, few) if finding is not None)
     kept = evidence.weights > 0.0
-    changes = changes or float(kept.mean()) < 1.0 - OUTLIERS_DOUBTFUL / 2
+    changes = changes or float(kept.mean()) < 1.0 - OUTLIERS_TELLING
     changes = changes or spreads_by_direction(evidence.residuals[kept], evidence.normals[kept])
     changed = check_states(evidence, left) if changes else None
     if changed is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
@@ -34,13 +36,12 @@ def find_outliers(e: Evidence) -> Finding | None:
     for first, last in long:
         apart[first : last + 1] = True
     size = float(np.percentile(np.abs(e.residuals[apart & outlier]), 90))
-    return Finding(
-        "outliers",
-        "check",
+    what = (
         f"{scattered.what}, most of them {describe_stretches(long, e.time)}, where the magnitude "
-        f"is off by up to {figure(size)} {e.unit}: something magnetic passed, or a current flowed",
-        "look what happened at those times: a heading of then is wrong, whatever the calibration",
+        f"is off by up to {figure(size)} {e.unit}: something magnetic passed, or a current flowed, "
+        "and a heading at those times is wrong"
     )
+    return replace(scattered, what=what)
 
 
 def _name_gathered(e: Evidence, scattered: Finding) -> Finding:

@@ -253,7 +253,7 @@ def _gather(
         shares=tuple(sorted(shares, key=lambda one: -one.heading_deg)),
         noise_deg=float(np.sqrt(level.spread(noise))),
         memory_deg=float(np.sqrt(memory * level.per_error)),
-        attitude_lasts=bool(found.memory[1:].any()),
+        attitude_lasts=len(found.memory) > 1 and bool(found.memory.any()),
         left=float(found.sds[0]) / rows.radius,
         considered_deg={
             name: float(np.sqrt(np.mean((level.by_params @ move) ** 2)))

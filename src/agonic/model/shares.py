@@ -43,7 +43,7 @@ def weigh(
         own = term.errors(level.seen)
         assert own is not None
         if term.sideways:
-            rest = own.mean_square(sized.square) * level.per_error
+            rest = term.sideways * own.mean_square(sized.square) * level.per_error
         else:
             direct = own.along(level.by_errors.T).T
             both = level.spread(sized.covariance, direct + through)

@@ -77,7 +77,8 @@ class Term:
     τ over the field, with its `source`; τ is at most `most` times that: a calibration that leans on
     a larger error is none. `odds` how often such a term is there at all. `at_rest`: it errs a
     sensor that stays where it is, so also a heading; then `errors` is asked for level
-    readings. `sideways`: it is only seen along the field, and taken to err as much across it.
+    readings. `sideways`: it is only seen along the field and in part, and errs everywhere and along
+    every axis by so many times that mean square.
     `moves`: it changes the readings of a sensor in time, so that a calibration is of its mean.
     `diluted`: its columns follow noisy rates, so its size comes out too small. `what` says it in
     words and `move` what helps.
@@ -92,7 +93,7 @@ class Term:
     odds: float = 0.1
     most: float = 30.0
     at_rest: bool = False
-    sideways: bool = False
+    sideways: float = 0.0
     moves: bool = False
     diluted: bool = False
 

@@ -11,6 +11,10 @@ from agonic.model.term import Errors, Seen, Term
 
 DEGREES = (3, 6)
 """Below the third a harmonic is a bias or soft iron; sizes fall as ℓ^−1.5 up to the last."""
+HIDDEN_DEGREES = 1.0 + sum((2 * d + 1) / d**3 for d in (1, 2)) / sum(
+    (2 * d + 1) / d**3 for d in range(DEGREES[0], DEGREES[1] + 1)
+)
+"""Mean square of all degrees from the first over that of those that show, by their sizes."""
 FEW_DEGREES, FEW_ROWS = 4, 150
 
 
@@ -59,6 +63,6 @@ DIRECTION = (
         what="readings err by the direction of the field, of which the model knows nothing",
         move="record away from steel, turning about the sensor itself; see the map of residuals",
         at_rest=True,
-        sideways=True,
+        sideways=HIDDEN_DEGREES,
     ),
 )

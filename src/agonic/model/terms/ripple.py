@@ -55,7 +55,7 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array, step: float) -> Term 
         move="look whether the converter skips codes; choose a finer range, or another sensor",
         odds=float(0.1 * np.exp(-tries)),
         at_rest=True,
-        sideways=True,
+        sideways=1.0,
     )
 
 

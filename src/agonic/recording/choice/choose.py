@@ -111,7 +111,8 @@ def _without_heading(
         told = replace(doubt, severity="refuse")
         return replace(chosen, fit=chosen.fit.with_findings(told))
     levelled = fit_beside_attitude(samples, reference, "levelled", doubt.what, settings)
-    return replace(levelled, fit=levelled.fit.with_findings(doubt))
+    told = replace(doubt, severity="note")  # the fit has no use for it
+    return replace(levelled, fit=levelled.fit.with_findings(told))
 
 
 def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, str]:

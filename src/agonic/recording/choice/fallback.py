@@ -28,7 +28,7 @@ def fall_back(
     if (
         reference is not None
         and recorded
-        and "heading" in find_causes(aided)
+        and {"heading", "mounting"} & find_causes(aided)
         and find_causes(aided) <= NOT_OF_THE_MAGNETOMETER
     ):
         levelled = fit_beside_attitude(samples, reference, "levelled", "", settings)
@@ -59,7 +59,13 @@ def carry_refusal(choice: Choice, refused: Choice) -> Choice:
     said |= {"mounting", "attitude"} if "axes" in said else set()
     if "inertial unit" in said:
         said |= {finding.name for finding in refused.fit.findings}
-    told = [replace(one, severity="check") for one in grave if one.name not in said]
+    told = [
+        replace(one, severity="note")
+        if one.name == "heading"  # of which the calibration has no use
+        else replace(one, severity="check")
+        for one in grave
+        if one.name not in said
+    ]
     beside = {"heading", "attitude"} - said
     carried = [one for one in refused.fit.findings if one.name in beside and one not in grave]
     why = f"a {refused.method} fit was refused ({grave[0].what})"

@@ -10,6 +10,7 @@ from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.errors import CoverageError, LogError
 from agonic.fit import Fit
 from agonic.inertial.evidence import check_felt_dip
+from agonic.model.terms import HIDDEN
 from agonic.recording.choice.fallback import OF_THE_RECORDING, carry_refusal, find_causes
 from agonic.recording.choice.fits import (
     Choice,
@@ -28,7 +29,7 @@ BIAS_LOOSER = 3.0
 """A bias that is known so many times less well makes no fit surer."""
 SURE_DEG = 0.3
 """A heading that is known to this by the magnitude alone needs nothing else."""
-SEEN_BY_DIRECTION = {"turned sensor", "non-linear", "compressed", "follows bank", "follows pitch"}
+SEEN_BY_DIRECTION = {"turned sensor", *(term.name for term in HIDDEN if term.at_rest)}
 """Errors that dip and azimuth show and the magnitude hides: a fit by the magnitude alone is sure of
 itself for not seeing them."""
 
