@@ -138,6 +138,7 @@ def find_posterior(
     found = search.explain(np.array([estimate.noise[one.name].sd for one in search.stacks]))
     left = search.leave(found)[0]
     left = left / max(float(left.std()), LEAST_NOISE)
+    rows = rows._replace(seen=rows.seen._replace(blur=float(found.sds[0])))
     step = problem.rounding * 12**0.5 / rows.radius
     waves = find_ripple(rows.seen, left, search.stacks[0].columns[:3], step)
     if waves is not None:

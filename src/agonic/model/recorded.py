@@ -13,9 +13,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from agonic.arrays import Array
-from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.model.average import average, solve
+from agonic.model.average import Base, average, rate, solve
 from agonic.model.gram import count_blocks
 from agonic.model.memory import Explained, Search
 from agonic.model.noise import fit_filter
@@ -31,29 +31,34 @@ HUBER = 1.345
 """Of the noise: beyond it a residual counts by its size (Huber 1981)."""
 CHANCE = 0.05
 """How often a log without any disturber may have one taken, whatever the number of candidates."""
+RECORDED = "recorded"
 FEWEST_BLOCKS = 4
 """Fewer tell nothing of their scatter."""
 _ROUNDS = 2
 
 
 class Weighed(NamedTuple):
-    """The log-odds that a set of columns disturbs, whether it explains most and surely something,
-    and the logarithms of what is left of the squares of each block by the fit to all others, with
-    the set over without it, (b,)."""
+    """Sets of columns beside hidden terms: the log-odds of each, (s,), and which explains most and
+    surely something, None where none does; the search, what it found, and its base without sets."""
 
-    odds: float
-    taken: bool
-    left: Array
+    odds: Array
+    taken: int | None
+    search: Search
+    found: Explained
+    base: Base
 
-    @property
-    def gain(self) -> float:
-        """The share of the squares of unseen blocks that the set takes away."""
-        return float(1.0 - np.exp(self.left.mean()))
-
-    @property
-    def gain_sd(self) -> float:
-        """The standard error of the gain, by its scatter over the blocks."""
-        return float((1.0 - self.gain) * self.left.std(ddof=1) / np.sqrt(len(self.left)))
+    def measure_left(self, i: int) -> Array:
+        """What is left of the squares of each block by the fit to all others, with a set over
+        without it, as logarithms (b,)."""
+        group = self.search.groups[i]
+        size = average(self.found.gram, self.base, group).size
+        hidden = {k: size for k, size in self.found.there.items() if k >= len(self.odds)}
+        joined = solve(self.found.gram, self.search.prior, self.search.groups, {**hidden, i: size})
+        after, before = (
+            np.log([one.square for one in leave_out(self.found.blocks, base)])
+            for base in (joined, self.base)
+        )
+        return np.asarray(after - before)
 
 
 def is_surely_less(left: Array, tries: int) -> bool:
@@ -65,36 +70,31 @@ def is_surely_less(left: Array, tries: int) -> bool:
 
 def weigh_recorded(
     problem: Problem, estimate: Estimate, time: Array | None, origin: Array, sets: Sequence[Array]
-) -> list[Weighed]:
+) -> Weighed | None:
     """Each set of columns beside hidden terms, without the other sets.
 
     Noise is white at first: one with memory explains much of a disturber whose shape is not exact.
     What explains most is sure where it is likely with the memory that the noise is left with too,
     or where unseen blocks have surely less.
 
-    Parameters as in `find_posterior`, and sets of columns (n, k); an empty list where the rows are
-    too few to tell.
+    Parameters as in `find_posterior`, and sets of columns (n, k); None where the rows are too few
+    to tell.
     """
     terms = [_make_term(one, len(sets)) for one in sets]
     rows = _choose(problem, estimate, time, origin)
     if rows is None or count_blocks(len(rows.weights)) < FEWEST_BLOCKS:
-        return []
+        return None
     search, found = _explain(rows, estimate, [*terms, *HIDDEN], white=True)
     hidden = {i: size for i, size in found.there.items() if i >= len(sets)}
     base = solve(found.gram, search.prior, search.groups, hidden)
-    sized = [average(found.gram, base, group) for group in search.groups[: len(sets)]]
+    odds = rate(found.gram, base, search.groups[: len(sets)])[0]
+    weighed = Weighed(odds, None, search, found, base)
     shown = [i for i in found.there if i < len(sets)]
-    best = max(shown, key=lambda i: sized[i].odds, default=None)
-    before = np.log([one.square for one in leave_out(found.blocks, base)])
-    weighed = []
-    for i, one in enumerate(sized):
-        joined = solve(found.gram, search.prior, search.groups, {**hidden, i: one.size})
-        after = np.log([left.square for left in leave_out(found.blocks, joined)])
-        weighed.append(Weighed(one.odds, False, after - before))
-    if best is not None:
-        sure = is_surely_less(weighed[best].left, len(sets)) or _outlasts(search, found, best)
-        weighed[best] = weighed[best]._replace(taken=sure)
-    return weighed
+    best = max(shown, key=lambda i: odds[i], default=None)
+    if best is None:
+        return weighed
+    sure = _outlasts(search, found, best) or is_surely_less(weighed.measure_left(best), len(sets))
+    return weighed._replace(taken=best if sure else None)
 
 
 def _outlasts(search: Search, found: Explained, i: int) -> bool:
@@ -138,14 +138,17 @@ def _explain(
     rows: Rows, estimate: Estimate, terms: Sequence[Term], *, white: bool
 ) -> tuple[Search, Explained]:
     """The terms that explain the residuals, with Huber's weights for what they leave."""
-    sds = np.array([estimate.noise[one].sd for one in rows.problem.channels])
-    search, _ = pose(rows, estimate, terms, None)
-    left = [one.columns[-1] for one in search.stacks]
+    params, channels = estimate.solution.params, rows.problem.channels
+    sds = np.array([estimate.noise[one].sd for one in channels])
+    left = [compute_residuals(rows.problem, one, params) for one in channels]
+    recorded = {i for i, one in enumerate(terms) if one.name == RECORDED}
     for _ in range(_ROUNDS):
         over = np.max([np.abs(one) / sd for one, sd in zip(left, sds, strict=True)], axis=0)
         weights = np.minimum(1.0, HUBER / np.maximum(over, 1e-300))
         search, _ = pose(rows._replace(weights=weights), estimate, terms, None)
         found = search.explain_white(sds)[0] if white else search.explain(sds)
+        if recorded.isdisjoint(found.there):
+            break
         left, sds = [one / np.sqrt(weights) for one in search.leave(found)], found.sds
     return search, found
 
@@ -153,7 +156,7 @@ def _explain(
 def _make_term(columns: Array, among: int) -> Term:
     scaled = (columns - columns.mean(axis=0)) / _spread(columns)
     return Term(
-        name="recorded",
+        name=RECORDED,
         errors=partial(_pick, columns=scaled),
         scale=1e-2,
         most=100.0,

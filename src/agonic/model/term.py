@@ -22,7 +22,8 @@ class Seen(NamedTuple):
     """What a term may depend on, of n rows: `x` (n, 3) readings without their noise from raw zero,
     over the radius, `unit` (n, 3) directions of the field in the axes of the calibrated field,
     `time` (n,) from 0 to 1, `rows` (n,) their numbers in the log, which has `total`.
-    `blur` is the noise of a reading over the radius, which its x does not have; none at rest.
+    `blur` is the noise of a reading over the radius that has no memory, which its x does not have;
+    none at rest.
     `reach` is the largest component of x of the log, `length` its largest length: they stay those
     of the log where a term is asked for other readings."""
 

@@ -22,6 +22,7 @@ from agonic.calibration.inputs import list_disturbers
 from agonic.calibration.sources import MEMBER, list_columns, name_sources
 from agonic.health import Finding
 from agonic.model.average import RIVALS
+from agonic.model.recorded import Weighed
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -98,21 +99,30 @@ def _compare(
     likeliest are tried once more in all their timings.
     """
     weighed = weigh_sources(log, chosen, candidates)
-    tried = [Trial(s, w.gain, w.gain_sd, w.taken, w.odds) for s, w in weighed.items()]
-    best = next((one for one in tried if one.taken), None)
-    if best is not None:  # of those as likely the first: a current before a throttle that makes it
-        first = next(one for one in tried if one.odds > best.odds - RIVALS)
-        return [one._replace(taken=one is first) for one in tried]
-    if not tried or log.samples.time is None:
+    if weighed is None:
+        return []
+    tried = [_make_trial(sources, weighed, i) for i, sources in enumerate(candidates)]
+    if weighed.taken is not None:
+        # of those as likely the first: a current before a throttle that makes it
+        first = int(np.argmax(weighed.odds > weighed.odds[weighed.taken] - RIVALS))
+        tried[first] = tried[first]._replace(taken=True)
         return tried
-    likely = sorted(tried, key=lambda one: -one.odds)[:LIKELY]
-    timed = {later: one for one in likely for later in list_timings(log.samples, one.sources)}
-    for later, w in weigh_sources(log, chosen, list(timed)).items():
-        if w.taken:
-            one = timed[later]
-            again = Trial(one.sources, w.gain, w.gain_sd, True, w.odds)
-            tried[tried.index(one)] = again
+    if log.samples.time is None:
+        return tried
+    likely = np.argsort(-weighed.odds)[:LIKELY]
+    timed = [(i, later) for i in likely for later in list_timings(log.samples, candidates[i])]
+    weighed = weigh_sources(log, chosen, [later for _, later in timed])
+    if weighed is not None and weighed.taken is not None:
+        i = timed[weighed.taken][0]
+        tried[i] = _make_trial(candidates[i], weighed, weighed.taken)._replace(taken=True)
     return tried
+
+
+def _make_trial(sources: tuple[str, ...], weighed: Weighed, i: int) -> Trial:
+    left = weighed.measure_left(i)
+    gain = float(1.0 - np.exp(left.mean()))
+    sd = (1.0 - gain) * float(left.std(ddof=1)) / np.sqrt(len(left))
+    return Trial(sources, gain, float(sd), False, float(weighed.odds[i]))
 
 
 def list_candidates(samples: Samples) -> list[tuple[str, ...]]:

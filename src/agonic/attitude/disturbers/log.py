@@ -35,8 +35,8 @@ class Log(NamedTuple):
 
 def weigh_sources(
     log: Log, chosen: tuple[str, ...], sets: Sequence[tuple[str, ...]], margin_s: float = 0.0
-) -> dict[tuple[str, ...], Weighed]:
-    """Sets of sources beside the fit with those chosen; empty where rows are too few to tell.
+) -> Weighed | None:
+    """Sets of sources beside the fit with those chosen; None where rows are too few to tell.
 
     Rows within `margin_s` of either end, which delayed columns do not tell, are left out.
     """
@@ -47,8 +47,7 @@ def weigh_sources(
         problem = problem.subset(np.flatnonzero(kept[log.usable]))
     columns = [find_terms(log.samples, one)[kept] for one in sets]
     origin = scale.centre / scale.size
-    weighed = weigh_recorded(problem, found, None if time is None else time[kept], origin, columns)
-    return dict(zip(sets, weighed, strict=True)) if weighed else {}
+    return weigh_recorded(problem, found, None if time is None else time[kept], origin, columns)
 
 
 def measure_slope(

@@ -128,10 +128,9 @@ def _find_shape(
     if len(refined) > 1:
         late = max(abs(value) for what, value in kinds if what == "delay")
         sets = [_respell(sources, *kind) for kind in refined]
-        odds = [one.odds for one in weigh_sources(log, others, sets, margin_s=late).values()]
-        what, value = next(
-            kind for kind, own in zip(refined, odds, strict=True) if own > max(odds) - RIVALS
-        )
+        weighed = weigh_sources(log, others, sets, margin_s=late)
+        if weighed is not None:
+            what, value = refined[int(np.argmax(weighed.odds > weighed.odds.max() - RIVALS))]
     _, sd = _measure_move(log, others, sources, what, value, white=False) or (0.0, float("inf"))
     return Shape(_respell(sources, what, value), what, value, sd)
 
@@ -145,17 +144,18 @@ def _list_likely(
     """The best of each kind and sign that is surely better than the usual shape, and by half as
     much at least as the best of all."""
     variants = [sources, *(_respell(sources, *kind) for kind in kinds)]
-    weighed = list(weigh_sources(log, others, variants).values())
-    if not weighed:
+    weighed = weigh_sources(log, others, variants)
+    if weighed is None:
         return []
-    usual, by_kind = weighed[0], dict(zip(kinds, weighed[1:], strict=True))
-    better = {kind: one.odds - usual.odds for kind, one in by_kind.items()}
-    least = max(EVIDENCE, max(better.values()) / 2)
+    usual, better = weighed.measure_left(0), weighed.odds[1:] - weighed.odds[0]
+    least = max(EVIDENCE, float(better.max()) / 2)
     found: dict[tuple[What, bool], tuple[What, float]] = {}
-    for kind in sorted(kinds, key=lambda one: -better[one]):
-        surely = is_surely_less(by_kind[kind].left - usual.left, len(kinds))
-        if better[kind] > least and surely:
-            found.setdefault((kind[0], kind[1] > 0), kind)
+    for i in np.argsort(-better):
+        what, value = kinds[i]
+        if better[i] > least and (what, value > 0) not in found:
+            left = weighed.measure_left(1 + i)
+            if is_surely_less(left - usual, len(kinds)):
+                found[what, value > 0] = kinds[i]
     return sorted(found.values(), key=kinds.index)
 
 

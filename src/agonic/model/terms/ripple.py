@@ -10,12 +10,14 @@ from agonic.arrays import Array
 from agonic.model.term import Errors, Seen, Term
 
 BINS = 4096
-FEWEST_WAVES = 3
-"""Waves across the readings; fewer are a bend."""
+FEWEST_WAVES = 10
+"""Waves across the readings; fewer are a bend, or errors by direction."""
 FINEST = 4
 """Bins of the shortest wave."""
 FINER = 4
 """Frequencies a wave: between two of them no more than a tenth of a wave's size is lost."""
+MOST_BLUR = 3.0
+"""Radians of a wave by which noise blurs it: beyond, it only shows across the field."""
 ROUNDING = 0.05
 """Of a frequency: a wave so near to that of the steps of the readings is theirs."""
 STANDS_OUT = 8.0
@@ -34,7 +36,10 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array, step: float) -> Term 
     if not width > 0.0:
         return None
     order = np.arange(FINER * BINS // 2 + 1) / FINER
-    allowed = (order >= FEWEST_WAVES) & (order <= BINS / FINEST)
+    shows = 2 * np.pi * order / width * seen.blur < MOST_BLUR
+    allowed = (order >= FEWEST_WAVES) & (order <= BINS / FINEST) & shows
+    if not allowed.any():
+        return None
     found, powers = np.zeros(3), np.zeros(3)
     for axis, column in enumerate(bias):
         bins = np.minimum((seen.x[:, axis] - low[axis]) / width * BINS, BINS - 1).astype(np.intp)
