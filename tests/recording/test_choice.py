@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from benchmarks.faults import (
     FIELD_N,
-    MAGNITUDE,
     axis_copied,
     axis_dead,
     follows_pitch,
@@ -19,7 +18,6 @@ import agonic as ag
 from agonic.calibration.interference import Interference
 from agonic.maths.rotations.attitude import down_b
 from agonic.recording.calibrated import calibrate_as_named
-from agonic.recording.choice.surer import knows_bias
 from agonic.recording.earlier_calibration import judge
 from agonic.simulation import simulate
 
@@ -193,12 +191,3 @@ def test_the_dip_at_which_the_heading_is_stated_is_that_of_the_place() -> None:
     ratio = np.cos(np.radians(60)) / np.cos(np.radians(78.463))
     told = fit.coverage.heading_sd_deg / flat.coverage.heading_sd_deg
     assert told == pytest.approx(ratio, rel=0.35)  # soft iron's part grows otherwise
-
-
-def test_a_bias_that_the_magnitude_hardly_knows_makes_it_no_surer() -> None:
-    """A level heading does not ask for the vertical bias; that of a tilted vehicle does."""
-    samples = record(3, tilts(12), (with_attitude(),)).samples
-    alone = ag.fit_ellipsoid(samples, ag.Reference.constant(MAGNITUDE))
-    aided = ag.fit_levelled(samples, ag.Reference.vector(FIELD_N, frame="n"))
-    assert not knows_bias(alone, aided)
-    assert knows_bias(aided, alone)

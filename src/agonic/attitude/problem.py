@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.known_heading import weigh_rows
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import list_disturbers, signals, stack_inputs
 from agonic.calibration.sources import list_columns
@@ -16,9 +15,14 @@ from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.health import find_rounding
 from agonic.maths.equation.channels import Dip, Problem
 from agonic.maths.equation.crowding import weigh_places
+from agonic.maths.one_pass import median
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+OTHER_DEG = 1.0
+"""What else errs in the azimuth of a row, about: tilt, time, noise of the magnetometer."""
+ENOUGH = 0.5
 
 
 class Scale(NamedTuple):
@@ -148,3 +152,18 @@ def _across(attitude: Array, reference: Reference) -> Array:
     level = np.hypot(north, east)
     side = np.stack([-east / level, north / level, np.zeros_like(north)], axis=1)
     return np.asarray(np.einsum("nji,nj->ni", attitude, np.broadcast_to(side, (len(attitude), 3))))
+
+
+def is_known(samples: Samples) -> bool:
+    """Whether the heading is there, is not the magnetometer's own, and is known in most rows."""
+    there = samples.heading_deg is not None and not samples.heading_estimated
+    return there and float(samples.heading_known.mean()) >= ENOUGH
+
+
+def weigh_rows(samples: Samples) -> Array | None:
+    """The weight (n,) of each row's azimuth beside a usual one; `None` where all count alike."""
+    if samples.heading_sd_deg is None:
+        return None
+    total = np.hypot(samples.heading_sd_deg, OTHER_DEG)
+    usual = median(total[samples.heading_known]) if samples.heading_known.any() else 1.0
+    return np.asarray(usual / total)

@@ -33,6 +33,7 @@ TILTED = ("belt", "circle")
 Field = Annotated[float, typer.Option(help="Magnitude of the field, nT.")]
 Outliers = Annotated[float, typer.Option(help="Share of gross outliers.", min=0, max=1)]
 Clip = Annotated[float, typer.Option(help="Full scale, nT; 0 for none.", min=0)]
+Tilt = Annotated[float | None, typer.Option(help="Largest tilt of belt or circle, degrees.")]
 Truths = Annotated[
     list[Path] | None,
     typer.Option("--truth", metavar="CAL", help="Whose readings; default: drawn by the seed."),
@@ -42,7 +43,7 @@ Truths = Annotated[
 def add_to(kinds: typer.Typer) -> None:
     """Register a kind for each motion."""
     for name, what in MOTIONS.items():
-        kinds.command(name, help=what)(tilted if name in TILTED else motion)
+        kinds.command(name, help=what)(motion)
 
 
 def motion(
@@ -54,29 +55,14 @@ def motion(
     outliers: Outliers = 0.0,
     step: Step = 0.0,
     clip: Clip = 0.0,
+    tilt: Annotated[
+        float | None, typer.Option(help="Largest tilt of belt or circle, degrees.")
+    ] = None,
     truth: Truths = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
     """Write the readings of one sensor, and beside them the calibration that would undo it."""
-    return tilted(context, out, n, noise, field, outliers, step, clip, None, truth, seed, as_json)
-
-
-def tilted(
-    context: typer.Context,
-    out: Table,
-    n: Readings = 3000,
-    noise: Noise = 200.0,
-    field: Field = 50_000.0,
-    outliers: Outliers = 0.0,
-    step: Step = 0.0,
-    clip: Clip = 0.0,
-    tilt: Annotated[float | None, typer.Option(help="Largest tilt, degrees.")] = None,
-    truth: Truths = None,
-    seed: Seed = 0,
-    as_json: Json = False,
-) -> int:
-    """Write the readings of one sensor, with a tilt that can be chosen."""
     from agonic.console.output import print_json, say_made
     from agonic.errors import AgonicError
     from agonic.exports.csv import write_csv
@@ -85,6 +71,8 @@ def tilted(
     from agonic.simulation.resolution import round_as_logged
 
     kind = str(context.info_name)
+    if tilt is not None and kind not in TILTED:
+        raise AgonicError(f"the kind {kind!r} has no tilt to choose; {' and '.join(TILTED)} have")
     if truth is not None and len(truth) > 1:
         raise AgonicError(f"the kind {kind!r} has one sensor; give --truth once")
     settings: dict[str, Any] = {} if tilt is None else {"tilt_deg": tilt}

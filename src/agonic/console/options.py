@@ -71,7 +71,7 @@ Between = Annotated[
     ),
 ]
 Sources = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--with", metavar="NAMES", help="What disturbs on board: current_A, throttle, second."
     ),

@@ -18,7 +18,9 @@ from agonic.logs.headers.columns import (
     FALLBACK,
     LAST,
     Identified,
+    find_doubtful,
     find_quantities,
+    find_rivals,
     identify_column,
     identify_columns,
 )
@@ -29,7 +31,6 @@ from agonic.logs.headers.conventions import (
     find_correction,
     is_corrected,
 )
-from agonic.logs.headers.remarks import tell_doubtful, tell_no_clock, tell_rivals
 from agonic.logs.log import TORN, Log, Stream
 from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
@@ -277,3 +278,33 @@ def _list_streams(
     rate = None if first.time is None else compute_rate_Hz(first.time)
     unused = [*(header for header in table if header not in used), *others]
     return tuple(Stream(name=header, rows=rows, rate_Hz=rate) for header in unused)
+
+
+_CLOCKS = frozenset(("time", "date", "hour", "gps_tow"))
+
+
+def tell_rivals(found: Identified, headers: list[str], fields: list[str]) -> tuple[str, ...]:
+    """What was taken where a table holds a field twice, and how to take the other."""
+    notes = []
+    for number in fields:
+        axes = found["field"][number]
+        if rivals := find_rivals(headers, axes):
+            taken = ", ".join(axes[axis].header for axis in "xyz" if axis in axes)
+            given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
+            notes.append(f"{taken} are taken; the table holds the field again: --columns {given}")
+    return tuple(notes)
+
+
+def tell_doubtful(headers: Iterable[str]) -> tuple[str, ...]:
+    """What was left out because several columns could be it."""
+    if doubtful := find_doubtful(headers):
+        return (f"{' and '.join(doubtful)} left out: which of them is meant? --columns says it",)
+    return ()
+
+
+def tell_no_clock(found: Identified, others: Iterable[str]) -> tuple[str, ...]:
+    """What could be the clock of a table that has none that is known."""
+    free = [header for header in others if header.strip()]
+    if _CLOCKS.intersection(found) or not free:
+        return ()
+    return (f"no column is known for a time ({', '.join(free[:5])}): --columns time=… names it",)

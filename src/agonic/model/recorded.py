@@ -16,7 +16,6 @@ from agonic.arrays import Array
 from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.model.average import Base, average, rate, solve
-from agonic.model.gram import count_blocks
 from agonic.model.memory import Explained, Search
 from agonic.model.noise import fit_filter
 from agonic.model.pose import pose
@@ -32,8 +31,6 @@ HUBER = 1.345
 CHANCE = 0.05
 """How often a log without any disturber may have one taken, whatever the number of candidates."""
 RECORDED = "recorded"
-FEWEST_BLOCKS = 4
-"""Fewer tell nothing of their scatter."""
 _ROUNDS = 2
 
 
@@ -82,7 +79,7 @@ def weigh_recorded(
     """
     terms = [_make_term(one, len(sets)) for one in sets]
     rows = _choose(problem, estimate, time, origin)
-    if rows is None or count_blocks(len(rows.weights)) < FEWEST_BLOCKS:
+    if rows is None:
         return None
     search, found = _explain(rows, estimate, [*terms, *HIDDEN], white=True)
     hidden = {i: size for i, size in found.there.items() if i >= len(sets)}

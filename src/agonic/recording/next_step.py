@@ -20,7 +20,7 @@ from agonic.health import figure
 from agonic.recording.advice import TURNING, is_in_space, lacks_place
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.choose import Kind, choose
-from agonic.recording.choice.sources import list_sources
+from agonic.recording.choice.fits import list_sources
 from agonic.recording.stretch import CHANGED, find_rows, list_stretches
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER, RAW

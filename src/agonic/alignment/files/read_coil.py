@@ -40,18 +40,14 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
-from agonic.alignment.files.coil_schema import (
-    SECTIONS,
-    AlignmentSection,
-    AttitudeSection,
-    CoilSection,
-)
 from agonic.alignment.files.description import Description, read_description
 from agonic.alignment.files.north_schema import NorthHead
-from agonic.alignment.files.session_schema import SiteSection
+from agonic.alignment.files.session_schema import MagnetometerSection, ReferenceSection, SiteSection
 from agonic.alignment.session import Site, load_earth_rotation
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.calibration.alignment import Alignment
@@ -61,6 +57,49 @@ from agonic.errors import AgonicError
 from agonic.files.calibration import load
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_ci, rot_en
+
+
+class CoilSection(Struct):
+    """[coil]"""
+
+    name: str = "coil"
+    axis: tuple[float, float, float] | None = None
+    frame: Literal["m", "b", "c", "n"] = "m"
+    settle_s: float = 0.0
+    current_sd: float = 0.0
+
+
+class AlignmentSection(Struct):
+    """[alignment]"""
+
+    file: str
+
+
+class AttitudeSection(Struct):
+    """[attitude]"""
+
+    roll_deg: float | None = None
+    pitch_deg: float | None = None
+    heading_deg: float | None = None
+    level_sd_arcsec: float = 0.0
+    heading_sd_arcsec: float = 0.0
+    ra_deg: float | None = None
+    dec_deg: float | None = None
+    rot_deg: float | None = None
+    utc: str | None = None
+    across_sd_arcsec: float = 0.0
+    about_sd_arcsec: float = 0.0
+
+
+SECTIONS: dict[str, type[Struct]] = {
+    "coil": CoilSection,
+    "magnetometer": MagnetometerSection,
+    "reference": ReferenceSection,
+    "alignment": AlignmentSection,
+    "attitude": AttitudeSection,
+    "site": SiteSection,
+}
+
 
 FILE_NAME = "coil.toml"
 

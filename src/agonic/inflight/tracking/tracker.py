@@ -15,10 +15,10 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health import Finding, Judged, figure
+from agonic.health.turning import FEWEST, check_turning, explains_change
 from agonic.inflight.tracking.evidence import list_findings
 from agonic.inflight.tracking.files import load_track, save_track
 from agonic.inflight.tracking.filter import start, update
-from agonic.inflight.tracking.gyro_choice import choose_gyro, find_magnitudes
 from agonic.inflight.tracking.result import Coefficients, Followed
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -211,3 +211,40 @@ class Tracker(Followed, Judged):
         tracker = cls(state.ground or state.aboard or state.base, params)
         tracker.state, tracker.history = state, history
         return tracker
+
+
+STEADY = 0.05
+"""Of the magnitude: where it changes by more, its direction changes too, and no gyro sees that."""
+
+
+def choose_gyro(samples: Samples, magnitude: Array, wanted: bool | None) -> tuple[bool, str]:
+    """Whether to use the gyro of the samples, and why not where it is left aside.
+
+    Raises `AgonicError` where it is wanted and is not there, or does not turn as the magnetometer.
+    """
+    if wanted is False:
+        return False, ""
+    if samples.rotation_rate is None or samples.time is None:
+        if wanted:
+            raise AgonicError("a gyro was asked for and the samples hold no rotation_rate")
+        return False, ""
+    mistake = check_turning(samples)
+    if mistake is not None:
+        if wanted:
+            raise AgonicError(f"{mistake.what}; {mistake.move}, or leave the gyro out")
+        return False, mistake.what
+    known = magnitude[magnitude > 0]
+    if wanted or not len(known):
+        return True, ""
+    if np.ptp(known) > STEADY * float(np.mean(known)):
+        return False, "the field itself changes on the way, which no gyro sees"
+    if len(samples) >= FEWEST and explains_change(samples):
+        return True, ""
+    return False, "the gyro explains less than half of how the readings change"
+
+
+def find_magnitudes(samples: Samples, reference: Reference | None) -> Array:
+    """The magnitude at each reading, (n,), nT; 0 where none is known."""
+    if reference is None:
+        return np.zeros(len(samples))
+    return np.broadcast_to(reference.magnitudes(len(samples)), len(samples))

@@ -16,8 +16,6 @@ FINEST = 4
 """Bins of the shortest wave."""
 FINER = 4
 """Frequencies a wave: between two of them no more than a tenth of a wave's size is lost."""
-MOST_BLUR = 3.0
-"""Radians of a wave by which noise blurs it: beyond, it only shows across the field."""
 ROUNDING = 0.05
 """Of a frequency: a wave so near to that of the steps of the readings is theirs."""
 STANDS_OUT = 8.0
@@ -36,7 +34,7 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array, step: float) -> Term 
     if not width > 0.0:
         return None
     order = np.arange(FINER * BINS // 2 + 1) / FINER
-    shows = 2 * np.pi * order / width * seen.blur < MOST_BLUR
+    shows = order / width * seen.blur < 0.5  # waves: beyond, one only shows across the field
     allowed = (order >= FEWEST_WAVES) & (order <= BINS / FINEST) & shows
     if not allowed.any():
         return None

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Literal, get_args
 
 from agonic.attitude.heading_source import check_heading_source
-from agonic.attitude.known_heading import is_known
+from agonic.attitude.problem import is_known
 from agonic.attitude.vertical_turn import tell_turn
 from agonic.errors import AgonicError, check_choice
 from agonic.field.place import describe_missing
@@ -21,7 +21,7 @@ from agonic.recording.choice.fits import (
     fit_magnitude,
     join_disturbers,
 )
-from agonic.recording.choice.surer import choose_surer, fit_beside_unit, leave_attitude
+from agonic.recording.choice.surer import choose_surer, fit_beside_unit
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -79,11 +79,9 @@ def _choose(
     if method == "vector" and (doubt := check_heading_source(samples, reference)) is not None:
         return _without_heading(samples, reference, kind, settings, doubt)
     aided = fit_beside_attitude(samples, reference, method, reason, settings)
-    if kind != "auto":
-        return aided
-    if aided.fit.verdict == "refused":
+    if kind == "auto" and aided.fit.verdict == "refused":
         return fall_back(aided, samples, reference, settings)
-    return leave_attitude(aided, samples, reference, settings)
+    return aided
 
 
 def _tell_turn(alone: Choice) -> Choice:

@@ -13,20 +13,21 @@ from agonic.attitude.delay import find_and_undo
 from agonic.attitude.disturbers.choice import (
     SourceChoice,
     choose_sources,
+    describe_gain,
     list_moving,
 )
+from agonic.attitude.disturbers.shape import find_timing_sd
 from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.levelled import fit_levelled
 from agonic.attitude.settings import Settings
 from agonic.attitude.vector import fit_vector
+from agonic.calibration.interference import Interference
 from agonic.calibration.sources import describe_sources
 from agonic.ellipsoid import (
     check_by_gravity,
-    find_inclination_deg,
     fit_ellipsoid,
-    fit_ellipsoid_alone,
     open_ellipsoid_parts,
 )
 from agonic.fit import Fit
@@ -34,9 +35,7 @@ from agonic.health import Finding
 from agonic.health.inertial_unit import leave_out_faulty, mend
 from agonic.inertial.fit import fit_inertial, open_inertial_parts
 from agonic.inertial.result import InertialFit
-from agonic.maths.equation.coverage import heading_sd_deg
 from agonic.new_rows import find_fresh
-from agonic.recording.choice.sources import add_choice, fit_with_sources, keep_common, list_sources
 from agonic.recording.held_out import FitPart, OpenParts
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -113,25 +112,8 @@ def fit_magnitude(
 
 def fit_alone(samples: Samples, reference: Reference | None, settings: Mapping[str, Any]) -> Choice:
     """The fit to the magnitude, by those settings of a fit beside the attitude that it has too."""
-    return fit_magnitude(samples, reference, "", _keep_own(settings))
-
-
-def state_heading_alone(
-    samples: Samples, reference: Reference, settings: Mapping[str, Any]
-) -> float:
-    """The standard error of the heading by the fit to the magnitude, before any evidence widens
-    it, degrees."""
-    own = _keep_own(settings)
-    made = fit_ellipsoid_alone(samples, reference, **own)
-    dip = find_inclination_deg(own.get("inclination_deg"), reference)
-    assert made.magnitude is not None
-    assert made.covariance is not None
-    return float(heading_sd_deg(dip, made.magnitude, made.matrix, made.covariance, made.gauge))
-
-
-def _keep_own(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings that the fit to the magnitude has too."""
-    return {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
+    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
+    return fit_magnitude(samples, reference, "", own)
 
 
 def join_disturbers(
@@ -222,3 +204,34 @@ def open_some(open_parts: OpenParts, samples: Samples, reference: Reference | No
         samples.select(some), None if reference is None else reference.select(some)
     )
     return lambda rows: fit_part(rows[some])
+
+
+def fit_with_sources(
+    run: Callable[..., Fit],
+    samples: Samples,
+    reference: Reference,
+    settings: Mapping[str, Any],
+) -> tuple[Fit, SourceChoice]:
+    """The fit, with what disturbs on board where anything recorded does; and what was compared."""
+    found = choose_sources(samples, reference, keep_common(settings))
+    if not found.sources:
+        return run(samples, reference, **settings), found
+    return add_choice(run(samples, reference, **settings, sources=found.sources), found), found
+
+
+def add_choice(fit: Fit, found: SourceChoice) -> Fit:
+    """The fit with what its sources are good for, and how well their timing is known."""
+    calibration = fit.calibration
+    assert isinstance(calibration, Interference)
+    timed = replace(calibration, timing_sd_s=find_timing_sd(found.shapes))
+    return replace(fit, calibration=timed).with_findings(describe_gain(found))
+
+
+def list_sources(fit: Fit) -> tuple[str, ...]:
+    return getattr(fit.calibration, "sources", ())
+
+
+def keep_common(settings: Mapping[str, Any]) -> Settings:
+    """The settings of a fit that one with sources has too; the whole model."""
+    common = ("robust", "soft_iron_sd", "seed", "turn_sd_deg")
+    return Settings(**{name: settings[name] for name in common if name in settings})

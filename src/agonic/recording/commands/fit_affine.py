@@ -49,8 +49,9 @@ AIDED = {
     "place.",
     "inertial": "Bias and matrix of what cannot be turned over: raw accelerometer and gyro.",
     "vector": "Bias and matrix where the whole attitude is known, heading included.",
+    "interference": "What currents on board, or a second magnetometer, say of the disturbance.",
 }
-"""The fits that the attitude aids, and what they find from what."""
+"""The fits that more than the magnitude aids, and what they find from what."""
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -58,7 +59,6 @@ def add_to(kinds: typer.Typer) -> None:
     kinds.command("ellipsoid")(ellipsoid)
     for kind, help in AIDED.items():
         kinds.command(kind, help=help)(aided)
-    kinds.command("interference")(interference)
 
 
 def ellipsoid(
@@ -100,7 +100,8 @@ def aided(
     unit: Unit = None,
     at: At = None,
     date: Date = None,
-    sources: Sources = "",
+    field: Magnitude = None,
+    sources: Sources = None,
     second: Second = None,
     course: Course = False,
     model: Model = "full",
@@ -112,39 +113,20 @@ def aided(
     as_json: Json = False,
 ) -> int:
     """Bias and matrix, aided by the attitude; the kind says by how much of it."""
+    kind = str(context.info_name)
+    if field is not None and kind != "interference":
+        raise AgonicError(f"--field is of no use to a {kind} fit, which needs --at and --date")
+    if course and kind in ("levelled", "interference"):
+        raise AgonicError(f"--course is of no use to a {kind} fit: ask for inertial or vector")
+    if sources is None:
+        sources = "current_A" if kind == "interference" else ""
     settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
     samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
     if course:
         from agonic.attitude.course import with_course
 
-        if context.info_name == "levelled":
-            raise AgonicError("--course is of no use to a levelled fit: ask for inertial or vector")
         samples = with_course(samples)
-    return _run(str(context.info_name), samples, (at, date, None), settings, out, as_json)
-
-
-def interference(
-    log: LogPath,
-    out: Out = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
-    sources: Sources = "current_A",
-    second: Second = None,
-    model: Model = "full",
-    gauge: FreeGauge = "auto",
-    robust: Robust = True,
-    soft_iron_sd: SoftIron = 0.1,
-    turn_sd_deg: Turn = 2.0,
-    between: Between = None,
-    as_json: Json = False,
-) -> int:
-    """What currents on board, or a second magnetometer, say of the disturbance."""
-    settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
-    samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
-    return _run("interference", samples, (at, date, field), settings, out, as_json)
+    return _run(kind, samples, (at, date, field), settings, out, as_json)
 
 
 def _settings(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from math import exp, log
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,7 +16,6 @@ from agonic.thermal.campaign.description import Description, Station
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.campaign.standard import list_standard_stations
-from agonic.thermal.maths.humidity import find_dew_point, find_humidity
 from agonic.thermal.maths.stations import describe_turn
 from agonic.thermal.plan.standard_errors import (
     ExpectedErrors,
@@ -261,3 +261,26 @@ def plan_thermal(
         chamber_sd=chamber_sd,
         humidity_percent=humidity_percent,
     )
+
+
+_A, _B_C = 17.62, 243.12
+
+
+def find_dew_point(temperature_C: float, humidity_percent: float) -> float:
+    """The temperature, °C, at which air of a relative humidity gives off its water.
+
+    >>> round(find_dew_point(22.0, 50.0), 1), round(find_dew_point(22.0, 100.0), 1)
+    (11.1, 22.0)
+    """
+    exponent = log(humidity_percent / 100.0) + _A * temperature_C / (_B_C + temperature_C)
+    return _B_C * exponent / (_A - exponent)
+
+
+def find_humidity(temperature_C: float, dew_point_C: float) -> float:
+    """The relative humidity, %, of air with a dew point.
+
+    >>> round(find_humidity(22.0, find_dew_point(22.0, 35.0)), 6)
+    35.0
+    """
+    wet, saturated = (_A * t / (_B_C + t) for t in (dew_point_C, temperature_C))
+    return 100.0 * exp(wet - saturated)
