@@ -183,6 +183,12 @@ def find_latency(samples: Samples) -> LatencyFit | None:
     return _FOUND[samples]
 
 
+def share_latency(samples: Samples, part: Samples) -> None:
+    """Take what is known of the delay of samples for that of a part of them."""
+    if samples in _FOUND:
+        _FOUND[part] = _FOUND[samples]
+
+
 def _estimate(
     samples: Samples, chosen: Method, limit_s: float, stretch_s: float | None
 ) -> kernel.Estimate:

@@ -132,24 +132,34 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
     )
 
 
-def choose(gram: Array, prior: Prior, groups: Sequence[Group]) -> dict[int, float]:
+def choose(
+    gram: Array, prior: Prior, groups: Sequence[Group], start: Mapping[int, float]
+) -> dict[int, float]:
     """The groups that the residuals show, by their likeliest sizes: one by one the likeliest,
-    beside which those before it are sized again."""
-    there: dict[int, float] = {}
-    for _ in range(MOST_TERMS):
+    beside which those before it are sized again; from those of a `start` on."""
+    there = _size_again(gram, prior, groups, dict(start))
+    for _ in range(MOST_TERMS - len(there)):
         odds, sizes = rate(gram, solve(gram, prior, groups, there), groups)
         odds[[*there]] = -np.inf
         best = int(np.argmax(odds)) if groups else -1
         if best < 0 or odds[best] < EVIDENCE:
             break
         there[best] = float(sizes[best])
-        for i in [i for i in there if len(there) > 1]:
-            others = {k: size for k, size in there.items() if k != i}
-            again, size = rate(gram, solve(gram, prior, groups, others), [groups[i]])
-            if again[0] < DOUBT:
-                del there[i]
-            else:
-                there[i] = float(size[0])
+        there = _size_again(gram, prior, groups, there)
+    return there
+
+
+def _size_again(
+    gram: Array, prior: Prior, groups: Sequence[Group], there: dict[int, float]
+) -> dict[int, float]:
+    """The groups by their likeliest sizes beside each other, without those that are doubtful."""
+    for i in [i for i in there if len(there) > 1]:
+        others = {k: size for k, size in there.items() if k != i}
+        odds, size = rate(gram, solve(gram, prior, groups, others), [groups[i]])
+        if odds[0] < DOUBT:
+            del there[i]
+        else:
+            there[i] = float(size[0])
     return there
 
 

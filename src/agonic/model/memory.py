@@ -75,7 +75,7 @@ class Search:
         there: dict[int, float] = {}
         for _ in range(_ROUNDS):
             gram = np.tensordot(sds**-2.0, by_channel, axes=1)
-            there = choose(gram, self.prior, self.groups)
+            there = choose(gram, self.prior, self.groups, there)
             base = solve(gram, self.prior, self.groups, there)
             before, sds = sds, _find_sds(by_channel, base, sds, n)
             if np.abs(sds / before - 1).max() < _SETTLED:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.attitude.delay import keep_latency
 from agonic.attitude.disturbers.choice import SourceChoice
-from agonic.attitude.latency import LatencyFit
+from agonic.attitude.latency import LatencyFit, share_latency
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import correct_field, select_columns
 from agonic.ellipsoid import Recording, fit_recording_and_rows, open_ellipsoid_parts
@@ -175,7 +175,9 @@ def _calibrate_stretch(
         rows = find_all_rows(clock, part)
         known = None if reference is None else reference.select(rows)
         try:
-            _, made = _choose_and_verify(samples.select(rows), known, kind, settings)
+            some = samples.select(rows)
+            share_latency(samples, some)
+            _, made = _choose_and_verify(some, known, kind, settings)
         except AgonicError:
             continue
         if made is None or made.verdict == "refused" or made.failed:

@@ -21,7 +21,6 @@ from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import list_disturbers
 from agonic.calibration.sources import MEMBER, list_columns, name_sources
 from agonic.health import Finding
-from agonic.model.average import RIVALS
 from agonic.model.recorded import Weighed
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -103,8 +102,14 @@ def _compare(
         return []
     tried = [_make_trial(sources, weighed, i) for i, sources in enumerate(candidates)]
     if weighed.taken is not None:
-        # of those as likely the first: a current before a throttle that makes it
-        first = int(np.argmax(weighed.odds > weighed.odds[weighed.taken] - RIVALS))
+        best = candidates[weighed.taken]
+        alike = [
+            i
+            for i, one in enumerate(candidates)
+            if _is_alike(log.samples, one, best) and _is_alike(log.samples, best, one)
+        ]
+        # of those that cannot be told apart the first: a current before a throttle that makes it
+        first = min(alike, default=weighed.taken)
         tried[first] = tried[first]._replace(taken=True)
         return tried
     if log.samples.time is None:

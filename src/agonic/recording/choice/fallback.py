@@ -28,6 +28,7 @@ def fall_back(
     if (
         reference is not None
         and recorded
+        and aided.method == "vector"
         and {"heading", "mounting"} & find_causes(aided)
         and find_causes(aided) <= NOT_OF_THE_MAGNETOMETER
     ):
