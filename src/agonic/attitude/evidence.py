@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import polar
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.attitude.azimuth import check_azimuth
 from agonic.attitude.calibration import make_mean_calibration
 from agonic.attitude.heading_column import check_heading_column
-from agonic.attitude.headings_seen import describe_turns, find_headings_seen
 from agonic.attitude.mounted_heading import (
     MountedHeading,
     check_turned_sensor,
@@ -39,7 +39,7 @@ from agonic.maths.equation.channels import (
     compute_residuals,
     field_of_terms,
 )
-from agonic.maths.equation.coverage import DOWN, count_visits, find_level_down
+from agonic.maths.equation.coverage import DOWN, count_visits, find_level_down, make_level_axes
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
@@ -276,3 +276,48 @@ def _remarks(fit: Fit, tilt_sd: float | None, *, felt: bool, doubted: bool) -> t
         which = "the tilt that was felt is" if felt else "roll and pitch are"
         said.append(f"{which} good to {figure(tilt_sd)}° by the field's dip")
     return tuple(said)
+
+
+WIDEST_GAP_DEG = 60.0
+LEAST_TILT_DEG = 10.0
+
+
+class HeadingsSeen(NamedTuple):
+    """What a vehicle showed: the sectors of 15° that its headings were in, and its tilt."""
+
+    sectors: Index
+    widest: int
+    gap_deg: int
+    tilt_deg: float
+
+
+def find_headings_seen(field: Array, down: Array) -> HeadingsSeen:
+    """The headings and the tilt of a vehicle, by field and down (n, 3) in a sensor's axes."""
+    axes = make_level_axes(find_level_down(down)).T
+    field, down = field @ axes, down @ axes
+    heading = heading_by_vectors_deg(field, down)
+    sectors = np.unique((heading // 15).astype(np.intp) % 24)
+    gaps = np.diff(np.append(sectors, sectors[0] + 24)) - 1
+    widest = int(np.argmax(gaps))
+    tilt = float(np.degrees(np.arccos(np.clip(np.percentile(down[:, 2], 5), -1.0, 1.0))))
+    return HeadingsSeen(sectors, widest, 15 * int(gaps[widest]), tilt)
+
+
+def describe_turns(field: Array, down: Array) -> str:
+    """The headings and the tilt that a vehicle would have to add.
+
+    Parameters: field and down (n, 3) in body axes, of the readings that count.
+
+    >>> level = np.tile([0.0, 0.0, 1.0], (2, 1))
+    >>> describe_turns(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)
+    'turn through all headings (seen: 0° to 105°), and bank and pitch by 20° or more on the way'
+    """
+    seen = find_headings_seen(field, down)
+    said = []
+    if seen.gap_deg > WIDEST_GAP_DEG:
+        first = 15 * seen.sectors[(seen.widest + 1) % len(seen.sectors)]
+        last = 15 * (seen.sectors[seen.widest] + 1)
+        said.append(f"turn through all headings (seen: {first}° to {last % 360}°)")
+    if seen.tilt_deg < LEAST_TILT_DEG:
+        said.append("bank and pitch by 20° or more on the way")
+    return ", and ".join(said)

@@ -45,7 +45,8 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
     """
     if result.samples.time is None or other.samples.time is None:
         return None
-    both = _find_common(result.samples.time, other.samples.time)
+    time, beside = result.samples.time, other.samples.time
+    both = time[(time >= beside[0]) & (time <= beside[-1])]  # each may be of a stretch
     left = [_average(one, both) for one in (result, other)] if len(both) else [None, None]
     if left[0] is None or left[1] is None or len(left[0]) < 8:
         return None
@@ -62,11 +63,6 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
     )
     said = f"one thing disturbs {names}, {way} (correlation {figure(correlation)})"
     return Finding("pair", "check", said, move)
-
-
-def _find_common(time: Array, other: Array) -> Array:
-    """The times of one sensor at which the other was calibrated too: each may be of a stretch."""
-    return np.asarray(time[(time >= other[0]) & (time <= other[-1])])
 
 
 def _average(one: Calibrated, time: Array) -> Array | None:

@@ -40,8 +40,10 @@ def choose_surer(
         opposite = check_felt_dip(alone.fit, samples, reference)
         if opposite is not None:
             return replace(alone, fit=alone.fit.with_findings(opposite), reason=enough)
-    if alone is not None and (_is_sure(alone.fit) or "static" in find_causes(alone)):
-        return replace(alone, reason=enough)  # what never turned blames no other sensor
+    if alone is not None:
+        sure = alone.fit.verdict == "good" and alone.fit.coverage.heading_sd_deg < SURE_DEG
+        if sure or "static" in find_causes(alone):  # what never turned blames no other sensor
+            return replace(alone, reason=enough)
     try:
         aided = fit_beside_unit(samples, reference, reason, settings)
     except CoverageError:
@@ -88,11 +90,6 @@ def fit_beside_unit(
 
 def _lacks_dip(reference: Reference | None) -> bool:
     return reference is None or reference.values.ndim == 1
-
-
-def _is_sure(alone: Fit) -> bool:
-    """Whether a fit by the magnitude alone is good and leaves nothing to ask for."""
-    return alone.verdict == "good" and alone.coverage.heading_sd_deg < SURE_DEG
 
 
 def _is_surer(aided: Fit, alone: Fit) -> bool:
