@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agonic.attitude.maths import latency, score_variance
+from agonic.attitude.maths import latency
 from agonic.maths.rotations.attitude import integrate_rates, rot_nb
 from agonic.simulation import simulate
 
@@ -80,5 +80,5 @@ def test_correlated_residuals_widen_the_scatter_of_a_score() -> None:
                 noise[i] += keep * noise[i - 1]
             z = noise[200:]
             scores.append((fall * z).sum())
-            told.append(score_variance._scatter(z, fall))
+            told.append(latency._scatter(z, fall))
         assert np.sqrt(np.mean(told)) == pytest.approx(np.std(scores), rel=0.15)
