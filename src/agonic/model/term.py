@@ -91,7 +91,7 @@ class Term:
     source: str
     what: str
     move: str
-    odds: float = 0.1
+    odds: float = 0.05
     most: float = 30.0
     at_rest: bool = False
     sideways: float = 0.0

@@ -56,7 +56,6 @@ DIRECTION = (
         name="by direction",
         errors=by_direction,
         scale=1e-3,
-        odds=0.05,
         source="what is left of fluxgates and magnetoresistors in coils, 50 nT",
         what="readings err by the direction of the field, of which the model knows nothing",
         move="record away from steel, turning about the sensor itself; see the map of residuals",
