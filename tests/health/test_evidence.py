@@ -185,9 +185,13 @@ def test_without_times_a_change_is_placed_by_its_row() -> None:
     assert "near row 15" in finding.sentence or "near row 14" in finding.sentence
 
 
-def test_a_slight_change_is_to_be_looked_at_not_refused() -> None:
+def test_a_slight_change_is_noted_and_a_larger_one_is_to_be_looked_at() -> None:
     for seed in SEEDS:
-        (finding,) = grave(fitted(shaken("tumble", 1200, 0.5, 9)(3000, seed)))
+        fit = fitted(shaken("tumble", 1200, 0.5, 9)(3000, seed))
+        assert fit.verdict == "good"
+        (note,) = [f for f in fit.findings if f.name == "field changed"]
+        assert "the heading moves by" in note.what
+        (finding,) = grave(fitted(shaken("tumble", 1800, 0.5, 9)(3000, seed)))
         assert (finding.name, finding.severity) == ("field changed", "check")
 
 

@@ -30,8 +30,8 @@ HALF_CIRCLE_DEG = 180.0
 """Of arc in one plane: less tells neither bias nor gain in it."""
 SHIFT_REFUSED = 0.04
 """Of the field, a step of the bias: no calibration holds for both sides within 2° of heading."""
-SHIFT_DOUBTFUL = 0.01
-"""The same, told: half a degree of heading."""
+SHIFT_DOUBTFUL = 0.03
+"""The same, to be looked at: the whole step errs a level heading by 2° at a dip of 60°."""
 SHIFT_OVER_NOISE = 3.0
 """Of the noise: a smaller step does not stand out of the readings."""
 MOST_ROWS = 20_000

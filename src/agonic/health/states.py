@@ -152,9 +152,10 @@ def check_states(e: Evidence, left: float | None) -> Finding | None:
     if len(found.edges) and found.shift < least:
         return None
     if not len(found.edges):
+        grave = found.shift >= MIXED_REFUSED
         return Finding(
             "two sensors mixed",
-            "refuse" if found.shift >= MIXED_REFUSED else "check",
+            "refuse" if grave else "check" if found.shift >= SHIFT_DOUBTFUL else "note",
             f"{100 * found.share:.0f} % of the readings lie on a second sphere, row by row among "
             "the others: two sensors are mixed in one log",
             "separate them (a sensor column, --sensor) and calibrate each by itself",

@@ -147,7 +147,7 @@ def calibrate_as_named(
 ) -> Calibrated:
     """`calibrate` along the axes that the readings are named for, whatever their mounting.
 
-    Where the bias changed on the way, the longest stretch that tells enough is calibrated.
+    Where the bias changed on the way, a stretch is calibrated: the last, or one that tells enough.
     """
     meant, known = without_held(as_samples(samples, unit)), Reference.of(reference)
     choice, made = _choose_and_verify(meant, known, kind, settings)
@@ -164,8 +164,7 @@ def _calibrate_stretch(
     settings: Mapping[str, Any],
     findings: Sequence[Finding],
 ) -> Calibrated | None:
-    """The longest part without a change of the bias that is not refused and that its own unseen
-    readings confirm; none where the bias did not change."""
+    """The first part without a change of the bias that is not refused, none where it did not."""
     changed = find_change(findings)
     if changed is None:
         return None
@@ -175,12 +174,12 @@ def _calibrate_stretch(
         rows = find_all_rows(clock, part)
         known = None if reference is None else reference.select(rows)
         try:
-            some = samples.select(rows)
-            share_latency(samples, some)
+            share_latency(samples, some := samples.select(rows))
             _, made = _choose_and_verify(some, known, kind, settings)
         except AgonicError:
             continue
-        if made is None or made.verdict == "refused" or made.failed:
+        now = part[-1][1] >= clock[-1]  # which may be checked; what was for a while has to hold
+        if made is None or made.verdict == "refused" or (made.failed and not now):
             continue
         names = {finding.name for finding in made.fit.findings if finding.severity != "note"}
         if not names & {CHANGED, "prior"}:  # what only a prior holds is no calibration of a stretch

@@ -38,8 +38,8 @@ def list_stretches(changed: Finding, clock: Array) -> list[Stretch]:
 
 
 def list_parts(changed: Finding, clock: Array) -> list[tuple[Stretch, ...]]:
-    """What may be calibrated together, the longest first: most of the log without what came and
-    went again, and each stretch alone.
+    """What may be calibrated together: most of the log without what came and went again, and each
+    stretch alone; first what ends with the log, which is as things are now, then the longest.
 
     >>> import numpy as np
     >>> moved = Finding("field changed", "refuse", "the bias moved", moments=(2.0, 9.0))
@@ -48,8 +48,9 @@ def list_parts(changed: Finding, clock: Array) -> list[tuple[Stretch, ...]]:
     """
     found = _cut(changed, clock)
     joined = [tuple(every) for every in (found[::2], found[1::2]) if len(every) > 1]
-    most = [part for part in joined if _measure(part) > MOST * _measure(found)]
-    return sorted([*most, *((one,) for one in found)], key=_measure, reverse=True)
+    parts = [part for part in joined if _measure(part) > MOST * _measure(found)]
+    parts += [(one,) for one in found]
+    return sorted(parts, key=lambda p: _measure(p) * (1 + (p[-1][1] >= clock[-1])), reverse=True)
 
 
 def _cut(changed: Finding, clock: Array) -> list[Stretch]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from agonic.errors import CoverageError
+from agonic.health.finding import Severity
 from agonic.recording.choice.fits import Choice, fit_alone, fit_beside_attitude
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -60,12 +61,9 @@ def carry_refusal(choice: Choice, refused: Choice) -> Choice:
     said |= {"mounting", "attitude"} if "axes" in said else set()
     if "inertial unit" in said:
         said |= {finding.name for finding in refused.fit.findings}
+    known: dict[str, Severity] = {"heading": "note"}  # of which the calibration has no use
     told = [
-        replace(one, severity="note")
-        if one.name == "heading"  # of which the calibration has no use
-        else replace(one, severity="check")
-        for one in grave
-        if one.name not in said
+        replace(one, severity=known.get(one.name, "check")) for one in grave if one.name not in said
     ]
     beside = {"heading", "attitude"} - said
     carried = [one for one in refused.fit.findings if one.name in beside and one not in grave]

@@ -35,6 +35,8 @@ from agonic.health import Finding
 from agonic.health.inertial_unit import leave_out_faulty, mend
 from agonic.inertial.fit import fit_inertial, open_inertial_parts
 from agonic.inertial.result import InertialFit
+from agonic.model.terms import HIDDEN
+from agonic.model.terms.time import STEP
 from agonic.new_rows import find_fresh
 from agonic.recording.held_out import FitPart, OpenParts
 from agonic.reference import Reference
@@ -50,7 +52,7 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 BESIDE_EACH_ROW = ("levelled", "vector")
 """Fits that compare a reading with the attitude of its row: one that is only held is late there."""
 
-OF_COVERAGE = {"coverage", "prior"}
+MAY_BE_DISTURBED = {"coverage", "prior", "noise with memory", STEP.name, *(t.name for t in HIDDEN)}
 """Reasons to refuse a fit that may go where what disturbs is known."""
 ENOUGH = 10_000
 """Rows that parts of a log are fitted to, together."""
@@ -129,7 +131,7 @@ def join_disturbers(
     """
     calibration = alone.fit.calibration
     refused = {one.name for one in alone.fit.findings if one.severity == "refuse"}
-    if not list_moving(samples) or not refused <= OF_COVERAGE:
+    if not list_moving(samples) or not refused <= MAY_BE_DISTURBED:
         return alone
     assert calibration.magnitude is not None
     known = reference or Reference.constant(calibration.magnitude, source="a mean gain of 1")
