@@ -157,9 +157,9 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
     coverage = replace(coverage, heading_sd_deg=float(np.hypot(own, turned)))
     accuracy = fit.accuracy and replace(fit.accuracy, delay_deg=turned)
     findings = tuple(_count_delay(finding, fit.coverage, coverage) for finding in fit.findings)
-    kept = replace(
-        fit, calibration=calibration, coverage=coverage, accuracy=accuracy, findings=findings
-    )
+    made = {**fit.shares, "delay": turned} if turned > 0.1 * own else fit.shares
+    kept = replace(fit, calibration=calibration, coverage=coverage, accuracy=accuracy)
+    kept = replace(kept, findings=findings, shares=dict(sorted(made.items(), key=lambda s: -s[1])))
     if turned < HEADING_DOUBTFUL_DEG:
         return kept
     rate = figure(float(np.degrees(measure_rate(samples))))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NoReturn
 
@@ -12,7 +13,6 @@ import numpy as np
 
 from agonic.arrays import Index
 from agonic.errors import LogError, TwoAxisError
-from agonic.logs.clocks.never_set import leave_out_date
 from agonic.logs.headers.column_names import suggest_names
 from agonic.logs.headers.columns import (
     FALLBACK,
@@ -308,3 +308,32 @@ def tell_no_clock(found: Identified, others: Iterable[str]) -> tuple[str, ...]:
     if _CLOCKS.intersection(found) or not free:
         return ()
     return (f"no column is known for a time ({', '.join(free[:5])}): --columns time=… names it",)
+
+
+_BEGINNINGS = [
+    datetime(1970, 1, 1, tzinfo=UTC),  # Unix
+    datetime(1980, 1, 1, tzinfo=UTC),  # MS-DOS, and files on memory cards
+    datetime(1980, 1, 6, tzinfo=UTC),  # GPS
+]
+_RUNNING = timedelta(days=2)  # that it may have run for
+
+
+def leave_out_date(samples: Samples) -> Samples:
+    """The readings without their date, where it is the one that an unset clock has.
+
+    A log with positions keeps it: what tells the place tells the time as well.
+
+    >>> never = Samples(field=[[0, 0, 1.0]], time=[60.0], epoch=datetime(1970, 1, 1, tzinfo=UTC))
+    >>> leave_out_date(never).notes
+    ('the clock was not set, it says 1970-01-01: the log has no date',)
+    """
+    if samples.epoch is None or samples.latitude_deg is not None or not len(samples):
+        return samples
+    seconds = 0.0 if samples.time is None else float(np.nan_to_num(samples.time[0]))
+    if not any(
+        timedelta(0) <= samples.epoch - beginning + timedelta(seconds=seconds) < _RUNNING
+        for beginning in _BEGINNINGS
+    ):
+        return samples
+    said = f"the clock was not set, it says {samples.epoch:%Y-%m-%d}: the log has no date"
+    return samples.with_columns(epoch=None, notes=(*samples.notes, said))

@@ -73,13 +73,11 @@ def judge(
     if not names:
         found += _check_unseen(posterior, coverage.heading_sd_deg)
     if not any(one.name == "prior" for one in found):
-        found += _name_held_axes(posterior, coverage, unit, radius)
+        found += _name_held_axes(posterior, unit, radius)
     return tuple(found)
 
 
-def _name_held_axes(
-    posterior: Posterior, coverage: Coverage, unit: str, radius: float
-) -> Iterator[Finding]:
+def _name_held_axes(posterior: Posterior, unit: str, radius: float) -> Iterator[Finding]:
     """What of the bias follows from the prior, where a level heading does not rest on it."""
     alone, stated = posterior.held.bias_sd, posterior.bias_sd
     open_axes = (alone > OPEN_BIAS) & (stated**2 < (1.0 - PRIOR_TOLD) * alone**2)

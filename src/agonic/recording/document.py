@@ -162,6 +162,8 @@ def describe_sensor(
     files, warnings, texts = written or Written([], [])
     refused = result.verdict == "refused"
     residuals = cache(lambda: compute_residuals(result))
+    bar = tables.draw_shares(fit.shares) if fit.shares else ""
+    made = [Section("What the heading's error is made of", [bar])] if bar else []
     figures_of_fit = [
         Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
         Section("Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]),
@@ -184,7 +186,7 @@ def describe_sensor(
         entries_title="",
         refused_numbers=True,
         sections=[
-            *([] if refused else figures_of_fit[:1]),
+            *([] if refused else [*made, *figures_of_fit[:1]]),
             *describe_ladder(result, printed=alone),
             *describe_disturbers(result),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),

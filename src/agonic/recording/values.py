@@ -63,6 +63,7 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "own_heading_sd_deg": lambda result: (
         result.fit.accuracy.heading_deg if result.fit.accuracy else None
     ),
+    "shares": lambda result: result.fit.shares,
     "inclination_deg": lambda result: result.fit.coverage.inclination_deg,
     "coverage": lambda result: result.fit.coverage.filled,
     "findings": lambda result: [asdict(finding) for finding in result.fit.findings],
@@ -83,6 +84,7 @@ adds to the readings; null without any. `latency_s` is null where none was found
 `heading_sd_deg` is what the verdict is on, null where the heading is open; `own_heading_sd_deg`
 that of the sensor's own axes, which the status states too, null where the fit was refused, and
 `vehicle_heading_sd_deg` that of the vehicle, null where nothing shows how the sensor sits in it.
+`shares` is what makes the heading's standard error, degrees by name, the largest first.
 `disturbers` holds each `Trial` of a set of sources, in order; empty where nothing was tried.
 `ladder` holds each `Rung`, from the simplest to the chosen fit; empty where a fit was refused.
 """

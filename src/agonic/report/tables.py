@@ -130,3 +130,28 @@ def _frame(letter: str) -> str:
 def spread(verification: Verification) -> str:
     """The spread of the magnitude before and after, in per cent of its mean."""
     return f"{percent(verification.spread_before)} → {percent(verification.spread_after)}"
+
+
+def list_shares(sds: Mapping[str, float]) -> str:
+    """The share of each cause in a variance, by the standard errors that causes make.
+
+    >>> list_shares({"noise": 0.4, "drift": 0.3}).replace("\u202f", " ")
+    'noise 64 %, drift 36 %'
+    """
+    total = sum(sd**2 for sd in sds.values())
+    return ", ".join(f"{name} {percent(sd**2 / total)}" for name, sd in sds.items())
+
+
+def draw_shares(sds: Mapping[str, float]) -> Markup:
+    """The same as one bar."""
+    total, at, bar = sum(sd**2 for sd in sds.values()), 0.0, list[Markup]()
+    for sd in sds.values():
+        width = 1000 * sd**2 / total
+        bar.append(element("rect", x=f"{at:.1f}", width=f"{width:.1f}", height="10"))
+        at += width
+    named = list_shares(sds).split(", ")
+    said = (element("span", element("i", class_="key"), one) for one in named)
+    return markup(
+        element("svg", *bar, viewBox="0 0 1000 10", preserveAspectRatio="none", class_="shares"),
+        element("p", *said, class_="legend shares-legend"),
+    )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from agonic.arrays import Array
+from agonic.calibration.affine import Affine
 from agonic.calibration.decomposition import decompose
 from agonic.calibration.interference import signals
 from agonic.inflight.fit import InflightFit
@@ -15,8 +17,7 @@ from agonic.inflight.report import figures, tables
 from agonic.inflight.report.causes import explain
 from agonic.inflight.report.direction import describe_direction, describe_sources
 from agonic.inflight.report.flight import Flight, flight_of_fit
-from agonic.report.decomposition import describe_decomposition
-from agonic.report.digits import count, group_digits, quantity, with_sd
+from agonic.report.digits import NO_BREAK, count, group_digits, quantity, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import per_label, unit_label
 from agonic.report.markup import Markup, element
@@ -267,3 +268,31 @@ def _map(flight: Flight, limit: float) -> Markup:
         f"±{quantity(made.cell_sd, 'nT', 2)}."
     )
     return caption("Where the residuals lie", Markup(scale + made.drawn), note=note)
+
+
+PAIRS = ("xy", "xz", "yz")
+
+
+def describe_decomposition(calibration: Affine) -> dict[str, str]:
+    """The sensitivity of each axis and how far the axes are from square, with standard errors.
+
+    >>> from numpy import diag, eye
+    >>> found = describe_decomposition(
+    ...     Affine(bias=[0, 0, 0], matrix=diag([2.0, 1.0, 1.0]), covariance=1e-6 * eye(9))
+    ... )
+    >>> found["Scale"].replace("\u00a0", " ")
+    'x 0.50000 ± 0.00025   y 1.0000 ± 0.0010   z 1.0000 ± 0.0010'
+    """
+    found = decompose(calibration)
+    return {
+        "Scale": _join("xyz", found.scale_factors, found.scale_factors_sd),
+        "Angles": _join(PAIRS, found.nonorthogonality_deg, found.nonorthogonality_sd_deg) + "°",
+    }
+
+
+def _join(names: Sequence[str], values: Array, sds: Array) -> str:
+    parts = (
+        f"{name} {with_sd(float(v), float(sd))}"
+        for name, v, sd in zip(names, values, sds, strict=True)
+    )
+    return "   ".join(part.replace(" ", NO_BREAK) for part in parts)

@@ -104,10 +104,7 @@ def fit_magnitude(
         wrong = mend(recorded)[1]
     fit = fit.with_findings(*wrong)
     same = {**settings, "model": fit.calibration.model}
-    parts = partial(
-        open_some,
-        partial(open_ellipsoid_parts, **same, near=fit.calibration),
-    )
+    parts = partial(open_some, partial(open_ellipsoid_parts, **same, near=fit.calibration))
     ask_latency = partial(find_latency, samples)
     return Choice(samples, reference, fit, "ellipsoid", reason, parts, ask_latency)
 
@@ -202,9 +199,8 @@ def open_some(open_parts: OpenParts, samples: Samples, reference: Reference | No
     """The calibrations by evenly spaced rows, of no more than suffice to judge rows that they have
     not seen: their own error is then far below the noise of these."""
     some = np.arange(0, len(samples), max(-(-len(samples) // ENOUGH), 1))
-    fit_part = open_parts(
-        samples.select(some), None if reference is None else reference.select(some)
-    )
+    known = None if reference is None else reference.select(some)
+    fit_part = open_parts(samples.select(some), known)
     return lambda rows: fit_part(rows[some])
 
 
