@@ -131,6 +131,15 @@ def test_calibrate_takes_what_disturbs_and_says_so() -> None:
     assert "% less in squares" in said.what
 
 
+def test_readings_of_few_levels_beside_a_current_end_in_a_verdict() -> None:
+    """Steps as large as the field leave singular sums, not a traceback."""
+    quiet = flight(1)
+    coarse = quiet.with_columns(
+        field=np.round(quiet.field / 70_000.0) * 70_000.0, disturbers=duties(1)
+    )
+    assert ag.calibrate(coarse, PLACE).verdict == "refused"
+
+
 @pytest.mark.parametrize("source", ["motor1_duty^", "^2", "a b", "second^2", "x^9", "heater_A>"])
 def test_a_source_that_is_none_is_refused(source: str) -> None:
     samples = flight(0, 300)

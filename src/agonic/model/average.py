@@ -92,7 +92,8 @@ def solve(gram: Array, prior: Prior, groups: Sequence[Group], there: Mapping[int
     information[range(m, len(columns)), range(m, len(columns))] += sizes**-2.0
     right = gram[columns, -1].copy()
     right[:m] += prior.pull
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    least = 1e-24 * float(np.diag(information).max())  # what nothing shows stays finite
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), least))
     scaled = information * np.outer(scale, scale) + _FIRM * np.eye(len(columns))
     inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
     estimate = inverse @ right
@@ -122,10 +123,9 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
     mean = weight @ means
     apart = means - mean
     covariance = np.diag(weight @ shrunk) + (apart * weight[:, None]).T @ apart
-    best = 1 + int(np.argmax((likelihood + np.log(chance))[1:]))
     return Sized(
         odds=float(_odds(likelihood, chance)),
-        size=float(sizes[best]),
+        size=float(sizes[1 + int(np.argmax((likelihood + np.log(chance))[1:]))]),
         mean=axes @ mean,
         covariance=axes @ covariance @ axes.T,
         alias=moved,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,22 @@ from agonic.model.memory import Search
 from agonic.model.rows import Rows, stack_columns
 from agonic.model.term import Errors, Term
 from agonic.model.terms.time import STEP
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def or_none(find: Callable[P, T | None]) -> Callable[P, T | None]:
+    """None for readings that determine nothing: other findings say why."""
+
+    @wraps(find)
+    def call(*args: P.args, **given: P.kwargs) -> T | None:
+        try:
+            return find(*args, **given)
+        except np.linalg.LinAlgError:
+            return None
+
+    return call
 
 
 class Known(NamedTuple):

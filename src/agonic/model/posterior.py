@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
-from typing import NamedTuple, ParamSpec
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from agonic.model.average import Base, average, list_ways, mix, solve
 from agonic.model.determinacy import Held, find_held
 from agonic.model.level import Level, stand_level
 from agonic.model.memory import LEAST_NOISE, Explained, Search
-from agonic.model.pose import Known, find_prior, pose
+from agonic.model.pose import Known, find_prior, or_none, pose
 from agonic.model.rows import Rows, choose_rows
 from agonic.model.shares import Share, weigh
 from agonic.model.term import Errors, Term
@@ -94,23 +93,7 @@ class Way(NamedTuple):
     shares: list[Share]
 
 
-P = ParamSpec("P")
-
-
-def _or_none(find: Callable[P, Posterior | None]) -> Callable[P, Posterior | None]:
-    """None for readings that determine nothing: other findings say why."""
-
-    @wraps(find)
-    def call(*args: P.args, **given: P.kwargs) -> Posterior | None:
-        try:
-            return find(*args, **given)
-        except np.linalg.LinAlgError:
-            return None
-
-    return call
-
-
-@_or_none
+@or_none
 def find_posterior(
     problem: Problem,
     estimate: Estimate,
@@ -246,8 +229,8 @@ def _gather(
     memory = float(by_channel @ found.memory) / rows.radius**2
     at_rest = sum(one.at_rest_deg**2 for one in shares)
     covariance[:3, :3] += (at_rest / level.per_error + memory) * rows.radius**2 * np.eye(3)
-    channels = [one.name for one in search.stacks]
     own = level.by_params - (level.by_params.mean(axis=0) if search.stacks[1:] else 0.0)
+    at_feet = (rows, at.estimate, [one.name for one in search.stacks], base, search.prior, own)
     return Posterior(
         params=at.estimate.solution.params + shift,
         covariance=covariance,
@@ -261,9 +244,7 @@ def _gather(
             for name, move in considered.items()
         },
         bias_sd=np.sqrt(np.diag(covariance)[:3]) / rows.radius,
-        held=find_held(rows, at.estimate, channels, base, search.prior, own)
-        if priors_alone
-        else _FREE,
+        held=find_held(*at_feet) if priors_alone else _FREE,
         unseen=predict_unseen(found.blocks, base, level.by_params),
     )
 

@@ -18,7 +18,7 @@ from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.model.average import Base, average, rate, solve
 from agonic.model.memory import Explained, Search
 from agonic.model.noise import fit_filter
-from agonic.model.pose import pose
+from agonic.model.pose import or_none, pose
 from agonic.model.rows import Rows, choose_rows
 from agonic.model.term import Errors, Seen, Term, along_time
 from agonic.model.terms import HIDDEN
@@ -65,6 +65,7 @@ def is_surely_less(left: Array, tries: int) -> bool:
     return bool(-left.mean() > surely * left.std(ddof=1) / np.sqrt(len(left)))
 
 
+@or_none
 def weigh_recorded(
     problem: Problem, estimate: Estimate, time: Array | None, origin: Array, sets: Sequence[Array]
 ) -> Weighed | None:
@@ -103,6 +104,7 @@ def _outlasts(search: Search, found: Explained, i: int) -> bool:
     return i in again.there
 
 
+@or_none
 def measure_slopes(
     problem: Problem,
     estimate: Estimate,
