@@ -118,7 +118,7 @@ def test_a_log_whose_attitudes_nothing_holds_is_refused_in_words(recordings) -> 
     place = ag.Reference.vector(size * field / np.linalg.norm(field), frame="n")
     fit = ag.fit_inertial(logged, place)
     assert fit.verdict == "refused"
-    assert "about what the gyro tells: its unit, axes, sign or clock are wrong" in fit.status
+    assert fit.status.startswith("All readings have exactly the same length")
     for kind in ("inertial", "auto"):  # readings of one length are the cause of it all
         made = ag.calibrate(logged, place, kind=kind)
         assert made.verdict == "refused"

@@ -17,6 +17,7 @@ from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
+from agonic.model.posterior import LEAST_SHARE
 from agonic.model.verdict import check_coverage
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -157,7 +158,7 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
     coverage = replace(coverage, heading_sd_deg=float(np.hypot(own, turned)))
     accuracy = fit.accuracy and replace(fit.accuracy, delay_deg=turned)
     findings = tuple(_count_delay(finding, fit.coverage, coverage) for finding in fit.findings)
-    made = {**fit.shares, "delay": turned} if turned > 0.1 * own else fit.shares
+    made = {**fit.shares, "delay": turned} if turned**2 > LEAST_SHARE * own**2 else fit.shares
     kept = replace(fit, calibration=calibration, coverage=coverage, accuracy=accuracy)
     kept = replace(kept, findings=findings, shares=dict(sorted(made.items(), key=lambda s: -s[1])))
     if turned < HEADING_DOUBTFUL_DEG:

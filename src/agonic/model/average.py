@@ -33,7 +33,8 @@ MOST_TERMS = 8
 RIVALS = 3.0
 """In log-odds, by which a term may be less likely than another and still be meant: 1 to 20."""
 _FIRM = 1e-10  # of a column's own square: so near to others it says nothing
-_BLIND = 1e-9  # of a term's squares: less is rounding of the cross-products, not information
+ROUNDING = 1e-9
+"""Of squares: less is rounding of the cross-products, not information."""
 
 
 class Group(NamedTuple):
@@ -82,9 +83,15 @@ class Sized(NamedTuple):
         return self.covariance + np.outer(self.mean, self.mean)
 
 
-def solve(gram: Array, prior: Prior, groups: Sequence[Group], there: Mapping[int, float]) -> Base:
-    """The base of the parameters and the groups that are `there`, by their sizes."""
-    m = len(prior.pull)
+def solve(
+    gram: Array,
+    prior: Prior,
+    groups: Sequence[Group],
+    there: Mapping[int, float],
+    without: int | None = None,
+) -> Base:
+    """The base of the parameters and the groups that are `there`, by their sizes; `without` one."""
+    m, there = len(prior.pull), {k: size for k, size in there.items() if k != without}
     columns = np.concatenate([np.arange(m), *(groups[i].columns for i in there)]).astype(np.intp)
     sizes = np.repeat([*there.values()], [len(groups[i].columns) for i in there])
     information = gram[np.ix_(columns, columns)].copy()
@@ -115,8 +122,8 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
     values, axes, seen = _turn(own - across.T @ moved, score, np.trace(own))
     sizes, chance = _grid(group)
     square = sizes[:, None] ** 2
-    likelihood = _likelihood(values, seen, square)
-    weight = np.exp(likelihood + np.log(chance) - (likelihood + np.log(chance)).max())
+    joint = _weigh_sizes(values, seen, square, chance)
+    weight = np.exp(joint - joint.max())
     weight /= weight.sum()
     shrunk = square / (1 + square * values)
     means = shrunk * seen
@@ -124,8 +131,8 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
     apart = means - mean
     covariance = np.diag(weight @ shrunk) + (apart * weight[:, None]).T @ apart
     return Sized(
-        odds=float(_odds(likelihood, chance)),
-        size=float(sizes[1 + int(np.argmax((likelihood + np.log(chance))[1:]))]),
+        odds=float(_odds(joint)),
+        size=float(sizes[1 + int(np.argmax(joint[1:]))]),
         mean=axes @ mean,
         covariance=axes @ covariance @ axes.T,
         alias=moved,
@@ -154,8 +161,7 @@ def _size_again(
 ) -> dict[int, float]:
     """The groups by their likeliest sizes beside each other, without those that are doubtful."""
     for i in [i for i in there if len(there) > 1]:
-        others = {k: size for k, size in there.items() if k != i}
-        odds, size = rate(gram, solve(gram, prior, groups, others), [groups[i]])
+        odds, size = rate(gram, solve(gram, prior, groups, there, i), [groups[i]])
         if odds[0] < DOUBT:
             del there[i]
         else:
@@ -180,9 +186,9 @@ def rate(gram: Array, base: Base, groups: Sequence[Group]) -> tuple[Array, Array
         values, _, seen = _turn(own - across, score, trace)
         grids = [_grid(groups[i]) for i in members]
         sizes, chance = (np.stack(each) for each in zip(*grids, strict=True))
-        likelihood = _likelihood(values[:, None], seen[:, None], sizes[:, :, None] ** 2)
-        odds[members] = _odds(likelihood, chance)
-        likeliest = 1 + np.argmax((likelihood + np.log(chance))[:, 1:], axis=1)
+        joint = _weigh_sizes(values[:, None], seen[:, None], sizes[:, :, None] ** 2, chance)
+        odds[members] = _odds(joint)
+        likeliest = 1 + np.argmax(joint[:, 1:], axis=1)
         best[members] = sizes[np.arange(len(members)), likeliest]
     return odds, best
 
@@ -194,12 +200,12 @@ def list_ways(
     is `alike` in place of another, where the residuals hardly tell one from the other."""
     ways = [(1.0, dict(there))]
     for i in alike & set(there):
-        others = {k: size for k, size in there.items() if k != i}
-        odds, sizes = rate(gram, solve(gram, prior, groups, others), groups)
+        odds, sizes = rate(gram, solve(gram, prior, groups, there, i), groups)
         for j in alike - set(there):
             if odds[j] > odds[i] - RIVALS:
                 chance = float(np.exp(min(odds[j] - odds[i], RIVALS)))
-                ways.append((chance, {**others, j: float(sizes[j])}))
+                way = {**there, j: float(sizes[j])}
+                ways.append((chance, {k: size for k, size in way.items() if k != i}))
     total = sum(chance for chance, _ in ways)
     return [(chance / total, way) for chance, way in ways]
 
@@ -239,18 +245,19 @@ def _turn(square: Array, score: Array, trace: Array) -> tuple[Array, Array, Arra
     """Λ, U and q of S (…, k, k) and s (…, k); what is rounding beside `trace` (…, 1) is none."""
     values, axes = np.linalg.eigh((square + np.swapaxes(square, -1, -2)) / 2)
     seen = np.einsum("...ij,...i->...j", axes, score)
-    blind = values < _BLIND * trace
+    blind = values < ROUNDING * trace
     return np.where(blind, 0.0, values), axes, np.where(blind, 0.0, seen)
 
 
-def _likelihood(values: Array, seen: Array, square: Array) -> Array:
+def _weigh_sizes(values: Array, seen: Array, square: Array, chance: Array) -> Array:
+    """The logarithm of likelihood L(τ) times prior, for squares of sizes (…, g, 1)."""
     spread = 1 + square * values
-    return np.asarray(0.5 * (seen**2 * square / spread - np.log(spread)).sum(axis=-1))
+    likelihood = 0.5 * (seen**2 * square / spread - np.log(spread)).sum(axis=-1)
+    return np.asarray(likelihood + np.log(chance))
 
 
-def _odds(likelihood: Array, chance: Array) -> Array:
+def _odds(joint: Array) -> Array:
     """The log-odds of all sizes above zero against none, over the last axis."""
-    joint = likelihood + np.log(chance)
     most = joint[..., 1:].max(axis=-1)
     rest = np.log(np.exp(joint[..., 1:] - most[..., None]).sum(axis=-1)) + most
     return np.asarray(rest - joint[..., 0])

@@ -71,14 +71,14 @@ def _add_up_white(rows: Rows, estimate: Estimate, channels: Sequence[str]) -> tu
     """Information (m, m) of the feet for white noise, and that which noise pretends to."""
     params, points = estimate.solution.params, rows.feet.points
     blur = estimate.noise["magnitude"].sd * np.random.default_rng(0).normal(size=points.shape)
-    _, local = join_pieces(rows.feet, "magnitude", params)
-    normal = local[:, :3] / np.linalg.norm(local[:, :3], axis=1, keepdims=True)
+    at_feet = {one: join_pieces(rows.feet, one, params)[1] for one in channels}
+    normal = at_feet["magnitude"][:, :3]
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     blur -= normal * np.sum(blur * normal, axis=1, keepdims=True)
     blurred = rows.feet._replace(points=points + blur)
     seen, by_noise = np.zeros((len(params), len(params))), np.zeros((len(params), len(params)))
-    for channel in channels:
+    for channel, standing in at_feet.items():
         weights = rows.weights / estimate.noise[channel].sd ** 2
-        _, standing = join_pieces(rows.feet, channel, params)
         change = join_pieces(blurred, channel, params)[1] - standing
         seen += (standing.T * weights) @ standing
         by_noise += (change.T * weights) @ change

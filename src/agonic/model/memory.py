@@ -21,11 +21,12 @@ _SETTLED = 0.01
 
 class Explained(NamedTuple):
     """Standard deviations (c,) of what filters leave, by channel; the sizes of the groups that are
-    there; Gram blocks (b, m + 1, m + 1) over the noise and their sum over channels and blocks; what
-    memory adds to the mean square of each channel, (c,)."""
+    there, and their base; Gram blocks (b, m + 1, m + 1) over the noise and their sum over channels
+    and blocks; what memory adds to the mean square of each channel, (c,)."""
 
     sds: Array
     there: Mapping[int, float]
+    base: Base
     blocks: Blocks
     gram: Array
     memory: Array
@@ -41,11 +42,11 @@ class Search:
     radius: float
 
     def explain(self, sds: Array) -> Explained:
-        """The likelier of two ways: one gives terms the first word, the other memory.
+        """The likeliest of three ways: terms beside white noise, terms first and then memory, and
+        memory first.
 
         Parameters: `sds` (c,) of the channels to begin with.
         """
-        sds = np.maximum(sds, LEAST_NOISE)
         first, likelihood = self.explain_white(sds)
         most = [np.mean(stack.columns[-1] ** 2) for stack in self.stacks]
         tried = [(likelihood, first)]
@@ -66,13 +67,13 @@ class Search:
 
     def explain_white(self, sds: Array) -> tuple[Explained, float]:
         """The terms beside white noise, and their log-likelihood."""
-        return self.settle([WHITE] * len(self.stacks), np.maximum(sds, LEAST_NOISE))
+        return self.settle([WHITE] * len(self.stacks), sds)
 
     def settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
         """Terms and standard deviations for given filters, all from one pass over the rows."""
         blocks = with_steps(add_up(self.stacks, filters), self.radius)
         by_channel, n = blocks.sums.sum(axis=1), float(blocks.rows.sum())
-        there: dict[int, float] = {}
+        there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
         for _ in range(_ROUNDS):
             gram = np.tensordot(sds**-2.0, by_channel, axes=1)
             there = choose(gram, self.prior, self.groups, there)
@@ -81,17 +82,16 @@ class Search:
             if np.abs(sds / before - 1).max() < _SETTLED:
                 break
         gram = np.tensordot(sds**-2.0, by_channel, axes=1)
-        evidence = solve(gram, self.prior, self.groups, there).evidence
-        likelihood = evidence - n * float(np.log(sds).sum()) + price(self.groups, there)
+        base = solve(gram, self.prior, self.groups, there)
+        likelihood = base.evidence - n * float(np.log(sds).sum()) + price(self.groups, there)
         scaled = Blocks(blocks.sums / sds[:, None, None, None] ** 2, blocks.rows)
-        return Explained(sds, there, scaled, gram, np.zeros(len(sds))), likelihood
+        return Explained(sds, there, base, scaled, gram, np.zeros(len(sds))), likelihood
 
     def leave(self, found: Explained) -> list[Array]:
         """What parameters and terms leave of each channel's residuals."""
-        base = solve(found.gram, self.prior, self.groups, found.there)
         m = len(self.stacks[0].columns) - 1
         weights = np.zeros(found.gram.shape[0] - 1)
-        weights[base.columns] = base.estimate
+        weights[found.base.columns] = found.base.estimate
         rows = found.blocks.rows
         steps = np.cumsum(weights[m:].reshape(-1, 3), axis=0)
         shifts = self.radius * np.vstack([np.zeros((1, 3)), steps])

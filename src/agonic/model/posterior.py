@@ -43,9 +43,9 @@ class Posterior(NamedTuple):
     """Parameters (m,) averaged over the sizes of all terms, their covariance, what makes it.
 
     `shares` by term, the largest first; `noise_deg` is that of noise and coverage, `memory_deg` of
-    disturbances with memory whose cause is not known, `attitude_lasts` where errors of dip or
-    azimuth have one, `left` the noise that terms leave, over the radius, `considered_deg` of errors
-    that all rows share; `bias_sd` (3,) over the radius; `held` by priors; `unseen` blocks.
+    disturbances with memory whose cause is not known, `attitude_lasts` where what is left of any of
+    several channels has one, `left` the noise that terms leave and `bias_sd` (3,), over the radius,
+    `considered_deg` of errors that all rows share; `held` by priors; `unseen` blocks.
     """
 
     params: Array
@@ -72,24 +72,25 @@ class Posterior(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What the posterior is found from: rows, terms, level headings, cross-products; `soft_iron` is
-    the problem of all rows where the size of soft iron is a further unknown."""
+    """What the posterior is found from: rows, terms, level headings, and what explains the
+    residuals; `soft_iron` is the problem of all rows where the size of soft iron is unknown too."""
 
     rows: Rows
     estimate: Estimate
     known: Sequence[Known]
     level: Level
     search: Search
-    gram: Array
+    found: Explained
     soft_iron: Problem | None
 
 
 class Way(NamedTuple):
-    """One way to explain the residuals: how far it moves the parameters, their covariance, and the
-    share of each group."""
+    """One way to explain the residuals: how far it moves the parameters, their covariance, that of
+    noise and coverage alone, and the share of each group."""
 
     shift: Array
     covariance: Array
+    noise: Array
     shares: list[Share]
 
 
@@ -128,8 +129,8 @@ def find_posterior(
         search, seen = pose(rows, estimate, (*HIDDEN, waves), known)
         found = search.explain(found.sds)
     level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
-    at = Scene(rows, estimate, seen, level, search, found.gram, problem if shrink else None)
-    return _gather(at, found, considered or {}, priors_alone=known is None)
+    at = Scene(rows, estimate, seen, level, search, found, problem if shrink else None)
+    return _gather(at, considered or {}, priors_alone=known is None)
 
 
 def _centre(at: Scene, base: Base, there: Mapping[int, float]) -> tuple[Array, Array]:
@@ -144,7 +145,7 @@ def _centre(at: Scene, base: Base, there: Mapping[int, float]) -> tuple[Array, A
     bases = []
     for sd in SOFT_IRON_SDS:
         prior = find_prior(at.soft_iron, at.estimate.solution.params, float(sd))
-        bases.append(solve(at.gram, prior, at.search.groups, there))
+        bases.append(solve(at.found.gram, prior, at.search.groups, there))
     evidence = np.array([one.evidence for one in bases])
     evidence -= _SOFT_IRON_FREEDOM * np.log(SOFT_IRON_SDS)
     weights = np.exp(evidence - evidence.max())
@@ -152,49 +153,41 @@ def _centre(at: Scene, base: Base, there: Mapping[int, float]) -> tuple[Array, A
     return mix(weights, [(one.estimate[:m], one.inverse[:m, :m]) for one in bases])
 
 
-def _explain(at: Scene, there: Mapping[int, float], base: Base, counts: Array) -> Way:
-    """Parameters and covariance averaged over the sizes of all terms, beside those that are there.
-
-    Parameters: rows of each block `counts` (b,).
-    """
-    gram, groups, prior, share = at.gram, at.search.groups, at.search.prior, at.rows.share
+def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
+    """Parameters and covariance averaged over the sizes of all terms, beside those `there`."""
+    gram, groups, prior, share = at.found.gram, at.search.groups, at.search.prior, at.rows.share
     m = len(prior.pull)
-    shift, covariance = _centre(at, base, there)
-    covariance *= share * compute_widening(max(len(at.rows.weights) - m, 1)) ** 2
+    shift, noise = _centre(at, base, there)
+    noise *= share * compute_widening(max(len(at.rows.weights) - m, 1)) ** 2
+    covariance = noise.copy()
     if share < 1.0:  # some rows alone: what they say of terms counts, not where they are best
         shift = shift - solve(gram, prior, groups, {}).estimate[:m]
     shares = []
     for i, group in enumerate(groups):
-        beside = base
-        if i in there:
-            others = {k: size for k, size in there.items() if k != i}
-            beside = solve(gram, prior, groups, others)
+        beside = solve(gram, prior, groups, there, i) if i in there else base
         sized = average(gram, beside, group)
         alias = sized.alias[:m]
         if i not in there:
             shift = shift - alias @ sized.mean
             covariance += alias @ sized.covariance @ alias.T
-        term, errors, row = _find_errors(at, i, counts)
+        term, errors, row = _find_errors(at, i)
         one = weigh(term, errors, sized, alias, at.level, there=i in there)
         if i in there and row is not None:
             one = one._replace(row=row, size=float(np.sqrt(np.trace(sized.square))))
         shares.append(one)
-    return Way(shift, covariance, shares)
+    return Way(shift, covariance, noise, shares)
 
 
-def _explain_all(at: Scene, found: Explained, base: Base) -> Way:
+def _explain_all(at: Scene) -> Way:
     """The same averaged over which of the terms that err at rest it is, where they hardly differ in
     the residuals."""
     bends = {i for i, one in enumerate(at.known) if one.term.at_rest}
-    listed = list_ways(at.gram, at.search.prior, at.search.groups, found.there, bends)
-    counts = found.blocks.rows
-    first = _explain(at, found.there, base, counts)
+    found, fixed = at.found, (at.found.gram, at.search.prior, at.search.groups)
+    listed = list_ways(*fixed, found.there, bends)
+    first = _explain(at, found.there, found.base)
     if len(listed) == 1:
         return first
-    more = [
-        _explain(at, there, solve(at.gram, at.search.prior, at.search.groups, there), counts)
-        for _, there in listed[1:]
-    ]
+    more = [_explain(at, there, solve(*fixed, there)) for _, there in listed[1:]]
     ways, chances = [first, *more], np.array([chance for chance, _ in listed])
     shift, covariance = mix(chances, [(one.shift, one.covariance) for one in ways])
     apart = np.sqrt([at.level.spread(np.outer(d, d)) for d in (w.shift - shift for w in ways)])
@@ -205,32 +198,28 @@ def _explain_all(at: Scene, found: Explained, base: Base) -> Way:
         heading, rest = np.sqrt(chances @ by)
         whole = float(np.hypot(heading, np.sqrt(chances @ own**2)))
         shares.append(each[0]._replace(heading_deg=whole, at_rest_deg=float(rest)))
-    return Way(shift, covariance, shares)
+    return Way(shift, covariance, first.noise, shares)
 
 
-def _gather(
-    at: Scene, found: Explained, considered: Mapping[str, Array], *, priors_alone: bool
-) -> Posterior:
+def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -> Posterior:
     """Parameters, covariance and shares, with what no row shows.
 
     Unless `priors_alone` are beside the rows, nothing is said of what priors hold.
     """
-    rows, level, search, m = at.rows, at.level, at.search, len(at.search.prior.pull)
-    base = solve(at.gram, search.prior, search.groups, found.there)
-    shift, covariance, shares = _explain_all(at, found, base)
-    noise = _centre(at, base, found.there)[1] * rows.share
-    noise *= compute_widening(max(len(rows.weights) - m, 1)) ** 2
+    rows, level, search, found = at.rows, at.level, at.search, at.found
+    shift, covariance, noise, shares = _explain_all(at)
     for move in considered.values():
         covariance += np.outer(move, move)
     far = level.spread(np.outer(shift, shift)) > FARTHEST_DEG**2
     if far or not priors_alone:  # rows of one channel move no estimate that others hold
-        covariance, shift = covariance + np.outer(shift, shift), np.zeros(m)
+        covariance, shift = covariance + np.outer(shift, shift), np.zeros_like(shift)
     by_channel = np.array([1.0, *[ATTITUDE_MEMORY**2] * (len(found.memory) - 1)])
     memory = float(by_channel @ found.memory) / rows.radius**2
     at_rest = sum(one.at_rest_deg**2 for one in shares)
     covariance[:3, :3] += (at_rest / level.per_error + memory) * rows.radius**2 * np.eye(3)
     own = level.by_params - (level.by_params.mean(axis=0) if search.stacks[1:] else 0.0)
-    at_feet = (rows, at.estimate, [one.name for one in search.stacks], base, search.prior, own)
+    channels = [one.name for one in search.stacks]
+    at_feet = (rows, at.estimate, channels, found.base, search.prior, own)
     return Posterior(
         params=at.estimate.solution.params + shift,
         covariance=covariance,
@@ -245,14 +234,15 @@ def _gather(
         },
         bias_sd=np.sqrt(np.diag(covariance)[:3]) / rows.radius,
         held=find_held(*at_feet) if priors_alone else _FREE,
-        unseen=predict_unseen(found.blocks, base, level.by_params),
+        unseen=predict_unseen(found.blocks, found.base, level.by_params),
     )
 
 
-def _find_errors(at: Scene, i: int, counts: Array) -> tuple[Term, Errors, int | None]:
+def _find_errors(at: Scene, i: int) -> tuple[Term, Errors, int | None]:
     """A group's term and its errors; of a step those of its moment, and the row where it is."""
     if i < len(at.known):
         return at.known[i].term, at.known[i].errors, None
+    counts = at.found.blocks.rows
     before = int(counts[: i - len(at.known) + 1].sum())
     n = int(counts.sum())
     height = np.where(np.arange(n) >= before, before / n, before / n - 1.0)

@@ -5,7 +5,7 @@ Each set of columns is a term like all others, and competes with them in one lik
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from scipy.special import stdtrit
 from agonic.arrays import Array
 from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.model.average import Base, average, rate, solve
+from agonic.model.average import Base, rate, solve
 from agonic.model.memory import Explained, Search
 from agonic.model.noise import fit_filter
 from agonic.model.pose import or_none, pose
@@ -35,27 +35,28 @@ _ROUNDS = 2
 
 
 class Weighed(NamedTuple):
-    """Sets of columns beside hidden terms: the log-odds of each, (s,), and which explains most and
-    surely something, None where none does; the search, what it found, and its base without sets."""
+    """Sets of columns beside hidden terms: the log-odds of each and its likeliest size, (s,), which
+    explains most and surely something, None where none does; the search, what it found, the hidden
+    terms that are there, and the logarithms of what they leave of each unseen block, (b,)."""
 
     odds: Array
+    sizes: Array
     taken: int | None
     search: Search
     found: Explained
-    base: Base
+    hidden: Mapping[int, float]
+    left: Array
 
     def measure_left(self, i: int) -> Array:
         """What is left of the squares of each block by the fit to all others, with a set over
         without it, as logarithms (b,)."""
-        group = self.search.groups[i]
-        size = average(self.found.gram, self.base, group).size
-        hidden = {k: size for k, size in self.found.there.items() if k >= len(self.odds)}
-        joined = solve(self.found.gram, self.search.prior, self.search.groups, {**hidden, i: size})
-        after, before = (
-            np.log([one.square for one in leave_out(self.found.blocks, base)])
-            for base in (joined, self.base)
-        )
-        return np.asarray(after - before)
+        there = {**self.hidden, i: float(self.sizes[i])}
+        joined = solve(self.found.gram, self.search.prior, self.search.groups, there)
+        return _log_squares(self.found, joined) - self.left
+
+
+def _log_squares(found: Explained, base: Base) -> Array:
+    return np.log([one.square for one in leave_out(found.blocks, base)])
 
 
 def is_surely_less(left: Array, tries: int) -> bool:
@@ -85,8 +86,8 @@ def weigh_recorded(
     search, found = _explain(rows, estimate, [*terms, *HIDDEN], white=True)
     hidden = {i: size for i, size in found.there.items() if i >= len(sets)}
     base = solve(found.gram, search.prior, search.groups, hidden)
-    odds = rate(found.gram, base, search.groups[: len(sets)])[0]
-    weighed = Weighed(odds, None, search, found, base)
+    odds, sizes = rate(found.gram, base, search.groups[: len(sets)])
+    weighed = Weighed(odds, sizes, None, search, found, hidden, _log_squares(found, base))
     shown = [i for i in found.there if i < len(sets)]
     best = max(shown, key=lambda i: odds[i], default=None)
     if best is None:

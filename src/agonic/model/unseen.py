@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.model.average import Base
+from agonic.model.average import ROUNDING, Base
 from agonic.model.gram import Blocks
 
 
@@ -50,8 +50,9 @@ def leave_out(blocks: Blocks, base: Base) -> Iterator[LeftOut]:
         inverse = np.linalg.inv(whole - own)
         without = inverse @ (right - one[columns, -1])
         pull = one[columns, -1] - own @ without
-        square = float(one[-1, -1] - one[columns, -1] @ without - without @ pull)
-        standard = square - float(pull @ base.inverse @ pull)
+        least = ROUNDING * float(one[-1, -1])
+        square = max(float(one[-1, -1] - one[columns, -1] @ without - without @ pull), least)
+        standard = max(square - float(pull @ base.inverse @ pull), least)
         yield LeftOut(without - base.estimate, inverse - base.inverse, square, standard)
 
 

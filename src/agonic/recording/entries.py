@@ -82,7 +82,8 @@ def list_entries(result: Calibrated) -> dict[str, str]:
         f"{quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)}",
     }
     if fit.shares:
-        entries["Made of"] = f"{tables.list_shares(fit.shares)} (of the heading’s variance)"
+        shares = ", ".join(tables.list_shares(fit.shares))
+        entries["Made of"] = f"{shares} (of the heading’s variance)"
     if result.latency is not None:
         entries["Latency"] = describe_latency(result.latency)
     if result.disturbers is not None and result.disturbers.shapes:

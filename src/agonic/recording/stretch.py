@@ -38,8 +38,8 @@ def list_stretches(changed: Finding, clock: Array) -> list[Stretch]:
 
 
 def list_parts(changed: Finding, clock: Array) -> list[tuple[Stretch, ...]]:
-    """What may be calibrated together: most of the log without what came and went again, and each
-    stretch alone; first what ends with the log, which is as things are now, then the longest.
+    """What may be calibrated together, the longest first: most of the log without what came and
+    went again, and each stretch alone; what ends with the log, as things are now, counts twice.
 
     >>> import numpy as np
     >>> moved = Finding("field changed", "refuse", "the bias moved", moments=(2.0, 9.0))

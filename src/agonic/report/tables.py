@@ -132,14 +132,14 @@ def spread(verification: Verification) -> str:
     return f"{percent(verification.spread_before)} → {percent(verification.spread_after)}"
 
 
-def list_shares(sds: Mapping[str, float]) -> str:
+def list_shares(sds: Mapping[str, float]) -> list[str]:
     """The share of each cause in a variance, by the standard errors that causes make.
 
-    >>> list_shares({"noise": 0.4, "drift": 0.3}).replace("\u202f", " ")
-    'noise 64 %, drift 36 %'
+    >>> [one.replace("\u202f", " ") for one in list_shares({"noise": 0.4, "drift": 0.3})]
+    ['noise 64 %', 'drift 36 %']
     """
     total = sum(sd**2 for sd in sds.values())
-    return ", ".join(f"{name} {percent(sd**2 / total)}" for name, sd in sds.items())
+    return [f"{name} {percent(sd**2 / total)}" for name, sd in sds.items()]
 
 
 def draw_shares(sds: Mapping[str, float]) -> Markup:
@@ -149,8 +149,7 @@ def draw_shares(sds: Mapping[str, float]) -> Markup:
         width = 1000 * sd**2 / total
         bar.append(element("rect", x=f"{at:.1f}", width=f"{width:.1f}", height="10"))
         at += width
-    named = list_shares(sds).split(", ")
-    said = (element("span", element("i", class_="key"), one) for one in named)
+    said = (element("span", element("i", class_="key"), one) for one in list_shares(sds))
     return markup(
         element("svg", *bar, viewBox="0 0 1000 10", preserveAspectRatio="none", class_="shares"),
         element("p", *said, class_="legend shares-legend"),

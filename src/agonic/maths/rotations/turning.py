@@ -73,8 +73,9 @@ def measure_left(products: Array, turns: Array, farthest: Array) -> Array:
     unknown = (np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ along)[..., 0]
     left = wanted - (unknown[..., None, :] @ by_unknown)[..., 0, :]
     far = ((unknown / farthest) ** 2).sum(axis=-1)
-    square = ((left @ products) * left).sum(axis=-1)
-    return np.asarray(far + square / max(float(products[0, 0]), 1e-300))
+    square = np.maximum(((left @ products) * left).sum(axis=-1), 0.0)
+    rounding = np.finfo(float).eps * float(np.trace(products[1:10, 1:10]))
+    return np.asarray(far + square / max(float(products[0, 0]), rounding, 1e-300))
 
 
 def _spread_unknowns(turns: Array, size: int) -> Array:
