@@ -53,7 +53,7 @@ def compute_coverage(
     Parameters: a calibration with magnitude and covariance; `inclination_deg` the dip at which the
     heading's standard error is stated, and `down` (3,) the sensor's attitude there.
     """
-    magnitude, covariance = calibration.magnitude, calibration.whole_covariance
+    magnitude, covariance = calibration.magnitude, calibration.covariance
     assert magnitude is not None
     assert covariance is not None
     bias, matrix, gauge = calibration.bias, calibration.matrix, calibration.gauge

@@ -53,7 +53,6 @@ COMMON = {
     "matrix": arrays(float, (3, 3), elements=FLOATS),
     "unit_in": st.sampled_from(["nT", "raw"]),
     "model": st.sampled_from(["sphere", "diagonal", "full"]),
-    "hidden_bias": st.none() | arrays(float, (3, 3), elements=FLOATS),
     "magnitude": POSITIVE,
     "noise": POSITIVE,
     "sensor": st.text(),

@@ -84,7 +84,7 @@ def test_the_part_that_lasts_is_honest_by_itself() -> None:
 
 
 @pytest.mark.slow
-def test_a_bias_that_residuals_do_not_show_counts_in_every_row(tmp_path) -> None:
+def test_the_covariance_of_a_bias_counts_in_every_row(tmp_path) -> None:
     """Also of a calibration that was saved, and is used in other axes than it was made in."""
     root = np.array([[200.0, 0, 0], [50, 300, 0], [-80, 40, 250]])
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -92,7 +92,9 @@ def test_a_bias_that_residuals_do_not_show_counts_in_every_row(tmp_path) -> None
     def draw(seed, rng) -> float:
         made = flight(seed + 500, n=60)
         off = made.truth.bias + root @ rng.standard_normal(3)
-        off = replace(made.truth, bias=off, covariance=np.zeros((9, 9)), hidden_bias=root @ root.T)
+        covariance = np.zeros((9, 9))
+        covariance[:3, :3] = root @ root.T
+        off = replace(made.truth, bias=off, covariance=covariance)
         saved = load(save(turn_calibration(off, turn), tmp_path / "mag.json"))
         s = made.samples.with_columns(field=made.samples.field @ turn)
         found = each_row(s, setup_for(saved, tilt_sd_deg=0.0))

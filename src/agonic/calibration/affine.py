@@ -52,9 +52,6 @@ class Affine(Correction):
     matrix : (3, 3), nT per unit of the readings: gains, non-orthogonality and soft iron.
     covariance : (9, 9) of `PARAMETERS`, in the gauge "free" (12, 12) of `FREE_PARAMETERS`; or
         `None` where it is not known.
-    hidden_bias : (3, 3), covariance of a bias that residuals cannot tell from noise with memory,
-        as where the sensor was carried about in an uneven field; it counts beside `covariance` in
-        the errors of field and heading. `None` where nothing speaks for one.
     unit_in, unit_out : "nT" or "raw".
     gauge : "symmetric", "triangular" or "free": how the rotation that magnitude alone leaves
         open was fixed; free where something else determined it.
@@ -79,7 +76,6 @@ class Affine(Correction):
     bias: Array
     matrix: Array
     covariance: Array | None = None
-    hidden_bias: Array | None = None
     unit_in: str = "nT"
     unit_out: str = "nT"
     gauge: str = "symmetric"
@@ -97,7 +93,7 @@ class Affine(Correction):
 
     def __post_init__(self) -> None:
         m = len(self.parameters)
-        shapes = {"bias": (3,), "matrix": (3, 3), "covariance": (m, m), "hidden_bias": (3, 3)}
+        shapes = {"bias": (3,), "matrix": (3, 3), "covariance": (m, m)}
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value is not None:
@@ -138,18 +134,9 @@ class Affine(Correction):
 
         Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`.
         """
-        covariance = require_covariance(self.whole_covariance)
+        covariance = require_covariance(self.covariance)
         jacobian = self.sensitivity(raw, **columns)
         return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
-
-    @property
-    def whole_covariance(self) -> Array | None:
-        """`covariance` with that of the bias that residuals do not show: of field and heading."""
-        if self.covariance is None or self.hidden_bias is None:
-            return self.covariance
-        whole = self.covariance.copy()
-        whole[:3, :3] += self.hidden_bias
-        return whole
 
     @property
     def sd(self) -> Array | None:

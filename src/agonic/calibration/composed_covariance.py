@@ -52,7 +52,7 @@ def _find_roots(step: Calibration) -> Array | None:
     """Rows whose outer products add up to a step's covariance: of its twelve numbers, or turn."""
     if not isinstance(step, Affine | Alignment):
         return None
-    covariance = step.whole_covariance if isinstance(step, Affine) else step.covariance
+    covariance = step.covariance
     if covariance is None:
         return None
     if isinstance(step, Affine):

@@ -165,7 +165,6 @@ def mean_of(first: Affine, second: Affine) -> Interference:
             "matrix": first.matrix / 2,
             "gauge": "free",
             "covariance": None,
-            "hidden_bias": None,
         },
         sources=("second",),
         coefficients=-across,

@@ -48,8 +48,6 @@ def _turn(calibration: Affine, first: Array, last: Array) -> Affine:
         "frame_out": "b",
         "covariance": _turn_covariance(calibration, first, last),
     }
-    if calibration.hidden_bias is not None:
-        held["hidden_bias"] = first.T @ calibration.hidden_bias @ first
     if isinstance(calibration, Interference):
         held["coefficients"] = first.T @ calibration.coefficients
     return type(calibration)(**held)

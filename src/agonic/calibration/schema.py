@@ -49,13 +49,6 @@ class AffineRecord(Struct, frozen=True, kw_only=True, tag_field="kind", tag="aff
             "matrix in unit_out per unit_in."
         ),
     ] = None
-    hidden_bias: Annotated[
-        Matrix | None,
-        Meta(
-            description="Covariance of a bias that residuals cannot tell from noise with memory, "
-            "unit_in squared; errors of field and heading count it beside the other."
-        ),
-    ] = None
     magnitude: Magnitude = None
     noise: Noise = None
     device_id: DeviceId = None

@@ -110,8 +110,8 @@ def _units(calibration: Calibration) -> tuple[str, ...]:
 
 def _errors(calibration: Calibration) -> list[float | None]:
     """Standard errors of the twelve numbers, from the nine that a fit estimates; of all steps."""
-    if isinstance(calibration, Affine) and calibration.whole_covariance is not None:
-        return _spread(calibration.whole_covariance, calibration.gauge)
+    if isinstance(calibration, Affine) and calibration.covariance is not None:
+        return _spread(calibration.covariance, calibration.gauge)
     covariance = compute_composed_covariance(calibration)
     if covariance is None:
         return [None] * len(NAMES)

@@ -48,7 +48,7 @@ def _known(step: Calibration) -> Affine | Thermal | Alignment:
 
 def _root(step: Affine | Thermal | Alignment) -> Array | None:
     """L with L Lᵀ the covariance of what `_row` multiplies: local numbers, or the turn."""
-    known = step.whole_covariance if isinstance(step, Affine) else step.covariance
+    known = step.covariance
     if known is None:
         return None
     covariance = np.asarray(known)

@@ -39,8 +39,7 @@ class Finding:
     """A named observation: what was seen, and the move that helps.
 
     `moments` are those at which something changed, in seconds of the log's clock, or rows where it
-    has none; `bias_sd` is how far, rms over the log and on one axis, the bias is from its mean for
-    that, in the unit of the readings.
+    has none.
 
     >>> Finding("static", "refuse", "the sensor did not turn", "turn it about all axes").sentence
     'the sensor did not turn; turn it about all axes'
@@ -51,7 +50,6 @@ class Finding:
     what: str
     move: str = ""
     moments: tuple[float, ...] = ()
-    bias_sd: float = 0.0
 
     @property
     def sentence(self) -> str:
