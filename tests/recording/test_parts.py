@@ -43,25 +43,14 @@ def _compare(way, samples, reference, rows):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_parts_are_fitted_as_by_themselves(way):
-    """A vehicle that hardly tilts is moved by what half of a log says of the noise of each axis,
-    which all rows tell better: half a standard error."""
+    """What half of a log says of the noise of each channel moves it, by half a standard error for a
+    vehicle that hardly tilts: all rows tell the noise better."""
     samples, reference = _record(way)
     block, _ = cut_blocks(samples)
     for rows in (block % 2 == 0, block != 3):
         moved, wider = _compare(way, samples, reference, rows)
-        assert moved.max() < (0.6 if way == "with a current" else 0.02)
+        assert moved.max() < (0.6 if way == "with a current" else 0.1)
         assert 0.8 < wider.min() <= wider.max() < 1.25
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_parts_with_the_noise_of_all_rows_are_nearly_those_with_their_own(way):
-    samples, reference = _record(way)
-    _, open_parts, settings = WAYS[way]
-    rows = cut_blocks(samples)[0] != 3
-    own = open_parts(samples, reference, **settings)(rows)
-    given = open_parts(samples, reference, **settings, noise_known=True)(rows)
-    moved = np.abs(given.bias - own.bias) / np.sqrt(np.diag(own.covariance)[:3])
-    assert moved.max() < 0.1
 
 
 def test_outliers_count_no_more_in_a_part():

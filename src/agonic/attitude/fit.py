@@ -85,12 +85,11 @@ def open_channels_parts(
     channels: tuple[str, ...],
     settings: Settings,
     near: Affine | None = None,
-    noise_known: bool = False,
 ) -> Callable[[Mask], Affine]:
     """What gives the calibration by some of the rows (n,), as `fit_channels_alone` of them does.
 
-    The minimum is sought from that of all rows; a part that has another is fitted by itself. With
-    `noise_known` the noise is that of all rows.
+    The minimum is sought from that of all rows, with their noise; a part that has another is fitted
+    by itself.
     """
     problem, scale, usable = _pose(samples, reference, channels, settings)
     start = None if near is None else find_parameters(near, problem, scale)
@@ -98,9 +97,7 @@ def open_channels_parts(
     used = select_usable(problem, usable)
 
     def fit(rows: Mask) -> Affine:
-        robust = settings.robust and int(rows[usable].sum()) >= 2 * FEWEST
-        some = np.flatnonzero(rows[usable])
-        part = estimate_part(used, found, some, robust=robust, noise_known=noise_known)
+        part = estimate_part(used, found, np.flatnonzero(rows[usable]))
         if part is None:
             own_rows = samples.select(rows), reference.select(rows)
             return fit_channels_alone(*own_rows, channels, settings, near)

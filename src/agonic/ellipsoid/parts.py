@@ -14,7 +14,6 @@ from agonic.ellipsoid.fit import fit_ellipsoid_alone
 from agonic.ellipsoid.problem import normalise_start, pose
 from agonic.ellipsoid.settings import Settings
 from agonic.ellipsoid.solve import list_numbers, seek
-from agonic.health import FEWEST
 from agonic.maths.equation.parts import estimate_part
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -25,14 +24,12 @@ def open_ellipsoid_parts(
     reference: Reference | None = None,
     *,
     near: Affine | None = None,
-    noise_known: bool = False,
     **settings: Any,
 ) -> Callable[[Mask], Affine]:
     """What gives the calibration by some of the rows (n,), as `fit_ellipsoid_alone` of them does.
 
-    The minimum is sought from that of all rows; where a part has another, or a model is still to be
-    chosen, it is fitted by itself. With `noise_known` the noise is that
-    of all rows, and standard errors are those of readings with equal, independent noise.
+    The minimum is sought from that of all rows, with their noise; where a part has another, or a
+    model is still to be chosen, it is fitted by itself.
 
     >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(40, 3)))
     >>> open_ellipsoid_parts(turned, model="sphere")(np.arange(40) < 30).model
@@ -57,8 +54,7 @@ def open_ellipsoid_parts(
 
     def fit(rows: Mask) -> Affine:
         some = np.flatnonzero(rows[posed.usable])
-        robust = chosen.robust and len(some) >= 2 * FEWEST
-        part = estimate_part(problem, found, some, robust=robust, noise_known=noise_known)
+        part = estimate_part(problem, found, some)
         if part is None:
             return fit_alone(rows)
         numbers = list_numbers(part, model)

@@ -143,11 +143,7 @@ def _rung(
 
 
 _OpenParts = Callable[..., Callable[[Mask], Affine]]
-"""What opens the fits to parts of samples of a reference, `near` a calibration.
-
-Parts are fitted with the noise of all. Where a model suits the readings they predict unseen ones as
-with their own; where it does not, by draws no worse.
-"""
+"""What opens the fits to parts of samples of a reference, `near` a calibration."""
 
 
 def _list_others(fit: Fit, method: str) -> Iterator[tuple[str, _OpenParts, str]]:
@@ -157,12 +153,12 @@ def _list_others(fit: Fit, method: str) -> Iterator[tuple[str, _OpenParts, str]]
     said = {test.smaller: test.sentence for test in fit.tests if alone}
     for model, name in NAMES.items():
         if not alone or chosen.model != model:
-            open_parts = partial(open_ellipsoid_parts, model=model, noise_known=True)
+            open_parts = partial(open_ellipsoid_parts, model=model)
             yield name, open_parts, said.get(model, "")
     if chosen.needs and method in CHANNELS:
         name = f"{NAMES[chosen.model]} + {AIDS[method]}"
         beside = partial(open_channels_parts, channels=CHANNELS[method], settings=Settings())
-        yield name, partial(beside, noise_known=True), "what disturbs on board is missing"
+        yield name, beside, "what disturbs on board is missing"
 
 
 def _start_near(chosen: Affine, samples: Samples) -> Affine:

@@ -38,7 +38,8 @@ _SAME = 4.0  # variances of each unknown by which the minimum of few readings is
 _HOPELESS = 1.0  # by which readings are less likely: a start is no nearer to a better minimum
 _MOST = 0.5  # of the readings: fewer than that are no measure of the others
 _NO_NOISE = 0.5  # of the field: what scatters by more is misfit, whose square corrects nothing
-_FEW = 0.05  # of the readings: so many may be wrong where there is no doubt about a minimum
+FEW = 0.05
+"""Of the readings: so many may be wrong where there is no doubt about a minimum."""
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
 _FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
 _TOLD = 1e-6  # of the information along the best known direction
@@ -81,7 +82,7 @@ def find_near(problem: Problem, start: Array, robust: bool) -> Estimate | None:
             near = refine(problem, start, robust)
         except np.linalg.LinAlgError:  # so far off that numbers overflow
             return None
-    agrees = np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < _FEW
+    agrees = np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < FEW
     return near if agrees else None
 
 

@@ -10,36 +10,25 @@ import numpy as np
 
 from agonic.arrays import Index
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import Estimate, find_near, solve_with_noise
+from agonic.maths.equation.maximum_likelihood import FEW, Estimate, solve_with_noise
 
 _NEVER = 1e-9  # of its standard deviation: a term that changes by less in a part is still there
 
 
-def estimate_part(
-    problem: Problem,
-    whole: Estimate,
-    rows: Index,
-    *,
-    robust: bool = True,
-    noise_known: bool = False,
-) -> Estimate | None:
-    """The estimate by rows (k,) of the problem that the `whole` is of.
+def estimate_part(problem: Problem, whole: Estimate, rows: Index) -> Estimate | None:
+    """The estimate by rows (k,) of the problem that the `whole` is of, with its noise and weights.
 
-    None where not nearly all of the rows agree with a minimum near that of the whole, or they do
-    not tell all of its unknowns. With `noise_known` noise, residuals and weights are those of the
-    whole, and only the parameters are sought.
+    None where not nearly all of the rows agree with the whole, or they do not tell all of its
+    unknowns.
     """
-    if len(rows) < len(whole.solution.params):
+    weights = whole.weights[rows]
+    if len(rows) < len(whole.solution.params) or np.mean(weights == 0.0) > FEW:
         return None
-    part = problem.subset(rows)
+    part = problem.subset(rows[weights > 0.0])
     if part.terms is not None and (np.ptp(part.terms, axis=0) < _NEVER).any():
         return None
-    if not noise_known:
-        return find_near(part, whole.solution.params, robust)
-    weights = whole.weights[rows]
-    counted = part if weights.all() else part.subset(np.flatnonzero(weights))
     try:
-        solution = solve_with_noise(counted, whole.noise, whole.solution.params)
+        solution = solve_with_noise(part, whole.noise, whole.solution.params)
     except np.linalg.LinAlgError:
         return None
     residuals = {channel: of[rows] for channel, of in whole.residuals.items()}
