@@ -7,14 +7,14 @@ import typer
 from agonic.alignment.commands import plan_alignment
 from agonic.console.kinds import add_kinds
 from agonic.headings.commands import plan_swing
-from agonic.recording.commands import plan_calibration, plan_disturbers, plan_placement
+from agonic.recording.commands import plan as plan_recording
 from agonic.thermal.commands import plan as plan_thermal
 
 
 def add_to(app: typer.Typer) -> None:
     """Register the command and its kinds."""
     kinds = {
-        "Calibrate": (plan_calibration, plan_disturbers, plan_placement),
+        "Calibrate": (plan_recording,),
         "Heading": (plan_swing,),
         "Laboratory": (plan_thermal, plan_alignment),
     }

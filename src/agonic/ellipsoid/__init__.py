@@ -6,11 +6,11 @@ from agonic.ellipsoid.fit import (
     find_inclination_deg,
     fit_ellipsoid,
     fit_ellipsoid_alone,
+    open_ellipsoid_parts,
 )
 from agonic.ellipsoid.large_fit import fit_recording, fit_recording_and_rows
 from agonic.ellipsoid.large_scan import Recording
 from agonic.ellipsoid.moments_fit import fit_moments
-from agonic.ellipsoid.parts import open_ellipsoid_parts
 
 __all__ = [
     "Recording",

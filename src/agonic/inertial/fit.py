@@ -26,9 +26,10 @@ from agonic.inertial.evidence import (
     without_scale,
 )
 from agonic.inertial.headings import find_headings, name_heading, without_heading
+from agonic.inertial.level import keep_level
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
-from agonic.inertial.solve import join_headings, solve, solve_beside
+from agonic.inertial.solve import join_headings, solve, solve_part
 from agonic.inertial.start import Solved
 from agonic.new_rows import without_held
 from agonic.reference import Reference
@@ -130,8 +131,9 @@ def fit_inertial(
     headings, doubt = find_headings(solved)
     if headings is not None:
         solved = join_headings(solved, headings)
-    fit = _judge(solved, samples, reference, wrong, (doubt, clipped))
-    return _make_result(keep_latency(fit, solved.samples, late), solved)
+    level = keep_level(solved)
+    fit = _judge(level, samples, reference, wrong, (doubt, clipped))
+    return _make_result(keep_latency(fit, level.samples, late), level, solved)
 
 
 def _mend(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
@@ -176,8 +178,8 @@ def _judge(
     return replace(fit, remarks=(*fit.remarks, named))
 
 
-def _make_result(fit: Fit, solved: Solved) -> InertialFit:
-    """The fit with what was found of accelerometer and gyro."""
+def _make_result(fit: Fit, solved: Solved, before: Solved) -> InertialFit:
+    """The fit with what was found of accelerometer and gyro; `before` its level was kept."""
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
     source = None if solved.headings is None else name_heading(solved.samples)
     return InertialFit(
@@ -189,8 +191,7 @@ def _make_result(fit: Fit, solved: Solved) -> InertialFit:
         inertial_sd=np.sqrt(variances) * solved.sds,
         accelerometer_gain=solved.gain,
         settings=solved.settings,
-        minimum=solved.found.solution.params,
-        headings=solved.headings,
+        solved=before,
         heading_source=source,
     )
 
@@ -208,19 +209,11 @@ def open_inertial_parts(
     def fit(rows: Mask) -> Affine:
         if numbers is None:
             known = None if reference is None else reference.select(rows)
-            found = solve(samples.select(rows), known, whole.settings)
+            found = keep_level(solve(samples.select(rows), known, whole.settings))
         else:
             among = np.zeros(len(whole.samples), dtype=bool)
             among[numbers[rows]] = True
-            found = solve_beside(
-                whole.samples,
-                whole.reference,
-                whole.inertial_errors,
-                whole.settings,
-                among,
-                whole.minimum,
-                whole.headings,
-            )
+            found = solve_part(whole.solved, among)
         return make_calibration(
             found.found, found.problem, found.scale, found.samples, whole.settings, "inertial"
         )

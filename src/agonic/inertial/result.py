@@ -9,8 +9,8 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.fit import Fit
 from agonic.inertial.attitude import Inertial
-from agonic.inertial.maths.headings import Headings
 from agonic.inertial.settings import Settings
+from agonic.inertial.start import Solved
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -26,9 +26,8 @@ class InertialFit(Fit):
     its bias, rad/s, its scale, the speed, m/s, that the vehicle keeps in turns, and how late, s,
     beside the gyro the readings are beyond what was undone, and the acceleration; where the dip is
     an unknown it is the last, rad. `accelerometer_gain` (3, 3) is what the accelerometer reads over
-    what it feels, where there is a gyro. `headings` are those that joined, and
-    `heading_source` what told them. `minimum` (p,) are the unknowns of the estimate, in its own
-    units: where fits to parts of the rows start.
+    what it feels, where there is a gyro. `heading_source` is what told the headings that
+    joined, and `solved` the estimate by which parts of the rows are fitted.
     """
 
     samples: Samples
@@ -38,8 +37,7 @@ class InertialFit(Fit):
     inertial_sd: Array
     accelerometer_gain: Array | None
     settings: Settings
-    minimum: Array
-    headings: Headings | None = None
+    solved: Solved
     heading_source: str | None = None
 
     @property

@@ -12,8 +12,8 @@ from agonic.calibration.setup import LATENCY_SD_S
 from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.level import keep_level
 from agonic.inertial.maths.headings import Headings
-from agonic.inertial.maths.joint import Joint, estimate_jointly
-from agonic.inertial.problem import make_log, orient, standard_deviations, without_errors
+from agonic.inertial.maths.joint import Joint, estimate_jointly, estimate_part
+from agonic.inertial.problem import make_log, orient, without_errors
 from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.inertial.start import (
     Solved,
@@ -49,7 +49,7 @@ def solve(samples: Samples, reference: Reference | None, settings: Settings) -> 
         size = float(reference.magnitudes(len(samples)).mean())
         settings = replace(settings, inclination_sd=reference.sd / size)
     solved = choose_speed(samples, reference, settings, near)
-    return _free_attitude(solved) if solved.felt.ahead is not None else keep_level(solved)
+    return _free_attitude(solved) if solved.felt.ahead is not None else solved
 
 
 def join_headings(solved: Solved, headings: Headings) -> Solved:
@@ -57,30 +57,18 @@ def join_headings(solved: Solved, headings: Headings) -> Solved:
     return _free_attitude(solved._replace(headings=headings))
 
 
-def solve_beside(
-    samples: Samples,
-    reference: Reference,
-    errors: Array,
-    settings: Settings,
-    among: Mask,
-    start: Array,
-    headings: Headings | None = None,
-) -> Solved:
-    """The same from some of the readings (n,), where the errors (q,) of the unit are found already.
-
-    Parameters: start (p,), the unknowns found by all rows, whose minimum is not sought again where
-    these rows agree with it; headings of all rows.
-    """
-    felt = feel_attitude(without_errors(samples, errors))
-    sds = standard_deviations(felt, settings)
-    posed = pose_felt(samples, reference, felt, settings, errors / sds)
-    tilted, usable, problem, scale = posed
-    usable &= among
-    some = usable if felt.ahead is None else thin_out(usable)
-    found = estimate_usable(problem, some, settings, start)
-    solved = Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
-    solved = solved._replace(headings=headings)
-    return _free_attitude(solved) if felt.ahead is not None else keep_level(solved)
+def solve_part(whole: Solved, among: Mask) -> Solved:
+    """The same from some of the readings (n,), beside all that the inertial unit recorded; what the
+    whole found of noise, and of the unit where no attitude is free, holds for them too."""
+    found = whole.found
+    if whole.joined is None:
+        some = whole.usable & among
+        some = some if whole.felt.ahead is None else thin_out(some)
+        start = found.solution.params
+        found = estimate_usable(whole.problem, some, whole.settings, start)
+    else:
+        found = _move(found, *estimate_part(*whole.joined, among))
+    return keep_level(whole._replace(found=found))
 
 
 def _free_attitude(solved: Solved) -> Solved:
@@ -92,7 +80,7 @@ def _free_attitude(solved: Solved) -> Solved:
     try:
         joint = _estimate(solved, felt)
     except np.linalg.LinAlgError:
-        return keep_level(solved._replace(usable=thin_out(solved.usable), contradictory=True))
+        return solved._replace(usable=thin_out(solved.usable), contradictory=True)
     p = len(params)
     taken_out, reference = joint.params[p - q : p], solved.reference
     again = feel_attitude(without_errors(samples, taken_out * solved.sds))
@@ -102,9 +90,8 @@ def _free_attitude(solved: Solved) -> Solved:
         taken_out[-1] = 0.0  # of a reference that is known the offset stays among the unknowns
     posed = pose_felt(samples, reference, again, solved.settings, taken_out)
     tilted, _, problem, scale = posed
-    solution = found.solution._replace(params=joint.params[:p], covariance=joint.covariance[:p, :p])
-    solved = solved._replace(
-        found=_compare(found._replace(solution=solution), problem, solved.usable, joint),
+    return solved._replace(
+        found=_compare(_move(found, joint.params, joint.covariance), problem, solved.usable, joint),
         problem=problem,
         scale=scale,
         samples=tilted,
@@ -113,8 +100,15 @@ def _free_attitude(solved: Solved) -> Solved:
         gain=joint.gain,
         tilt_noise=joint.tilt_noise,
         walk_deg=float(np.degrees(joint.sds[2] * np.sqrt(np.median(np.diff(samples.time))))),
+        joined=(solved.problem, joint),
     )
-    return keep_level(solved)
+
+
+def _move(found: Estimate, params: Array, covariance: Array) -> Estimate:
+    """The estimate with the parameters of a joint one, which has further ones after them."""
+    p = len(found.solution.params)
+    solution = found.solution._replace(params=params[:p], covariance=covariance[:p, :p])
+    return found._replace(solution=solution)
 
 
 def _estimate(solved: Solved, felt: Inertial) -> Joint:
@@ -150,7 +144,7 @@ def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> E
     for channel, before in found.noise.items():
         left = compute_residuals(part, channel, params)
         unknowns = len(params) + part.eliminated.get(channel, 0)
-        robust = before.loss is not squares() or not found.weights.all()
+        robust = before.loss != squares() or not found.weights.all()
         least = max(part.rounding, 1e-9)
         one = estimate_noise(left, robust, unknowns, None, least)
         noise[channel], residuals[channel] = one, left

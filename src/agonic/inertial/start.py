@@ -15,6 +15,7 @@ from agonic.errors import CoverageError
 from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.maths.headings import Headings
+from agonic.inertial.maths.joint import Joint
 from agonic.inertial.problem import (
     pose,
     standard_deviations,
@@ -50,7 +51,7 @@ class Solved(NamedTuple):
 
     `walk_deg`, °/√s, is by how much the gyro walks away from the attitudes of a joint estimate,
     `tilt_noise` the variance of the errors of their tilt over that of the tilt itself;
-    `contradictory` where no such attitudes were found.
+    `contradictory` where no such attitudes were found; `joined` is that estimate, and its problem.
     """
 
     found: Estimate
@@ -67,6 +68,7 @@ class Solved(NamedTuple):
     walk_deg: float = 0.0
     tilt_noise: float = 0.0
     contradictory: bool = False
+    joined: tuple[Problem, Joint] | None = None
 
     @property
     def errors(self) -> Array:

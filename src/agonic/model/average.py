@@ -144,29 +144,59 @@ def choose(
 ) -> dict[int, float]:
     """The groups that the residuals show, by their likeliest sizes: one by one the likeliest,
     beside which those before it are sized again; from those of a `start` on."""
-    there = _size_again(gram, prior, groups, dict(start))
-    for _ in range(MOST_TERMS - len(there)):
-        odds, sizes = rate(gram, solve(gram, prior, groups, there), groups)
+    there, base = _size_again(gram, prior, groups, dict(start))
+    for _ in range(MOST_TERMS - len(there) if groups else 0):
+        odds, sizes = rate(gram, base, groups)
         odds[[*there]] = -np.inf
-        best = int(np.argmax(odds)) if groups else -1
-        if best < 0 or odds[best] < EVIDENCE:
+        best = int(np.argmax(odds))
+        if odds[best] < EVIDENCE:
             break
-        there[best] = float(sizes[best])
-        there = _size_again(gram, prior, groups, there)
+        there, base = _size_again(gram, prior, groups, {**there, best: float(sizes[best])})
     return there
 
 
 def _size_again(
     gram: Array, prior: Prior, groups: Sequence[Group], there: dict[int, float]
-) -> dict[int, float]:
-    """The groups by their likeliest sizes beside each other, without those that are doubtful."""
-    for i in [i for i in there if len(there) > 1]:
-        odds, size = rate(gram, solve(gram, prior, groups, there, i), [groups[i]])
-        if odds[0] < DOUBT:
-            del there[i]
+) -> tuple[dict[int, float], Base]:
+    """The groups by their likeliest sizes beside each other, without those that are doubtful, and
+    their base."""
+    base = solve(gram, prior, groups, there)
+    for _ in range(2 * MOST_TERMS):
+        if len(there) < 2:
+            break
+        odds, sizes = rate_there(gram, base, groups, there)
+        least = int(np.argmin(odds))
+        if odds[least] < DOUBT:
+            del there[[*there][least]]
+        elif np.array_equal(sizes, [*there.values()]):
+            break
         else:
-            there[i] = float(size[0])
-    return there
+            there = dict(zip(there, sizes.tolist(), strict=True))
+        base = solve(gram, prior, groups, there)
+    return there, base
+
+
+def rate_there(
+    gram: Array, base: Base, groups: Sequence[Group], there: Mapping[int, float]
+) -> tuple[Array, Array]:
+    """The log-odds of each group that is there beside all others of a base, and its likeliest size.
+
+    Of its block P of the covariance and its estimate u, information beside the others is
+    S = P⁻¹ − τ⁻² and the score s = P⁻¹ u.
+    """
+    odds, best = np.empty(len(there)), np.empty(len(there))
+    at = len(base.columns) - sum(len(groups[i].columns) for i in there)
+    for k, (i, size) in enumerate(there.items()):
+        own = slice(at, at := at + len(groups[i].columns))
+        whole = np.linalg.inv(base.inverse[own, own])
+        trace = np.trace(gram[np.ix_(groups[i].columns, groups[i].columns)])
+        values, _, seen = _turn(
+            whole - np.eye(len(whole)) / size**2, whole @ base.estimate[own], trace
+        )
+        sizes, chance = _grid(groups[i])
+        joint = _weigh_sizes(values, seen, sizes[:, None] ** 2, chance)
+        odds[k], best[k] = _odds(joint), sizes[1 + int(np.argmax(joint[1:]))]
+    return odds, best
 
 
 def rate(gram: Array, base: Base, groups: Sequence[Group]) -> tuple[Array, Array]:

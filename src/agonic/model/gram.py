@@ -52,28 +52,45 @@ def add_up(stacks: list[Stack], filters: list[Array]) -> Blocks:
     return Blocks(np.stack(sums), np.diff(edges).astype(float))
 
 
-def with_steps(blocks: Blocks, radius: float) -> Blocks:
-    """The same with a step of the bias before every block but the first, three columns each.
+def add_blocks(blocks: Blocks, radius: float) -> Array:
+    """The sums over all blocks, by channel, with a step of the bias before every block but the
+    first, three columns each: (c, m + k + 1, m + k + 1).
 
     A step is one after its time and zero before, less its mean over the log: within a block it is a
     multiple of the bias' own columns, so that no row is needed.
     """
-    count, m = len(blocks.rows), blocks.sums.shape[-1] - 1
-    after = np.arange(count)[:, None] >= np.arange(1, count)  # (b, places)
-    heights = radius * (after - blocks.rows @ after / blocks.rows.sum())
-    channels, k = len(blocks.sums), 3 * (count - 1)
-    across = blocks.sums[:, :, :, None, :3] * heights[:, None, :, None]
-    across = across.reshape(channels, count, m + 1, k)
-    own = blocks.sums[:, :, None, :3, None, :3] * (
-        heights[:, :, None, None, None] * heights[:, None, None, :, None]
-    )
-    wider = np.empty((channels, count, m + k + 1, m + k + 1))
+    heights = _find_heights(blocks.rows, radius)
+    across = np.einsum("cbij,bk->cikj", blocks.sums[..., :3], heights)
+    own = np.einsum("cbij,bk,bl->ckilj", blocks.sums[..., :3, :3], heights, heights, optimize=True)
+    return _join(blocks.sums.sum(axis=1), across, own)
+
+
+def with_steps(sums: Array, rows: Array, radius: float) -> Array:
+    """The same of each block, from sums (b, m + 1, m + 1) and rows (b,)."""
+    heights = _find_heights(rows, radius)
+    across = sums[:, :, None, :3] * heights[:, None, :, None]
+    both = heights[:, :, None, None, None] * heights[:, None, None, :, None]
+    return _join(sums, across, sums[:, None, :3, None, :3] * both)
+
+
+def _find_heights(rows: Array, radius: float) -> Array:
+    """How high each step is in each block, (b, places)."""
+    count = len(rows)
+    after = np.arange(count)[:, None] >= np.arange(1, count)
+    return np.asarray(radius * (after - rows @ after / rows.sum()))
+
+
+def _join(plain: Array, across: Array, own: Array) -> Array:
+    """Cross-products (c, m + 1, m + 1) with those of steps put before the last column."""
+    c, m, k = len(plain), plain.shape[-1] - 1, 3 * across.shape[2]
+    across = across.reshape(c, m + 1, k)
+    wider = np.empty((c, m + k + 1, m + k + 1))
     first, steps, last = slice(0, m), slice(m, m + k), m + k
-    wider[..., first, first] = blocks.sums[..., :m, :m]
-    wider[..., first, steps] = across[..., :m, :]
-    wider[..., steps, first] = np.swapaxes(across[..., :m, :], -1, -2)
-    wider[..., steps, steps] = own.reshape(channels, count, k, k)
-    wider[..., last, first] = wider[..., first, last] = blocks.sums[..., :m, m]
-    wider[..., last, steps] = wider[..., steps, last] = across[..., m, :]
-    wider[..., last, last] = blocks.sums[..., m, m]
-    return Blocks(wider, blocks.rows)
+    wider[:, first, first] = plain[:, :m, :m]
+    wider[:, first, steps] = across[:, :m]
+    wider[:, steps, first] = np.swapaxes(across[:, :m], 1, 2)
+    wider[:, steps, steps] = own.reshape(c, k, k)
+    wider[:, last, first] = wider[:, first, last] = plain[:, :m, m]
+    wider[:, last, steps] = wider[:, steps, last] = across[:, m]
+    wider[:, last, last] = plain[:, m, m]
+    return wider

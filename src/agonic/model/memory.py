@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.model.average import Base, Group, Prior, choose, price, solve
-from agonic.model.gram import Blocks, Stack, add_up, with_steps
+from agonic.model.gram import Blocks, Stack, add_blocks, add_up, with_steps
 from agonic.model.noise import WHITE, fit_filter
 
 LEAST_NOISE = 1e-8
@@ -21,8 +21,8 @@ _SETTLED = 0.01
 
 class Explained(NamedTuple):
     """Standard deviations (c,) of what filters leave, by channel; the sizes of the groups that are
-    there, and their base; Gram blocks (b, m + 1, m + 1) over the noise and their sum over channels
-    and blocks; what memory adds to the mean square of each channel, (c,)."""
+    there, and their base; Gram blocks of whitened columns, and their sum over channels and blocks,
+    with steps and over the noise; what memory adds to the mean square of each channel, (c,)."""
 
     sds: Array
     there: Mapping[int, float]
@@ -71,8 +71,8 @@ class Search:
 
     def settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
         """Terms and standard deviations for given filters, all from one pass over the rows."""
-        blocks = with_steps(add_up(self.stacks, filters), self.radius)
-        by_channel, n = blocks.sums.sum(axis=1), float(blocks.rows.sum())
+        blocks = add_up(self.stacks, filters)
+        by_channel, n = add_blocks(blocks, self.radius), float(blocks.rows.sum())
         there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
         for _ in range(_ROUNDS):
             gram = np.tensordot(sds**-2.0, by_channel, axes=1)
@@ -84,8 +84,12 @@ class Search:
         gram = np.tensordot(sds**-2.0, by_channel, axes=1)
         base = solve(gram, self.prior, self.groups, there)
         likelihood = base.evidence - n * float(np.log(sds).sum()) + price(self.groups, there)
-        scaled = Blocks(blocks.sums / sds[:, None, None, None] ** 2, blocks.rows)
-        return Explained(sds, there, base, scaled, gram, np.zeros(len(sds))), likelihood
+        return Explained(sds, there, base, blocks, gram, np.zeros(len(sds))), likelihood
+
+    def list_blocks(self, found: Explained) -> Array:
+        """The cross-products of each block, as their sum is, (b, m + k + 1, m + k + 1)."""
+        sums = np.tensordot(found.sds**-2.0, found.blocks.sums, axes=1)
+        return with_steps(sums, found.blocks.rows, self.radius)
 
     def leave(self, found: Explained) -> list[Array]:
         """What parameters and terms leave of each channel's residuals."""

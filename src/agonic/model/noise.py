@@ -46,8 +46,10 @@ def fit_filter(residuals: Array) -> Array:
 
 
 def whiten(rows: Array, by: Array) -> Array:
-    """Rows (…, n) of time filtered by (p + 1,); as they are where it is white."""
-    white = rows.copy() if len(by) > 1 else rows
-    for lag, weight in enumerate(by[1:], 1):
-        white[..., lag:] += weight * rows[..., :-lag]
+    """Rows (k, n) of time filtered by (p + 1,); as they are where it is white."""
+    if len(by) == 1:
+        return rows
+    white = np.empty_like(rows)
+    for row, out in zip(rows, white, strict=True):  # one by one they stay in the cache
+        out[:] = np.convolve(row, by)[: len(row)]
     return white

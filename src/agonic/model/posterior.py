@@ -234,7 +234,12 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
         },
         bias_sd=np.sqrt(np.diag(covariance)[:3]) / rows.radius,
         held=find_held(*at_feet) if priors_alone else _FREE,
-        unseen=predict_unseen(found.blocks, found.base, level.by_params),
+        unseen=predict_unseen(
+            at.search.list_blocks(found),
+            len(found.sds) * found.blocks.rows,
+            found.base,
+            level.by_params,
+        ),
     )
 
 

@@ -37,7 +37,8 @@ _ROUNDS = 2
 class Weighed(NamedTuple):
     """Sets of columns beside hidden terms: the log-odds of each and its likeliest size, (s,), which
     explains most and surely something, None where none does; the search, what it found, the hidden
-    terms that are there, and the logarithms of what they leave of each unseen block, (b,)."""
+    terms that are there, cross-products of blocks, and the logarithms of what these terms leave of
+    each unseen one, (b,)."""
 
     odds: Array
     sizes: Array
@@ -45,6 +46,7 @@ class Weighed(NamedTuple):
     search: Search
     found: Explained
     hidden: Mapping[int, float]
+    blocks: Array
     left: Array
 
     def measure_left(self, i: int) -> Array:
@@ -52,11 +54,11 @@ class Weighed(NamedTuple):
         without it, as logarithms (b,)."""
         there = {**self.hidden, i: float(self.sizes[i])}
         joined = solve(self.found.gram, self.search.prior, self.search.groups, there)
-        return _log_squares(self.found, joined) - self.left
+        return _log_squares(self.blocks, joined) - self.left
 
 
-def _log_squares(found: Explained, base: Base) -> Array:
-    return np.log([one.square for one in leave_out(found.blocks, base)])
+def _log_squares(blocks: Array, base: Base) -> Array:
+    return np.log([one.square for one in leave_out(blocks, base)])
 
 
 def is_surely_less(left: Array, tries: int) -> bool:
@@ -87,7 +89,9 @@ def weigh_recorded(
     hidden = {i: size for i, size in found.there.items() if i >= len(sets)}
     base = solve(found.gram, search.prior, search.groups, hidden)
     odds, sizes = rate(found.gram, base, search.groups[: len(sets)])
-    weighed = Weighed(odds, sizes, None, search, found, hidden, _log_squares(found, base))
+    blocks = search.list_blocks(found)
+    left = _log_squares(blocks, base)
+    weighed = Weighed(odds, sizes, None, search, found, hidden, blocks, left)
     shown = [i for i in found.there if i < len(sets)]
     best = max(shown, key=lambda i: odds[i], default=None)
     if best is None:

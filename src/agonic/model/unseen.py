@@ -9,7 +9,6 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.model.average import ROUNDING, Base
-from agonic.model.gram import Blocks
 
 
 class Unseen(NamedTuple):
@@ -34,18 +33,18 @@ class LeftOut(NamedTuple):
     standard: float
 
 
-def leave_out(blocks: Blocks, base: Base) -> Iterator[LeftOut]:
+def leave_out(blocks: Array, base: Base) -> Iterator[LeftOut]:
     """Each block by the fit to all others, from M − G_b and its right side.
 
     Of the residuals e of a block with columns X, by the fit without it, eᵀ(1 + X(M − G_b)⁻¹Xᵀ)⁻¹e =
     eᵀe − (Xᵀe)ᵀM⁻¹(Xᵀe) is as large as the rows are many.
 
-    Parameters: Gram `blocks` over the noise, and the `base` that was fitted to all.
+    Parameters: cross-products of `blocks` (b, m, m) over the noise, and the `base` of all.
     """
     columns = base.columns
     whole = np.linalg.inv(base.inverse)
     right = whole @ base.estimate
-    for one in blocks.sums.sum(axis=0):
+    for one in blocks:
         own = one[np.ix_(columns, columns)]
         inverse = np.linalg.inv(whole - own)
         without = inverse @ (right - one[columns, -1])
@@ -56,19 +55,20 @@ def leave_out(blocks: Blocks, base: Base) -> Iterator[LeftOut]:
         yield LeftOut(without - base.estimate, inverse - base.inverse, square, standard)
 
 
-def predict_unseen(blocks: Blocks, base: Base, level: Array) -> Unseen:
+def predict_unseen(blocks: Array, counts: Array, base: Base, level: Array) -> Unseen:
     """What each block says of the fit to all others.
 
-    Parameters as in `leave_out`, and `level` (h, m) derivatives of the heading.
+    Parameters as in `leave_out`, `counts` (b,) of residuals, `level` (h, m) derivatives of the
+    heading.
     """
     m, squares, moves, spread = level.shape[1], list[float](), 0.0, 0.0
     for one in leave_out(blocks, base):
         squares.append(one.standard)
         moves += float(np.mean((level @ one.apart[:m]) ** 2))
         spread += float(np.einsum("hi,ij,hj->", level, one.wider[:m, :m], level)) / len(level)
-    ratio = np.array(squares) / (len(blocks.sums) * blocks.rows)
+    ratio = np.array(squares) / counts
     return Unseen(
-        float(np.sqrt(max(float(np.average(ratio, weights=blocks.rows)), 0.0))),
+        float(np.sqrt(max(float(np.average(ratio, weights=counts)), 0.0))),
         float(np.sqrt(moves)),
         float(np.sqrt(max(spread, 0.0))),
     )

@@ -12,9 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.inertial.maths.correlation import allow_for_correlation
-from agonic.inertial.maths.factors import Log, sum_force, sum_rate, sum_readings, take_out
+from agonic.inertial.maths.factors import (
+    Felt,
+    Log,
+    sum_force,
+    sum_rate,
+    sum_readings,
+    take_out,
+)
 from agonic.inertial.maths.headings import sum_headings
 from agonic.inertial.maths.noise import (
     SETTLED,
@@ -31,7 +38,7 @@ from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
 from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.rotations.attitude import make_rotation
-from agonic.maths.rotations.track import Track, find_attitudes
+from agonic.maths.rotations.track import Sums, Track, find_attitudes
 
 _ROUNDS = 15
 _NEAR = 5  # after so many what is left tells the noise, not the way
@@ -40,8 +47,9 @@ _NEAR = 5  # after so many what is left tells the noise, not the way
 class Joint(NamedTuple):
     """The joint estimate: parameters (p,) and their covariance; attitudes (N, 3, 3) of the states
     and their track; the noise of a reading, a force and a rate, and of headings in units of what
-    they state; how much each reading counts; the gain (3, 3) of the accelerometer, the offset
-    of the headings, rad, and the variance of the tilt's errors over that of the tilt."""
+    they state, and the variances by which they count; how much each reading counts, and each step
+    of the gyro; the gain (3, 3) of the accelerometer, the offset of the headings, rad, and the
+    variance of the tilt's errors over that of the tilt; the log by whose low-pass it was found."""
 
     params: Array
     covariance: Array
@@ -49,10 +57,13 @@ class Joint(NamedTuple):
     states: Array
     track: Track
     sds: Array
+    variances: Array
     weights: Array
+    counts: Array
     gain: Array
     offset: float
     tilt_noise: float
+    log: Log
 
 
 def estimate_jointly(
@@ -78,7 +89,7 @@ def estimate_jointly(
     """
     params = np.concatenate([params, np.zeros(log.extra)])
     prior = _add_gains(problem, log.extra)
-    expected = expect_noise(log, loss is not squares(), robust)
+    expected = expect_noise(log, loss != squares(), robust)
     variances = start_variances(log, expected, noise_sd)
     memory, weights, states = 1.0, usable, start[take_out(log, params).track.nodes]
     counts, change, near = np.ones(len(states) - 1), np.inf, False
@@ -91,11 +102,8 @@ def estimate_jointly(
             variances = variances * ([memory / before] + [1.0] * (len(variances) - 1))
         if turn > 1 and log.settling_s and is_white(log, felt, attitudes, variances[1]):
             log, expected = log._replace(settling_s=0.0), expected._replace(passed=np.ones(3))
-        rates, slips = sum_rate(log, felt, states, attitudes, counts)
-        groups, scatter = [readings, sum_force(log, felt, attitudes), rates], None
-        if log.headings is not None:
-            headings, scatter = sum_headings(log.headings, felt.track, attitudes, params)
-            groups.append(headings)
+        others, slips, scatter = _sum_unit(log, felt, states, attitudes, params, counts)
+        groups = [readings, *others]
         if turn:
             step, settled = settle(groups, variances, expected, memory, scatter, prior, params)
             change, variances = np.abs(np.log(settled / variances)).max(), settled
@@ -127,11 +135,47 @@ def estimate_jointly(
         states,
         felt.track,
         np.sqrt(variances / ([memory] + [1.0] * (len(variances) - 1))),
+        variances,
         weights,
+        counts,
         np.eye(3) + np.tensordot(params[len(params) - log.extra :][: len(log.gains)], log.gains, 1),
         0.0 if log.headings is None else float(params[-1] * log.headings.offset_sd),
         _compare_tilt(states, step.spread),
+        log,
     )
+
+
+def estimate_part(problem: Problem, whole: Joint, among: Mask) -> tuple[Array, Array]:
+    """Parameters (p,) by some of the readings (n,) and all that the unit recorded, and their
+    covariance: the noise and what counts how much are those of the whole.
+
+    Raises `LinAlgError` where these readings determine nothing.
+    """
+    log, params, states, weights = whole.log, whole.params, whole.states, whole.weights * among
+    prior = _add_gains(problem, log.extra)
+    for _ in range(_ROUNDS):
+        felt = take_out(log, params)
+        attitudes = find_attitudes(felt.track, states)
+        readings, *_ = sum_readings(problem, felt, attitudes, params, weights)
+        others, *_ = _sum_unit(log, felt, states, attitudes, params, whole.counts)
+        step = solve_step([readings, *others], whole.variances, prior, params)
+        params, states = params + step.params, make_rotation(step.states) @ states
+        if np.abs(step.params / step.sds).max() < SETTLED:
+            break
+    at = (problem, felt, attitudes, params, weights, readings, whole.variances[0], step)
+    return params, allow_for_correlation(*at, prior(params)[1])
+
+
+def _sum_unit(
+    log: Log, felt: Felt, states: Array, attitudes: Array, params: Array, counts: Array
+) -> tuple[list[Sums], Array, float | None]:
+    """Sums of force, rates and headings, the slips of the gyro, and how headings scatter."""
+    rates, slips = sum_rate(log, felt, states, attitudes, counts)
+    groups, scatter = [sum_force(log, felt, attitudes), rates], None
+    if log.headings is not None:
+        headings, scatter = sum_headings(log.headings, felt.track, attitudes, params)
+        groups.append(headings)
+    return groups, slips, scatter
 
 
 def _compare_tilt(states: Array, spread: Tridiagonal) -> float:

@@ -101,7 +101,7 @@ def estimate_known_field(
     first = leastsq.solve(make_pieces(problem), params, scale=1.0, loss=squares(), tolerance=1e-6)
     plain = _summarise(problem, first, _estimate_noise(first.residuals, False, len(params)))
     noise = _estimate_noise(first.residuals, robust, len(params))
-    if noise.loss is squares():
+    if noise.loss == squares():
         return plain
     weighted = _solve_robustly(problem, first, noise)
     needed = 1.0 - _CLEARLY * _measure_clustering(weighted.weights)

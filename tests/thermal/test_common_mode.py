@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.noise.common_mode import estimate_common_mode
+from agonic.thermal.common_mode import estimate_common_mode
 
 
 def made(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from agonic.inflight.tracking.memory import compute_likelihoods
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis
 from agonic.maths.estimation.filters import kalman
-from agonic.maths.estimation.filters.likelihoods import compute_likelihoods
 
 
 @pytest.mark.parametrize("m", [4, 10])
