@@ -297,3 +297,16 @@ def test_what_lasts_is_not_hidden_behind_its_own_correlation() -> None:
     fit = ag.fit_ellipsoid(recording.samples, ag.Reference.constant(MAGNITUDE))
     error = heading_error_deg(fit.calibration, recording)
     assert 0.9 < error < 1.5 * fit.coverage.heading_sd_deg
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [(soft_saturation(70_000.0),), (saturation_across(100_000.0),), (cubic(0.1),)],
+    ids=["soft saturation", "saturation across", "cubic"],
+)
+def test_one_cause_is_told_once(faults) -> None:
+    """As a check where it makes most of the heading's error, and not as a note again."""
+    _, fit = fitted(0, *faults)
+    told = [finding.name for finding in fit.findings]
+    assert causes(fit)
+    assert len(told) == len(set(told))

@@ -219,6 +219,7 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
     covariance[:3, :3] += (at_rest / level.per_error + memory) * rows.radius**2 * np.eye(3)
     own = level.by_params - (level.by_params.mean(axis=0) if search.stacks[1:] else 0.0)
     channels = [one.name for one in search.stacks]
+    counts = len(found.sds) * found.blocks.rows
     at_feet = (rows, at.estimate, channels, found.base, search.prior, own)
     return Posterior(
         params=at.estimate.solution.params + shift,
@@ -234,12 +235,7 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
         },
         bias_sd=np.sqrt(np.diag(covariance)[:3]) / rows.radius,
         held=find_held(*at_feet) if priors_alone else _FREE,
-        unseen=predict_unseen(
-            at.search.list_blocks(found),
-            len(found.sds) * found.blocks.rows,
-            found.base,
-            level.by_params,
-        ),
+        unseen=predict_unseen(search.list_blocks(found), counts, found.base, level.by_params),
     )
 
 

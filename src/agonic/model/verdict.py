@@ -67,8 +67,11 @@ def judge(
         for one in posterior.shares
         if one.odds > EVIDENCE and not (changed and one.term.name in OF_TIME)
     ]
-    doubts, terms = _doubt_heading(coverage, posterior), _name_terms(shown, unit, radius, time)
-    found = _tell_once([*terms, *doubts], changed)
+    terms = {one.name: one for one in _name_terms(shown, unit, radius, time)}
+    for doubt in _doubt_heading(coverage, posterior):  # of one cause the graver is told
+        own = terms.get(doubt.name, doubt)
+        terms[doubt.name] = replace(sort_findings([doubt, own])[0], moments=own.moments)
+    found = _tell_once([*terms.values()], changed)
     names = {one.name for one in (*found, *facts) if one.severity != "note"}
     if not names:
         found += _check_unseen(posterior, coverage.heading_sd_deg)
