@@ -141,9 +141,9 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
 
 def choose(
     gram: Array, prior: Prior, groups: Sequence[Group], start: Mapping[int, float]
-) -> dict[int, float]:
-    """The groups that the residuals show, by their likeliest sizes: one by one the likeliest,
-    beside which those before it are sized again; from those of a `start` on."""
+) -> tuple[dict[int, float], Base]:
+    """The groups that the residuals show, by their likeliest sizes, and their base: one by one the
+    likeliest, beside which those before it are sized again; from those of a `start` on."""
     there, base = _size_again(gram, prior, groups, dict(start))
     for _ in range(MOST_TERMS - len(there) if groups else 0):
         odds, sizes = rate(gram, base, groups)
@@ -152,7 +152,7 @@ def choose(
         if odds[best] < EVIDENCE:
             break
         there, base = _size_again(gram, prior, groups, {**there, best: float(sizes[best])})
-    return there
+    return there, base
 
 
 def _size_again(

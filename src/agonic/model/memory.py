@@ -76,8 +76,7 @@ class Search:
         there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
         for _ in range(_ROUNDS):
             gram = np.tensordot(sds**-2.0, by_channel, axes=1)
-            there = choose(gram, self.prior, self.groups, there)
-            base = solve(gram, self.prior, self.groups, there)
+            there, base = choose(gram, self.prior, self.groups, there)
             before, sds = sds, _find_sds(by_channel, base, sds, n)
             if np.abs(sds / before - 1).max() < _SETTLED:
                 break
