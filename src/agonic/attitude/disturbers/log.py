@@ -12,6 +12,7 @@ from agonic.arrays import Array, Mask
 from agonic.attitude.problem import Scale, find_terms, normalise
 from agonic.attitude.settings import Settings
 from agonic.attitude.solve import estimate_usable, select_usable
+from agonic.calibration.sources import list_columns
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
@@ -72,5 +73,23 @@ def _fit(log: Log, sources: tuple[str, ...]) -> tuple[Problem, Scale, Estimate]:
     own = replace(settings, sources=sources)
     problem, scale = normalise(samples, reference, ("magnitude",), SYMMETRIC, own)
     if sources not in estimates:
-        estimates[sources] = estimate_usable(problem, usable, own)
+        start = _find_start(log, sources, problem)
+        estimates[sources] = estimate_usable(problem, usable, own, start)
     return select_usable(problem, usable), scale, estimates[sources]
+
+
+def _find_start(log: Log, sources: tuple[str, ...], problem: Problem) -> Array | None:
+    """Parameters of the last fit with the same columns in other shapes, else of that with the most
+    of these sources, the others doing nothing; None where nothing is fitted yet."""
+    m, among = problem.basis.shape[1], (len(sources), list_columns(sources))
+    within, alike = None, None
+    for known, found in log.estimates.items():
+        if known == sources[: len(known)]:
+            within = found.solution.params
+        if (len(known), list_columns(known)) == among:
+            alike = found.solution.params
+    if alike is not None or within is None or problem.terms is None:
+        return alike
+    terms = within[m:].reshape(3, -1)
+    others = np.zeros((3, problem.terms.shape[1] - terms.shape[1]))
+    return np.concatenate([within[:m], np.hstack([terms, others]).ravel()])

@@ -1,4 +1,4 @@
-"""Where a maximum-likelihood estimate starts from, found on a few thousand readings."""
+"""Where a maximum-likelihood estimate starts from, found on a few hundred readings."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from agonic.arrays import Array
 from agonic.maths.equation import moments, quadric
 from agonic.maths.equation.affine import FREE, join
 from agonic.maths.equation.channels import Dip, Problem, compute_residuals, pieces
+from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import cauchy, squares
 from agonic.maths.estimation.noise.residuals import robust_scale
@@ -19,6 +20,7 @@ _HARDLY = 100.0  # the condition of what a start is found from at once
 _DOUBTFUL = 0.1  # of the field, by which its vertical part is off: tilts that are wrong by 6°
 _STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
 _STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)
+_ENOUGH = 500  # readings that lead to where all of them have their minimum
 
 
 def fit_at_once(few: Problem, robust: bool) -> Array | None:
@@ -138,6 +140,8 @@ def _middle(few: Problem) -> Array:
 
 def _relax(few: Problem, params: Array, steps: tuple[float, ...], robust: bool) -> Array:
     """From a start to the minimum with the prior on soft iron loosened step by step."""
+    if len(few.points) > _ENOUGH:
+        few = few.subset(choose_evenly(len(few.points), _ENOUGH))
     loss = cauchy() if robust else squares()
     final = few.soft_iron_sd or np.inf
     tighter = [sd for sd in steps if sd < final]
