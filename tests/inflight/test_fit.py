@@ -105,6 +105,35 @@ def test_a_matrix_that_nobody_doubts_stays_and_is_said_to_be_exact() -> None:
     assert "its gains are taken as exact" in fit.status
 
 
+def made_without_a_magnitude(unit: str) -> Affine:
+    """The truth as a chamber of unknown magnitude finds it, its mean gain one."""
+    conventional = TRUTH.matrix / (np.trace(TRUTH.matrix) / 3 * 1.0042)
+    told = ag.Provenance(settings={"reference": "none: mean gain set to 1"})
+    return replace(
+        GROUND, matrix=conventional, covariance=None, provenance=told, unit_in=unit, unit_out=unit
+    )
+
+
+@pytest.mark.parametrize(("unit", "size"), [("nT", 1.0), ("raw", 0.15)])
+def test_a_scale_that_only_a_convention_set_is_found_in_flight(unit: str, size: float) -> None:
+    """The chamber knew the shape, the flight gives the length of the field; the bias moved."""
+    z = []
+    for seed in range(12):
+        samples = orbit(seed, moved=np.array([1500.0, -1000.0, 800.0]))
+        ground = made_without_a_magnitude(unit)
+        ground = replace(ground, bias=size * ground.bias)
+        fit = fit_inflight(
+            samples.with_columns(field=size * samples.field, unit=unit), ground=ground
+        )
+        assert fit.verdict == "good"
+        assert "its scale is found here" in fit.status
+        assert fit.after.unit_out == "nT"
+        assert fit.after.matrix == pytest.approx(TRUTH.matrix / size, rel=1e-3, abs=1e-4)
+        moved = TRUTH.bias + np.array([1500.0, -1000.0, 800.0])
+        z.append((fit.after.bias - size * moved) / fit.after.sd[:3])
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.35)
+
+
 @pytest.mark.parametrize("solve", ["bias", "gains"])
 def test_errors_of_the_ground_are_inside_the_standard_error(solve) -> None:
     """The ground's matrix is wrong by what it states, gains and angles alike."""

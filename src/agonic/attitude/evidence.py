@@ -222,8 +222,9 @@ def _findings(
         vertical = None if problem.shared is not None else float(np.mean(by_dip.vertical))
         if (misplaced := check_mounting(cleaned, by_dip.down, vertical)) is not None:
             return (misplaced, *seen)
-        astray = tilt_sd is not None and tilt_sd > ATTITUDE_REFUSED_DEG and vertical is not None
-        if astray and find_side(cleaned, by_dip.down, np.eye(3), vertical) < 0:
+        side = find_side(cleaned, by_dip.down, np.eye(3), float(np.mean(by_dip.vertical)))
+        astray = tilt_sd is not None and tilt_sd > ATTITUDE_REFUSED_DEG
+        if vertical is not None and astray and side < 0:
             return (REVERSED_FIELD, *seen)
     if evidence.radius < 0:
         return (REVERSED_FIELD, *seen)

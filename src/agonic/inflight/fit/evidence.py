@@ -21,6 +21,7 @@ from agonic.inflight.fit.orbit_errors import (
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.torquers import list_torquer_findings
 from agonic.maths.equation.coverage import find_nearest_axis
+from agonic.maths.equation.gauge import mean_gain
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
@@ -175,6 +176,12 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
             f"the bias is {figure(float(np.linalg.norm(fit.change.bias)))} nT from that of the "
             "ground"
         )
+        if problem.scale_free:
+            gain, gain_sd = _find_scale(fit)
+            said.append(
+                "the ground calibration was made without a known magnitude: its scale is found "
+                f"here, {gain:.4f} ± {gain_sd:.4f}"
+            )
         if not states_covariance(problem.ground):
             said.append(
                 "the ground calibration states no standard errors, so its gains are taken as exact"
@@ -188,6 +195,12 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
         said.append(f"the field misses its direction by {figure(middle)}° (median)")
     said.append(f"residuals: {figure(fit.noise)} nT{_describe_correlation(fit)}")
     return tuple(said)
+
+
+def _find_scale(fit: InflightFit) -> tuple[float, float]:
+    """The mean gain of what is found on top of the ground calibration, and its standard error."""
+    by = np.repeat([0.0, 1 / 3, 0.0], 3)
+    return mean_gain(fit.change.matrix), float(np.sqrt(by @ fit.covariance @ by))
 
 
 def _describe_correlation(fit: InflightFit) -> str:

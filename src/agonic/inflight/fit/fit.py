@@ -14,6 +14,7 @@ from agonic.field.place import describe_missing, field_along
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.allowances import allow_for_unseen
 from agonic.inflight.fit.decay import follow_commands, leave_out_settling
+from agonic.inflight.fit.ground_errors import bring_to_nT, has_free_scale
 from agonic.inflight.fit.pointing import expect_direction, find_direction_e
 from agonic.inflight.fit.problem import (
     Attitude,
@@ -161,6 +162,9 @@ def _pose_problem(
     used = select_rows(samples, left_out, settings.latitude_deg)
     used, torquers = leave_out_unmodelled(samples, settings.sources, used)
     require_enough(used)
+    scale_free = ground is not None and has_free_scale(ground)
+    if ground is not None:
+        ground = bring_to_nT(ground, samples, wanted, used)
     return Problem(
         samples=samples if ground is None else apply(ground, samples),
         wanted=np.broadcast_to(wanted / magnitude, len(samples)),
@@ -173,6 +177,7 @@ def _pose_problem(
         rotation=np.eye(3),
         direction_e=find_direction_e(samples, along),
         torquers=torquers,
+        scale_free=scale_free,
     )
 
 

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, apply
 from agonic.calibration.chain import Chain
 from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.polar import split_rotation
+from agonic.samples import Samples
+from agonic.units import RAW
+
+NO_MAGNITUDE = "none:"
+"""How the reference of a fit without a known magnitude begins in its provenance."""
 
 
 def find_ground_affine(ground: Calibration | None, temperature_C: float) -> Affine | None:
@@ -24,6 +32,29 @@ def find_ground_affine(ground: Calibration | None, temperature_C: float) -> Affi
 def states_covariance(ground: Calibration) -> bool:
     """Whether any step of the calibration says how well its matrix is known."""
     return any(_covariance(step, 0.0) is not None for step in steps_of(ground))
+
+
+def has_free_scale(ground: Calibration) -> bool:
+    """Whether only a convention sets the scale of the ground calibration, for lack of a magnitude.
+
+    Its provenance says so, or it gives counts.
+    """
+    told = [str(step.provenance.settings.get("reference", "")) for step in steps_of(ground)]
+    return ground.unit_out == RAW or any(one.startswith(NO_MAGNITUDE) for one in told)
+
+
+def bring_to_nT(ground: Calibration, samples: Samples, wanted: Array, used: Mask) -> Calibration:
+    """A ground calibration that gives counts as one that gives nT, by the lengths of the field.
+
+    Parameters: samples before it, `wanted` (n,) or (1,) nT, the rows `used` (n,).
+    """
+    if ground.unit_out != RAW or not isinstance(ground, (Affine, Thermal)):
+        return ground
+    found = find_length(apply(ground, samples).field[used])
+    factor = median(np.broadcast_to(wanted, len(samples))[used] / np.maximum(found, 1e-300))
+    by = np.array([factor if name.startswith("matrix") else 1.0 for name in ground.parameters])
+    known = None if ground.covariance is None else ground.covariance * np.outer(by, by)
+    return replace(ground, matrix=factor * ground.matrix, covariance=known, unit_out="nT")
 
 
 def compute_shape_covariance(ground: Calibration, temperature_C: float) -> Array:

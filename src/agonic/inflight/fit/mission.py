@@ -16,6 +16,7 @@ from agonic.inflight.fit import evidence
 from agonic.inflight.fit.allowances import allow_for_unseen
 from agonic.inflight.fit.covariance import Clock
 from agonic.inflight.fit.decay import leave_out_settling
+from agonic.inflight.fit.ground_errors import bring_to_nT, has_free_scale
 from agonic.inflight.fit.large_scan import (
     Known,
     Progress,
@@ -145,6 +146,9 @@ def _pose_thinned(scan: Scan, ground: Calibration | None, settings: Settings) ->
     used, torquers = leave_out_unmodelled(scan.samples, settings.sources, known)
     require_enough(used)
     magnitude = float(scan.magnitudes[used].mean())
+    scale_free = ground is not None and has_free_scale(ground)
+    if ground is not None:
+        ground = bring_to_nT(ground, scan.samples, scan.magnitudes, used)
     return Problem(
         samples=scan.samples if ground is None else apply(ground, scan.samples),
         wanted=np.where(known, scan.magnitudes, magnitude) / magnitude,
@@ -157,6 +161,7 @@ def _pose_thinned(scan: Scan, ground: Calibration | None, settings: Settings) ->
         rotation=np.eye(3),
         direction_e=scan.direction_e,
         torquers=torquers,
+        scale_free=scale_free,
     )
 
 

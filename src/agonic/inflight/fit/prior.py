@@ -13,8 +13,10 @@ from agonic.inflight.maths.residuals import Layout
 from agonic.maths.equation.affine import model_basis
 from agonic.maths.estimation import leastsq
 
-FIXED = 1e-9
+FIXED = 1e-7
 """Standard deviation of what is not solved for, as a share of the gain: as good as fixed."""
+SCALE_SD = 0.3
+"""That of a scale that only a convention sets, beyond what data sheets leave of a sensitivity."""
 TERM_SD = 0.5
 """Standard deviation of each term of the bias over the field."""
 MATRIX_TERM_SD = 0.05
@@ -24,16 +26,19 @@ FREED = {"bias": 0, "gains": 3, "full": 6}
 
 
 def compute_matrix_covariance(
-    ground: Calibration, temperature_C: float, solve: str, gain_sd: float
+    ground: Calibration, temperature_C: float, solve: str, gain_sd: float, scale_free: bool
 ) -> Array:
     """Covariance (6, 6) of xx yy zz xy xz yz of the change about identity.
 
     What the ground calibration was uncertain by, whatever is solved for, and `gain_sd`, by which
-    what is solved for may have moved since.
+    what is solved for may have moved since. All gains alike are free where the ground had no
+    magnitude to go by (`scale_free`).
     """
     moved = np.full(6, FIXED)
     moved[: FREED[solve]] = np.hypot(gain_sd, FIXED)
-    return compute_shape_covariance(ground, temperature_C)[:6, :6] + np.diag(moved**2)
+    alike = SCALE_SD * UNIT * scale_free
+    own = compute_shape_covariance(ground, temperature_C)[:6, :6]
+    return own + np.diag(moved**2) + np.outer(alike, alike)
 
 
 def build_prior(problem: Problem, terms: Terms, layout: Layout) -> leastsq.Prior:
@@ -50,7 +55,8 @@ def build_prior(problem: Problem, terms: Terms, layout: Layout) -> leastsq.Prior
     mean = shape[:3].mean(axis=0)
     whiten = np.eye(6) / (asked.soft_iron_sd or np.inf)
     if ground is not None:
-        covariance = compute_matrix_covariance(ground, terms.centre_C, asked.solve, asked.gain_sd)
+        moved = (asked.solve, asked.gain_sd, problem.scale_free)
+        covariance = compute_matrix_covariance(ground, terms.centre_C, *moved)
         whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     matrix_term_sd = np.where(np.arange(6) < FREED[asked.solve], MATRIX_TERM_SD, FIXED)
     term_sd = np.concatenate(

@@ -51,7 +51,8 @@ class Problem:
     """`samples` after the ground calibration; `wanted` (n,) over `magnitude`; rows `used`; where
     the fit is aided by attitude, the `direction` expected, and the `rotation` from sensor axes to
     those of the attitude; `direction_e` (n, 3) of the field in Earth-fixed axes, where known;
-    `source` says what told the field; `torquers` what was left out for them."""
+    `source` says what told the field; `torquers` what was left out for them; `scale_free` whether
+    only a convention sets the scale of the ground calibration."""
 
     samples: Samples
     wanted: Array
@@ -64,6 +65,7 @@ class Problem:
     rotation: Array
     direction_e: Array | None
     torquers: Torquers = field(default_factory=Torquers)
+    scale_free: bool = False
 
     @property
     def time(self) -> Array:

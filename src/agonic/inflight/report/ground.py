@@ -9,12 +9,12 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
-from agonic.inflight.fit import InflightFit
+from agonic.inflight.fit import InflightFit, prior
 from agonic.inflight.tracking import Tracker
 from agonic.maths.rotations.polar import split_rotation
 from agonic.report.digits import group_digits
 
-FIXED = 1e-7
+FIXED = 2 * prior.FIXED
 """Relative standard error below which a number was fixed."""
 _AXES = ("x", "y", "z")
 _ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
