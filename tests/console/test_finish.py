@@ -71,3 +71,14 @@ def test_a_calibration_is_saved_unless_it_is_refused(
     assert (tmp_path / "a.json").exists()
     finish(dataclasses.replace(made, verdict="refused"), out=tmp_path / "no.json")
     assert not (tmp_path / "no.json").exists()
+
+
+def test_a_folder_gets_the_calibration_and_the_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "results" / "coil"
+    finish(dataclasses.replace(GOOD, calibration=KNOWN), out=folder)
+    assert sorted(file.name for file in folder.iterdir()) == ["coil.json", "report.html"]
+    assert "coil.json" in capsys.readouterr().out
+    finish(dataclasses.replace(GOOD, verdict="refused", calibration=KNOWN), out=tmp_path / "none")
+    assert [file.name for file in (tmp_path / "none").iterdir()] == ["report.html"]

@@ -39,7 +39,8 @@ def finish(
 ) -> int:
     """Save the calibration, write the report, say the result, and return the exit status.
 
-    The document's calibration is saved to `out`, unless it is refused. `files` are written already.
+    The document's calibration is saved to `out`, unless it is refused; a folder gets it under the
+    sensor's name, and the report beside it. `files` are written already.
     `option` is the one that `report` was given by, `forms` what it may be beside a page and text,
     by the ending of its name. `page` is a report that is written already, and
     that the documents of the sensors have among their files; `open_page` shows it in a browser.
@@ -51,6 +52,9 @@ def finish(
     from agonic.report.text import wrap_command
 
     calibration = None if document.verdict == "refused" else document.calibration
+    if out is not None and is_folder(out):
+        out.mkdir(parents=True, exist_ok=True)
+        report, out = report or out / "report.html", out / f"{document.name or 'mag'}.json"
     written = [] if out is None or calibration is None else [str(save(calibration, out))]
     written += map(str, files)
     if report is not None:
@@ -75,6 +79,11 @@ def finish(
     if open_page and page is not None:
         show_in_browser(page)
     return 0 if document.good else 1
+
+
+def is_folder(out: Path) -> bool:
+    """Whether files go into it: a folder that is there, or a name without an ending."""
+    return out.is_dir() or not out.suffix
 
 
 def list_files(document: Document, page: Path | None) -> list[Path]:

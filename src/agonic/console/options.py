@@ -93,7 +93,10 @@ Mounting = Annotated[
     ),
 ]
 Out = Annotated[
-    Path | None, typer.Option("-o", "--out", metavar="CAL", help="Calibration file to write.")
+    Path | None,
+    typer.Option(
+        "-o", "--out", metavar="FOLDER", help="Folder for calibration and report, or a file .json."
+    ),
 ]
 Report = Annotated[
     Path | None, typer.Option("--report", metavar="FILE", help="Report to write, .html or .txt.")

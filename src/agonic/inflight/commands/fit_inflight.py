@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -106,7 +107,7 @@ def inflight(
 ) -> int:
     """Bias, gains or all nine numbers from the field that is known on the way."""
     from agonic.calibration.steps import require_calibration
-    from agonic.console.finish import finish
+    from agonic.console.finish import finish, is_folder
     from agonic.console.place import set_track
     from agonic.errors import AgonicError
     from agonic.files.calibration import load
@@ -114,6 +115,8 @@ def inflight(
     from agonic.inflight.report.document import describe_inflight
     from agonic.logs.large.mission import is_long
 
+    if out is None and report is None and sys.stderr.isatty():
+        print("agonic: the result is shown only; -o FOLDER keeps it", file=sys.stderr)
     interval = None
     if latitudes is not None:
         interval = parse_numbers("--latitudes", latitudes, "LOW,HIGH in degrees")
@@ -148,10 +151,9 @@ def inflight(
         reference = _reference(samples, at, date, scalar, model)
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
-    if report is not None:
-        return finish(document, out=out, report=report, as_json=as_json)
-    page = None if out is None else out.with_suffix(".html")
-    return finish(document, out=out, report=page, option="-o", as_json=as_json)
+    if report is None and out is not None and not is_folder(out):
+        report = out.with_suffix(".html")
+    return finish(document, out=out, report=report, as_json=as_json)
 
 
 def _samples(

@@ -72,6 +72,8 @@ def describe_inflight(
             "sensor": fit.change.sensor,
             "solve": fit.solve,
             "n": fit.n,
+            "reference": fit.calibration.provenance.settings.get("reference"),
+            **_list_bias(fit.after),
             "bias_change_nT": fit.change.bias,
             "matrix_change": fit.change.matrix,
             "sd": sd,
@@ -94,6 +96,18 @@ def describe_inflight(
         calibration=fit.calibration,
     )
     return add_figures(document, flight_of_fit(fit, samples))
+
+
+def _list_bias(found: Affine) -> dict[str, Any]:
+    """The whole bias at the end of the record, in the unit of the readings and, where it is, nT."""
+    sd = None if found.sd is None else found.sd[:3]
+    known = found.unit_in == "nT"
+    return {
+        "bias": found.bias,
+        "bias_sd": sd,
+        "bias_nT": found.bias if known else None,
+        "bias_sd_nT": sd if known else None,
+    }
 
 
 def _list_sources(fit: InflightFit) -> dict[str, str]:
