@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
@@ -158,3 +159,28 @@ def test_motors_are_held_where_the_voltage_or_another_compass_leaves_no_term() -
     assert both["COMPASS_PMOT3_X"] == 0
     with pytest.raises(AgonicError, match="battery"):
         compute_ardupilot_parameters(mag, voltage_V=-1.0)
+
+
+@pytest.mark.parametrize("compass", [1, 2])
+def test_a_compass_at_any_angle_gets_an_orientation_of_its_own(compass: int) -> None:
+    """AP_Compass turns the reading first (rotate_field), then corrects it in body axes."""
+    turn = Rotation.from_euler("ZYX", [-30.0, 12.0, 5.0], degrees=True)
+    own = Affine(bias=(3000.0, -2000.0, 100.0), matrix=turn.as_matrix() @ MATRIX, gauge="free",
+                 frame_out="b")  # fmt: skip
+    found, warnings = compute_ardupilot_parameters(own, compass=compass)
+    assert found[f"COMPASS_ORIENT{'' if compass == 1 else compass}"] == 100 + compass
+    assert found["CUST_ROT_ENABLE"] == 1
+    assert not any("orientation" in text for text in warnings)
+    angles = [found[f"CUST_ROT{compass}_{name}"] for name in ("YAW", "PITCH", "ROLL")]
+    raw = np.array([[20_000.0, 5000.0, -30_000.0], [-40_000.0, 100.0, 9000.0]])
+    turned = Rotation.from_euler("ZYX", angles, degrees=True).apply(raw / 100.0)
+    seen = apply_ardupilot(found, turned, compass=compass)
+    assert 100.0 * seen == pytest.approx(own.correct(raw), abs=0.5)
+
+
+def test_an_orientation_by_right_angles_stays_the_vehicles() -> None:
+    turn = Rotation.from_euler("ZYX", [91.0, 0.0, 1.0], degrees=True).as_matrix()
+    own = Affine(bias=(0.0, 0.0, 0.0), matrix=turn @ MATRIX, gauge="free", frame_out="b")
+    found, warnings = compute_ardupilot_parameters(own)
+    assert "COMPASS_ORIENT" not in found
+    assert any("set its sensor orientation" in text for text in warnings)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import polar
+from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.calibration.mounting import turn_calibration, turn_field
@@ -146,3 +148,31 @@ def test_from_the_command_line(tmp_path, capsys) -> None:
     along = found.correct(samples.field)
     cosine = (along * field_b).sum(axis=1) / np.linalg.norm(along, axis=1) / size
     assert np.degrees(np.arccos(np.minimum(cosine, 1.0))).mean() < 0.5
+
+
+@pytest.mark.parametrize("angle_deg", [-30.0, 10.0, 60.0])
+def test_a_compass_at_any_angle_beside_accelerometer_and_gyro(angle_deg: float) -> None:
+    """The magnitude alone is sure, and does not see the turn: heading off by the whole angle."""
+    made = simulate("tumble", n=3000, rate_Hz=50.0, noise=100.0, seed=6)
+    turn = Rotation.from_euler("ZYX", [angle_deg, 5.0, -8.0], degrees=True).as_matrix()
+    result = calibrate(made.samples.with_columns(field=made.samples.field @ turn))
+    assert (result.method, result.verdict) == ("ellipsoid", "good")
+    assert "is turned in the vehicle (roll −8." in result.status or "(roll −7." in result.status
+    assert result.fit.accuracy is not None
+    assert result.fit.accuracy.vehicle_deg is not None
+    found = polar(result.calibration.matrix)[0]
+    left = Rotation.from_matrix(found @ turn.T).magnitude()
+    assert np.degrees(left) < 4 * result.fit.accuracy.vehicle_deg < 4.0
+    assert result.calibration.frame_out == "b"
+
+
+def test_a_compass_at_any_angle_beside_roll_and_pitch_with_a_place() -> None:
+    """It fell to the magnitude alone before, silently."""
+    samples, field_b, place, right_angles = flown()
+    body = samples.field @ right_angles.T
+    turn = Rotation.from_euler("ZYX", [30.0, 0.0, 0.0], degrees=True).as_matrix()
+    result = calibrate(samples.with_columns(field=body @ turn), place)
+    assert (result.method, result.verdict) == ("levelled", "good")
+    assert "yaw 30." in result.status or "yaw 29." in result.status
+    off = (result.calibration.correct(body @ turn) - field_b).mean(axis=0)
+    assert np.abs(off).max() < 60.0

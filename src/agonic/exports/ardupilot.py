@@ -27,7 +27,13 @@ from agonic.exports.ardupilot_motors import (
     find_motor_terms,
 )
 from agonic.exports.banner import format_float32, write_banner
-from agonic.exports.convert import Export, find_source_term, hold_sources, take_symmetric
+from agonic.exports.convert import (
+    Export,
+    find_source_term,
+    find_turn_inside,
+    hold_sources,
+    take_symmetric,
+)
 from agonic.exports.fixed_temperature import hold_temperature
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.maths.equation.symmetric import unpack_symmetric
@@ -37,6 +43,10 @@ LARGEST_OFFSET = 1800.0  # COMPASS_OFFS_MAX as delivered, mG, of the vector's le
 DIAGONAL = (0.2, 5.0)  # CompassCalibrator.cpp: what the on-board calibration accepts
 OFF_DIAGONAL = 1.0
 MOTOR_KIND = {"throttle": 1, "current_A": 2}  # COMPASS_MOTCT
+
+CUSTOM = {1: (101, 1), 2: (102, 2)}
+"""Of a compass the orientation at any angle, and the number of its CUST_ROTn_* (Rotation::CUSTOM_1
+in AP_Math/rotations.h, AP_CustomRotations_params.cpp); there are two."""
 
 
 def write_ardupilot(
@@ -84,7 +94,7 @@ def write_ardupilot(
     notes = (
         *write_banner(calibration, formula, warnings),
         "Set COMPASS_LEARN 0, else the vehicle replaces these offsets by its own.",
-        "The numbers hold for the present compass orientation only.",
+        _tell_orientation(parameters),
     )
     lines = [f"# {note}" for note in notes]
     lines += [f"{name},{format_float32(value)}" for name, value in parameters.items()]
@@ -107,6 +117,10 @@ def compute_ardupilot_parameters(
     >>> parameters["COMPASS_OFS_X"], round(parameters["COMPASS_SCALE"], 9)
     (-30.0, 1.1)
     """
+    turn_bm, angles = find_turn_inside(calibration, rotation_bm)
+    oriented: dict[str, float] = {}
+    if angles is not None and compass in CUSTOM:
+        rotation_bm, oriented = turn_bm, _orient(angles, compass)
     motors = find_motor_terms(calibration, rotation_bm=rotation_bm) if compass == 1 else None
     if motors is not None and voltage_V is not None:
         if not 1.0 <= voltage_V <= 100.0:
@@ -128,7 +142,7 @@ def compute_ardupilot_parameters(
         )
         scale = 1.0
     values = [*offset, *(six / scale), scale]
-    parameters = dict(zip(ardupilot_names(compass), map(float, values), strict=True))
+    parameters = dict(zip(ardupilot_names(compass), map(float, values), strict=True)) | oriented
     if motors is not None and voltage_V is not None:
         parameters |= compute_motor_parameters(motors, unpack_symmetric(six), voltage_V)
     term = find_source_term(calibration, "b", rotation_bm=rotation_bm)
@@ -144,6 +158,15 @@ def compute_ardupilot_parameters(
     return parameters, (*warnings, *_remarks(offset, six / scale))
 
 
+def _tell_orientation(parameters: dict[str, float]) -> str:
+    if "CUST_ROT_ENABLE" not in parameters:
+        return "The numbers hold for the present compass orientation only."
+    return (
+        "COMPASS_ORIENT and CUST_ROT turn readings that are logged in the sensor's own axes "
+        "(ArduPilot 4.2 or later); restart twice, for CUST_ROT_ENABLE shows the others."
+    )
+
+
 def ardupilot_names(compass: int) -> list[str]:
     """OFS x y z, DIA x y z, ODI x y z (= xy, xz, yz), SCALE; the first compass has no number."""
     if compass not in (1, 2, 3):
@@ -151,6 +174,18 @@ def ardupilot_names(compass: int) -> list[str]:
     number = "" if compass == 1 else str(compass)
     vectors = [f"COMPASS_{kind}{number}_{axis}" for kind in ("OFS", "DIA", "ODI") for axis in "XYZ"]
     return [*vectors, f"COMPASS_SCALE{number}"]
+
+
+def _orient(angles: Array, compass: int) -> dict[str, float]:
+    """The parameters of a compass that sits at any angle: roll, pitch and yaw (3,), degrees."""
+    rotation, slot = CUSTOM[compass]
+    number = "" if compass == 1 else str(compass)
+    named = zip(("ROLL", "PITCH", "YAW"), angles.tolist(), strict=True)
+    return {
+        f"COMPASS_ORIENT{number}": float(rotation),
+        "CUST_ROT_ENABLE": 1.0,
+        **{f"CUST_ROT{slot}_{name}": angle for name, angle in named},
+    }
 
 
 def motor_names(compass: int) -> list[str]:

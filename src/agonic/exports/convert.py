@@ -26,12 +26,16 @@ from agonic.calibration.steps import compose, steps_of
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure
 from agonic.maths.equation.symmetric import pack_symmetric
+from agonic.maths.rotations.mounting import right_angles
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 NEGLIGIBLE_DEG = 0.01
 """A rotation below this is not worth a warning."""
+
+OBLIQUE_DEG = 5.0
+"""A sensor so near to right angles sits by right angles, but for what a calibration corrects."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,6 +226,25 @@ def _find_mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]
         "to the target: set its sensor orientation to the same turn, or give rotation_bm",
     )
     return turn if calibration.frame_in == "m" else turn.inv(), warning
+
+
+def find_turn_inside(
+    calibration: Calibration, rotation_bm: Rotation | None
+) -> tuple[Rotation | None, Array | None]:
+    """The rotation from sensor to body axes, for a target that can take it as its own orientation:
+    as given, or, at angles far from right ones, as the calibration itself holds it; then its roll,
+    pitch and yaw too, degrees.
+
+    Angles are of the order yaw, pitch, roll (321), from sensor to body axes. A turn near right
+    angles is the orientation that the target has by a number of its own, and stays with it.
+    """
+    if rotation_bm is not None or (calibration.frame_in, calibration.frame_out) != ("m", "b"):
+        return rotation_bm, None
+    turn = _find_mounting(calibration)[0]
+    nearest = float(np.einsum("ij,kij->k", turn.as_matrix(), right_angles()).max())
+    if np.degrees(np.arccos(np.clip((nearest - 1) / 2, -1.0, 1.0))) < OBLIQUE_DEG:
+        return rotation_bm, None
+    return turn, np.asarray(turn.as_euler("ZYX", degrees=True)[::-1])
 
 
 def split_rotation(matrix: ArrayLike) -> tuple[Array, Rotation]:

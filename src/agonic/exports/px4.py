@@ -26,6 +26,7 @@ from agonic.exports.banner import format_float32, write_banner
 from agonic.exports.convert import (
     Export,
     find_source_term,
+    find_turn_inside,
     find_turns,
     hold_sources,
     take_symmetric,
@@ -42,6 +43,8 @@ SCALE = (0.1, 3.0)  # limits of CAL_MAGn_*SCALE in src/modules/sensors/module.ya
 POWER = "CAL_MAG_COMP_TYP"
 POWER_KIND = {"throttle": 1, "current_A": 2, "battery2_A": 3}  # CAL_MAG_COMP_TYP
 AMPERES = {1: 1.0, 2: 1000.0, 3: 1000.0}  # x per unit of P
+CUSTOM_ANGLES = 100
+"""CAL_MAGn_ROT of CAL_MAGn_ROLL, PITCH and YAW (PX4 1.14 or later; lib/conversion/rotation.h)."""
 INT32, FLOAT = 6, 9  # MAV_PARAM_TYPE
 
 
@@ -125,6 +128,13 @@ def compute_px4_parameters(
     >>> parameters["CAL_MAG0_XOFF"], parameters["CAL_MAG0_YSCALE"]
     (0.03, 1.1)
     """
+    turn_bm, angles = find_turn_inside(calibration, rotation_bm)
+    oriented: dict[str, float | int] = {}
+    if angles is not None and rotation is None:
+        rotation_bm = turn_bm
+        oriented[f"CAL_MAG{slot}_ROT"] = CUSTOM_ANGLES
+        named = zip(("ROLL", "PITCH", "YAW"), angles.tolist(), strict=True)
+        oriented |= {f"CAL_MAG{slot}_{name}": angle for name, angle in named}
     thermal: dict[str, float | int] = {}
     lost: tuple[str, ...] = ()
     if changes_with_temperature(calibration):
@@ -143,6 +153,7 @@ def compute_px4_parameters(
             thermal[f"TC_M{slot}_ID"] = parameters[f"CAL_MAG{slot}_ID"]
     if rotation is not None:
         parameters[f"CAL_MAG{slot}_ROT"] = int(rotation)
+    parameters |= oriented
     parameters |= dict(zip(px4_names(slot), map(float, (*offset, *six)), strict=True))
     term = find_source_term(calibration, "m", rotation_bm=rotation_bm)
     if term is not None:

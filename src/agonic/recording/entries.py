@@ -10,6 +10,7 @@ import numpy as np
 from agonic.calibration.affine import Affine
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.calibration.sources import name_sources
+from agonic.health import Finding, sentences
 from agonic.maths.one_pass import median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
@@ -84,6 +85,8 @@ def list_entries(result: Calibrated) -> dict[str, str]:
     if fit.shares:
         shares = ", ".join(tables.list_shares(fit.shares))
         entries["Made of"] = f"{shares} (of the heading’s variance)"
+    if (mounted := find_mounting_note(fit.findings)) is not None:
+        entries["Mounting"] = sentences(mounted.what)
     if result.latency is not None:
         entries["Latency"] = describe_latency(result.latency)
     if result.disturbers is not None and result.disturbers.shapes:
@@ -95,6 +98,11 @@ def list_entries(result: Calibrated) -> dict[str, str]:
             more = sum(own.startswith(label) for own in entries)
             entries[f"{label} {more + 1}" if more else label] = f"{_join_numbers(group)}{known}"
     return entries
+
+
+def find_mounting_note(findings: Sequence[Finding]) -> Finding | None:
+    """The note of a turn that the calibration undoes."""
+    return next((f for f in findings if f.name == "mounting" and f.severity == "note"), None)
 
 
 def _label_source(name: str) -> tuple[str, str]:

@@ -8,27 +8,46 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import polar
 
 from agonic.arrays import Array
 from agonic.calibration.mounting import turn_calibration
 from agonic.errors import AgonicError
-from agonic.health import (
-    FEWEST,
-    Finding,
-    find_mounting,
-    find_side,
-    find_usable_rows,
-)
-from agonic.inertial.attitude import feel_attitude
+from agonic.health import find_mounting, find_side, find_usable_rows
 from agonic.logs.any_form import Given, as_samples
-from agonic.maths.rotations.attitude import down_b
-from agonic.maths.rotations.mounting import describe_mounting
+from agonic.maths.rotations.mounting import describe_turn, right_angles
+from agonic.maths.rotations.turn_beside import TurnBeside
 from agonic.recording.calibrated import Calibrated, calibrate_as_named
 from agonic.recording.choice.choose import Kind
+from agonic.recording.turned_sensor import (
+    MOST_DEG,
+    describe_found,
+    feel_down,
+    find_turn_of,
+    is_certain,
+    undo_turn,
+)
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 STEEP_DEG = 10.0
+LEAST_DEG = 8.0
+"""Turns up to this size are found by the fit itself."""
+FAR_BETTER = 0.4
+"""Of what the vertical part varies by, what the turn of raw readings may leave."""
+SOFT_IRON_SD = 0.1
+"""Of raw readings, over the mean gain."""
+NOT_FOLLOWED = {"attitude", "mounting", "axes", "heading"}
+"""Names of findings by which the attitude is not that of the turned sensor either."""
+ASK_FOR_PLACE = (
+    "say where and when the log was recorded (--at LAT,LON, --date), and the calibration turns the "
+    "sensor to roll and pitch; look how the sensor sits, and set their zero with the vehicle level"
+)
+ASK_FOR_ATTITUDE = (
+    "leave out --method, and the calibration turns the sensor to roll and pitch; look how the "
+    "sensor sits, and set their zero with the vehicle level"
+)
+"""What makes use of a turn that a fit to the magnitude leaves in the readings."""
 
 
 def calibrate(
@@ -67,50 +86,68 @@ def calibrate(
     'good'
     """
     meant, known = as_samples(samples, unit), Reference.of(reference)
-    turn = find_turn(meant, known) if kind == "auto" else None
-    if turn is not None:
-        turned = calibrate_as_named(turn_readings(meant, turn), known, kind=kind, **settings)
-        if turned.verdict != "refused" and turned.method != "ellipsoid":
-            return _tell_turn(turn_back(turned, turn), turn)
-    return calibrate_as_named(meant, known, kind=kind, **settings)
+    found = find_turn(meant, known) if kind == "auto" else None
+    if found is not None:
+        turned = calibrate_as_named(turn_readings(meant, found.turn), known, kind=kind, **settings)
+        if turned.verdict != "refused" and not NOT_FOLLOWED & _list_names(turned):
+            return _tell_turn(turn_back(_undo_rest(turned, known=True), found.turn), found)
+    return _undo_rest(calibrate_as_named(meant, known, kind=kind, **settings))
 
 
-def find_turn(samples: Samples, reference: Reference | None) -> Array | None:
-    """The turn (3, 3) from the sensor's axes to the vehicle's that the log tells for certain.
+def _undo_rest(result: Calibrated, *, known: bool = False) -> Calibrated:
+    """The result of a fit by the magnitude, which does not see how the sensor is turned in its
+    vehicle, with that turn undone; all of it where most is `known`."""
+    if result.method != "ellipsoid":
+        return result
+    kind = None if result.reference is None else result.reference.kind
+    move = ASK_FOR_ATTITUDE if kind in ("vector", "horizontal-vertical") else ASK_FOR_PLACE
+    at = (result.fit, result.samples, result.latency, move)
+    return replace(result, fit=undo_turn(*at, known=known))
 
-    The vertical part of the field has to be steep enough for its sign to be seen, for roll counted
-    the wrong way round looks like a sensor that lies on its back.
+
+def _tell_turn(result: Calibrated, found: TurnBeside) -> Calibrated:
+    """The result, saying how the sensor sits, by the calibration itself."""
+    turn = found.turn
+    if not np.array_equal(turn, np.rint(turn)):
+        turn = polar(result.calibration.matrix)[0]
+    return result.with_finding(describe_found(turn, found.sd))
+
+
+def _list_names(result: Calibrated) -> set[str]:
+    return {finding.name for finding in result.objections}
+
+
+def find_turn(samples: Samples, reference: Reference | None) -> TurnBeside | None:
+    """The turn from the sensor's axes to the vehicle's that the log tells for certain: at any
+    angle, or, where a vehicle hardly tilts, among those by right angles.
+
+    The sign of the vertical field tells it from reversed axes, where a place is known and it is
+    steep enough; roll counted the wrong way round looks like a sensor that lies on its back.
     """
-    if reference is None or samples.frame == "b":
-        return None
-    dip = reference.inclination_deg
-    if dip is None or abs(dip) < STEEP_DEG:
-        return None
-    if samples.roll_deg is not None and samples.pitch_deg is not None:
-        down = down_b(samples.roll_deg, samples.pitch_deg)
-    elif samples.acceleration is not None:
-        down = feel_attitude(samples).down
-    else:
+    found = None if samples.frame == "b" else find_turn_of(samples.field, samples, SOFT_IRON_SD)
+    down = feel_down(samples)
+    if found is None or down is None:
         return None
     rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)
-    if rows.sum() < FEWEST:
-        return None
     readings, down = samples.field[rows], down[rows]
-    turn = find_mounting(readings, down)
-    upside_down = turn is not None and find_side(readings, down, turn, dip) < 0
-    return None if upside_down else turn
+    sure = is_certain(found, LEAST_DEG, FAR_BETTER)
+    right = find_nearest(found.turn) if sure else find_mounting(readings, down)
+    if right is not None:
+        found = found._replace(turn=right)
+    elif not sure:
+        return None
+    dip = None if reference is None else reference.inclination_deg
+    if dip is not None and abs(dip) > STEEP_DEG:
+        return None if find_side(readings, down, found.turn, dip) < 0 else found
+    return found if sure and np.degrees(found.angle) < MOST_DEG else None
 
 
-def _tell_turn(result: Calibrated, turn: Array) -> Calibrated:
-    """The result, saying how the sensor was found to sit."""
-    found = Finding(
-        "mounting",
-        "note",
-        f"the readings show that the sensor is mounted so that {describe_mounting(turn)}; the "
-        "calibration turns them into the vehicle's axes",
-        "if it does not sit like that, name its axes rightly and calibrate again",
-    )
-    return result.with_finding(found)
+def find_nearest(turn: Array) -> Array | None:
+    """The turn by right angles that is so near that a fit finds the rest, if any."""
+    trace = np.einsum("ij,kij->k", turn, right_angles())
+    nearest = int(np.argmax(trace))
+    off = np.degrees(np.arccos(np.clip((trace[nearest] - 1) / 2, -1.0, 1.0)))
+    return right_angles()[nearest] if off < LEAST_DEG else None
 
 
 def turn_readings(samples: Samples, turn: Array) -> Samples:
@@ -120,7 +157,7 @@ def turn_readings(samples: Samples, turn: Array) -> Samples:
             f"the log has the readings of {samples.name} in body axes, by the orientation that the "
             "autopilot was given; correct that one (COMPASS_ORIENT, CAL_MAGn_ROT) and log again"
         )
-    note = f"readings turned into body axes: {describe_mounting(turn)}"
+    note = f"readings turned into body axes: the sensor is {describe_turn(turn)}"
     return samples.with_columns(field=samples.field @ turn.T, notes=(*samples.notes, note))
 
 
@@ -132,5 +169,5 @@ def turn_back(result: Calibrated, turn: Array) -> Calibrated:
     samples = result.samples
     logged = samples.with_columns(field=samples.field @ turn)
     fit = replace(result.fit, calibration=turn_calibration(result.fit.calibration, turn))
-    reason = f"{result.reason}; the sensor is mounted so that {describe_mounting(turn)}"
+    reason = f"{result.reason}; the sensor is {describe_turn(turn)}"
     return replace(result, samples=logged, fit=fit, reason=reason)

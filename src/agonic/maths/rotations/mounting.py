@@ -77,6 +77,24 @@ def describe_mounting(turn: Array) -> str:
     return f"x points {along[0]}, y {along[1]}, z {along[2]}"
 
 
+def describe_turn(turn: Array) -> str:
+    """How a sensor sits, by words where its axes lie along those of the vehicle, else by angles.
+
+    >>> describe_turn(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
+    'mounted so that x points right, y backward, z down'
+    >>> from scipy.spatial.transform import Rotation
+    >>> describe_turn(Rotation.from_euler("ZYX", [30.0, -5.0, 0.0], degrees=True).as_matrix())
+    'turned in the vehicle (roll 0.0°, pitch −5.0°, yaw 30.0°)'
+    """
+    from scipy.spatial.transform import Rotation  # here, so that what only reads loads no SciPy
+
+    if np.abs(turn - np.rint(turn)).max() < 1e-9:
+        return f"mounted so that {describe_mounting(turn)}"
+    yaw, pitch, roll = Rotation.from_matrix(turn).as_euler("ZYX", degrees=True) + 0.0
+    words = f"roll {roll:.1f}°, pitch {pitch:.1f}°, yaw {yaw:.1f}°"
+    return f"turned in the vehicle ({words.replace('-', '−')})"
+
+
 def describe_renaming(turn: Array) -> str:
     """What is wrong with the names of axes that a turn, proper or not, puts right.
 

@@ -9,7 +9,6 @@ from typing import Any, Literal, get_args
 from agonic.attitude.heading_source import check_heading_source
 from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.attitude.problem import is_known
-from agonic.attitude.vertical_turn import tell_turn
 from agonic.errors import AgonicError, CoverageError, LogError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
@@ -122,17 +121,6 @@ def _own_heading_deg(fit: Fit) -> float:
 Kind = Literal["auto", "ellipsoid", "levelled", "vector", "inertial", "interference"]
 
 
-ASK_FOR_PLACE = (
-    "say where and when the log was recorded (--at LAT,LON, --date), and the calibration turns the "
-    "sensor to roll and pitch; look how the sensor sits, and set their zero with the vehicle level"
-)
-ASK_FOR_ATTITUDE = (
-    "leave out --method, and the calibration turns the sensor to roll and pitch; look how the "
-    "sensor sits, and set their zero with the vehicle level"
-)
-"""What makes use of a turn that a fit to the magnitude leaves in the readings."""
-
-
 def choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Choice:
@@ -157,7 +145,7 @@ def _choose(
         _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
     )
     if method == "ellipsoid":
-        alone = _tell_turn(fit_magnitude(samples, reference, reason, settings))
+        alone = fit_magnitude(samples, reference, reason, settings)
         if kind != "auto":
             return alone
         return join_disturbers(alone, samples, reference, reason, settings)
@@ -176,17 +164,6 @@ def _choose(
     if kind == "auto" and aided.fit.verdict == "refused":
         return fall_back(aided, samples, reference, settings)
     return aided
-
-
-def _tell_turn(alone: Choice) -> Choice:
-    """A fit to the magnitude with how roll and pitch show the sensor turned in its vehicle."""
-    if alone.fit.verdict == "refused":
-        return alone
-    kind = alone.reference.kind if alone.reference is not None else None
-    known = kind in ("vector", "horizontal-vertical")
-    move = ASK_FOR_ATTITUDE if known else ASK_FOR_PLACE
-    told = tell_turn(alone.fit, alone.samples, alone.latency, move)
-    return replace(alone, fit=told)
 
 
 def _without_heading(

@@ -1,0 +1,192 @@
+"""How a sensor calibrated by the magnitude alone is turned in its vehicle, and that undone.
+
+The magnitude does not see how a sensor sits. What tells down beside it does, by the vertical part
+of the field (`maths.rotations.turn_beside`): recorded roll and pitch, or what accelerometer and
+gyro feel. A turn that is certain becomes part of the calibration, W → R W, with its error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.attitude.delay import undelayed
+from agonic.attitude.latency import LatencyFit
+from agonic.attitude.mounted_heading import MountedHeading, check_turned_sensor
+from agonic.calibration.affine import Affine
+from agonic.calibration.mounting import turn_field
+from agonic.errors import AgonicError
+from agonic.fit import Fit
+from agonic.health import Finding, figure, find_usable_rows
+from agonic.inertial.attitude import feel_attitude
+from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.rotations.attitude import down_b
+from agonic.maths.rotations.mounting import describe_turn
+from agonic.maths.rotations.turn_beside import TurnBeside, find_turn_beside
+from agonic.maths.rotations.vectors import skew
+from agonic.new_rows import find_fresh
+from agonic.samples import Samples
+
+FEWEST = 200
+"""Rows that can show a turn."""
+SURELY = 4.0
+"""Standard errors of a turn that is there: 1 in 16 000 by chance."""
+MATTERS_DEG = 1.0
+"""A turn that is surely larger is undone; sensors are mounted with such errors."""
+SHARP_DEG = 3.0
+"""Standard error of a turn, about any axis, from which it is not undone."""
+RIVAL = 1.5
+"""Any other turn leaves so much more of the vertical part's changes."""
+BETTER = 0.9
+"""Of these changes, what a turn that is certain leaves; in a room the field leans from place to
+place, which a turn explains a little of."""
+SOFT_IRON_SD = 3e-3
+"""Of a calibrated field: what a fit leaves of it."""
+STEEPEST_DEG = 80.0
+"""A dip beyond which no heading is stated."""
+MOST_DEG = 100.0
+"""Where nothing tells the sign of the vertical field, a larger turn may be reversed axes."""
+EXACTLY = 1e-9
+_MOST_ROWS = 20_000
+
+
+def find_turn_of(field: Array, samples: Samples, soft_iron_sd: float) -> TurnBeside | None:
+    """The turn of a sensor whose readings, or calibrated field, are (n, 3) in the rows of samples;
+    None where nothing tells down in enough of them."""
+    down = feel_down(samples)
+    if down is None:
+        return None
+    rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)
+    some = np.flatnonzero(rows & find_fresh(samples.field))
+    if len(some) < FEWEST:
+        return None
+    some = some[:: -(-len(some) // _MOST_ROWS)]
+    return find_turn_beside(field[some], down[some], soft_iron_sd)
+
+
+def feel_down(samples: Samples) -> Array | None:
+    """Down (n, 3) in body axes by roll and pitch, else as an inertial unit feels it."""
+    if samples.roll_deg is not None and samples.pitch_deg is not None:
+        return down_b(samples.roll_deg, samples.pitch_deg)
+    if samples.acceleration is None or samples.time is None:
+        return None
+    try:
+        return feel_attitude(samples).down
+    except AgonicError:
+        return None
+
+
+def is_certain(found: TurnBeside, least_deg: float, better: float) -> bool:
+    """Whether a turn is there, larger than so many degrees, and known about every axis."""
+    sd = np.degrees(found.sd)
+    return bool(
+        np.degrees(found.angle) - sd > least_deg
+        and np.degrees(found.angle) > SURELY * sd
+        and sd < SHARP_DEG
+        and found.misfit < better * found.unturned
+        and found.misfit * RIVAL < found.rival
+    )
+
+
+def undo_turn(
+    fit: Fit, samples: Samples, latency: LatencyFit | None, move: str, *, known: bool = False
+) -> Fit:
+    """The fit in the vehicle's axes where the turn of the sensor in it is certain, or where most of
+    it is undone before and the rest is `known` to be no turn of an attitude that is wrong.
+
+    Else the vehicle's heading is stated with what is not known of the turn, and what surely shows
+    of it about the level axes is told; `move` says what would use roll and pitch.
+    """
+    named = {finding.name for finding in fit.findings}
+    if fit.verdict == "refused" or fit.calibration.magnitude is None or "axes" in named:
+        return fit
+    if latency is not None and latency.significant and samples.time is not None:
+        samples = undelayed(samples, latency.latency_s)
+    field = fit.calibration.correct(samples.field)
+    found = find_turn_of(field, samples, SOFT_IRON_SD)
+    if found is None:
+        return fit
+    if known and np.degrees(found.sd) < SHARP_DEG:
+        return _apply(fit, found)
+    if is_certain(found, MATTERS_DEG, BETTER) and np.degrees(found.angle) < MOST_DEG:
+        return _apply(fit, found).with_findings(describe_found(found.turn, found.sd))
+    return _state_unknown(fit, found, samples, move)
+
+
+def _apply(fit: Fit, found: TurnBeside) -> Fit:
+    """The fit with its field turned, and the heading's error in the vehicle."""
+    own = fit.coverage.heading_sd_deg
+    vehicle = float(np.hypot(own, _find_heading_sd(found, fit, np.zeros(3))))
+    accuracy = fit.accuracy
+    return replace(
+        fit,
+        calibration=_turn(fit.calibration, found),
+        coverage=replace(fit.coverage, down=found.turn.T @ [0.0, 0.0, 1.0]),
+        accuracy=accuracy and replace(accuracy, vehicle_deg=vehicle, alone=False),
+    )
+
+
+def describe_found(turn: Array, sd: float) -> Finding:
+    """How a sensor was found to sit, with the standard error, rad, of other angles than right."""
+    right = bool(np.abs(turn - np.rint(turn)).max() < EXACTLY)
+    known = "" if right else f", with a standard error of {figure(float(np.degrees(sd)))}°"
+    return Finding(
+        "mounting",
+        "note",
+        f"the readings show that the sensor is {describe_turn(turn)}{known}; the calibration turns "
+        "them into the vehicle's axes",
+        "if it does not sit like that, name its axes rightly and calibrate again",
+    )
+
+
+def _turn(calibration: Affine, found: TurnBeside) -> Affine:
+    """The calibration turned, with the error of the turn in its covariance."""
+    turned = turn_field(calibration, found.turn)
+    if turned.covariance is None:
+        return turned
+    basis = model_basis("full", FREE)
+    moves = np.stack([(skew(axis) @ turned.matrix).ravel() for axis in np.eye(3)], axis=1)
+    by = np.zeros((len(turned.covariance), 3))
+    by[: basis.shape[1]] = np.linalg.lstsq(basis, np.vstack([np.zeros((3, 3)), moves]), rcond=None)[
+        0
+    ]
+    return replace(turned, covariance=turned.covariance + by @ found.covariance @ by.T)
+
+
+def _find_heading_sd(found: TurnBeside, fit: Fit, turned: Array) -> float:
+    """The rms error of a level heading by errors of the turn, and by a turn that is not undone,
+    degrees: about the vertical one to one, about level axes by tan I/√2."""
+    dip = min(abs(fit.coverage.inclination_deg), STEEPEST_DEG)
+    square = found.covariance + np.outer(turned, turned)
+    level = np.tan(np.radians(dip)) ** 2 / 2 * (square[0, 0] + square[1, 1])
+    return float(np.degrees(np.sqrt(square[2, 2] + level)))
+
+
+def _state_unknown(fit: Fit, found: TurnBeside, samples: Samples, move: str) -> Fit:
+    """The fit with what a turn about the level axes adds to the vehicle's heading; one about the
+    vertical shifts all headings alike and is not judged."""
+    level = found.about * [1.0, 1.0, 0.0]
+    covariance = found.covariance.copy()
+    covariance[2] = covariance[:, 2] = 0.0
+    own = fit.coverage.heading_sd_deg
+    unknown = _find_heading_sd(found._replace(covariance=covariance), fit, level)
+    vehicle = float(np.hypot(own, unknown))
+    size = float(np.linalg.norm(level))
+    sd = float(np.sqrt(level @ covariance @ level)) / max(size, 1e-12)
+    if samples.roll_deg is None:
+        return fit
+    if fit.accuracy is not None:
+        fit = replace(fit, accuracy=replace(fit.accuracy, vehicle_deg=vehicle))
+    by_angle = np.tan(np.radians(min(abs(fit.coverage.inclination_deg), STEEPEST_DEG))) / np.sqrt(2)
+    surely = np.degrees(size - SURELY / 2 * sd) * by_angle > own and size > SURELY * sd
+    mounted = MountedHeading(
+        own, vehicle, float(np.degrees(size)), turn_sd_deg=float(np.degrees(sd))
+    )
+    worse = found.misfit > BETTER * found.unturned or found.misfit * RIVAL > found.rival
+    told = check_turned_sensor(mounted, turned=True) if surely and not worse else None
+    if told is None:
+        return fit
+    coverage = replace(fit.coverage, heading_sd_deg=vehicle)
+    return replace(fit, coverage=coverage).with_findings(replace(told, move=move))
