@@ -118,8 +118,6 @@ def test_a_mounting_is_applied_only_where_dip_and_axes_agree() -> None:
     banked = calibrate(plain.with_columns(roll_deg=-plain.roll_deg), place)
     assert banked.method == "ellipsoid"  # in axes of its own
     assert "is mounted so that" not in banked.status
-    level = samples.with_columns(frame="b")
-    assert find_turn(level, place) is None  # the orientation set for it is wrong, not the mounting
     assert find_turn(samples, ag.Reference.constant(50_000.0)) is None
 
 
@@ -174,5 +172,18 @@ def test_a_compass_at_any_angle_beside_roll_and_pitch_with_a_place() -> None:
     result = calibrate(samples.with_columns(field=body @ turn), place)
     assert (result.method, result.verdict) == ("levelled", "good")
     assert "yaw 30." in result.status or "yaw 29." in result.status
+    off = (result.calibration.correct(body @ turn) - field_b).mean(axis=0)
+    assert np.abs(off).max() < 60.0
+
+
+def test_an_orientation_that_the_autopilot_was_given_wrongly_is_named() -> None:
+    samples, field_b, place, right_angles = flown()
+    turn = Rotation.from_euler("z", 45.0, degrees=True).as_matrix()
+    body = samples.field @ right_angles.T
+    result = calibrate(samples.with_columns(field=body @ turn, frame="b"), place)
+    assert (result.method, result.verdict) == ("levelled", "check")
+    (told,) = result.objections
+    assert "yaw 45." in told.what or "yaw 44." in told.what
+    assert "COMPASS_ORIENT" in told.move
     off = (result.calibration.correct(body @ turn) - field_b).mean(axis=0)
     assert np.abs(off).max() < 60.0

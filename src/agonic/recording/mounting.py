@@ -37,6 +37,12 @@ FAR_BETTER = 0.4
 """Of what the vertical part varies by, what the turn of raw readings may leave."""
 SOFT_IRON_SD = 0.1
 """Of raw readings, over the mean gain."""
+IN_BODY_AXES = "which the log has them in by the orientation that was set: that one is wrong"
+REORIENT = (
+    "correct the orientation of this compass by that turn (COMPASS_ORIENT, CAL_MAGn_ROT) and "
+    "calibrate a new log; exported numbers hold for the present one only"
+)
+"""Of readings that the autopilot has turned already."""
 NOT_FOLLOWED = {"attitude", "mounting", "axes", "heading"}
 """Names of findings by which the attitude is not that of the turned sensor either."""
 ASK_FOR_PLACE = (
@@ -88,7 +94,7 @@ def calibrate(
     meant, known = as_samples(samples, unit), Reference.of(reference)
     found = find_turn(meant, known) if kind == "auto" else None
     if found is not None:
-        turned = calibrate_as_named(turn_readings(meant, found.turn), known, kind=kind, **settings)
+        turned = calibrate_as_named(_turn(meant, found.turn), known, kind=kind, **settings)
         if turned.verdict != "refused" and not NOT_FOLLOWED & _list_names(turned):
             return _tell_turn(turn_back(_undo_rest(turned, known=True), found.turn), found)
     return _undo_rest(calibrate_as_named(meant, known, kind=kind, **settings))
@@ -110,7 +116,10 @@ def _tell_turn(result: Calibrated, found: TurnBeside) -> Calibrated:
     turn = found.turn
     if not np.array_equal(turn, np.rint(turn)):
         turn = polar(result.calibration.matrix)[0]
-    return result.with_finding(describe_found(turn, found.sd))
+    told = describe_found(turn, found.sd)
+    if result.samples.frame == "b":
+        told = replace(told, severity="check", what=f"{told.what}, {IN_BODY_AXES}", move=REORIENT)
+    return result.with_finding(told)
 
 
 def _list_names(result: Calibrated) -> set[str]:
@@ -124,7 +133,7 @@ def find_turn(samples: Samples, reference: Reference | None) -> TurnBeside | Non
     The sign of the vertical field tells it from reversed axes, where a place is known and it is
     steep enough; roll counted the wrong way round looks like a sensor that lies on its back.
     """
-    found = None if samples.frame == "b" else find_turn_of(samples.field, samples, SOFT_IRON_SD)
+    found = find_turn_of(samples.field, samples, SOFT_IRON_SD)
     down = feel_down(samples)
     if found is None or down is None:
         return None
@@ -157,6 +166,10 @@ def turn_readings(samples: Samples, turn: Array) -> Samples:
             f"the log has the readings of {samples.name} in body axes, by the orientation that the "
             "autopilot was given; correct that one (COMPASS_ORIENT, CAL_MAGn_ROT) and log again"
         )
+    return _turn(samples, turn)
+
+
+def _turn(samples: Samples, turn: Array) -> Samples:
     note = f"readings turned into body axes: the sensor is {describe_turn(turn)}"
     return samples.with_columns(field=samples.field @ turn.T, notes=(*samples.notes, note))
 
