@@ -106,13 +106,14 @@ def export(
     can hold that; for the others say with --temperature where to hold it.
     """
     from agonic.exports.firmware import write_firmware
+    from agonic.files.foreign import is_foreign
     from agonic.files.setup import load_setup
     from agonic.logs.contents import read_bytes
 
     library = _choose_library(layout, to, out or cal.with_suffix(""))
     out = out if library is None else library / "src"
     content = read_bytes(cal).lstrip()
-    is_setup = not content.startswith(b"{")
+    is_setup = not content.startswith(b"{") and not is_foreign(cal)
     if (is_setup or whole) and to != "c":
         raise AgonicError(
             f"{to} takes one calibration and not a setup; export the calibration files that the "
@@ -168,8 +169,9 @@ def _export_calibration(
     from agonic.exports.firmware.c_text import make_c_name
     from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
+    from agonic.files.foreign import is_foreign, read_plain
 
-    calibration = require_calibration(load(cal))
+    calibration = read_plain(cal) if is_foreign(cal) else require_calibration(load(cal))
     path = out or cal.with_suffix(TARGETS[to].suffix if to in TARGETS else "")
     if in_library:
         path /= f"{make_c_name(calibration.sensor) if name is None else name}.h"

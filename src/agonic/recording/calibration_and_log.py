@@ -9,6 +9,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.steps import require_calibration
 from agonic.console.sensors import add_second, choose_name
 from agonic.files.calibration import load
+from agonic.files.foreign import is_foreign, read_foreign, understand
 from agonic.logs.read import open_log
 from agonic.samples import Samples
 
@@ -19,9 +20,18 @@ def open_calibration_and_log(
     """The calibration, and the log's sensor of that name, or the one asked for, or its only one.
 
     The samples come with the second magnetometer where the calibration mixes one, and each with
-    the moment it was measured at where the calibration knows how late the readings are.
+    the moment it was measured at where the calibration knows how late the readings are. One that
+    another program made is read as the log shows that it is meant.
     """
-    calibration, recording = require_calibration(load(cal)), open_log(log, unit=unit)
+    foreign = is_foreign(cal)
+    calibration = None if foreign else require_calibration(load(cal))
+    if foreign:
+        read_foreign(cal)  # what it is not is the first thing to know
+    recording = open_log(log, unit=unit)
+    if calibration is None:
+        names = (one.name for one in recording.sensors)
+        samples = recording.sensor(choose_name(names) if sensor is None else sensor)
+        return understand(cal, samples).calibration, samples
     if sensor is None:
         names = (samples.name for samples in recording.sensors)
         sensor = choose_name(names, calibration.sensor)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,17 +26,30 @@ def verify(
     at: At = None,
     date: Date = None,
     field: Magnitude = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", metavar="CAL", help="Keep what another program made as a calibration."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> int:
-    """Check a calibration on a log. Exit status 1 where a check failed."""
+    """Check a calibration on a log. Exit status 1 where a check failed.
+
+    CAL may be of another program: parameters of ArduPilot or PX4, MotionCal's packet, or a vector
+    b and a matrix A as text, JSON or .mat; how they are meant is found on the log and said.
+    """
     from dataclasses import asdict
 
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
+    from agonic.files.calibration import save
     from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.verification import verify as check
 
     calibration, samples = open_calibration_and_log(cal, log, sensor, unit)
+    read_as = calibration.provenance.settings.get("read_as")
+    files = [] if out is None else [str(save(calibration, out))]
     reference, _ = find_reference(samples, at, date, field)
     if calibration.unit_out != "nT":
         reference = None
@@ -50,13 +64,19 @@ def verify(
                 "sensor": samples.name,
                 "verdict": "good" if verification.passed else "check",
                 "own_data": own,
+                "read_as": read_as,
+                "files": files,
                 "spread_before": verification.spread_before,
                 "spread_after": verification.spread_after,
                 "checks": [asdict(check) for check in verification.checks],
             },
         )
     else:
+        if read_as is not None:
+            say(f"Read as {read_as}\n")
         say("\n".join(_line(c) for c in verification.checks))
+        if files:
+            say(f"\nWritten   {files[0]}")
         if own:
             say("Note: this is the log that the calibration was made from; use another to be sure.")
     return 0 if verification.passed else 1

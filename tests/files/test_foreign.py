@@ -1,0 +1,118 @@
+"""Calibrations of other programs: the log tells what any form and convention means."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import agonic as ag
+from agonic.calibration.affine import Affine
+from agonic.cli import run
+from agonic.errors import LogError
+from agonic.exports.ardupilot import write_ardupilot
+from agonic.exports.csv import write_csv
+from agonic.exports.motioncal import write_motioncal
+from agonic.exports.px4 import write_px4
+from agonic.files.foreign import CONVENTIONS, read_foreign, understand
+from agonic.simulation import simulate
+from tests.command_line import answer
+
+MADE = simulate("tumble", n=1200, noise=100.0, seed=3)
+TRUTH = MADE.truth
+LEAN = np.array([[0.995, -0.0998, 0.0], [0.0998, 0.995, 0.0], [0.0, 0.0, 1.0]])
+BIAS_UT, MATRIX = TRUTH.bias / 1000.0, LEAN @ TRUTH.matrix
+"""In µT; not symmetric, so that a transposed matrix is another one."""
+
+
+def say_as(convention: str) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers b and A by which another program would say the truth."""
+    turned, shifted = np.linalg.inv(MATRIX), MATRIX @ BIAS_UT
+    return {
+        "A (raw − b)": (BIAS_UT, MATRIX),
+        "(raw − b) A": (BIAS_UT, MATRIX.T),
+        "A⁻¹ (raw − b)": (BIAS_UT, turned),
+        "(raw − b) A⁻¹": (BIAS_UT, turned.T),
+        "A (raw + b)": (-BIAS_UT, MATRIX),
+        "(raw + b) A": (-BIAS_UT, MATRIX.T),
+        "A raw − b": (shifted, MATRIX),
+        "A raw + b": (-shifted, MATRIX),
+        "raw A + b": (-shifted, MATRIX.T),
+    }[convention]
+
+
+def write_magneto(path: Path, b: np.ndarray, a: np.ndarray) -> None:
+    rows = "\n".join("  ".join(f"{value: .7f}" for value in row) for row in a)
+    vector = "  ".join(f"{value:.5f}" for value in b)
+    path.write_text(f"Combined bias (b):\n{vector}\n\nsoft iron (A-1):\n{rows}\n")
+
+
+def write_code(path: Path, b: np.ndarray, a: np.ndarray) -> None:
+    rows = ", ".join("{" + ", ".join(f"{v:.7f}f" for v in row) + "}" for row in a)
+    vector = ", ".join(f"{v:.5f}" for v in b)
+    path.write_text(f"float b[3] = {{{vector}}};\nfloat A[3][3] = {{{rows.replace('f', '')}}};\n")
+
+
+def write_json(path: Path, b: np.ndarray, a: np.ndarray) -> None:
+    hard = dict(zip("xyz", b.tolist(), strict=True))
+    path.write_text(json.dumps({"mag": {"hard_iron": hard, "soft_iron": a.tolist()}}))
+
+
+def write_matlab(path: Path, b: np.ndarray, a: np.ndarray) -> None:
+    savemat(path, {"A": a, "b": b, "expMFS": 50.0})
+
+
+@pytest.mark.parametrize("write", [write_magneto, write_code, write_json, write_matlab])
+@pytest.mark.parametrize("convention", list(CONVENTIONS))
+def test_any_form_in_any_convention_is_read_as_it_is_meant(tmp_path, write, convention) -> None:
+    path = tmp_path / ("cal.mat" if write is write_matlab else "cal.txt")
+    write(path, *say_as(convention))
+    found = understand(path, MADE.samples).calibration
+    assert found.bias == pytest.approx(TRUTH.bias, abs=5.0)
+    lengths = np.linalg.norm(found.correct(MADE.samples.field), axis=1)
+    wanted = np.linalg.norm((MADE.samples.field - TRUTH.bias) @ MATRIX.T, axis=1)
+    assert lengths == pytest.approx(wanted, rel=1e-3)
+    assert "b in uT" in found.provenance.settings["read_as"]
+
+
+@pytest.mark.parametrize(
+    ("write", "name", "options"),
+    [
+        (write_ardupilot, "mag.param", {"compass": 2}),
+        (write_px4, "mag.params", {"device_id": 5, "slot": 1}),
+        (write_motioncal, "mag.bin", {}),
+    ],
+)
+def test_what_says_its_convention_itself_is_read_back(tmp_path, write, name, options) -> None:
+    own = Affine(bias=TRUTH.bias, matrix=TRUTH.matrix, magnitude=50_000.0)
+    path = write(own, tmp_path / name, **options).path
+    found = understand(path, MADE.samples)
+    assert found.calibration.bias == pytest.approx(TRUTH.bias, abs=1.0)
+    assert found.calibration.matrix == pytest.approx(TRUTH.matrix, abs=1e-5)
+    assert found.next_spread == np.inf
+
+
+def test_what_fits_in_no_way_is_an_error(tmp_path) -> None:
+    path = tmp_path / "other.txt"
+    write_magneto(path, np.array([90.0, -80.0, 200.0]), np.diag([1.0, 2.0, 0.3]))
+    with pytest.raises(LogError, match="in no way that was tried"):
+        understand(path, MADE.samples)
+    path.write_text("nothing of the kind: 1 2\n")
+    with pytest.raises(LogError, match="a vector of 3 and a matrix of 3 × 3"):
+        read_foreign(path)
+
+
+def test_verify_says_how_it_is_read_and_keeps_it(tmp_path, capsys) -> None:
+    log = str(write_csv(MADE.samples, tmp_path / "log.csv"))
+    write_matlab(tmp_path / "cal.mat", *say_as("(raw − b) A"))
+    kept = str(tmp_path / "mag.json")
+    status, said = answer(capsys, "verify", str(tmp_path / "cal.mat"), log, "-o", kept)
+    assert (status, said["verdict"], said["files"]) == (0, "good", [kept])
+    assert "field = (raw − b) A, b in uT" in said["read_as"]
+    assert ag.load(kept).bias == pytest.approx(TRUTH.bias, abs=5.0)
+    out = str(tmp_path / "out.csv")
+    assert run(["apply", str(tmp_path / "cal.mat"), log, "-o", out]) == 0
+    assert ag.read(out).field.std(axis=0).max() < 40_000.0
