@@ -163,6 +163,22 @@ def test_a_platform_that_turns_unevenly_is_less_sure_between_attitudes() -> None
     assert (apart < 2.5 * found.sd_arcsec).all()
 
 
+@pytest.mark.parametrize("apart_s", [0.0, 3e-7])
+def test_a_reading_at_an_attitude_has_it_be_it_first_last_or_alone(apart_s: float) -> None:
+    made = simulate_session(seed=3)
+    night = made.session
+    at_once = replace(night.star, time=compute_unix_s(night.magnetometer) + apart_s)
+    found = field_direction(true_turn(made), night.magnetometer, at_once, night.site)
+    assert (len(found), found.left_out) == (480, 0)
+    own = np.einsum("nji,nj->ni", at_once.rot_ci, night.magnetometer.field @ made.rot_mc)
+    alone = replace(at_once, refraction="removed", aberration="removed")
+    exact = field_direction(true_turn(made), night.magnetometer, alone)
+    np.testing.assert_allclose(exact.field_i, own, atol=1e-6)
+    one = replace(alone, orientation=np.arange(480))
+    single = field_direction(true_turn(made), night.magnetometer, one, gap_s=1.0)
+    np.testing.assert_allclose(single.field_i, own, atol=1e-6)
+
+
 def test_bad_input_is_named(tmp_path) -> None:
     made = simulate_session(seed=1)
     night, turn = made.session, true_turn(made)

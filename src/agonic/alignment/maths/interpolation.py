@@ -11,6 +11,8 @@ from agonic.arrays import Array, Index, Mask
 
 _CURVED = 9.0
 """How many times its own variance a second difference must exceed to be no noise."""
+_SAME_MOMENT_S = 1e-6
+"""Times that differ by less are one: tables are written to a microsecond."""
 
 
 class Between(NamedTuple):
@@ -30,8 +32,9 @@ def interpolate_attitudes(
         C(t) = (1 − s)² C₀ + s² C₁ + (s(1 − s)/2)² d dᵀ
 
     d is the second difference of the neighbours where it stands out of their noise: what a platform
-    that speeds up does between two readings. Moments outside the times, in a gap of more than
-    `gap_s`, or between readings of different `number` (m,) have no attitude and are left out.
+    that speeds up does between two readings. A moment at which an attitude was read has that one.
+    Other moments outside the times, in a gap of more than `gap_s`, or between readings of different
+    `number` (m,) have no attitude and are left out.
 
     Source: Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985.
 
@@ -41,24 +44,24 @@ def interpolate_attitudes(
     >>> found.rows.tolist(), found.rotation[0, 0].round(6).tolist()
     ([0], [0.707107, -0.707107, 0.0])
     """
-    if len(time) == 1:
-        rows = np.flatnonzero(moments == time[0])
-        return Between(
-            rows, *(np.repeat(each, len(rows), axis=0) for each in (rotation, covariance))
-        )
-    right = np.clip(np.searchsorted(time, moments), 1, len(time) - 1)
-    left = right - 1
-    inside = (moments >= time[0]) & (moments <= time[-1])
+    after = np.minimum(np.searchsorted(time, moments - _SAME_MOMENT_S), len(time) - 1)
+    read = np.abs(time[after] - moments) <= _SAME_MOMENT_S
     joined = (np.diff(time) <= gap_s) & (np.diff(number) == 0)
-    rows = np.flatnonzero(inside & joined[left])
-    left, right = left[rows], right[rows]
-    share = ((moments[rows] - time[left]) / (time[right] - time[left]))[:, None]
+    between = (moments > time[0]) & (moments < time[-1])
+    between[between] = joined[after[between] - 1]
+    rows = np.flatnonzero(read | between)
+    right = after[rows]
+    left = np.where(read[rows], right, right - 1)
+    step = np.where(read[rows], 1.0, time[right] - time[left])
+    share = np.where(read[rows], 0.0, (moments[rows] - time[left]) / step)[:, None]
     turn = Rotation.from_matrix(rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2)).as_rotvec()
-    between = Rotation.from_rotvec(share * turn[left]).as_matrix() @ rotation[left]
+    change = _second_differences(turn, time, covariance, joined)
+    turn, change = (np.concatenate([each, np.zeros((1, 3))])[left] for each in (turn, change))
+    attitude = Rotation.from_rotvec(share * turn).as_matrix() @ rotation[left]
     s = share[:, :, None]
     spread = (1 - s) ** 2 * covariance[left] + s**2 * covariance[right]
-    bend = (s * (1 - s) / 2) * _second_differences(turn, time, covariance, joined)[left][:, :, None]
-    return Between(rows, between, spread + bend @ np.swapaxes(bend, 1, 2))
+    bend = (s * (1 - s) / 2) * change[:, :, None]
+    return Between(rows, attitude, spread + bend @ np.swapaxes(bend, 1, 2))
 
 
 def _second_differences(turn: Array, time: Array, covariance: Array, joined: Mask) -> Array:
