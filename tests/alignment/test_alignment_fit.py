@@ -122,10 +122,10 @@ def bound_arcsec(made: SimulatedSession) -> np.ndarray:
     """The Cramér–Rao bound from every single reading, not from means over orientations."""
     seen = observe(made.session)
     stars = np.diag((np.array([3.0, 3.0, 20.0]) * ARCSEC_RAD) ** 2)
-    turned = made.rot_mc @ seen.rot_cn
+    turned = made.rot_mc @ seen.measured.rot_cn
     whole = np.zeros((3, 3))
     for k in range(len(seen)):
-        across = skew(turned[k] @ seen.reference[k])
+        across = skew(turned[k] @ seen.measured.reference[k])
         own = made.rot_mc @ stars @ made.rot_mc.T
         covariance = (0.5**2 + 0.3**2) * np.eye(3) + across @ own @ across.T
         whole += 20 * across.T @ np.linalg.inv(covariance) @ across

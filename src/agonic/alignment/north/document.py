@@ -100,7 +100,9 @@ def _sections(fit: NorthFit) -> list[Section]:
                 "Residuals of the platform",
                 [
                     lambda: draw_residuals(
-                        aligned.residuals, aligned.residuals_sd, aligned.orientation
+                        aligned.solution.residuals,
+                        aligned.solution.residuals_sd,
+                        aligned.orientation,
                     ),
                     rows,
                 ],
@@ -118,7 +120,7 @@ def _platform_rows(aligned: Aligned) -> list[list[str]]:
             *(group_digits(float(v), 3) for v in left),
         ]
         for number, heading, left in zip(
-            aligned.orientation, aligned.heading_deg, aligned.residuals, strict=True
+            aligned.orientation, aligned.heading_deg, aligned.solution.residuals, strict=True
         )
     ]
 
@@ -147,9 +149,9 @@ def _numbers(fit: NorthFit) -> dict[str, Any]:
         "matrix_mb": fit.aligned.rot_mb,
         "sd_arcsec": fit.aligned.sd_arcsec,
         "worst_sd_arcsec": fit.aligned.worst_sd_arcsec,
-        "residuals_nT": fit.aligned.residuals,
-        "chi2": fit.aligned.chi2,
-        "freedom": fit.aligned.freedom,
+        "residuals_nT": fit.aligned.solution.residuals,
+        "chi2": fit.aligned.solution.chi2,
+        "freedom": fit.aligned.solution.freedom,
     }
 
 

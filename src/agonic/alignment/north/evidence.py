@@ -74,14 +74,15 @@ def _platform(found: Aligned | None) -> list[Finding]:
                 "turn the platform to at least two others",
             )
         ]
-    if found.p_value >= RARE:
+    solution = found.solution
+    if solution.p_value >= RARE:
         return []
     return [
         Finding(
             "platform misfit",
             "check",
-            f"the residuals are {figure(float(np.sqrt(found.chi2 / found.freedom)))} times what "
-            "the noise explains",
+            f"the residuals are {figure(float(np.sqrt(solution.chi2 / solution.freedom)))} times "
+            "what the noise explains",
             "check mirror, orientation numbers, axes of the reference, and "
             "the magnetometer's calibration",
         )

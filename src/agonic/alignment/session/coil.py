@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agonic.alignment.session.session import Site
+from agonic.alignment.session.session import Site, correct_field
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
@@ -55,6 +55,11 @@ class CoilSession:
     coil: str = "coil"
     name: str = ""
     sources: tuple[Input, ...] = ()
+
+    @property
+    def corrected(self) -> Array:
+        """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
+        return correct_field(self.magnetometer, self.calibration)
 
     def __post_init__(self) -> None:
         if mistakes := _amiss(self):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.alignment.session.session import Pier
+from agonic.alignment.session.session import Pier, correct_field
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
@@ -105,6 +105,12 @@ class NorthSession:
     reference_noise: float | None = None
     name: str = ""
     sources: tuple[Input, ...] = ()
+
+    @property
+    def corrected(self) -> Array:
+        """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
+        assert self.magnetometer is not None, "asked for only with a platform"
+        return correct_field(self.magnetometer, self.calibration)
 
     def __post_init__(self) -> None:
         if mistakes := _amiss(self):

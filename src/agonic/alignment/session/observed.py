@@ -1,8 +1,4 @@
-"""`Observed`: a session as one observation an orientation, on which every fit rests.
-
-The platform stands still while its orientation lasts, so all relations are linear in means: nothing
-is lost, whatever the rates of the three instruments.
-"""
+"""`Observed`: a session as one observation an orientation, on which every fit rests."""
 
 from __future__ import annotations
 
@@ -12,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths.stretches import (
+    Stretches,
+    average,
+    average_stretches,
+    find_rows,
+    sum_each,
+)
+from agonic.alignment.maths.two_frames import Measured, compute_rotation_vector
 from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
+from agonic.alignment.session.north import NorthSession
 from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, compute_unix_s
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
@@ -23,15 +28,12 @@ from agonic.maths.rotations.vectors import find_smallest_rotation
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observed:
-    """What each of k orientations says: means, and the covariances of the means.
+    """What each of k orientations says.
 
     Parameters
     ----------
     orientation : (k,) numbers. time : (k,) UTC seconds since 1970.
-    field : (k, 3) of the magnetometer, nT. reference : (k, 3) in the reference's axes, at the same
-        moments.
-    rot_cn : (k, 3, 3) north-east-down into star sensor components.
-    star_covariance : (k, 3, 3) rad², camera axes. noise, reference_noise : (k,) nT.
+    measured : means of magnetometer, reference and attitude, with what they are uncertain by.
     boresight_i : (k, 3). readings : (k, 2) of star sensor and magnetometer.
     star_noise : (2,) rad, of one reading across and about the boresight: the scatter within
         orientations, NaN where there is none to tell.
@@ -39,12 +41,7 @@ class Observed:
 
     orientation: NDArray[np.int64]
     time: Array
-    field: Array
-    reference: Array
-    rot_cn: Array
-    star_covariance: Array
-    noise: Array
-    reference_noise: Array
+    measured: Measured
     boresight_i: Array
     readings: NDArray[np.int64]
     star_noise: Array
@@ -55,7 +52,7 @@ class Observed:
     @property
     def boresight_n(self) -> Array:
         """Where the star sensor looks, (k, 3) north, east, down."""
-        return self.rot_cn[:, 2]
+        return self.measured.rot_cn[:, 2]
 
     @property
     def elevation_deg(self) -> Array:
@@ -76,26 +73,61 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
     attitude, rot_ei = average_attitudes(site, star, earth or load_earth_rotation())
     rot_ne = rot_en(site.latitude_deg, site.longitude_deg).T
     rot_cn = attitude @ np.swapaxes(rot_ne @ rot_ei, 1, 2)
-    rows = _rows(star.orientation, session.orientations)
+    rows = find_rows(star.orientation, session.orientations)
     first = rot_cn[[own[0] for own in rows]]
     turns = _turns(rot_cn, first, rows)
     star_noise = _star_scatter(turns, rows)
     means, spreads = _means(turns, _covariance(star, star_noise), rows)
-    fields = _Fields(session)
-    boresight = np.array([attitude[own, 2].mean(axis=0) for own in rows])
+    station = session.magnetometer.station
+    assert station is not None, "checked when the session is"
+    stood = find_rows(station.astype(np.int64), session.orientations)
+    fields = average_fields(session, stood)
+    boresight = average(attitude[:, 2], rows)
+    rotation = Rotation.from_rotvec(means).as_matrix() @ first
     return Observed(
         orientation=session.orientations,
-        time=np.array([star.time[own].mean() for own in rows]),
-        field=fields.field,
-        reference=fields.reference,
-        rot_cn=Rotation.from_rotvec(means).as_matrix() @ first,
-        star_covariance=spreads,
-        noise=fields.sd(session.noise, 0, "magnetometer") / np.sqrt(fields.counts),
-        reference_noise=fields.sd(session.reference_noise, 1, "reference") * fields.weight,
+        time=average(star.time, rows),
+        measured=make_measured(session, fields, rotation, spreads),
         boresight_i=boresight / np.linalg.norm(boresight, axis=1, keepdims=True),
         readings=np.stack([[len(own) for own in rows], fields.counts], axis=1),
         star_noise=star_noise,
     )
+
+
+def average_fields(session: Session | NorthSession, rows: list[Index]) -> Stretches:
+    """Magnetometer and reference by orientation."""
+    magnetometer, reference = session.magnetometer, session.reference
+    assert magnetometer is not None, "checked with the session"
+    assert reference is not None, "checked with the session"
+    times = compute_unix_s(magnetometer), compute_unix_s(reference)
+    return average_stretches(rows, times[0], session.corrected, times[1], reference.field)
+
+
+def make_measured(
+    session: Session | NorthSession, fields: Stretches, rot_cn: Array, covariance: Array
+) -> Measured:
+    """Means with the attitudes (k, 3, 3) of their orientations; noise as stated, or by scatter."""
+    own = _choose_noise(session.noise, fields.scatter, "magnetometer")
+    beside = _choose_noise(session.reference_noise, fields.reference_scatter, "reference")
+    return Measured(
+        fields.field,
+        fields.reference,
+        rot_cn,
+        covariance,
+        own / np.sqrt(fields.counts),
+        beside * fields.reference_share,
+    )
+
+
+def _choose_noise(stated: float | None, scatter: float, name: str) -> float:
+    """Standard deviation of a reading, stated or from the scatter."""
+    value = scatter if stated is None else stated
+    if not np.isfinite(value):
+        raise AgonicError(
+            f"the noise of the {name} is neither stated nor shown by repeated readings; give "
+            "noise_nT"
+        )
+    return float(value)
 
 
 def average_attitudes(site: Site, star: StarReadings, earth: EarthRotation) -> tuple[Array, Array]:
@@ -120,31 +152,20 @@ def compute_apparent_turn(site: Site, star: StarReadings, rotation_ei: Array) ->
     return find_smallest_rotation(star.boresight_i, seen)
 
 
-def _rows(numbers: NDArray[np.int64], wanted: NDArray[np.int64]) -> list[Index]:
-    """The rows of each orientation."""
-    return [np.flatnonzero(numbers == number) for number in wanted]
-
-
-def _sum_each(values: Array, rows: list[Index]) -> Array:
-    """Sums of values (n, …) over the rows of each orientation, (k, …)."""
-    first = np.cumsum([0, *(len(own) for own in rows[:-1])])
-    return np.asarray(np.add.reduceat(values[np.concatenate(rows)], first, axis=0))
-
-
 def _turns(rot_cn: Array, first: Array, rows: list[Index]) -> Array:
     """Rotation vectors (n, 3), camera axes, from the first attitude of its orientation to each."""
     from_first = rot_cn.copy()
     for own, start in zip(rows, first, strict=True):
         from_first[own] = rot_cn[own] @ start.T
-    return np.asarray(Rotation.from_matrix(from_first).as_rotvec())
+    return compute_rotation_vector(from_first)
 
 
 def _means(turns: Array, covariance: Array, rows: list[Index]) -> tuple[Array, Array]:
     """The weighted mean of the turns of each orientation, (k, 3), and their covariances."""
     weights = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-    information = _sum_each(weights, rows)
+    information = sum_each(weights, rows)
     spreads = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    weighted = _sum_each((weights @ turns[..., None])[..., 0], rows)
+    weighted = sum_each((weights @ turns[..., None])[..., 0], rows)
     return (spreads @ weighted[..., None])[..., 0], spreads
 
 
@@ -167,64 +188,3 @@ def _covariance(star: StarReadings, scatter: Array) -> Array:
             "across_sd_arcsec and about_sd_arcsec"
         )
     return np.broadcast_to(np.diag(scatter[[0, 0, 1]] ** 2), star.rot_ci.shape)
-
-
-class _Fields:
-    """Magnetometer and reference by orientation: means, counts, scatter."""
-
-    def __init__(self, session: Session) -> None:
-        time, reference_time = (
-            compute_unix_s(session.magnetometer),
-            compute_unix_s(session.reference),
-        )
-        raw, station = session.corrected, session.magnetometer.station
-        assert station is not None, "checked when the session is"
-        self.rows = _rows(station.astype(np.int64), session.orientations)
-        parts = [_find_weights(time[rows], reference_time) for rows in self.rows]
-        beside = session.reference.field
-        self.field = np.array([raw[rows].mean(axis=0) for rows in self.rows])
-        self.reference = np.array([weights @ beside[at] for at, weights in parts])
-        self.weight = np.array([float(np.sqrt((w**2).sum())) for _, w in parts])
-        self.counts = np.array([len(rows) for rows in self.rows])
-        self.scatter = np.array(
-            [
-                _scatter([(time[rows], raw[rows]) for rows in self.rows]),
-                _scatter([(reference_time[at], beside[at]) for at, _ in parts]),
-            ]
-        )
-
-    def sd(self, stated: float | None, which: int, name: str) -> Array:
-        """Standard deviation of a reading, stated or from the scatter."""
-        value = self.scatter[which] if stated is None else stated
-        if not np.isfinite(value):
-            raise AgonicError(
-                f"the noise of the {name} is neither stated nor shown by repeated readings; give "
-                "noise_nT"
-            )
-        return np.full(len(self.rows), float(value))
-
-
-def _find_weights(time: Array, known: Array) -> tuple[Index, Array]:
-    """Rows of the known times and their weights in the mean of linear interpolations at `time`."""
-    right = np.clip(np.searchsorted(known, time), 1, max(len(known) - 1, 1))
-    if len(known) == 1:
-        return np.zeros(1, dtype=np.intp), np.ones(1)
-    share = (time - known[right - 1]) / (known[right] - known[right - 1])
-    share = np.clip(share, 0.0, 1.0)
-    rows, at = np.unique(np.concatenate([right - 1, right]), return_inverse=True)
-    weights = np.bincount(at, np.concatenate([1 - share, share])) / len(time)
-    used = weights > 0
-    return rows[used], weights[used]
-
-
-def _scatter(parts: list[tuple[Array, Array]]) -> float:
-    """Standard deviation of one reading on one axis about straight lines in time, pooled."""
-    squares, freedom = 0.0, 0
-    for time, values in parts:
-        if len(time) < 4:
-            continue
-        along = np.stack([np.ones(len(time)), time - time.mean()], axis=1)
-        left = values - along @ np.linalg.lstsq(along, values, rcond=None)[0]
-        squares += float((left**2).sum())
-        freedom += 3 * (len(time) - 2)
-    return float(np.sqrt(squares / freedom)) if freedom >= 6 else float("nan")

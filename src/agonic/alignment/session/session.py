@@ -115,8 +115,8 @@ class Session(Readable):
     site, star : where, and the attitudes.
     magnetometer : its readings in nT, with `station` the number of the orientation, times since
         `epoch`. reference : the variometer or vector standard, north-east-down.
-    noise, reference_noise : standard deviation of one reading on one axis, nT; `None`: from
-        by the scatter within the orientations.
+    noise, reference_noise : standard deviation of one reading on one axis, nT; `None`: by
+        the scatter within the orientations.
     reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
         `None`: exactly, unless they are solved for.
     pier : difference of the field between the two. mounting : the nominal angles, if known.
@@ -158,10 +158,14 @@ class Session(Readable):
     @property
     def corrected(self) -> Array:
         """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
-        raw = self.magnetometer.field
-        if self.calibration is None:
-            return raw
-        return self.calibration.correct(raw, **select_columns(self.calibration, self.magnetometer))
+        return correct_field(self.magnetometer, self.calibration)
+
+
+def correct_field(samples: Samples, calibration: Calibration | None) -> Array:
+    """The field (n, 3) of samples, with a calibration where there is one."""
+    if calibration is None:
+        return samples.field
+    return calibration.correct(samples.field, **select_columns(calibration, samples))
 
 
 def compute_unix_s(samples: Samples) -> Array:

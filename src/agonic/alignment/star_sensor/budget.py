@@ -201,11 +201,14 @@ def _of_the_platform(fit: AlignmentFit) -> Effect:
 
 def _of_the_readings(fit: AlignmentFit) -> tuple[Effect, ...]:
     """What the means of an orientation are uncertain by, and the magnetometer's own errors."""
-    given, magnitude = fit.solution.given, fit.solution.magnitude
-    stars = np.sqrt(np.diagonal(given.star_covariance, axis1=1, axis2=2).mean(axis=0)) / ARCSEC_RAD
+    measured, magnitude = fit.solution.measured, fit.solution.magnitude
+    stars = (
+        np.sqrt(np.diagonal(measured.attitude_covariance, axis1=1, axis2=2).mean(axis=0))
+        / ARCSEC_RAD
+    )
     own, beside = (
         float(np.sqrt((sd**2).mean())) / magnitude / ARCSEC_RAD
-        for sd in (given.noise, given.reference_noise)
+        for sd in (measured.noise, measured.reference_noise)
     )
     solved = "matrix" in fit.solution.groups
     known = fit.session.calibration is not None

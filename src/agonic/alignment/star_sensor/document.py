@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.evidence_sections import caption_axes, list_evidence
 from agonic.alignment.star_sensor.result import AlignmentFit

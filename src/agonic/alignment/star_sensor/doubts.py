@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from agonic.alignment.maths.two_frames import compute_rotation_vector
 from agonic.alignment.star_sensor.likely_causes import compute_misfit, find_likely_mistakes
 from agonic.alignment.star_sensor.misfit import find_explanations
 from agonic.alignment.star_sensor.result import AlignmentFit
-from agonic.alignment.star_sensor.solve import compute_rotation_vector
 from agonic.health import Finding, figure
 
 RARE = 1e-4

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
-from agonic.alignment.maths.session import GROUPS
-from agonic.alignment.maths.session import find_unit_sizes as units_of
+from agonic.alignment.maths.solution import UNDETERMINED, Solution
+from agonic.alignment.maths.two_frames import GROUPS
+from agonic.alignment.maths.two_frames import find_unit_sizes as units_of
 from agonic.alignment.session import load_earth_rotation
 from agonic.alignment.star_sensor.doubts import RARE, doubt
 from agonic.alignment.star_sensor.orientations import (
@@ -18,7 +19,6 @@ from agonic.alignment.star_sensor.orientations import (
     list_candidates,
 )
 from agonic.alignment.star_sensor.result import AlignmentFit
-from agonic.alignment.star_sensor.solve import UNDETERMINED, Solution
 from agonic.alignment.star_sensor.unchecked_reference import examine_reference
 from agonic.health import Finding, figure
 from agonic.maths.rotations.frames import ARCSEC_RAD
@@ -40,7 +40,7 @@ def examine(fit: AlignmentFit, wanted_sd_arcsec: float) -> AlignmentFit:
     lost = result.undetermined
     words = (
         tuple(
-            describe_combination(column, result.unknowns, result.given)
+            describe_combination(column, result.unknowns, result.measured)
             for column in np.atleast_2d(lost.T)
         )
         if lost.size
@@ -66,14 +66,15 @@ def suggest_orientations(
 ) -> tuple[tuple[float, float, float], ...]:
     """Up to four orientations that shrink the worst combination most, one after the other."""
     chosen = list_candidates()
-    each = compute_information(result.unknowns, result.given, chosen)
-    whole = result.information + np.diag(result.prior)
+    each = compute_information(result.unknowns, result.measured, chosen)
     wanted = wanted_sd_arcsec * ARCSEC_RAD * result.magnitude
 
     def enough(added: list[int], worst: float) -> bool:
         return len(added) == MOST_ADDED or worst < wanted
 
-    best = choose_additions(whole, each, chosen, result.free, result.magnitude, enough)
+    best = choose_additions(
+        result.information, each, chosen, result.prior, result.magnitude, enough
+    )
     return tuple(chosen[k] for k in best)
 
 
@@ -120,7 +121,7 @@ def _spoilt(fit: AlignmentFit) -> bool:
 def _stuck(fit: AlignmentFit) -> bool:
     """Whether no orientation could tell what is undetermined."""
     result = fit.solution
-    each = compute_information(result.unknowns, result.given, list_candidates())
+    each = compute_information(result.unknowns, result.measured, list_candidates())
     units = units_of(result.magnitude)
     lost = result.undetermined / units[:, None]
     told = np.einsum("ri,jrs,si->i", lost, each, lost)
@@ -146,9 +147,9 @@ def _reference(fit: AlignmentFit, wanted_sd_arcsec: float) -> list[Finding]:
     """A reference that nothing checks, and the orientations that would."""
 
     def moves() -> str:
-        free = fit.solution.free.copy()
-        free[GROUPS["reference"]] = True
-        more = suggest_orientations(replace(fit.solution, free=free), wanted_sd_arcsec)
+        prior = fit.solution.prior.copy()
+        prior[GROUPS["reference"]] = 0.0
+        more = suggest_orientations(replace(fit.solution, prior=prior), wanted_sd_arcsec)
         return _moves(replace(fit, add=more))
 
     return examine_reference(fit, wanted_sd_arcsec, moves)

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.maths.solution import Solution
+from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.session import Session, check_session, observe
 from agonic.alignment.star_sensor.evidence import examine
 from agonic.alignment.star_sensor.result import AlignmentFit
-from agonic.alignment.star_sensor.solve import Solution, solve_for
+from agonic.alignment.star_sensor.solve import solve_session
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, Validity
@@ -67,7 +68,7 @@ def fit_alignment(
     asked = tuple(group for group in GROUPS if group in solve or group == "alignment")
     checked = check_session(session)
     observed = observe(checked)
-    solution = solve_for(checked, observed, asked)
+    solution = solve_session(checked, observed, asked)
     fit = AlignmentFit(
         calibration=_calibration(checked, solution, asked),
         session=checked,

@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.alignment.maths import session as kernel
+from agonic.alignment.maths import two_frames as kernel
+from agonic.alignment.maths.solution import Solution
+from agonic.alignment.maths.two_frames import compute_rotation_vector
 from agonic.alignment.session import Session, observe
 from agonic.alignment.star_sensor.known_mistakes import Mistake, list_mistakes
-from agonic.alignment.star_sensor.solve import (
-    Solution,
-    compute_rotation_vector,
-    make_given,
-    solve_for,
-)
+from agonic.alignment.star_sensor.solve import solve_session
 from agonic.arrays import Index
 from agonic.errors import AgonicError
 from agonic.maths.rotations.vectors import find_best_rotation
@@ -58,7 +55,7 @@ def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -
     for mistake in (whole[k] for k in order):
         try:
             changed = mistake.undo(session)
-            left = compute_misfit(changed, solve_for(changed, observe(changed), solve))
+            left = compute_misfit(changed, solve_session(changed, observe(changed), solve))
         except (AgonicError, ValueError, np.linalg.LinAlgError):
             continue
         tried.append((left, mistake))
@@ -101,22 +98,20 @@ def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
     """
     try:
         changed = mistake.undo(few)
-        given = make_given(observe(changed))
+        measured = observe(changed).measured
     except (AgonicError, ValueError, np.linalg.LinAlgError):
         return np.inf
-    at = kernel.start_unknowns()._replace(
-        offset=np.asarray(changed.pier.difference, dtype=np.float64)
-    )
-    expected = kernel.predict_field_c(at, given)
-    turn = find_best_rotation(expected, given.field)
+    at = kernel.start_unknowns(changed.pier.difference)
+    expected = kernel.predict_field_c(at, measured)
+    turn = find_best_rotation(expected, measured.field)
     away = 0.0
     if changed.mounting is not None:
         vector = compute_rotation_vector(turn @ changed.mounting.rot_mc.T)
         beyond = np.linalg.norm(vector) - 4 * np.radians(changed.mounting.sd_deg)
-        away = float(max(beyond, 0.0)) * float(np.linalg.norm(given.reference[0]))
+        away = float(max(beyond, 0.0)) * float(np.linalg.norm(measured.reference[0]))
     if {"bias", "matrix"} & set(solve) and len(expected) > 6:
         design = np.column_stack([expected, np.ones(len(expected))])
-        left = given.field - design @ np.linalg.lstsq(design, given.field, rcond=None)[0]
+        left = measured.field - design @ np.linalg.lstsq(design, measured.field, rcond=None)[0]
     else:
-        left = given.field - expected @ turn.T
+        left = measured.field - expected @ turn.T
     return float(np.sqrt((left**2).mean() + away**2))

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc
 
-from agonic.alignment.maths import session as kernel
-from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.maths import two_frames as kernel
+from agonic.alignment.maths.solution import Solution
+from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.session import Observed, Site
-from agonic.alignment.star_sensor.solve import Solution
 from agonic.arrays import Array, Index
 from agonic.health import figure
 from agonic.maths.estimation import leastsq
@@ -60,8 +60,8 @@ def find_explanations(observed: Observed, solution: Solution, site: Site) -> lis
     The whitened residuals r and the Jacobian J of the unknowns are joined by columns D of a cause:
     it leaves χ² = |r − J a − D d|² of the best a and d, on j freedoms fewer.
     """
-    residuals, jacobian = kernel.compute_residual(solution.unknowns, solution.given)
-    white = kernel.compute_whitener(kernel.compute_covariance(solution.unknowns, solution.given))
+    residuals, jacobian = kernel.compute_residual(solution.unknowns, solution.measured)
+    white = kernel.compute_whitener(kernel.compute_covariance(solution.unknowns, solution.measured))
     left = (white @ residuals[:, :, None]).ravel()
     moved = (white @ jacobian[:, :, solution.free]).reshape(len(left), -1)
     moved = moved / np.maximum(np.linalg.norm(moved, axis=0), 1e-300)
@@ -112,11 +112,11 @@ def _list_causes(
 
 def _clock(solution: Solution, site: Site) -> _Cause:
     """The Earth turns on with the time: ∂v_c/∂t = R_cn (Ω × v_n), Ω towards the pole."""
-    at, given = solution.unknowns, solution.given
+    at, measured = solution.unknowns, solution.measured
     latitude = np.radians(site.latitude_deg)
     pole = EARTH_RATE_RAD_S * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
-    beside = (given.reference + at.offset) @ at.rot_nr.T
-    moved = at.rot_mc @ given.rot_cn @ np.cross(pole, beside)[:, :, None]
+    beside = (measured.reference + at.offset) @ at.rot_nr.T
+    moved = at.rot_mc @ measured.rot_cn @ np.cross(pole, beside)[:, :, None]
 
     def words(size: Array) -> str:
         late = "behind" if size[0] > 0 else "ahead"
@@ -165,7 +165,7 @@ def _step(turns: Array, observed: Observed, before: Index) -> _Cause:
 
 def _one(k: int, number: int, solution: Solution) -> _Cause:
     """One orientation with readings or attitudes of their own."""
-    columns = np.zeros((len(solution.given.field), 3, 3))
+    columns = np.zeros((len(solution.measured.field), 3, 3))
     columns[k] = np.eye(3)
     return _Cause(
         "one",

@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from agonic.alignment.maths import session as kernel
-from agonic.alignment.maths.session import GROUPS, Given, Unknowns
-from agonic.arrays import Array, Mask
+from agonic.alignment.maths import two_frames as kernel
+from agonic.alignment.maths.two_frames import GROUPS, Measured, Unknowns
+from agonic.arrays import Array
 from agonic.health import figure
-from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import rot_cn
 
 Orientation = tuple[float, float, float]
@@ -33,16 +32,18 @@ def list_candidates(lowest_deg: float = 40.0) -> list[Orientation]:
     ]
 
 
-def compute_information(at: Unknowns, like: Given, chosen: list[Orientation]) -> Array:
+def compute_information(at: Unknowns, like: Measured, chosen: list[Orientation]) -> Array:
     """What one more orientation each would tell, JᵀC⁻¹J (j, 18, 18), as noisy as those before."""
     attitude = rot_cn(*np.array(chosen).T)
     count = len(chosen)
     reference = np.broadcast_to(like.reference.mean(axis=0), (count, 3))
-    one = Given(
+    one = Measured(
         field=reference,
         reference=reference,
         rot_cn=attitude,
-        star_covariance=np.broadcast_to(np.median(like.star_covariance, axis=0), (count, 3, 3)),
+        attitude_covariance=np.broadcast_to(
+            np.median(like.attitude_covariance, axis=0), (count, 3, 3)
+        ),
         noise=np.full(count, np.median(like.noise)),
         reference_noise=np.full(count, np.median(like.reference_noise)),
     )
@@ -58,18 +59,20 @@ def choose_additions(
     information: Array,
     each: Array,
     chosen: list[Orientation],
-    free: Mask,
+    prior: Array,
     magnitude: float,
     enough: Callable[[list[int], float], bool],
 ) -> list[int]:
     """Which of `chosen` to add one after the other, each the one that shrinks the worst most.
 
-    `information` (18, 18) is what is known already, `enough(added, worst)` says when to stop, the
-    worst being the largest standard error, nT, of a combination of the free unknowns.
+    `information` (18, 18) and `prior` (18,) are what is known already, `enough(added, worst)`
+    says when to stop, the worst being the largest standard error, nT, of a combination of the free
+    unknowns.
     """
+    free = np.isfinite(prior)
     units = kernel.find_unit_sizes(magnitude)[free]
     scale = np.outer(units, units)
-    known = information[np.ix_(free, free)] / scale
+    known = (information[np.ix_(free, free)] + np.diag(prior[free])) / scale
     parts = each[:, free][:, :, free] / scale
     added: list[int] = []
     while True:
@@ -86,14 +89,7 @@ def choose_additions(
         known = known + parts[best]
 
 
-def compute_alignment_sd(information: Array, free: Mask, magnitude: float) -> float:
-    """The largest standard error of the alignment, rad."""
-    units = kernel.find_unit_sizes(magnitude)[free]
-    covariance = leastsq.inverse(information[np.ix_(free, free)] / np.outer(units, units))
-    return float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]) / magnitude)
-
-
-def describe_combination(combination: Array, at: Unknowns, like: Given) -> str:
+def describe_combination(combination: Array, at: Unknowns, like: Measured) -> str:
     """A combination (18,) of the unknowns in words, the groups with the largest shares first."""
     field_n = at.rot_nr @ like.reference.mean(axis=0)
     along_n = field_n / np.linalg.norm(field_n)
@@ -104,7 +100,7 @@ def describe_combination(combination: Array, at: Unknowns, like: Given) -> str:
     )
 
 
-def _words(group: str, part: Array, along_n: Array, like: Given) -> str:
+def _words(group: str, part: Array, along_n: Array, like: Measured) -> str:
     """One group's part of a combination."""
     if group == "matrix":
         gain = abs(part[:3].sum()) / np.sqrt(3) / np.linalg.norm(part)

@@ -8,16 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.alignment.maths import session as kernel
-from agonic.alignment.maths.session import GROUPS, SIZE, Given
+from agonic.alignment.maths import two_frames as kernel
+from agonic.alignment.maths.two_frames import (
+    GROUPS,
+    SIZE,
+    Measured,
+    compute_turn_sd,
+    invert,
+    make_prior,
+)
 from agonic.alignment.star_sensor.orientations import (
     Orientation,
     choose_additions,
-    compute_alignment_sd,
     compute_information,
     list_candidates,
 )
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg
 
@@ -102,26 +108,19 @@ def plan_alignment(
     magnitude = float(np.linalg.norm(field))
     at = kernel.start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
     like = _like(field, readings, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
-    prior = _prior_information(pier_sd, reference_sd_arcsec)
-    free = np.zeros(SIZE, dtype=bool)
-    for group in GROUPS:
-        if group in solve or group == "alignment" or prior[GROUPS[group]].any():
-            free[GROUPS[group]] = True
+    prior = make_prior({"alignment", *solve}, pier_sd, reference_sd_arcsec)
     chosen = list_candidates(lowest_elevation_deg)
     each = compute_information(at, like, chosen)
 
-    def information(picked: list[int]) -> Array:
-        return np.asarray(np.diag(prior) + each[picked].sum(axis=0))
+    def covariance(picked: list[int]) -> Array:
+        return invert(each[picked].sum(axis=0), prior)
 
     def enough(picked: list[int], worst: float) -> bool:
-        sd = compute_alignment_sd(information(picked), free, magnitude) / ARCSEC_RAD
+        sd = compute_turn_sd(covariance(picked)) / ARCSEC_RAD
         return len(picked) == MOST or (len(picked) >= FEWEST and sd <= wanted_sd_arcsec)
 
-    picked = choose_additions(np.diag(prior), each, chosen, free, magnitude, enough)
-    sds = [
-        compute_alignment_sd(information(picked[:k]), free, magnitude) / ARCSEC_RAD
-        for k in range(1, len(picked) + 1)
-    ]
+    picked = choose_additions(np.zeros((SIZE, SIZE)), each, chosen, prior, magnitude, enough)
+    sds = [compute_turn_sd(covariance(picked[:k])) / ARCSEC_RAD for k in range(1, len(picked) + 1)]
     if sds[-1] > wanted_sd_arcsec:
         raise CoverageError(
             f"{MOST} orientations leave the alignment at {_said(sds[-1])}, not "
@@ -131,49 +130,28 @@ def plan_alignment(
     return AlignmentPlan(
         orientations=tuple(chosen[k] for k in picked),
         readings=readings,
-        solve=tuple(g for g in GROUPS if free[GROUPS[g]].any()),
+        solve=tuple(g for g in GROUPS if np.isfinite(prior[GROUPS[g]]).all()),
         field_n=field,
         wanted_sd_arcsec=wanted_sd_arcsec,
         sd_arcsec=np.array([sd if sd < 36_000 else np.inf for sd in sds]),
-        sd=_errors(information(picked), free, magnitude),
+        sd=np.sqrt(np.diag(covariance(picked))),
     )
 
 
 def _like(
     field: Array, readings: int, noise: float, reference_noise: float, across: float, about: float
-) -> Given:
+) -> Measured:
     """One orientation of the kind that is planned."""
     root = np.sqrt(readings)
     star = np.diag((np.array([across, across, about]) * ARCSEC_RAD / root) ** 2)
-    return Given(
+    return Measured(
         field=field[None],
         reference=field[None],
         rot_cn=np.eye(3)[None],
-        star_covariance=star[None],
+        attitude_covariance=star[None],
         noise=np.array([noise / root]),
         reference_noise=np.array([reference_noise / root]),
     )
-
-
-def _prior_information(pier_sd: float | None, reference_sd_arcsec: float | None) -> Array:
-    """Information (18,) of what is known beforehand."""
-    prior = np.zeros(SIZE)
-    if pier_sd:
-        prior[GROUPS["pier"]] = 1 / pier_sd**2
-    if reference_sd_arcsec:
-        prior[GROUPS["reference"]] = 1 / (reference_sd_arcsec * ARCSEC_RAD) ** 2
-    return prior
-
-
-def _errors(information: Array, free: Mask, magnitude: float) -> Array:
-    """Standard errors (18,), 0 for what is not solved for."""
-    from agonic.maths.estimation.leastsq import inverse
-
-    units = kernel.find_unit_sizes(magnitude)[free]
-    inside = inverse(information[np.ix_(free, free)] / np.outer(units, units))
-    errors = np.zeros(SIZE)
-    errors[free] = np.sqrt(np.diag(inside)) / units
-    return errors
 
 
 def _said(sd_arcsec: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.figures import draw_dome
 from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn

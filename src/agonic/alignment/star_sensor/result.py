@@ -8,11 +8,10 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths import session as kernel
-from agonic.alignment.maths.session import GROUPS
+from agonic.alignment.maths.solution import Solution
+from agonic.alignment.maths.two_frames import GROUPS, compute_rotation_vector, compute_turn_sd
 from agonic.alignment.remanence import RemanenceFit, fit_remanence
 from agonic.alignment.session import Observed, Session
-from agonic.alignment.star_sensor.solve import Solution, compute_rotation_vector
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
@@ -89,8 +88,7 @@ class AlignmentFit(Judged):
     @property
     def worst_sd_arcsec(self) -> float:
         """Standard error of the alignment about the axis about which it is known least."""
-        block = self.covariance[GROUPS["alignment"], GROUPS["alignment"]]
-        return float(np.sqrt(np.linalg.eigvalsh(block)[-1]) / ARCSEC_RAD)
+        return compute_turn_sd(self.covariance) / ARCSEC_RAD
 
     @property
     def angles_deg(self) -> Array:
@@ -141,21 +139,20 @@ class AlignmentFit(Judged):
         onto = rot_en(site.latitude_deg, site.longitude_deg)
         return angles_232_deg(onto @ self.solution.unknowns.rot_nr)
 
-    @cached_property
+    @property
     def residuals(self) -> Array:
         """(k, 3) of each orientation, nT, magnetometer axes."""
-        return kernel.compute_residual(self.solution.unknowns, self.solution.given)[0]
+        return self.solution.residuals
 
     @property
     def residuals_sd(self) -> Array:
         """What each should be, (k, 3), nT, by the stated noise."""
-        spread = kernel.compute_covariance(self.solution.unknowns, self.solution.given)
-        return np.asarray(np.sqrt(np.diagonal(spread, axis1=1, axis2=2)))
+        return self.solution.residuals_sd
 
     @property
     def residuals_arcsec(self) -> Array:
         """(k,) by how much the field's direction is off."""
-        expected = self.solution.given.field - self.residuals
+        expected = self.solution.measured.field - self.residuals
         along = expected / np.linalg.norm(expected, axis=1, keepdims=True)
         across = np.linalg.norm(np.cross(along, self.residuals), axis=1)
         return np.asarray(across / np.linalg.norm(expected, axis=1) / ARCSEC_RAD)

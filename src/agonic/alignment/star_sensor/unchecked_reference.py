@@ -9,10 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
-from agonic.alignment.maths.session import GROUPS
-from agonic.alignment.star_sensor.orientations import compute_alignment_sd
+from agonic.alignment.maths.two_frames import GROUPS, compute_turn_sd, invert
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.health import Finding, figure
 from agonic.maths.rotations.frames import ARCSEC_RAD
@@ -25,12 +22,9 @@ WORSE = 1.5
 
 def compute_sd_with_doubted_reference(fit: AlignmentFit) -> float:
     """Standard error of the worst axis, arcsec, were the reference's axes known to 10″ only."""
-    result = fit.solution
-    free, prior = result.free.copy(), result.prior.copy()
-    free[GROUPS["reference"]] = True
+    prior = fit.solution.prior.copy()
     prior[GROUPS["reference"]] = 1 / (DOUBTED_ARCSEC * ARCSEC_RAD) ** 2
-    known = result.information + np.diag(prior)
-    return float(compute_alignment_sd(known, free, result.magnitude) / ARCSEC_RAD)
+    return compute_turn_sd(invert(fit.solution.information, prior)) / ARCSEC_RAD
 
 
 def examine_reference(
