@@ -80,7 +80,7 @@ def test_reversal_cancels_bias_ambient_and_drift() -> None:
     alone = replace(made.session, attitude=None, alignment=None, geometric_axis=None)
     fit = fit_coil(alone)
     np.testing.assert_allclose(fit.estimate.linear, made.vector, atol=2e-3)
-    current, field = fit.stretches.current, fit.stretches.field
+    current, field = fit.current, fit.stretches.field
     by_hand = np.diff(field, axis=0) / np.diff(current)[:, None]
     assert np.abs(by_hand.mean(axis=0) - made.vector).max() < 1.0  # the drift is still in it
     known = fit_coil(replace(made.session, geometric_axis=None))

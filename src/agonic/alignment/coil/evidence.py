@@ -5,14 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.alignment.coil.result import CoilFit
+from agonic.alignment.maths import coil_axis as kernel
 from agonic.alignment.maths.coil_axis import CoilEstimate
 from agonic.health import Finding, figure
 
 RARE = 1e-3
 STANDS_OUT = 4.0
 CORRELATED = 2.0
-SETTLING = 5.0
-"""Standard errors by which the second halves of stretches must differ to say anything."""
+SURE = 5.0
+"""Standard errors by which parts of the readings, or the reference, must differ to say anything."""
+FAR_DEG, REVERSED_DEG = 5.0, 90.0
+OTHER_SIZE = 0.005
+"""Share by which the magnetometer may read more of the ambient field than the reference."""
+SHARE, DRIFTS = 1e-5, 1e-4
+"""Shares of the constant: what a reference may see of the coil, and how far it may drift."""
+MOST_A = 50.0
+ENOUGH, MOST_DRIFT = 16, 16
 SETTLED, UNSETTLED = 1e-5, 1e-2
 """Shares of the constant: a field that moves it by less has settled, by more is not used."""
 
@@ -45,7 +53,7 @@ def describe(fit: CoilFit) -> tuple[str, ...]:
 
 
 def _one_polarity(fit: CoilFit) -> Finding | None:
-    current = fit.stretches.current
+    current = fit.current
     if not ((current > 0).all() or (current < 0).all()):
         return None
     what = "the current never changes its sign, so what is even in it does not cancel"
@@ -97,7 +105,7 @@ def _check_even(fit: CoilFit) -> Finding | None:
     even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
     if not spread.any() or (even**2 / spread).max() <= STANDS_OUT**2:
         return None
-    largest = float(np.abs(fit.stretches.current).max())
+    largest = float(np.abs(fit.current).max())
     left = float(np.linalg.norm(even)) * largest**2
     what = f"reversing does not reverse {figure(left)} nT at {largest:g} A"
     move = "look for heating, or iron near the coil; the axis is free of it"
@@ -120,7 +128,7 @@ def judge_settling(fit: CoilFit, late: CoilEstimate | None) -> list[Finding]:
         return []
     moved = abs(float((late.linear - fit.estimate.linear) @ fit.axis))
     sd, share = float(np.sqrt(late.covariance[:, 0, 0] @ fit.axis**2)), moved / fit.constant
-    if moved < SETTLING * sd or share < SETTLED:
+    if moved < SURE * sd or share < SETTLED:
         return []
     return [
         Finding(
@@ -131,3 +139,86 @@ def judge_settling(fit: CoilFit, late: CoilEstimate | None) -> list[Finding]:
             "give a longer settle_s in the session, and leave each current on for longer",
         )
     ]
+
+
+def find_mistakes(fit: CoilFit) -> list[Finding]:
+    """What the axis as drawn, the reference, the size of the current and the halves tell."""
+    return [*_large_current(fit), *_far_from_drawn(fit), *_check_reference(fit), *_drifting(fit)]
+
+
+def _large_current(fit: CoilFit) -> list[Finding]:
+    largest = float(np.abs(fit.current).max())
+    if largest <= MOST_A:
+        return []
+    what = f"the largest current is {figure(largest)} A, more than such coils carry"
+    move = "give current_A in amperes; are these milliamperes?"
+    return [Finding("large current", "check", what, move)]
+
+
+def _far_from_drawn(fit: CoilFit) -> list[Finding]:
+    away = fit.geometric_deg
+    if away is None or away <= FAR_DEG:
+        return []
+    reverse = away > REVERSED_DEG and 180 - away <= FAR_DEG
+    cause = "the coil or the sign of its current is reversed" if reverse else "is it another coil?"
+    move = f"check the leads and the axes: {cause}"
+    what = f"the axis is {figure(away)}° from the one drawn"
+    return [Finding("axis not as drawn", "check", what, move)]
+
+
+def _check_reference(fit: CoilFit) -> list[Finding]:
+    """What the reference says: of the coil it should see nothing, of the ambient field all."""
+    beside = fit.read.beside
+    if beside is None:
+        return []
+    own = fit.read._replace(field=beside.field, beside=None)
+    drift = kernel.choose_drift(fit.current, own, MOST_DRIFT, even=False)
+    seen = kernel.estimate(fit.current, own, drift, even=False)
+    found = []
+    size = float(np.linalg.norm(seen.linear))
+    sure = np.abs(seen.linear) > SURE * np.sqrt(seen.covariance[:, 0, 0])
+    if sure.any() and size > SHARE * fit.constant:
+        what = (
+            f"the reference sees {figure(100 * size / fit.constant)} % of the coil's field, so "
+            "that much may be missing from the constant"
+        )
+        move = "put the reference farther from the coil, or fit without it"
+        found.append(Finding("coil in the reference", "check", what, move))
+    ambient = fit.read.counts @ (fit.read.field - fit.current[:, None] * fit.estimate.linear)
+    more = float(np.linalg.norm(ambient) / np.linalg.norm(fit.read.counts @ beside.field)) - 1
+    if abs(more) > OTHER_SIZE:
+        what = (
+            f"without the coil the magnetometer reads {figure(100 * abs(more))} % "
+            f"{'more' if more > 0 else 'less'} than the reference; if that is its gain, the "
+            "constant is as wrong"
+        )
+        move = "give the magnetometer's calibration, or state why the field differs"
+        found.append(Finding("ambient field differs", "check", what, move))
+    return found
+
+
+def _drifting(fit: CoilFit) -> list[Finding]:
+    """The constant of the first half of the stretches against that of the second."""
+    even = len(fit.levels) > 0
+    half = fit.n // 2
+    if half < ENOUGH:
+        return []
+    parts = [
+        kernel.estimate(
+            fit.current[rows],
+            fit.stretches.select(rows),
+            min(fit.estimate.drift, half // 4),
+            even=even,
+        )
+        for rows in (slice(0, half), slice(half, None))
+    ]
+    moved = float((parts[1].linear - parts[0].linear) @ fit.axis)
+    sd = float(np.sqrt(sum(one.covariance[:, 0, 0] @ fit.axis**2 for one in parts)))
+    if abs(moved) <= max(SURE * sd, DRIFTS * fit.constant):
+        return []
+    what = (
+        f"the second half of the readings gives a constant {figure(100 * moved / fit.constant)} % "
+        "from that of the first: the coil, its shunt or its source warms up"
+    )
+    move = "warm it up before, and keep the current on for the same time in both directions"
+    return [Finding("constant drifts", "check", what, move)]

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from agonic.alignment.coil import evidence
-from agonic.alignment.coil.mistakes import find_mistakes
 from agonic.alignment.coil.result import CoilFit, Direction, Level
 from agonic.alignment.maths import coil_axis as kernel
-from agonic.alignment.maths.coil_axis import CoilEstimate, Stretch
+from agonic.alignment.maths.coil_axis import CoilEstimate
+from agonic.alignment.maths.stretches import Stretches, average, average_stretches, split
 from agonic.alignment.session import load_earth_rotation
 from agonic.alignment.session.coil import CoilSession
-from agonic.alignment.session.session import compute_unix_s
+from agonic.alignment.session.session import compute_unix_s, put_on_clock
 from agonic.arrays import Array
-from agonic.calibration.base import select_columns
 from agonic.errors import CoverageError, ValidityError
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
@@ -55,14 +54,17 @@ def fit_coil(session: CoilSession) -> CoilFit:
     >>> fit.reversals, bool(fit.axis_sd_arcsec < 1.0)
     (100, True)
     """
-    seen = _stretches(session)
-    level = _levels(seen.current)
+    current, read = _read(session)
+    seen = _take_out_ambient(session, read)
+    level = _levels(current)
     even = int(level.max()) > 0
-    drift = kernel.choose_drift(seen, MOST_DRIFT, even=even)
-    found = kernel.estimate(seen, drift, even=even)
+    drift = kernel.choose_drift(current, seen, MOST_DRIFT, even=even)
+    found = kernel.estimate(current, seen, drift, even=even)
     time = _middle(session)
     fit = CoilFit(
         session=session,
+        current=current,
+        read=read,
         stretches=seen,
         estimate=found,
         directions=_directions(session, found, time),
@@ -75,7 +77,11 @@ def fit_coil(session: CoilSession) -> CoilFit:
         fit = replace(fit, levels=levels, p_linear=p)
     settling = evidence.judge_settling(fit, _fit_late(fit))
     # a coil that does not settle spoils what the mistakes are told by
-    findings = (*settling, *([] if settling else find_mistakes(fit)), *evidence.examine(fit))
+    findings = (
+        *settling,
+        *([] if settling else evidence.find_mistakes(fit)),
+        *evidence.examine(fit),
+    )
     return replace(fit, findings=findings, remarks=evidence.describe(fit))
 
 
@@ -84,38 +90,38 @@ def _fit_late(fit: CoilFit) -> CoilEstimate | None:
     session, time = fit.session, fit.stretches.time
     half_s = float(np.ptp(time)) / (len(time) - 1) / 2
     try:
-        seen = _stretches(replace(session, settle_s=session.settle_s + half_s))
+        current, read = _read(replace(session, settle_s=session.settle_s + half_s))
     except CoverageError:
         return None
-    return kernel.estimate(seen, fit.estimate.drift, even=len(fit.levels) > 0)
+    seen = _take_out_ambient(session, read)
+    return kernel.estimate(current, seen, fit.estimate.drift, even=len(fit.levels) > 0)
 
 
-def _stretches(session: CoilSession) -> Stretch:
-    """Means over constant current, the ambient field taken out where its axes are known."""
+def _read(session: CoilSession) -> tuple[Array, Stretches]:
+    """The current (k,) of the stretches in which it is constant, and their means."""
     samples, reference = session.magnetometer, session.reference
-    field = samples.field
-    if session.calibration is not None:
-        field = session.calibration.correct(field, **select_columns(session.calibration, samples))
-    assert samples.time is not None, "checked with the session"
-    assert samples.current_A is not None, "checked with the session"
-    alongside = None
-    if reference is not None:
-        now, then = compute_unix_s(samples), compute_unix_s(reference)
-        alongside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
-        onto_m = _onto_m(session)
-        if onto_m is not None:
-            field, alongside = field - alongside @ onto_m.T, None
-    step = SAME_CURRENT * float(np.abs(samples.current_A).max())
-    seen = kernel.find_stretches(
-        samples.time, samples.current_A, field, alongside, session.settle_s, step
-    )
-    if len(seen.time) < FEWEST:
+    current, time = samples.current_A, samples.time
+    assert time is not None, "checked with the session"
+    assert current is not None, "checked with the session"
+    whole = split(np.abs(np.diff(current)) > SAME_CURRENT * float(np.abs(current).max()))
+    settled = (own[time[own] - time[own[0]] >= session.settle_s] for own in whole)
+    rows = [own for own in settled if len(own)]
+    if len(rows) < FEWEST:
         raise CoverageError(
-            f"the current has {len(seen.time)} stretches",
+            f"the current has {len(rows)} stretches",
             undetermined="drift and coil together",
             turns=f"switch it to and fro, {FEWEST} times at least",
         )
-    return seen
+    beside = None if reference is None else (put_on_clock(reference, samples), reference.field)
+    return average(current, rows), average_stretches(rows, time, session.corrected, beside)
+
+
+def _take_out_ambient(session: CoilSession, read: Stretches) -> Stretches:
+    """The stretches without the reference's field, where its axes are known."""
+    onto_m = _onto_m(session)
+    if onto_m is None or read.beside is None:
+        return read
+    return read._replace(field=read.field - read.beside.field @ onto_m.T, beside=None)
 
 
 def _onto_m(session: CoilSession) -> Array | None:
@@ -219,11 +225,11 @@ def _geometry(fit: CoilFit) -> tuple[float | None, float | None]:
 
 def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...], float]:
     """The constant at each level, and how often by chance they differ so much."""
-    each, sd = kernel.estimate_levels(fit.stretches, fit.estimate.drift, level)
+    each, sd = kernel.estimate_levels(fit.current, fit.stretches, fit.estimate.drift, level)
     along, error = each @ fit.axis, np.sqrt((sd**2) @ fit.axis**2)
     mean = float((along / error**2).sum() / (1 / error**2).sum())
     chi2 = float((((along - mean) / error) ** 2).sum())
-    sizes = [float(np.abs(fit.stretches.current[level == k]).mean()) for k in range(len(along))]
+    sizes = [float(np.abs(fit.current[level == k]).mean()) for k in range(len(along))]
     levels = tuple(
         Level(current_A=size, constant=float(a), sd=float(e), departure=float(a - mean))
         for size, a, e in zip(sizes, along, error, strict=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agonic.alignment.maths.coil_axis import CoilEstimate, Stretch
+from agonic.alignment.maths.coil_axis import CoilEstimate
+from agonic.alignment.maths.stretches import Stretches
 from agonic.alignment.session.coil import CoilSession
 from agonic.arrays import Array
 from agonic.health import Finding, Judged
@@ -51,6 +52,8 @@ class CoilFit(Judged):
 
     Parameters
     ----------
+    current : (k,) of the stretches in which it was constant. read : their means, and stretches :
+        the same without the ambient field, where the reference's axes are known.
     estimate : the coil's vector by the ampere in the magnetometer's axes, with its covariance.
     directions : the axis in every frame that the session leads to, by letter: m magnetometer, b or
         c platform, n north-east-down, e Earth-fixed, i inertial at `time`.
@@ -60,7 +63,9 @@ class CoilFit(Judged):
     """
 
     session: CoilSession
-    stretches: Stretch
+    current: Array
+    read: Stretches
+    stretches: Stretches
     estimate: CoilEstimate
     directions: dict[str, Direction]
     geometric_deg: float | None = None
@@ -79,7 +84,7 @@ class CoilFit(Judged):
     @property
     def reversals(self) -> int:
         """How often the current changed its sign."""
-        sign = np.sign(self.stretches.current)
+        sign = np.sign(self.current)
         return int((np.diff(sign[sign != 0]) != 0).sum())
 
     @property

@@ -9,9 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import gravity as kernel
 from agonic.alignment.maths.gravity import GravityEstimate
-from agonic.arrays import Array, Index
+from agonic.alignment.maths.stretches import average, find_rows
+from agonic.alignment.session.session import correct_field
+from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.base import Calibration, select_columns
+from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.steps import steps_of
 from agonic.errors import LogError
@@ -115,9 +117,7 @@ def fit_gravity(
     """
     if samples.acceleration is None:
         raise LogError(f"{samples.name} was logged without acceleration; record the accelerometer")
-    field = samples.field
-    if calibration is not None:
-        field = calibration.correct(field, **select_columns(calibration, samples))
+    field = correct_field(samples, calibration)
     down, means, gravity = _orientations(samples, samples.acceleration, field)
     need = FEWEST + (3 if bias else 0)
     if len(down) < need:
@@ -149,15 +149,9 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
     still = number >= 0
     if not still.any():
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
-    own = np.unique(number[still], return_inverse=True)[1]
-    forces, fields = (_average(column[still], own) for column in (force, field))
-    return down_from_force(forces), fields, np.linalg.norm(forces, axis=1)
-
-
-def _average(values: Array, group: Index) -> Array:
-    """The mean of the rows (n, 3) of each group, at a cost that does not grow with their number."""
-    sums = np.stack([np.bincount(group, weights=column) for column in values.T], axis=1)
-    return np.asarray(sums / np.bincount(group)[:, None])
+    rows = find_rows(number, np.unique(number[still]))
+    forces = average(force, rows)
+    return down_from_force(forces), average(field, rows), np.linalg.norm(forces, axis=1)
 
 
 def _calibration(

@@ -15,20 +15,44 @@ from agonic.arrays import Array, Index, Mask
 
 
 class Stretches(NamedTuple):
-    """Means of k stretches: time (k,), field (k, 3) and reference (k, 3), and counts (k,).
+    """Means of k stretches: time (k,), field (k, 3), and counts (k,).
 
-    `scatter`, `reference_scatter` are standard deviations of one reading on an axis within the
-    stretches, NaN where too few tell; `reference_share` (k,) is that of the mean of the reference
-    over that of one reading: interpolated readings share neighbours.
+    `scatter` (3,) is the standard deviation of one reading on each axis within the stretches, NaN
+    where too few tell. `beside` is the table of a reference at the same moments.
     """
 
     time: Array
     field: Array
     counts: NDArray[np.int64]
-    scatter: float
-    reference: Array
-    reference_share: Array
-    reference_scatter: float
+    scatter: Array
+    beside: Beside | None = None
+
+    @property
+    def weight(self) -> Array:
+        """Square roots of the weights (k, 1) of the means, 1 for one of the usual count."""
+        return np.asarray(np.sqrt(self.counts / self.counts.mean())[:, None])
+
+    def select(self, rows: slice) -> Stretches:
+        """Some of the stretches."""
+        beside = self.beside
+        return self._replace(
+            time=self.time[rows],
+            field=self.field[rows],
+            counts=self.counts[rows],
+            beside=beside and beside._replace(field=beside.field[rows], share=beside.share[rows]),
+        )
+
+
+class Beside(NamedTuple):
+    """Means (k, 3) of a reference at the moments of the readings, and its scatter (3,).
+
+    `share` (k,) is the standard deviation of a mean over that of one reading: neighbours that are
+    interpolated are shared.
+    """
+
+    field: Array
+    share: Array
+    scatter: Array
 
 
 def split(changed: Mask) -> list[Index]:
@@ -41,8 +65,14 @@ def split(changed: Mask) -> list[Index]:
 
 
 def find_rows(numbers: NDArray[np.int64] | Array, wanted: NDArray[np.int64]) -> list[Index]:
-    """The rows of each wanted number."""
-    return [np.flatnonzero(numbers == number) for number in wanted]
+    """The rows of each wanted number, in order.
+
+    >>> [rows.tolist() for rows in find_rows(np.array([2, 1, 2]), np.array([1, 2, 3]))]
+    [[1], [0, 2], []]
+    """
+    order = np.argsort(numbers, kind="stable")
+    first, last = (np.searchsorted(numbers[order], wanted, side) for side in ("left", "right"))
+    return [order[begin:end] for begin, end in zip(first, last, strict=True)]
 
 
 def average(values: Array, rows: list[Index]) -> Array:
@@ -59,21 +89,30 @@ def sum_each(values: Array, rows: list[Index]) -> Array:
 
 
 def average_stretches(
-    rows: list[Index], time: Array, field: Array, reference_time: Array, reference: Array
+    rows: list[Index], time: Array, field: Array, reference: tuple[Array, Array] | None = None
 ) -> Stretches:
-    """The table of stretches of readings (n, 3) beside those of a reference (m, 3).
+    """The table of stretches of readings (n, 3), beside times and field (m, 3) of a reference.
 
     The reference is interpolated linearly in time at each reading.
     """
-    parts = [_find_weights(time[own], reference_time) for own in rows]
-    return Stretches(
+    made = Stretches(
         time=average(time, rows),
         field=average(field, rows),
         counts=np.array([len(own) for own in rows]),
-        scatter=find_scatter([(time[own], field[own]) for own in rows]),
-        reference=np.array([weights @ reference[at] for at, weights in parts]),
-        reference_share=np.array([float(np.sqrt((w**2).sum())) for _, w in parts]),
-        reference_scatter=find_scatter([(reference_time[at], reference[at]) for at, _ in parts]),
+        scatter=_find_scatter([(time[own], field[own]) for own in rows]),
+    )
+    return (
+        made if reference is None else made._replace(beside=_average_beside(rows, time, reference))
+    )
+
+
+def _average_beside(rows: list[Index], time: Array, reference: tuple[Array, Array]) -> Beside:
+    read, field = reference
+    parts = [_find_weights(time[own], read) for own in rows]
+    return Beside(
+        field=np.array([weights @ field[at] for at, weights in parts]),
+        share=np.array([float(np.sqrt((weights**2).sum())) for _, weights in parts]),
+        scatter=_find_scatter([(read[at], field[at]) for at, _ in parts]),
     )
 
 
@@ -90,14 +129,14 @@ def _find_weights(time: Array, known: Array) -> tuple[Index, Array]:
     return rows[used], weights[used]
 
 
-def find_scatter(parts: list[tuple[Array, Array]]) -> float:
-    """Standard deviation of one reading on one axis about straight lines in time, pooled."""
-    squares, freedom = 0.0, 0
+def _find_scatter(parts: list[tuple[Array, Array]]) -> Array:
+    """Standard deviations (3,) of one reading about straight lines in time, pooled."""
+    squares, freedom = np.zeros(3), 0
     for time, values in parts:
-        if len(time) < 4:
+        if len(time) < 3:
             continue
         along = np.stack([np.ones(len(time)), time - time.mean()], axis=1)
         left = values - along @ np.linalg.lstsq(along, values, rcond=None)[0]
-        squares += float((left**2).sum())
-        freedom += 3 * (len(time) - 2)
-    return float(np.sqrt(squares / freedom)) if freedom >= 6 else float("nan")
+        squares += (left**2).sum(axis=0)
+        freedom += len(time) - 2
+    return np.sqrt(squares / freedom) if freedom >= 2 else np.full(3, np.nan)

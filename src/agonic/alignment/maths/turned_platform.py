@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
+from agonic.alignment.maths.columns import fit_columns
+from agonic.alignment.maths.stretches import Stretches
 from agonic.arrays import Array
 
 
@@ -15,7 +17,7 @@ class Harmonics(NamedTuple):
 
     `once` and `twice` (2, 3): cosine and sine of the angle and of twice the angle (`None` where
     there are too few settings); `once_covariance`, `twice_covariance` (3, 2, 2), one an axis;
-    `residuals` (k, 3); `freedom` of an axis.
+    `residuals` (k, 3), and the `noise` (k, 3) of the means.
     """
 
     once: Array
@@ -23,53 +25,43 @@ class Harmonics(NamedTuple):
     twice: Array | None
     twice_covariance: Array | None
     residuals: Array
-    freedom: int
+    noise: Array
 
 
-def fit_harmonics(
-    angle_rad: Array, field: Array, noise: Array, beside: Array, *, twice: bool
-) -> Harmonics:
+def fit_harmonics(seen: Stretches, angle_rad: Array, drift: int, *, twice: bool) -> Harmonics:
     """field = c0 + c1 cos ψ + s1 sin ψ (+ c2 cos 2ψ + s2 sin 2ψ) + what changes beside it.
 
     A magnet on the platform goes round once in a turn, what the ambient field magnetizes in it
-    twice. Weighted least squares, an axis at a time; covariances are widened where residuals are
-    larger than the noise.
-
-    Parameters
-    ----------
-    angle_rad : (k,) of the platform. field : (k, 3) means. noise : (k, 3) their standard errors.
-    beside : (k, m) columns that the ambient field may follow: times, or a reference's departures.
+    twice. The ambient field follows a `drift` of some degree, or the reference. Covariances are
+    widened where residuals are larger than the noise within the settings at angles (k,).
 
     Source: the magnet rotating on the axis of a turntable, by the expansion in angular harmonics.
 
+    >>> from agonic.alignment.maths.stretches import average_stretches
     >>> angle = np.radians(np.arange(0.0, 360.0, 30.0))
     >>> field = 3.0 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    >>> found = fit_harmonics(angle, field, np.ones((12, 3)), np.zeros((12, 0)), twice=False)
+    >>> seen = average_stretches([np.array([k]) for k in range(12)], np.arange(12.0), field)
+    >>> found = fit_harmonics(seen, angle, 0, twice=False)
     >>> (found.once.round(6) + 0.0).tolist()
     [[3.0, 0.0, 0.0], [0.0, 3.0, 0.0]]
     """
     columns = [np.cos(angle_rad), np.sin(angle_rad)]
     if twice:
         columns += [np.cos(2 * angle_rad), np.sin(2 * angle_rad)]
-    design = np.column_stack([*columns, np.ones(len(angle_rad)), beside])
-    size = np.maximum(np.abs(design).max(axis=0), 1e-12)
-    freedom = len(design) - design.shape[1]
-    found, spreads = np.empty((design.shape[1], 3)), np.empty((3, len(size), len(size)))
-    for axis in range(3):
-        weighted = design / size / noise[:, axis, None]
-        inverse = np.linalg.pinv(weighted, rcond=1e-10)
-        found[:, axis] = inverse @ (field[:, axis] / noise[:, axis]) / size
-        spreads[axis] = inverse @ inverse.T / np.outer(size, size)
-    residuals = field - design @ found
-    wide = np.maximum(((residuals / noise) ** 2).sum() / max(3 * freedom, 1), 1.0)
-    spreads *= wide
+    found = fit_columns(seen, np.stack(columns, axis=1), drift)
+    # with no repeated readings the residuals alone tell
+    sd = np.where(np.isfinite(seen.scatter), np.maximum(seen.scatter, 1e-6), 1.0)
+    variance = sd**2 / seen.counts.mean()
+    chi2 = float((found.residuals**2 / variance).sum())
+    wide = max(chi2 / max(3 * found.freedom, 1), 1.0)
+    spreads = (wide * variance)[:, None, None] * found.spread
     return Harmonics(
-        once=found[:2],
+        once=found.coefficients[:2],
         once_covariance=spreads[:, :2, :2],
-        twice=found[2:4] if twice else None,
+        twice=found.coefficients[2:4] if twice else None,
         twice_covariance=spreads[:, 2:4, 2:4] if twice else None,
-        residuals=residuals,
-        freedom=freedom,
+        residuals=found.residuals / seen.weight,
+        noise=sd / np.sqrt(seen.counts)[:, None],
     )
 
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
+from agonic.alignment.maths.stretches import Stretches, average_stretches, split
 from agonic.alignment.maths.turned_platform import Harmonics, compute_size, fit_harmonics, widen
+from agonic.alignment.session.session import put_on_clock
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
 from agonic.health import Finding, Judged, figure
@@ -18,6 +20,8 @@ from agonic.units import RAW
 METHOD = ("harbin-2018",)
 FEWEST, FOR_TWICE = 6, 10
 """Settings of the platform: for a magnet on it, and for what the field induces in it as well."""
+PARABOLA = 2
+"""Degree of the ambient field's drift without a reference."""
 WIDEST_GAP_DEG = 130.0
 SAME_DEG = 0.05
 FEWEST_RESTING = 5
@@ -103,11 +107,11 @@ def fit_remanence(
         raise UnitError("name the unit of the readings: what the platform does is told in nT")
     visits, angle = _visit(samples)
     _check_circle(angle, len(visits))
-    field = np.array([samples.field[rows].mean(axis=0) for rows in visits])
-    noise = _noise(samples.field, visits)
-    beside = _make_ambient_columns(samples, reference, visits)
-    twice = len(visits) >= FOR_TWICE + beside.shape[1] - 2
-    found = fit_harmonics(np.radians(angle), field, noise, beside, twice=twice)
+    seen = _read(samples, reference, visits)
+    drift = PARABOLA if samples.time is not None and seen.beside is None else 0
+    ambient = 3 if seen.beside is not None else drift
+    twice = len(visits) >= FOR_TWICE + ambient - PARABOLA
+    found = fit_harmonics(seen, np.radians(angle), drift, twice=twice)
     if reference is None:
         found = widen(found, _measure_unrest(samples, visits))
     size, sd, chance = compute_size(found.once, found.once_covariance)
@@ -116,7 +120,7 @@ def fit_remanence(
         reference=reference,
         angle_deg=angle,
         field=_shape(np.radians(angle), found) + found.residuals,
-        noise=noise,
+        noise=found.noise,
         harmonics=found,
         magnitude=float(np.linalg.norm(samples.field, axis=1).mean()),
         size=size,
@@ -139,7 +143,7 @@ def _visit(samples: Samples) -> tuple[list[Index], Array]:
         )
     heading = np.radians(samples.heading_deg)
     moved = np.abs(np.degrees(np.angle(np.exp(1j * np.diff(heading))))) > SAME_DEG
-    visits = np.split(np.arange(len(heading)), np.flatnonzero(moved) + 1)
+    visits = split(moved)
     angle = [np.degrees(np.angle(np.exp(1j * heading[rows]).mean())) % 360 for rows in visits]
     return visits, np.array(angle)
 
@@ -156,32 +160,13 @@ def _check_circle(angle_deg: Array, count: int) -> None:
         )
 
 
-def _noise(field: Array, visits: list[Index]) -> Array:
-    """Standard deviations (k, 3) of the means, by the scatter within all settings."""
-    freedom = sum(len(rows) - 1 for rows in visits)
-    if freedom < 3:
-        return np.ones((len(visits), 3))  # the residuals tell
-    squares = sum(((field[rows] - field[rows].mean(axis=0)) ** 2).sum(axis=0) for rows in visits)
-    sd = np.sqrt(np.maximum(squares / freedom, 1e-12))
-    return np.array([sd / np.sqrt(len(rows)) for rows in visits])
-
-
-def _make_ambient_columns(
-    samples: Samples, reference: Samples | None, visits: list[Index]
-) -> Array:
-    """Columns (k, m) that the ambient field may follow."""
-    if samples.time is None:
-        return np.zeros((len(visits), 0))
-    time = np.array([samples.time[rows].mean() for rows in visits])
-    if reference is None or reference.time is None:
-        along = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
-        return np.stack([along, along**2], axis=1)
-    clock = samples.time + _ahead(samples, reference)
-    means = [
-        [np.interp(clock[rows], reference.time, one).mean() for one in reference.field.T]
-        for rows in visits
-    ]
-    return np.asarray(np.array(means) - np.mean(means, axis=0))
+def _read(samples: Samples, reference: Samples | None, visits: list[Index]) -> Stretches:
+    """Means of every setting, beside the reference where both have times."""
+    time = np.arange(len(samples)) if samples.time is None else samples.time
+    if reference is None or reference.time is None or samples.time is None:
+        return average_stretches(visits, time, samples.field)
+    beside = put_on_clock(reference, samples), reference.field
+    return average_stretches(visits, time, samples.field, beside)
 
 
 def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
@@ -209,13 +194,6 @@ def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
     sure = (rest**2).sum(axis=0) > chdtri(freedom, RARE) * chance
     turn_s = float(np.ptp(middles)) * len(time) / (len(time) - 1)
     return np.where(sure, np.sqrt(2.0 * np.maximum(surplus, 0.0)) * turn_s / (2 * np.pi), 0.0)
-
-
-def _ahead(samples: Samples, reference: Samples) -> float:
-    """What to add to the times of the one to have those of the other, s."""
-    if samples.epoch is None or reference.epoch is None:
-        return 0.0
-    return (samples.epoch - reference.epoch).total_seconds()
 
 
 def _shape(angle_rad: Array, found: Harmonics) -> Array:

@@ -99,35 +99,37 @@ def average_fields(session: Session | NorthSession, rows: list[Index]) -> Stretc
     magnetometer, reference = session.magnetometer, session.reference
     assert magnetometer is not None, "checked with the session"
     assert reference is not None, "checked with the session"
-    times = compute_unix_s(magnetometer), compute_unix_s(reference)
-    return average_stretches(rows, times[0], session.corrected, times[1], reference.field)
+    time, beside = compute_unix_s(magnetometer), (compute_unix_s(reference), reference.field)
+    return average_stretches(rows, time, session.corrected, beside)
 
 
 def make_measured(
     session: Session | NorthSession, fields: Stretches, rot_cn: Array, covariance: Array
 ) -> Measured:
     """Means with the attitudes (k, 3, 3) of their orientations; noise as stated, or by scatter."""
+    beside = fields.beside
+    assert beside is not None, "averaged with the reference"
     own = _choose_noise(session.noise, fields.scatter, "magnetometer")
-    beside = _choose_noise(session.reference_noise, fields.reference_scatter, "reference")
+    theirs = _choose_noise(session.reference_noise, beside.scatter, "reference")
     return Measured(
         fields.field,
-        fields.reference,
+        beside.field,
         rot_cn,
         covariance,
         own / np.sqrt(fields.counts),
-        beside * fields.reference_share,
+        theirs * beside.share,
     )
 
 
-def _choose_noise(stated: float | None, scatter: float, name: str) -> float:
-    """Standard deviation of a reading, stated or from the scatter."""
-    value = scatter if stated is None else stated
+def _choose_noise(stated: float | None, scatter: Array, name: str) -> float:
+    """Standard deviation of a reading on an axis, stated or from the scatter."""
+    value = float(np.sqrt((scatter**2).mean())) if stated is None else stated
     if not np.isfinite(value):
         raise AgonicError(
             f"the noise of the {name} is neither stated nor shown by repeated readings; give "
             "noise_nT"
         )
-    return float(value)
+    return value
 
 
 def average_attitudes(site: Site, star: StarReadings, earth: EarthRotation) -> tuple[Array, Array]:

@@ -176,3 +176,15 @@ def compute_unix_s(samples: Samples) -> Array:
         )
     utc = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
     return np.asarray(samples.time + utc.timestamp())
+
+
+def put_on_clock(reference: Samples, samples: Samples) -> Array:
+    """The times (m,) of a reference, s, on the clock of other samples.
+
+    Without any dates both count from one moment.
+    """
+    assert reference.time is not None, "a reference is read with times"
+    if reference.epoch is None and samples.epoch is None:
+        return reference.time
+    assert samples.time is not None, "asked for only with times"
+    return compute_unix_s(reference) - (compute_unix_s(samples)[0] - samples.time[0])
