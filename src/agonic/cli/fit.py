@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from agonic.alignment.commands import fit_alignment, fit_coil, fit_gravity, fit_north, fit_remanence
+from agonic.alignment.commands import fit as fit_alignment
 from agonic.attitude import command as fit_latency
 from agonic.console.kinds import add_kinds
 from agonic.headings.commands import fit_deviation
@@ -21,6 +21,6 @@ def add_to(app: typer.Typer) -> None:
         "Calibrate": (fit_affine, fit_pair, fit_latency, fit_network),
         "Heading": (fit_deviation,),
         "Missions": (fit_inflight,),
-        "Laboratory": (fit_thermal, fit_alignment, fit_north, fit_coil, fit_gravity, fit_remanence),
+        "Laboratory": (fit_thermal, fit_alignment),
     }
     add_kinds(app, "fit", kinds, "Fit one kind of calibration to a log.")

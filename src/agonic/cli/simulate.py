@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from agonic.alignment.commands import simulate_alignment, simulate_north
+from agonic.alignment.commands import simulate as simulate_alignment
 from agonic.cli import simulate_motion, simulate_orbit, simulate_rover, simulate_vehicle
 from agonic.console.kinds import add_kinds
 from agonic.fleet.commands import simulate_fleet
@@ -23,7 +23,7 @@ def add_to(app: typer.Typer) -> None:
             simulate_orbit,
             simulate_network,
         ),
-        "Laboratory": (simulate_campaign, simulate_alignment, simulate_north),
+        "Laboratory": (simulate_campaign, simulate_alignment),
         "Fleet": (simulate_fleet,),
     }
     add_kinds(

@@ -1,0 +1,169 @@
+"""`agonic fit alignment|north|coil|gravity|remanence`: the directions of a laboratory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agonic.alignment.commands.options import Solve, Wanted
+from agonic.console.options import (
+    Between,
+    Json,
+    LogPath,
+    Magnitude,
+    Out,
+    Report,
+    Sensor,
+    Unit,
+)
+from agonic.console.parse import parse_names
+from agonic.console.sensors import open_sensor
+
+if TYPE_CHECKING:
+    from agonic.report.document import Document
+
+_TURNED = (
+    "this needs the log of a magnetometer at rest beside a platform that is turned: its field, and "
+    "the angle of the platform as heading_deg"
+)
+
+
+def add_to(kinds: typer.Typer) -> None:
+    """Register the kinds of fit."""
+    for kind in (alignment, north, coil, gravity, remanence):
+        kinds.command(kind.__name__)(kind)
+
+
+def alignment(
+    session: Annotated[
+        Path, typer.Argument(metavar="SESSION", help="session.toml, or the folder it is in.")
+    ],
+    out: Out = None,
+    solve: Solve = "alignment",
+    wanted: Wanted = 2.0,
+    report: Report = None,
+    as_json: Json = False,
+) -> int:
+    """The rotation between star sensor and magnetometer, from a session of many orientations."""
+    from agonic.alignment.files.read_session import read_session
+    from agonic.alignment.star_sensor import fit_alignment
+    from agonic.alignment.star_sensor.document import describe_alignment
+    from agonic.console.finish import finish
+
+    groups = parse_names(solve)
+    fit = fit_alignment(read_session(session), solve=groups, wanted_sd_arcsec=wanted)
+    return finish(describe_alignment(fit), out=out, report=report, as_json=as_json)
+
+
+def north(
+    session: Annotated[
+        Path,
+        typer.Argument(metavar="SESSION", help="north.toml or its folder; or a DI-flux sheet."),
+    ],
+    out: Out = None,
+    report: Report = None,
+    field: Magnitude = None,
+    as_json: Json = False,
+) -> int:
+    """True north by a gyrotheodolite, carried on; or declination and inclination of a sheet."""
+    from agonic.alignment.files.read_di_flux import is_di_flux
+    from agonic.console.finish import finish
+    from agonic.errors import AgonicError
+
+    if session.is_file() and is_di_flux(session):
+        if out is not None:
+            raise AgonicError("a DI-flux sheet gives no calibration; leave -o out")
+        return finish(_describe_sheet(session, field), report=report, as_json=as_json)
+    if field is not None:
+        raise AgonicError("--field belongs to DI-flux sheets; a gyrotheodolite needs none")
+    made = _describe_gyro(session)
+    if out is not None and made.verdict != "refused" and made.calibration is None:
+        raise AgonicError("-o needs an alignment: give [platform], [magnetometer] and [reference]")
+    return finish(made, out=out, report=report, as_json=as_json)
+
+
+def _describe_gyro(session: Path) -> Document:
+    from agonic.alignment.files.read_north import read_north
+    from agonic.alignment.north import fit_north
+    from agonic.alignment.north.document import describe_north
+
+    return describe_north(fit_north(read_north(session)))
+
+
+def _describe_sheet(sheet: Path, field: float | None) -> Document:
+    from agonic.alignment.files.read_di_flux import read_di_flux
+    from agonic.alignment.north import fit_di_flux
+    from agonic.alignment.north.di_flux_document import describe_di_flux
+
+    return describe_di_flux(fit_di_flux(read_di_flux(sheet), magnitude=field))
+
+
+def coil(
+    session: Annotated[
+        Path, typer.Argument(metavar="SESSION", help="coil.toml, or the folder it is in.")
+    ],
+    report: Report = None,
+    as_json: Json = False,
+) -> int:
+    """The axis of a coil in every known frame, its constant and linearity, from reversals."""
+    from agonic.alignment.coil import fit_coil
+    from agonic.alignment.coil.document import describe_coil
+    from agonic.alignment.files.read_coil import read_coil
+    from agonic.console.finish import finish
+
+    return finish(describe_coil(fit_coil(read_coil(session))), report=report, as_json=as_json)
+
+
+def gravity(
+    log: LogPath,
+    out: Out = None,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", metavar="CAL", help="Of the magnetometer, applied first."),
+    ] = None,
+    bias: Annotated[bool, typer.Option("--bias", help="Seek the magnetometer's bias too.")] = False,
+    between: Between = None,
+    as_json: Json = False,
+) -> int:
+    """The rotation from magnetometer to accelerometer, from orientations at rest."""
+    from agonic.alignment.gravity import fit_gravity
+    from agonic.alignment.gravity.document import describe_gravity
+    from agonic.calibration.steps import require_calibration
+    from agonic.console.finish import finish
+    from agonic.files.calibration import load
+
+    samples = open_sensor(log, sensor, unit, between)
+    known = None if calibration is None else require_calibration(load(calibration))
+    fit = fit_gravity(samples, known, bias=bias)
+    return finish(describe_gravity(fit, samples.name), out=out, as_json=as_json)
+
+
+def remanence(
+    log: LogPath,
+    reference: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="A magnetometer farther off; its changes are taken out."),
+    ] = None,
+    wanted: Wanted = 2.0,
+    sensor: Sensor = None,
+    unit: Unit = None,
+    between: Between = None,
+    report: Report = None,
+    as_json: Json = False,
+) -> int:
+    """The field of a platform itself: it is turned, the magnetometer stands still.
+
+    The angle of the platform is the column heading_deg. Exit status 1 where its field matters.
+    """
+    from agonic.alignment.remanence import fit_remanence
+    from agonic.alignment.remanence.document import describe_remanence
+    from agonic.console.finish import finish
+
+    samples = open_sensor(log, sensor, unit, between, needed=_TURNED)
+    beside = None if reference is None else open_sensor(reference, None, unit, None)
+    fit = fit_remanence(samples, beside, wanted_arcsec=wanted)
+    return finish(describe_remanence(fit), report=report, as_json=as_json)
