@@ -8,8 +8,7 @@ import pytest
 from agonic.alignment.files.read_coil import read_coil
 from agonic.alignment.files.read_di_flux import read_di_flux
 from agonic.alignment.files.read_north import read_north
-from agonic.alignment.files.write_coil import write_coil
-from agonic.alignment.files.write_north import write_north
+from agonic.alignment.files.write import write_coil, write_north
 from agonic.alignment.north import fit_di_flux
 from agonic.alignment.simulation.coil import simulate_coil
 from agonic.alignment.simulation.north import simulate_north

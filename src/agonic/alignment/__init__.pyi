@@ -12,9 +12,9 @@ from agonic.alignment.files.read_coil import read_coil as read_coil
 from agonic.alignment.files.read_di_flux import read_di_flux as read_di_flux
 from agonic.alignment.files.read_north import read_north as read_north
 from agonic.alignment.files.read_session import read_session as read_session
-from agonic.alignment.files.write_coil import write_coil as write_coil
-from agonic.alignment.files.write_north import write_north as write_north
-from agonic.alignment.files.write_session import write_session as write_session
+from agonic.alignment.files.write import write_coil as write_coil
+from agonic.alignment.files.write import write_north as write_north
+from agonic.alignment.files.write import write_session as write_session
 from agonic.alignment.gravity import GravityFit as GravityFit
 from agonic.alignment.gravity import fit_gravity as fit_gravity
 from agonic.alignment.north import DiFluxFit as DiFluxFit

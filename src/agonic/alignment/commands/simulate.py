@@ -30,7 +30,7 @@ def alignment(
     as_json: Json = False,
 ) -> int:
     """A session with a star sensor: session.toml, its tables, and the truth in its own folder."""
-    from agonic.alignment.files.write_session import write_session
+    from agonic.alignment.files.write import write_session
     from agonic.alignment.simulation.session import simulate_session
     from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg
 
@@ -54,7 +54,7 @@ def alignment(
 
 def north(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
     """A session with a gyrotheodolite: north.toml, its tables, and the truth in its own folder."""
-    from agonic.alignment.files.write_north import write_north
+    from agonic.alignment.files.write import write_north
     from agonic.alignment.simulation.north import simulate_north
 
     made = simulate_north(noise=noise, seed=seed)
@@ -70,7 +70,7 @@ def north(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False
 
 def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
     """A session with a coil: coil.toml, its table, and the truth in its own folder."""
-    from agonic.alignment.files.write_coil import write_coil
+    from agonic.alignment.files.write import write_coil
     from agonic.alignment.simulation.coil import simulate_coil
 
     made = simulate_coil(noise=noise, seed=seed)

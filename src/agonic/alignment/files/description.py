@@ -10,19 +10,21 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 
-from agonic.alignment.files.session_schema import (
+from agonic.alignment.files.sections import (
     MagnetometerSection,
     PierSection,
     ReferenceSection,
     RemanenceSection,
+    SiteSection,
 )
-from agonic.alignment.session import Pier
+from agonic.alignment.session import Pier, Site
 from agonic.calibration.base import Calibration
 from agonic.calibration.steps import require_calibration
 from agonic.errors import LogError
 from agonic.files.calibration import load
 from agonic.files.toml_sections import read_section, read_toml
 from agonic.logs.read import open_log
+from agonic.maths.earth.starlight import Air
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 
@@ -94,6 +96,18 @@ class Description:
         if part is None:
             return Pier()
         return Pier(difference=np.array(part.difference_nT), sd=part.sd_nT)
+
+    def make_site(self) -> Site | None:
+        """Where the instruments stand."""
+        part: SiteSection | None = self.parts["site"]
+        if part is None:
+            return None
+        return Site(
+            latitude_deg=part.latitude_deg,
+            longitude_deg=part.longitude_deg,
+            coordinates=part.coordinates,
+            air=Air(part.pressure_hPa, part.temperature_C, part.humidity, part.wavelength_um),
+        )
 
     def add_source(self, name: str, count: int) -> None:
         """Note a table as read."""

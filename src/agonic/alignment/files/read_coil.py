@@ -40,14 +40,17 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from msgspec import Struct
 
 from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.north_schema import NorthHead
-from agonic.alignment.files.session_schema import MagnetometerSection, ReferenceSection, SiteSection
+from agonic.alignment.files.sections import (
+    COIL,
+    AlignmentSection,
+    AttitudeSection,
+    CoilSection,
+    Head,
+)
 from agonic.alignment.session import Site, load_earth_rotation
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.calibration.alignment import Alignment
@@ -57,49 +60,6 @@ from agonic.errors import AgonicError
 from agonic.files.calibration import load
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_ci, rot_en
-
-
-class CoilSection(Struct):
-    """[coil]"""
-
-    name: str = "coil"
-    axis: tuple[float, float, float] | None = None
-    frame: Literal["m", "b", "c", "n"] = "m"
-    settle_s: float = 0.0
-    current_sd: float = 0.0
-
-
-class AlignmentSection(Struct):
-    """[alignment]"""
-
-    file: str
-
-
-class AttitudeSection(Struct):
-    """[attitude]"""
-
-    roll_deg: float | None = None
-    pitch_deg: float | None = None
-    heading_deg: float | None = None
-    level_sd_arcsec: float = 0.0
-    heading_sd_arcsec: float = 0.0
-    ra_deg: float | None = None
-    dec_deg: float | None = None
-    rot_deg: float | None = None
-    utc: str | None = None
-    across_sd_arcsec: float = 0.0
-    about_sd_arcsec: float = 0.0
-
-
-SECTIONS: dict[str, type[Struct]] = {
-    "coil": CoilSection,
-    "magnetometer": MagnetometerSection,
-    "reference": ReferenceSection,
-    "alignment": AlignmentSection,
-    "attitude": AttitudeSection,
-    "site": SiteSection,
-}
-
 
 FILE_NAME = "coil.toml"
 
@@ -119,18 +79,18 @@ def read_coil(path: Path | str) -> CoilSession:
     and `AgonicError` where its parts do not belong together.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.alignment.files.write_coil import write_coil
+    >>> from agonic.alignment.files.write import write_coil
     >>> from agonic.alignment.simulation.coil import simulate_coil
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_coil(simulate_coil(reversals=4).session, folder)
     ...     read_coil(folder).geometric_axis.tolist()
     [0.0, 0.0, 1.0]
     """
-    description = read_description(path, FILE_NAME, NorthHead, SECTIONS, needed=("magnetometer",))
+    description = read_description(path, FILE_NAME, Head, COIL, needed=("magnetometer",))
     parts = description.parts
     _check_attitude_and_axis(description)
     description.require()
-    coil, site = parts["coil"] or CoilSection(), _site(parts["site"])
+    coil, site = parts["coil"] or CoilSection(), description.make_site()
     magnetometer = description.read_samples(parts["magnetometer"])
     alignment, before = _load_alignment(description)
     return CoilSession(
@@ -183,16 +143,6 @@ def _moment(text: str) -> float | None:
     except ValueError:
         return None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def _site(part: SiteSection | None) -> Site | None:
-    if part is None:
-        return None
-    return Site(
-        latitude_deg=part.latitude_deg,
-        longitude_deg=part.longitude_deg,
-        coordinates=part.coordinates,
-    )
 
 
 def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | None:

@@ -42,10 +42,10 @@ from typing import Any
 import numpy as np
 
 from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.north_schema import (
-    SECTIONS,
+from agonic.alignment.files.sections import (
+    NORTH,
     GyroSection,
-    NorthHead,
+    Head,
     PlatformSection,
     SightingSection,
 )
@@ -81,14 +81,14 @@ def read_north(path: Path | str) -> NorthSession:
     description at once, and `AgonicError` where its parts do not belong together.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.alignment.files.write_north import write_north
+    >>> from agonic.alignment.files.write import write_north
     >>> from agonic.alignment.simulation.north import simulate_north
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_north(simulate_north(orientations=0).session, folder)
     ...     len(read_north(folder).turning_deg)
     8
     """
-    description = read_description(path, FILE_NAME, NorthHead, SECTIONS, beside=("sighting",))
+    description = read_description(path, FILE_NAME, Head, NORTH, beside=("sighting",))
     parts = description.parts
     sightings = _sightings(description.table.get("sighting", []), description.mistakes)
     description.require()

@@ -51,22 +51,14 @@ from pathlib import Path
 import numpy as np
 
 from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.session_schema import (
-    NEEDED,
-    SECTIONS,
-    MountingSection,
-    SessionHead,
-    SiteSection,
-    StarSection,
-)
+from agonic.alignment.files.sections import NEEDED, SESSION, SessionHead, StarSection
 from agonic.alignment.files.star_table import make_diagonal, read_stars
-from agonic.alignment.session import Mounting, Session, Site, StarReadings, check_session
+from agonic.alignment.session import Session, StarReadings, check_session
 from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.files.toml_sections import try_to_make
 from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
-from agonic.maths.earth.starlight import Air
 from agonic.samples import Samples
 
 FILE_NAME = "session.toml"
@@ -85,7 +77,7 @@ def read_session(path: Path | str) -> Session:
     together: times that do not meet, orientations without readings, units that cannot be.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.alignment.files.write_session import write_session
+    >>> from agonic.alignment.files.write import write_session
     >>> from agonic.alignment.simulation.session import simulate_session
     >>> made = simulate_session(orientations=4, readings=3)
     >>> with TemporaryDirectory() as folder:
@@ -93,28 +85,27 @@ def read_session(path: Path | str) -> Session:
     ...     read_session(folder).orientations.tolist()
     [1, 2, 3, 4]
     """
-    description = read_description(
-        path, FILE_NAME, SessionHead, SECTIONS, needed=NEEDED, zero=False
-    )
+    description = read_description(path, FILE_NAME, SessionHead, SESSION, needed=NEEDED, zero=False)
     parts = description.parts
     _check_stars_and_site(description)
     description.require()
     scale = description.head.time_scale
     star = _read_stars(description, scale)
     magnetometer = _turn_into_utc(description.read_samples(parts["magnetometer"]), scale)
-    reference = description.read_reference()
+    reference, site = description.read_reference(), description.make_site()
     assert reference is not None, "required above"
+    assert site is not None, "required above"
     reference = _turn_into_utc(reference, scale)
     turned = parts["remanence"]
     return check_session(
         Session(
             name=description.head.name,
-            site=_site(parts["site"]),
+            site=site,
             star=star,
             magnetometer=_number_orientations(magnetometer, star),
             reference=reference,
             pier=description.make_pier(),
-            mounting=_mounting(parts["mounting"]),
+            mounting=parts["mounting"],
             calibration=description.load_calibration(),
             noise=parts["magnetometer"].noise_nT,
             reference_noise=parts["reference"].noise_nT,
@@ -132,16 +123,7 @@ def _check_stars_and_site(description: Description) -> None:
     if star is not None and (star.across_sd_arcsec is None) != (star.about_sd_arcsec is None):
         description.mistakes.append("[star] across_sd_arcsec and about_sd_arcsec go together")
     if site is not None:
-        try_to_make(lambda: _site(site), "[site]", description.mistakes)
-
-
-def _site(part: SiteSection) -> Site:
-    return Site(
-        latitude_deg=part.latitude_deg,
-        longitude_deg=part.longitude_deg,
-        coordinates=part.coordinates,
-        air=Air(part.pressure_hPa, part.temperature_C, part.humidity, part.wavelength_um),
-    )
+        try_to_make(description.make_site, "[site]", description.mistakes)
 
 
 def _read_stars(description: Description, scale: str) -> StarReadings:
@@ -204,14 +186,3 @@ def _number_orientations(samples: Samples, star: StarReadings) -> Samples:
             "dates, time zones and time_scale, or add a column orientation"
         )
     return samples.with_columns(station=number).select(inside)
-
-
-def _mounting(part: MountingSection | None) -> Mounting | None:
-    if part is None:
-        return None
-    return Mounting(
-        alpha_deg=part.alpha_deg,
-        beta_deg=part.beta_deg,
-        gamma_deg=part.gamma_deg,
-        sd_deg=part.sd_deg,
-    )

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
@@ -91,8 +92,7 @@ class Pier:
     sd: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Mounting:
+class Mounting(Struct, frozen=True, kw_only=True):
     """How the magnetometer was meant to sit: 3-2-3 angles from the star sensor to it, degrees."""
 
     alpha_deg: float
