@@ -127,7 +127,7 @@ def follow_direction(
                     yield found
             if not ready.all():
                 later.append(part.select(np.flatnonzero(~ready)))
-        waiting, stars = later, _select(stars, slice(-3, None))
+        waiting, stars = later, stars.select(slice(-3, None))
 
 
 def _require_into_stars(alignment: AnyCalibration) -> AnyCalibration:
@@ -260,14 +260,3 @@ def _join(before: StarReadings, after: StarReadings) -> StarReadings:
     }
     both = (_require_covariance(before), _require_covariance(after))
     return replace(after, **joined, covariance=np.concatenate(both))
-
-
-def _select(stars: StarReadings, rows: slice) -> StarReadings:
-    """Some of the attitudes."""
-    return replace(
-        stars,
-        time=stars.time[rows],
-        orientation=stars.orientation[rows],
-        rot_ci=stars.rot_ci[rows],
-        covariance=_require_covariance(stars)[rows],
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Literal
 
@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.calibration.base import Calibration, select_columns
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.earth.starlight import Air
@@ -74,6 +74,16 @@ class StarReadings:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def select(self, rows: Index | slice) -> StarReadings:
+        """Some of the attitudes."""
+        return replace(
+            self,
+            time=self.time[rows],
+            orientation=self.orientation[rows],
+            rot_ci=self.rot_ci[rows],
+            covariance=None if self.covariance is None else self.covariance[rows],
+        )
 
     @property
     def boresight_i(self) -> Array:

@@ -22,9 +22,10 @@ Treatment = Literal["corrected", "by the sensor", "solved for", "not corrected",
 ARCSEC_PER_S = 15.041067
 _J2000_TT = (2_451_545.0, 0.0)
 DEFLECTION_ARCSEC = 20.0
+STANDARD_ERROR = "standard error"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Effect:
     """One line of the budget: what it is, its size at this session, and what was done about it."""
 
@@ -70,35 +71,24 @@ def _of_the_earth(session: Session) -> tuple[Effect, ...]:
     nutation = _angle(erfa.num06a(UNIX_JD, tt))
     origins = abs(erfa.gst06a(UNIX_JD, tt, UNIX_JD, tt) - erfa.era00(UNIX_JD, tt)) / ARCSEC_RAD
     pole = float(np.hypot(x, y)) / ARCSEC_RAD
+    ut1_utc = ut1_tai + leap
     return (
+        Effect("precession", precession, "corrected", "since J2000"),
+        Effect("nutation", nutation, "corrected"),
         Effect(
-            name="precession", size_arcsec=precession, treatment="corrected", remark="since J2000"
+            "equation of the origins",
+            origins % 1_296_000.0,
+            "corrected",
+            "GAST less the Earth rotation angle",
         ),
-        Effect(name="nutation", size_arcsec=nutation, treatment="corrected"),
+        Effect("leap seconds", leap * ARCSEC_PER_S, "corrected", f"TAI − UTC {leap:.0f} s"),
+        Effect("UT1 − UTC", abs(ut1_utc) * ARCSEC_PER_S, "corrected", f"{ut1_utc:+.4f} s"),
+        Effect("polar motion", pole, "corrected"),
         Effect(
-            name="equation of the origins",
-            size_arcsec=origins % 1_296_000.0,
-            treatment="corrected",
-            remark="GAST less the Earth rotation angle",
-        ),
-        Effect(
-            name="leap seconds",
-            size_arcsec=leap * ARCSEC_PER_S,
-            treatment="corrected",
-            remark=f"TAI − UTC {leap:.0f} s",
-        ),
-        Effect(
-            name="UT1 − UTC",
-            size_arcsec=abs(ut1_tai + leap) * ARCSEC_PER_S,
-            treatment="corrected",
-            remark=f"{ut1_tai + leap:+.4f} s",
-        ),
-        Effect(name="polar motion", size_arcsec=pole, treatment="corrected"),
-        Effect(
-            name="errors of the Earth rotation table",
-            size_arcsec=earth.sd_arcsec(when),
-            treatment="not corrected",
-            remark=earth.source,
+            "errors of the Earth rotation table",
+            earth.sd_arcsec(when),
+            "not corrected",
+            earth.source,
         ),
     )
 
@@ -124,15 +114,9 @@ def _of_light(session: Session) -> tuple[Effect, ...]:
         turns = compute_apparent_turn(session.site, replace(session.star, **alone), rot_ei)
         largest = max(_angle(turn) for turn in turns)
         present = getattr(session.star, effect) == PRESENT
-        effects.append(
-            Effect(
-                name=name,
-                size_arcsec=largest,
-                treatment="corrected" if present else "by the sensor",
-                remark="largest of the session"
-                + ("" if present else "; if the sensor removes it as stated"),
-            )
-        )
+        stated = "" if present else "; if the sensor removes it as stated"
+        done: Treatment = "corrected" if present else "by the sensor"
+        effects.append(Effect(name, largest, done, f"largest of the session{stated}"))
     return tuple(effects)
 
 
@@ -140,34 +124,30 @@ def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
     """Where north and down are, at the site and for the reference; the two piers."""
     session, magnitude = fit.session, fit.solution.magnitude
     plumb = session.site.coordinates == "astronomical"
-    axes = fit.sd[3:6].max() / ARCSEC_RAD
+    axes = float(fit.sd[3:6].max()) / ARCSEC_RAD
     pier = float(fit.sd[6:9].max()) / magnitude / ARCSEC_RAD
+    known = "at most; astronomical coordinates contain it"
+    unknown = "at most; the coordinates are geodetic"
+    unsolved = "taken as exactly north, east, down: what they are off goes into the result"
+    given = "taken as exact" if session.pier.difference.any() else "none was given"
     return (
         Effect(
-            name="deflection of the vertical",
-            size_arcsec=DEFLECTION_ARCSEC,
-            treatment="corrected" if plumb else "not corrected",
-            remark="at most; astronomical coordinates contain it"
-            if plumb
-            else "at most; the coordinates are geodetic",
+            "deflection of the vertical",
+            DEFLECTION_ARCSEC,
+            "corrected" if plumb else "not corrected",
+            known if plumb else unknown,
         ),
         Effect(
-            name="axes of the reference",
-            size_arcsec=float(axes),
-            treatment="solved for" if "reference" in fit.solution.groups else "not known",
-            remark="standard error"
-            if axes
-            else "taken as exactly north, east, down: what they are off goes into the result",
+            "axes of the reference",
+            axes,
+            "solved for" if "reference" in fit.solution.groups else "not known",
+            STANDARD_ERROR if axes else unsolved,
         ),
         Effect(
-            name="difference between the piers",
-            size_arcsec=pier,
-            treatment=_about_pier(fit),
-            remark="standard error"
-            if pier
-            else "taken as exact: 0.24 nT are 1″ at 50 000 nT"
-            if session.pier.difference.any()
-            else "none was given: 0.24 nT are 1″ at 50 000 nT",
+            "difference between the piers",
+            pier,
+            _about_pier(fit),
+            STANDARD_ERROR if pier else f"{given}: 0.24 nT are 1″ at 50 000 nT",
         ),
         _of_the_platform(fit),
     )
@@ -184,18 +164,15 @@ def _about_pier(fit: AlignmentFit) -> Treatment:
 def _of_the_platform(fit: AlignmentFit) -> Effect:
     """The platform's own field, by the readings with it turned."""
     name, platform = "remanence of the platform", fit.platform
+    solved = "bias" in fit.solution.groups
     if platform is None:
-        return Effect(
-            name=name,
-            size_arcsec=0.0,
-            treatment="solved for" if "bias" in fit.solution.groups else "not known",
-            remark="turn it beneath a magnetometer that stands still: agonic fit remanence",
-        )
+        remark = "turn it beneath a magnetometer that stands still: agonic fit remanence"
+        return Effect(name, 0.0, "solved for" if solved else "not known", remark)
     return Effect(
-        name=name,
-        size_arcsec=platform.size_arcsec + 2 * platform.sd_arcsec,
-        treatment="solved for" if "bias" in fit.solution.groups else "not corrected",
-        remark=f"at most, from {platform.n} settings; across the axis of the turn",
+        name,
+        platform.size_arcsec + 2 * platform.sd_arcsec,
+        "solved for" if solved else "not corrected",
+        f"at most, from {platform.n} settings; across the axis of the turn",
     )
 
 
@@ -210,41 +187,23 @@ def _of_the_readings(fit: AlignmentFit) -> tuple[Effect, ...]:
         float(np.sqrt((sd**2).mean())) / magnitude / ARCSEC_RAD
         for sd in (measured.noise, measured.reference_noise)
     )
-    solved = "matrix" in fit.solution.groups
-    known = fit.session.calibration is not None
+    noises = {
+        "star sensor, across": float(stars[:2].max()),
+        "star sensor, about the boresight": float(stars[2]),
+        "magnetometer": own,
+        "reference": beside,
+    }
+    solved, known = "matrix" in fit.solution.groups, fit.session.calibration is not None
+    remark = "by its calibration" if known else "taken as exact: none was given"
     return (
-        Effect(
-            name="noise of the star sensor, across",
-            size_arcsec=float(stars[:2].max()),
-            treatment="not corrected",
-            remark="of the mean of an orientation",
+        *(
+            Effect(f"noise of the {name}", size, "not corrected", "of the mean of an orientation")
+            for name, size in noises.items()
         ),
         Effect(
-            name="noise of the star sensor, about the boresight",
-            size_arcsec=float(stars[2]),
-            treatment="not corrected",
-            remark="of the mean of an orientation",
-        ),
-        Effect(
-            name="noise of the magnetometer",
-            size_arcsec=own,
-            treatment="not corrected",
-            remark="of the mean of an orientation",
-        ),
-        Effect(
-            name="noise of the reference",
-            size_arcsec=beside,
-            treatment="not corrected",
-            remark="of the mean of an orientation",
-        ),
-        Effect(
-            name="bias and matrix of the magnetometer",
-            size_arcsec=float(fit.sd[9:].max() and fit.sd[12:].max() / ARCSEC_RAD),
-            treatment="solved for" if solved else "corrected" if known else "not known",
-            remark="standard error of an entry"
-            if solved
-            else "by its calibration"
-            if known
-            else "taken as exact: none was given",
+            "bias and matrix of the magnetometer",
+            float(fit.sd[9:].max() and fit.sd[12:].max() / ARCSEC_RAD),
+            "solved for" if solved else "corrected" if known else "not known",
+            "standard error of an entry" if solved else remark,
         ),
     )

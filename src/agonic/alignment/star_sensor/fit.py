@@ -77,7 +77,7 @@ def fit_alignment(
         solve=asked,
         wanted_sd_arcsec=wanted_sd_arcsec,
     )
-    return examine(fit, wanted_sd_arcsec)
+    return examine(fit)
 
 
 def _calibration(session: Session, solution: Solution, solve: tuple[str, ...]) -> Alignment | Chain:

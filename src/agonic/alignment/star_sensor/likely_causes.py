@@ -71,15 +71,10 @@ def _few(session: Session) -> Session:
     star, readings = session.star, session.magnetometer
     assert readings.station is not None, "checked when the session is"
     own, theirs = _first(star.orientation), _first(readings.station)
+    few = star.select(own)
     return replace(
         session,
-        star=replace(
-            star,
-            time=star.time[own],
-            orientation=star.orientation[own],
-            rot_ci=star.rot_ci[own],
-            covariance=np.broadcast_to(np.eye(3), (len(own), 3, 3)),
-        ),
+        star=replace(few, covariance=np.broadcast_to(np.eye(3), few.rot_ci.shape)),
         magnetometer=readings.select(theirs),
         noise=1.0,
         reference_noise=1.0,
