@@ -5,8 +5,9 @@ in the magnetometer's and R from these to those,
 
     d · R (m − b) = Z
 
-in every orientation, Z the vertical intensity of the place. R changes by small rotation vectors on
-the left; b, a bias that the magnetometer still has, may be sought as well.
+in every orientation, Z the vertical intensity of the place: vectors in two frames of which one
+component is told. Z is the field that nothing but the orientations tells, down; b, a bias that the
+magnetometer still has, may be sought as well.
 """
 
 from __future__ import annotations
@@ -15,13 +16,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agonic.alignment.maths.solution import solve
+from agonic.alignment.maths.two_frames import GROUPS, Measured, invert, make_prior
 from agonic.arrays import Array
-from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.student import compute_widening
-from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.mounting import right_angles
 
-_ROUNDS = 30
+VERTICAL = GROUPS["pier"].stop - 1
+"""Place of Z among the unknowns of vectors in two frames."""
+STARTS = 4
+"""Right angles that are started from: of 120 random turns the first or second led to the best."""
+NOISE = 1e-3
+"""Share of the field by which steps are weighed; the residuals tell the noise itself."""
 
 
 class GravityEstimate(NamedTuple):
@@ -45,21 +51,53 @@ def estimate(
     which are the same everywhere too: six orientations leave two residuals, small by chance. The
     covariance is widened by Student's t of the residuals' freedom.
     """
-    free = 7 if bias else 4
     size = float(np.linalg.norm(field, axis=1).mean())
-    rotation, rest, residuals = _from(right_angles(), down, field / size, free)
-    jacobian = _jacobian(rotation, rest, down, field / size)[:, :free]
-    freedom = len(down) - free
-    variance = float(residuals @ residuals) / freedom if freedom > 0 else np.nan
-    variance = max(variance, _scatter_of_sizes(field / size - rest[1:], float(rest[0]), gravity))
-    variance *= compute_widening(freedom) ** 2
-    units = np.array([1.0] * 3 + [size] * 4)
-    covariance = np.zeros((7, 7))
-    inner = variance * leastsq.inverse(jacobian.T @ jacobian)
-    covariance[:free, :free] = inner * np.outer(units[:free], units[:free])
-    return GravityEstimate(
-        rotation, float(rest[0] * size), rest[1:] * size, covariance, residuals * size, freedom
+    measured = _measure(down, field / size)
+    prior = make_prior({"alignment", *(("bias",) if bias else ())})
+    prior[VERTICAL] = 0.0
+    found = min(
+        (
+            solve(measured, prior, (0.0, 0.0, z), rot_bm.T)
+            for rot_bm, z in _starts(down, field / size)
+        ),
+        key=lambda one: one.chi2,
     )
+    at, rotation = found.unknowns, found.unknowns.rot_mc.T
+    residuals = (down * ((field / size - at.bias) @ at.rot_mc)).sum(axis=1) - at.offset[2]
+    variance = float(residuals @ residuals) / found.freedom if found.freedom > 0 else np.nan
+    variance = max(variance, _scatter_of_sizes(field / size - at.bias, at.offset[2], gravity))
+    variance *= compute_widening(found.freedom) ** 2
+    # turns are counted about the axes of the accelerometer, and the other way round
+    onto = np.zeros((7, 18))
+    onto[:3, GROUPS["alignment"]] = -rotation
+    onto[3, VERTICAL] = size
+    onto[4:, GROUPS["bias"]] = size * np.eye(3)
+    covariance = onto @ invert(found.information, prior) @ onto.T * variance / NOISE**2
+    return GravityEstimate(
+        rotation,
+        float(at.offset[2] * size),
+        at.bias * size,
+        covariance,
+        residuals * size,
+        found.freedom,
+    )
+
+
+def _measure(down: Array, field: Array) -> Measured:
+    """Vectors in two frames, of the field's attitude only down known, and only along it read."""
+    attitude = np.zeros((len(down), 3, 3))
+    attitude[:, :, 2] = down
+    none = np.zeros(len(down))
+    return Measured(
+        field, np.zeros_like(field), attitude, np.zeros_like(attitude), none + NOISE, none, down
+    )
+
+
+def _starts(down: Array, field: Array) -> list[tuple[Array, float]]:
+    """The right angles by which the vertical field varies least, and what it is by them."""
+    vertical = (down @ right_angles() * field).sum(axis=-1)
+    best = np.argsort(vertical.var(axis=1))[:STARTS]
+    return [(right_angles()[k], float(vertical[k].mean())) for k in best]
 
 
 def _scatter_of_sizes(field: Array, vertical: float, gravity: Array | None) -> float:
@@ -71,41 +109,3 @@ def _scatter_of_sizes(field: Array, vertical: float, gravity: Array | None) -> f
         horizontal = max(float(np.mean(sizes**2)) - vertical**2, 0.0)
         scatter += horizontal * float(np.var(gravity / gravity.mean(), ddof=1))
     return scatter
-
-
-def _from(starts: Array, down: Array, field: Array, free: int) -> tuple[Array, Array, Array]:
-    """Gauss–Newton from rotations (s, 3, 3), all at once: the best R, (Z, b) and residuals.
-
-    In units of the field.
-    """
-    rotation, rest = starts, np.zeros((len(starts), 4))
-    rest[:, 0] = _residual(rotation, rest, down, field).mean(axis=-1)
-    for _ in range(_ROUNDS):
-        residuals = _residual(rotation, rest, down, field)
-        jacobian = _jacobian(rotation, rest, down, field)[..., :free]
-        step = np.zeros((len(starts), 7))
-        step[:, :free] = -(np.linalg.pinv(jacobian, rcond=1e-9) @ residuals[..., None])[..., 0]
-        length = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
-        step *= np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))  # no further than half a radian
-        rotation = make_rotation(step[:, :3]) @ rotation
-        rest = rest + step[:, 3:]
-        if np.abs(step).max() < 1e-12:
-            break
-    residuals = _residual(rotation, rest, down, field)
-    best = int(np.argmin((residuals**2).sum(axis=-1)))
-    return rotation[best], rest[best], residuals[best]
-
-
-def _seen(rotation: Array, rest: Array, field: Array) -> Array:
-    """The field in the axes of the accelerometer, (…, k, 3)."""
-    return np.asarray((field - rest[..., None, 1:]) @ np.swapaxes(rotation, -1, -2))
-
-
-def _residual(rotation: Array, rest: Array, down: Array, field: Array) -> Array:
-    return np.asarray((down * _seen(rotation, rest, field)).sum(axis=-1) - rest[..., :1])
-
-
-def _jacobian(rotation: Array, rest: Array, down: Array, field: Array) -> Array:
-    """By the small turn, Z and b, (…, k, 7): d · (δ × v) = δ · (v × d)."""
-    across = np.cross(_seen(rotation, rest, field), down)
-    return np.concatenate([across, -np.ones_like(across[..., :1]), -down @ rotation], axis=-1)

@@ -71,12 +71,14 @@ class Solution:
     @cached_property
     def residuals(self) -> Array:
         """(k, 3) of each orientation, nT, magnetometer axes."""
-        return kernel.compute_residual(self.unknowns, self.measured)[0]
+        rot_mc = self.unknowns.rot_mc
+        return kernel.compute_residual(self.unknowns, self.measured)[0] @ rot_mc.T
 
     @property
     def residuals_sd(self) -> Array:
         """What each should be, (k, 3), nT, by the stated noise."""
-        spread = kernel.compute_covariance(self.unknowns, self.measured)
+        rot_mc = self.unknowns.rot_mc
+        spread = rot_mc @ kernel.compute_covariance(self.unknowns, self.measured) @ rot_mc.T
         return np.asarray(np.sqrt(np.diagonal(spread, axis1=1, axis2=2)))
 
     @property
@@ -115,21 +117,27 @@ class Solution:
         return float((sd[0] / sd[-1]) ** 2)
 
 
-def solve(measured: Measured, prior: Array, offset: ArrayLike = (0.0, 0.0, 0.0)) -> Solution:
-    """Levenberg–Marquardt about a start that needs no guess, the rotations taken anew each round.
+def solve(
+    measured: Measured,
+    prior: Array,
+    offset: ArrayLike = (0.0, 0.0, 0.0),
+    rot_mc: Array | None = None,
+) -> Solution:
+    """Levenberg–Marquardt about a start, the rotations taken anew each round.
 
     Parameters: `prior` (18,) the information on the unknowns before (`make_prior`), about `offset`
-    (3,) of the field between the piers and a reference that is not turned.
+    (3,) of the field between the piers and a reference that is not turned; `rot_mc` to start from,
+    without which it is the one that fits best.
     """
     prior_at = kernel.start_unknowns(offset)
     free = np.isfinite(prior)
-    at = _start(prior_at, measured, free)
-    magnitude = float(np.linalg.norm(measured.reference, axis=1).mean())
+    at = _start(prior_at, measured, free) if rot_mc is None else prior_at._replace(rot_mc=rot_mc)
+    magnitude = float(np.linalg.norm(measured.reference + prior_at.offset, axis=1).mean())
     units = kernel.find_unit_sizes(magnitude)[free]
     root = np.sqrt(prior[free])
     iterations, converged, cost = 0, False, np.inf
     for _ in range(ROUNDS):
-        white = kernel.compute_whitener(kernel.compute_covariance(at, measured))
+        white = kernel.compute_whitener(at, measured)
         away = _departure(at, prior_at)[free]
         solution = leastsq.solve(
             partial(_pieces, at, measured, white, free, units),
@@ -148,7 +156,7 @@ def solve(measured: Measured, prior: Array, offset: ArrayLike = (0.0, 0.0, 0.0))
         if settled or hopeless:
             break
     residuals, _ = kernel.compute_residual(at, measured)
-    white = kernel.compute_whitener(kernel.compute_covariance(at, measured)) @ residuals[:, :, None]
+    white = kernel.compute_whitener(at, measured) @ residuals[:, :, None]
     departures = root * _departure(at, prior_at)[free]
     return Solution(
         unknowns=at,
@@ -157,7 +165,7 @@ def solve(measured: Measured, prior: Array, offset: ArrayLike = (0.0, 0.0, 0.0))
         prior=prior,
         magnitude=magnitude,
         chi2=float((white**2).sum() + (departures**2).sum()),
-        freedom=residuals.size + int((prior[free] > 0).sum()) - int(free.sum()),
+        freedom=white.size + int((prior[free] > 0).sum()) - int(free.sum()),
         iterations=iterations,
         converged=converged,
     )

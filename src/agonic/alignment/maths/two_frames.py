@@ -1,4 +1,4 @@
-"""Vectors in two frames: W (raw − bias) − R_mc R_cn H (reference + offset) and its Jacobian.
+"""Vectors in two frames: R_mcᵀ W (raw − bias) − R_cn H (reference + offset) and its Jacobian.
 
 R_cn turns north-east-down into the platform's components (measured, by a star sensor or by circle
 and levels), R_mc those into the magnetometer's (the wanted rotation), and H the reference's axes
@@ -57,7 +57,8 @@ class Unknowns(NamedTuple):
 class Measured(NamedTuple):
     """Means of k orientations: fields (k, 3), attitudes (k, 3, 3), standard deviations (k,).
 
-    `attitude_covariance` (k, 3, 3), rad², axes of the platform.
+    `attitude_covariance` (k, 3, 3), rad², axes of the platform. `along` (k, 3), axes of the
+    platform, where the field is told along one direction alone.
     """
 
     field: Array
@@ -66,6 +67,7 @@ class Measured(NamedTuple):
     attitude_covariance: Array
     noise: Array
     reference_noise: Array
+    along: Array | None = None
 
 
 def start_unknowns(offset: ArrayLike = (0.0, 0.0, 0.0)) -> Unknowns:
@@ -102,19 +104,18 @@ def predict_field_c(at: Unknowns, measured: Measured) -> Array:
 
 
 def compute_residual(at: Unknowns, measured: Measured) -> tuple[Array, Array]:
-    """Residuals (k, 3), nT, magnetometer axes, and the Jacobian (k, 3, 18) of a small step."""
+    """Residuals (k, 3), nT, axes of the platform, and the Jacobian (k, 3, 18) of a small step."""
     d = measured.field - at.bias
-    expected = predict_field_c(at, measured) @ at.rot_mc.T
-    onto_m = at.rot_mc @ measured.rot_cn
+    own, back = d @ at.matrix, at.rot_mc.T
     beside = (measured.reference + at.offset) @ at.rot_nr.T
     jacobian = np.empty((len(d), 3, SIZE))
-    jacobian[:, :, :3] = skew(expected)
-    jacobian[:, :, 3:6] = onto_m @ skew(beside)
-    jacobian[:, :, 6:9] = -onto_m @ at.rot_nr
-    jacobian[:, :, 9:12] = -at.matrix
+    jacobian[:, :, :3] = back @ skew(own)
+    jacobian[:, :, 3:6] = measured.rot_cn @ skew(beside)
+    jacobian[:, :, 6:9] = -measured.rot_cn @ at.rot_nr
+    jacobian[:, :, 9:12] = -back @ at.matrix
     for k, unit in enumerate(np.eye(6)):
-        jacobian[:, :, 12 + k] = d @ unpack_symmetric(unit)
-    return d @ at.matrix - expected, jacobian
+        jacobian[:, :, 12 + k] = d @ unpack_symmetric(unit) @ at.rot_mc
+    return own @ at.rot_mc - predict_field_c(at, measured), jacobian
 
 
 def compute_covariance(at: Unknowns, measured: Measured) -> Array:
@@ -122,22 +123,28 @@ def compute_covariance(at: Unknowns, measured: Measured) -> Array:
 
     An attitude that is off by the small rotation ε sees the field v off by ε × v.
     """
-    across = at.rot_mc @ skew(predict_field_c(at, measured))
+    across = skew(predict_field_c(at, measured))
     turned = across @ measured.attitude_covariance @ np.swapaxes(across, 1, 2)
-    own = measured.noise[:, None, None] ** 2 * (at.matrix @ at.matrix)
+    matrix = at.rot_mc.T @ at.matrix
+    own = measured.noise[:, None, None] ** 2 * (matrix @ matrix.T)
     beside = measured.reference_noise[:, None, None] ** 2 * np.eye(3)
     return np.asarray(own + beside + turned)
 
 
-def compute_whitener(covariance: Array) -> Array:
-    """L⁻¹ (k, 3, 3) of covariances L Lᵀ: what turns residuals into independent ones of sd 1."""
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+def compute_whitener(at: Unknowns, measured: Measured) -> Array:
+    """What turns residuals into independent ones of sd 1, (k, 3, 3): L⁻¹ of covariances L Lᵀ.
+
+    Where the field is told along one direction alone it is (k, 1, 3): that direction.
+    """
+    if measured.along is not None:
+        return np.asarray(measured.along / measured.noise[:, None])[:, None, :]
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(compute_covariance(at, measured))))
 
 
 def compute_information(at: Unknowns, measured: Measured) -> Array:
     """JᵀC⁻¹J (18, 18) of all unknowns."""
     _, jacobian = compute_residual(at, measured)
-    white = compute_whitener(compute_covariance(at, measured)) @ jacobian
+    white = compute_whitener(at, measured) @ jacobian
     return np.asarray(np.einsum("kir,kis->rs", white, white))
 
 

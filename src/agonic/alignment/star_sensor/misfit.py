@@ -61,7 +61,7 @@ def find_explanations(observed: Observed, solution: Solution, site: Site) -> lis
     it leaves χ² = |r − J a − D d|² of the best a and d, on j freedoms fewer.
     """
     residuals, jacobian = kernel.compute_residual(solution.unknowns, solution.measured)
-    white = kernel.compute_whitener(kernel.compute_covariance(solution.unknowns, solution.measured))
+    white = kernel.compute_whitener(solution.unknowns, solution.measured)
     left = (white @ residuals[:, :, None]).ravel()
     moved = (white @ jacobian[:, :, solution.free]).reshape(len(left), -1)
     moved = moved / np.maximum(np.linalg.norm(moved, axis=0), 1e-300)
@@ -116,7 +116,7 @@ def _clock(solution: Solution, site: Site) -> _Cause:
     latitude = np.radians(site.latitude_deg)
     pole = EARTH_RATE_RAD_S * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
     beside = (measured.reference + at.offset) @ at.rot_nr.T
-    moved = at.rot_mc @ measured.rot_cn @ np.cross(pole, beside)[:, :, None]
+    moved = measured.rot_cn @ np.cross(pole, beside)[:, :, None]
 
     def words(size: Array) -> str:
         late = "behind" if size[0] > 0 else "ahead"

@@ -51,7 +51,7 @@ def compute_information(at: Unknowns, like: Measured, chosen: list[Orientation])
     field = expected @ np.linalg.inv(at.matrix).T + at.bias
     made = one._replace(field=field)
     _, jacobian = kernel.compute_residual(at, made)
-    white = kernel.compute_whitener(kernel.compute_covariance(at, made)) @ jacobian
+    white = kernel.compute_whitener(at, made) @ jacobian
     return np.asarray(np.einsum("jir,jis->jrs", white, white))
 
 
