@@ -12,15 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Site
 from agonic.alignment.session.coil import Attitude, CoilSession
+from agonic.alignment.simulation.readings import read_field, vary_field
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.maths.rotations.attitude import make_rotation, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Readable
-from agonic.samples import Samples
 
-FIELD_N = (18_870.0, 1_390.0, 45_750.0)
-MOST_VARIATION = 20.0
+MOST_VARIATION, PERIODS_S = 20.0, (1400.0, 2300.0, 3700.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,8 +80,7 @@ def simulate_coil(
     current = field / constant * share * np.where(np.arange(reversals + 1) % 2, -1.0, 1.0)
     flowing = np.repeat(current, readings)
     time = np.arange(len(flowing), dtype=np.float64)
-    waves = np.sin(2 * np.pi * time[:, None] / [1400.0, 2300.0, 3700.0] + rng.uniform(0, 6, 3))
-    beside = np.asarray(FIELD_N) + MOST_VARIATION * waves
+    beside = vary_field(time, MOST_VARIATION, PERIODS_S, rng)
     rising = even * (flowing * constant / field) ** 2
     true = beside @ (rot_bm.T @ rot_bn).T + np.outer(flowing, vector) + rising[:, None]
     known = make_rotation(alignment_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bm
@@ -90,21 +88,10 @@ def simulate_coil(
     return SimulatedCoil(
         session=CoilSession(
             name="simulated",
-            magnetometer=Samples(
-                field=true + np.asarray(bias) + noise * rng.standard_normal(true.shape),
-                unit="nT",
-                time=time,
-                epoch=begins,
-                current_A=flowing,
-                name="magnetometer",
+            magnetometer=read_field(
+                true + np.asarray(bias), noise, rng, begins, time, current_A=flowing
             ),
-            reference=Samples(
-                field=beside + reference_noise * rng.standard_normal(beside.shape),
-                unit="nT",
-                time=time,
-                epoch=begins,
-                name="reference",
-            ),
+            reference=read_field(beside, reference_noise, rng, begins, time, "reference"),
             geometric_axis=drawn,
             geometric_frame="b",
             alignment=Alignment(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
+from agonic.alignment.simulation.readings import FIELD_N
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.samples import Samples
@@ -29,7 +30,7 @@ def simulate_gravity(
     turn_s: float = 2.0,
     rate_Hz: float = 50.0,
     turn_deg: float = 3.0,
-    field_n: ArrayLike = (18_870.0, 1_390.0, 45_750.0),
+    field_n: ArrayLike = FIELD_N,
     noise: float = 100.0,
     force_noise: float = 0.03,
     tilt_deg: float | None = None,

@@ -10,12 +10,13 @@ from scipy.optimize import brentq
 
 from agonic.alignment.maths.north import evaluate_swing_deg
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.alignment.simulation.readings import read_field, vary_field
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation, rot_nb
 from agonic.readable import Readable
 from agonic.samples import Samples
 
-FIELD_N = (18_870.0, 1_390.0, 45_750.0)
+MOST_VARIATION, PERIODS_S = 15.0, (2400.0, 3100.0, 5100.0)
 TURN_S, READINGS = 40, 20
 
 
@@ -203,8 +204,7 @@ def _platform(
         number * (READINGS + TURN_S) + np.tile(np.arange(READINGS), count) + 5, dtype=np.float64
     )
     clock = np.arange(seconds[-1] + TURN_S)
-    waves = np.sin(2 * np.pi * clock[:, None] / [2400.0, 3100.0, 5100.0] + rng.uniform(0, 6, 3))
-    beside = np.asarray(FIELD_N) + 15.0 * waves
+    beside = vary_field(clock, MOST_VARIATION, PERIODS_S, rng)
     at = beside[seconds.astype(int)]
     true_b = np.einsum("nji,nj->ni", rot_nb(roll, pitch, heading)[number], at)
     tilt = level_sd / 3600 * rng.standard_normal((2, count))
@@ -218,19 +218,7 @@ def _platform(
         level_sd_arcsec=level_sd,
         mirror=True,
     )
-    magnetometer = Samples(
-        field=true_b @ rot_mb.T + noise * rng.standard_normal(true_b.shape),
-        unit="nT",
-        time=seconds,
-        epoch=begins,
-        station=(number + 1).astype(np.float64),
-        name="magnetometer",
-    )
-    reference = Samples(
-        field=beside + reference_noise * rng.standard_normal(beside.shape),
-        unit="nT",
-        time=clock,
-        epoch=begins,
-        name="reference",
-    )
+    station = (number + 1).astype(np.float64)
+    magnetometer = read_field(true_b @ rot_mb.T, noise, rng, begins, seconds, station=station)
+    reference = read_field(beside, reference_noise, rng, begins, clock, "reference")
     return rot_mb, platform, magnetometer, reference

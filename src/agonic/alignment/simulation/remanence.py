@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import ArrayLike
 
+from agonic.alignment.simulation.readings import FIELD_N, read_field
 from agonic.arrays import Array
 from agonic.samples import Samples
 
@@ -19,7 +20,7 @@ def simulate_remanence(
     readings: int = 30,
     noise: float = 0.5,
     drift: float = 5.0,
-    field_n: ArrayLike = (18_870.0, 1_390.0, 45_750.0),
+    field_n: ArrayLike = FIELD_N,
     begins: datetime = datetime(2024, 3, 12, 19, 0, tzinfo=UTC),
     seed: int = 0,
 ) -> Samples:
@@ -41,14 +42,7 @@ def simulate_remanence(
     time = np.arange(len(angle)) + 20.0 * np.repeat(np.arange(settings), readings)
     own = remanence * _round(turned) + induced * _round(2 * turned)
     ambient = np.asarray(field_n) + drift * (time / time[-1])[:, None] * rng.standard_normal(3)
-    return Samples(
-        time=time,
-        epoch=begins,
-        field=ambient + own + noise * rng.standard_normal((len(angle), 3)),
-        unit="nT",
-        heading_deg=angle,
-        name="magnetometer",
-    )
+    return read_field(ambient + own, noise, rng, begins, time, heading_deg=angle)
 
 
 def _round(angle_rad: Array) -> Array:

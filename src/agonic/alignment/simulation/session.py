@@ -19,16 +19,14 @@ from agonic.alignment.session import (
     load_earth_rotation,
 )
 from agonic.alignment.session.observed import compute_apparent_turn
+from agonic.alignment.simulation.readings import FIELD_N, read_field
 from agonic.alignment.simulation.remanence import simulate_remanence
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.readable import Readable
-from agonic.samples import Samples
 
 NIEMEGK = Site(latitude_deg=52.0725, longitude_deg=12.6750)
-FIELD_N = (18_870.0, 1_390.0, 45_750.0)
-"""North, east and down at Niemegk in 2024, rounded, nT."""
 MOUNTING_DEG = (37.0, 64.0, -112.0)
 TURN_S, OFFSET_S = 40, 0.25
 _VARIATION = 30.0
@@ -124,20 +122,11 @@ def simulate_session(
             (refraction, aberration),
             rng,
         ),
-        magnetometer=Samples(
-            field=raw + noise * rng.standard_normal(raw.shape),
-            unit="nT",
-            time=seconds,
-            epoch=begins,
-            station=(number + 1).astype(np.float64),
-            name="magnetometer",
+        magnetometer=read_field(
+            raw, noise, rng, begins, seconds, station=(number + 1).astype(np.float64)
         ),
-        reference=Samples(
-            field=beside + reference_noise * rng.standard_normal(beside.shape),
-            unit="nT",
-            time=np.arange(len(beside), dtype=np.float64),
-            epoch=begins,
-            name="reference",
+        reference=read_field(
+            beside, reference_noise, rng, begins, np.arange(len(beside)), "reference"
         ),
         pier=Pier(difference=offset),
         remanence=None
