@@ -31,7 +31,7 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
 
-FITTED_ROWS, JUDGED_ROWS = 10_000, 1000
+MOST_ROWS = 3000
 """Rows, evenly spaced, that the rungs are fitted to, and by whose unseen parts they are judged."""
 
 NAMES = {"sphere": "bias only", "diagonal": "diagonal", "full": "full"}
@@ -80,10 +80,10 @@ def climb(
     """
     chosen = fit.calibration
     near = _start_near(chosen, samples)
-    most = _thin(samples, reference, FITTED_ROWS)
-    rows = find_even_rows(len(samples), JUDGED_ROWS)
-    some, known = _thin(samples, reference, JUDGED_ROWS)
-    used = np.ones(len(some), dtype=bool) if fit.weights is None else fit.weights[rows] > 0
+    rows = find_even_rows(len(samples), MOST_ROWS)
+    some, known = samples.select(rows), None if reference is None else reference.select(rows)
+    every = np.ones(len(some), dtype=bool)
+    used = every if fit.weights is None else fit.weights[rows] > 0
     block, weights = cut_blocks(some)
     fold = block if single else block % 2
     compare = partial(predict_heading_error, fit=fit, samples=some)
@@ -92,14 +92,13 @@ def climb(
     rungs = [_rung("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
     for name, open_parts, why in _list_others(fit, method):
         try:
-            found = open_parts(*most, near=near)(np.ones(len(most[0]), dtype=bool))
-            fit_part = open_parts(some, known, near=found)
+            fit_part = open_parts(some, known, near=near)
+            found = fit_part(every)
         except AgonicError:
             continue
         folds = predict(some, fit_part, fold, weights)
-        if folds is None:
-            held_out = (np.nan, np.nan)
-        else:
+        held_out = (np.nan, np.nan)
+        if folds is not None:
             judged = verify(found, some, known, corrected=folds.unseen, held_out=used)
             held_out = (judged.spread_after, judged.residual_rms)
         rungs.append(_rung(name, _count(found), held_out, compare(found), why))
@@ -107,16 +106,6 @@ def climb(
     own = _rung(_name(chosen, method), _count(chosen), held_out, compare(chosen))
     rungs.append(replace(own, chosen=True, why=_explain(fit, method, reason)))
     return tuple(sorted(rungs, key=lambda rung: rung.parameters))
-
-
-def _thin(
-    samples: Samples, reference: Reference | None, most: int
-) -> tuple[Samples, Reference | None]:
-    """No more than so many rows, evenly spaced, and their reference."""
-    if len(samples) <= most:
-        return samples, reference
-    rows = find_even_rows(len(samples), most)
-    return samples.select(rows), reference.select(rows) if reference else None
 
 
 def find_even_rows(n: int, most: int) -> Index:
