@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ from agonic.readable import Readable
 from agonic.recording.advice import suit_fit
 from agonic.recording.choice.choose import Kind, choose
 from agonic.recording.choice.fallback import fall_back
-from agonic.recording.choice.fits import Choice, describe_latency
+from agonic.recording.choice.fits import Choice, describe_latency, list_sources
 from agonic.recording.held_out import (
     CHANCE,
     Folds,
@@ -37,7 +37,14 @@ from agonic.recording.held_out import (
     fit_folds,
 )
 from agonic.recording.ladder import Rung, climb
-from agonic.recording.stretch import CHANGED, describe_part, find_all_rows, find_change, list_parts
+from agonic.recording.stretch import (
+    CHANGED,
+    Stretch,
+    describe_part,
+    find_all_rows,
+    find_change,
+    list_parts,
+)
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
@@ -52,7 +59,8 @@ class Calibrated(Readable):
     `method` is the word of the fit ("ellipsoid", "levelled", "inertial" or "vector"); `reason` says
     in a sentence why it was chosen; `latency` how late the readings were, where that was found and
     undone; `reference` is that of the samples; `folds` the fits to parts of the log, where any
-    were made; `disturbers` what was tried of what disturbs on board.
+    were made; `disturbers` what was tried of what disturbs on board; `stretches` those of the log
+    that it is of, where it is not of all of it.
     """
 
     samples: Samples
@@ -64,6 +72,7 @@ class Calibrated(Readable):
     reference: Reference | None = None
     folds: Folds | None = None
     disturbers: SourceChoice | None = None
+    stretches: tuple[Stretch, ...] = ()
 
     @property
     def calibration(self) -> Affine:
@@ -153,21 +162,21 @@ def calibrate_as_named(
     choice, made = _choose_and_verify(meant, known, kind, settings)
     if made is not None and made.verdict != "refused":
         return made
-    findings = choice.fit.findings
-    return _calibrate_stretch(meant, known, kind, settings, findings) or made or _verify(choice)
+    return _calibrate_stretch(meant, known, choice, settings) or made or _verify(choice)
 
 
 def _calibrate_stretch(
-    samples: Samples,
-    reference: Reference | None,
-    kind: Kind,
-    settings: Mapping[str, Any],
-    findings: Sequence[Finding],
+    samples: Samples, reference: Reference | None, whole: Choice, settings: Mapping[str, Any]
 ) -> Calibrated | None:
-    """The first part without a change of the bias that is not refused, none where it did not."""
-    changed = find_change(findings)
+    """The first part without a change of the bias that is not refused, none where it did not; by
+    the method, and with the sources on board, that were chosen for the whole."""
+    changed = find_change(whole.fit.findings)
     if changed is None:
         return None
+    kind = cast("Kind", whole.method)
+    if kind != "ellipsoid":
+        settings = {"sources": list_sources(whole.fit), **settings}
+        reference = reference or whole.reference
     timed = samples.time is not None
     clock = samples.time if samples.time is not None else np.arange(float(len(samples)))
     for part in list_parts(changed, clock)[:_MOST_TRIED]:
@@ -183,7 +192,8 @@ def _calibrate_stretch(
             continue
         names = {finding.name for finding in made.fit.findings if finding.severity != "note"}
         if not names & {CHANGED, "prior"}:  # what only a prior holds is no calibration of a stretch
-            return made.with_finding(describe_part(changed, part, timed=timed))
+            of_part = replace(made, stretches=part, reason=whole.reason)
+            return of_part.with_finding(describe_part(changed, part, timed=timed))
     return None
 
 

@@ -32,6 +32,9 @@ HALVES_REFUSED_DEG = 15.0
 """Fits to alternate parts that point so far apart, by more than they state, know no direction."""
 CHANCE = 2.0
 """Parts may differ by so many times what their fits state."""
+ORIENTATIONS, ORIENTATION = 12, 0.03
+"""So many orientations, apart by this share of the field, may be fitted alone: one for each unknown
+of a free matrix and its bias."""
 _SOME = 500  # rows, drawn, that stand for all
 
 
@@ -77,8 +80,7 @@ def fit_folds(
     if refused:
         return halves()
     field = correct_field(calibration, samples)
-    reach = 0.03 * median(find_length(field))
-    several = all(count_orientations(field[block % 2 == k], reach, 12) == 12 for k in (0, 1))
+    several = all(sees_enough(field[block % 2 == k]) for k in (0, 1))
     half = halves(AGREEMENT_LIMIT_DEG / 2) if several else None
     if half is not None:
         return half
@@ -87,6 +89,16 @@ def fit_folds(
         return halves()
     whole = fit_part(np.ones(len(samples), dtype=bool))
     return replace(single, seen=field, single=True, whole=whole)
+
+
+def sees_enough(field: Array) -> bool:
+    """Whether readings (n, 3) of the field show so many orientations that they may stand alone.
+
+    >>> sees_enough(np.eye(3))
+    False
+    """
+    reach = ORIENTATION * median(find_length(field))
+    return count_orientations(field, reach, ORIENTATIONS) == ORIENTATIONS
 
 
 def cut_blocks(samples: Samples) -> tuple[Index, Array]:

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import cast
 
 import numpy as np
 
-from agonic.arrays import Mask
 from agonic.console.standard_input import NAME
 from agonic.console.typed_options import write_options
-from agonic.errors import AgonicError
 from agonic.files.names import file_stem
-from agonic.health import figure
+from agonic.health import Finding, figure
 from agonic.recording.advice import TURNING, is_in_space, lacks_place
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.choice.choose import Kind, choose
-from agonic.recording.choice.fits import list_sources
+from agonic.recording.held_out import sees_enough
 from agonic.recording.stretch import CHANGED, find_rows, list_stretches
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER, RAW
@@ -97,28 +93,24 @@ def _find_remedy(result: Calibrated, log: str, typed: Mapping[str, str]) -> str:
     if refused & set(TURNING):  # what was not turned is in no stretch of it, and in no unit
         return again(at="LAT,LON") if lacks_place(samples, result.reference) else ""
     if CHANGED in grave and not refused and samples.time is not None:
-        stretches = list_stretches(grave[CHANGED], samples.time)
-        if not stretches or not _tells(result, find_rows(samples.time, *stretches[0])):
-            return ""
-        start, stop = stretches[0]
-        return again(between=f"{figure(start, 6)},{figure(stop, 6)}")
+        return _leave_change(result, grave[CHANGED], again)
     if samples.unit == RAW and not refused and (unit := _guess_unit(result)):
         return again(unit=unit)
     return ""
 
 
-def _tells(result: Calibrated, rows: Mask) -> bool:
-    """Whether so many of the rows tell a calibration, and no change again: only then is it worth
-    leaving the others out. What disturbs on board is what it was found to be."""
-    known = {} if result.method == "ellipsoid" else {"sources": list_sources(result.fit)}
-    reference = None if result.reference is None else result.reference.select(rows)
-    try:
-        kind = cast("Kind", result.method)
-        fit = choose(result.samples.select(rows), reference, kind, known).fit
-    except AgonicError:
-        return False
-    doubts = {finding.name for finding in fit.findings if finding.severity != "note"}
-    return fit.verdict != "refused" and CHANGED not in doubts
+def _leave_change(result: Calibrated, changed: Finding, again: Callable[..., str]) -> str:
+    """The longest stretch of a log without a change of the bias, where it sees enough by itself; of
+    a calibration that is of stretches already the finding names the others."""
+    time = result.samples.time
+    assert time is not None
+    stretches = [] if result.stretches else list_stretches(changed, time)
+    if not stretches:
+        return ""
+    start, stop = stretches[0]
+    if not sees_enough(result.corrected[find_rows(time, start, stop)]):
+        return ""
+    return again(between=f"{figure(start, 6)},{figure(stop, 6)}")
 
 
 def _guess_unit(result: Calibrated) -> str:
