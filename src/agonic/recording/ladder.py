@@ -28,6 +28,8 @@ from agonic.maths.rotations.mounting import right_angles
 from agonic.maths.rotations.tilt import two_axis_deg
 from agonic.recording.held_out import cut_blocks, predict
 from agonic.reference import Reference
+from agonic.report.fields import FRACTION, shown
+from agonic.report.labels import unit_label
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
 
@@ -49,17 +51,20 @@ class Rung:
     `parameters` that it estimates; `spread` of the magnitude of unseen readings over its mean, and
     `held_out_rms` the same in the unit of the field, NaN where parts of the log could not be
     fitted; `heading_error_deg` of a level vehicle, rms over all headings, with its standard error;
-    `why` it was chosen, or not.
+    `why` it was chosen, or not; `unit` of the field.
     """
 
-    name: str
-    parameters: int
-    spread: float
-    held_out_rms: float
-    heading_error_deg: float
-    heading_error_sd_deg: float
+    name: str = shown("Fit")
+    parameters: int = shown("Unknowns")
+    spread: float = shown("Spread", FRACTION)
+    held_out_rms: float = shown("Residual, unseen", "{unit}", 2)
+    heading_error_deg: float = shown(
+        "Heading error, predicted", "°", sd="heading_error_sd_deg", most=180.0
+    )
+    heading_error_sd_deg: float = shown()
     chosen: bool = False
     why: str = ""
+    unit: str = shown(record=False)
 
 
 def climb(
@@ -87,9 +92,10 @@ def climb(
     block, weights = cut_blocks(some)
     fold = block if single else block % 2
     compare = partial(predict_heading_error, fit=fit, samples=some)
+    make = partial(_make_rung, unit=unit_label(chosen.unit_out))
     heading = compare(_identity(chosen))
     before = verification.spread_before
-    rungs = [_rung("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
+    rungs = [make("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
     for name, open_parts, why in _list_others(fit, method):
         try:
             fit_part = open_parts(some, known, near=near)
@@ -101,9 +107,9 @@ def climb(
         if folds is not None:
             judged = verify(found, some, known, corrected=folds.unseen, held_out=used)
             held_out = (judged.spread_after, judged.residual_rms)
-        rungs.append(_rung(name, _count(found), held_out, compare(found), why))
+        rungs.append(make(name, _count(found), held_out, compare(found), why))
     held_out = (verification.spread_after, verification.residual_rms)
-    own = _rung(_name(chosen, method), _count(chosen), held_out, compare(chosen))
+    own = make(_name(chosen, method), _count(chosen), held_out, compare(chosen))
     rungs.append(replace(own, chosen=True, why=_explain(fit, method, reason)))
     return tuple(sorted(rungs, key=lambda rung: rung.parameters))
 
@@ -113,12 +119,14 @@ def find_even_rows(n: int, most: int) -> Index:
     return np.unique(np.linspace(0, n - 1, most).astype(int))
 
 
-def _rung(
+def _make_rung(
     name: str,
     parameters: int,
     held_out: tuple[float, float],
     heading: tuple[float, float],
     why: str = "",
+    *,
+    unit: str,
 ) -> Rung:
     return Rung(
         name=name,
@@ -128,6 +136,7 @@ def _rung(
         heading_error_deg=heading[0],
         heading_error_sd_deg=heading[1],
         why=why,
+        unit=unit,
     )
 
 

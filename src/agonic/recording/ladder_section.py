@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
-
 import numpy as np
 
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder import Rung
-from agonic.report import tables
-from agonic.report.digits import group_digits, percent, quantity, with_sd
-from agonic.report.labels import unit_label
+from agonic.report.digits import percent
+from agonic.report.fields import make_table
 from agonic.report.markup import Markup, element
-from agonic.report.section import Section, Table
+from agonic.report.section import Section
 
 TITLE = "Ladder of fits"
-HEAD = ("Fit", "Unknowns", "Spread", "Residual, unseen", "Heading error, predicted")
 LEFT = 1.5
 """Held-out residual over noise beyond which something is left for a network."""
 
@@ -26,12 +21,13 @@ def describe_ladder(result: Calibrated, *, printed: bool) -> list[Section]:
     rungs = result.ladder
     if not rungs:
         return []
-    rows = [_list_cells(result, rung) for rung in rungs]
     return [
         Section(
             TITLE,
             [
-                Table(HEAD, rows, style="numbers ladder", scrolls=True),
+                make_table(
+                    rungs, taken=lambda one: one.chosen, style="numbers ladder", scrolls=True
+                ),
                 _say_why(rungs),
                 _say_of_network(result),
                 _explain(),
@@ -46,34 +42,6 @@ def summarise_ladder(result: Calibrated) -> dict[str, str]:
     rungs = [rung for rung in result.ladder if np.isfinite(rung.spread)]
     steps = (f"{'✓ ' if one.chosen else ''}{one.name} {percent(one.spread)}" for one in rungs)
     return {"Ladder": f"spread, unseen: {', '.join(steps)}"} if rungs else {}
-
-
-def list_rungs(result: Calibrated) -> list[dict[str, Any]]:
-    """The ladder for programs: what could not be had is null."""
-    return [
-        {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in one.items()}
-        for one in map(asdict, result.ladder)
-    ]
-
-
-def _list_cells(result: Calibrated, rung: Rung) -> list[str]:
-    unit = unit_label(result.fit.calibration.unit_out)
-    known = np.isfinite(rung.held_out_rms)
-    return [
-        ("✓ " if rung.chosen else "") + rung.name,
-        group_digits(rung.parameters),
-        percent(rung.spread) if known else tables.NOTHING,
-        quantity(rung.held_out_rms, unit, 2) if known else tables.NOTHING,
-        _write_heading(rung),
-    ]
-
-
-def _write_heading(rung: Rung) -> str:
-    """The heading's error with its standard error, where that is more than the last digit."""
-    error, sd = rung.heading_error_deg, rung.heading_error_sd_deg
-    if not error < 180.0:
-        return tables.NOTHING
-    return f"{with_sd(error, sd)}°" if sd > 0.01 * error else quantity(error, "°", 3)
 
 
 def _say_why(rungs: tuple[Rung, ...]) -> str:

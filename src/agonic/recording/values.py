@@ -13,8 +13,8 @@ from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.fit import Fit
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.disturber_section import list_trials
-from agonic.recording.ladder_section import list_rungs
 from agonic.recording.quantities import mixes_sensors, propagate_sd, turn_deg
+from agonic.report.fields import make_record
 
 _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "sensor": lambda result: result.samples.name,
@@ -67,7 +67,7 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "inclination_deg": lambda result: result.fit.coverage.inclination_deg,
     "coverage": lambda result: result.fit.coverage.filled,
     "findings": lambda result: [asdict(finding) for finding in result.fit.findings],
-    "ladder": lambda result: list_rungs(result),
+    "ladder": lambda result: [make_record(rung) for rung in result.ladder],
     "disturbers": lambda result: list_trials(result),
     "checks": lambda result: [asdict(check) for check in result.verification.checks],
 }

@@ -27,6 +27,7 @@ from agonic.recording.evaluation.errors import (
 from agonic.recording.evaluation.stated import state_errors
 from agonic.recording.held_out import cut_blocks
 from agonic.reference import Reference
+from agonic.report.fields import shown
 from agonic.samples import Samples
 
 HONEST = 1.5
@@ -142,11 +143,11 @@ class Measure:
     """One kind of error over the whole log: rms as `found` on unseen rows, as `stated` by the fits,
     and of the readings as `recorded`, in `unit`."""
 
-    kind: str
+    kind: str = shown("Error, rms")
     unit: str
-    found: float
-    stated: float
-    recorded: float
+    recorded: float = shown("as recorded", "{unit}")
+    found: float = shown("found", "{unit}")
+    stated: float = shown("stated", "{unit}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

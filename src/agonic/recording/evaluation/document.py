@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,13 +16,12 @@ from agonic.recording.evaluation.errors import HEADING
 from agonic.report.axes import Axis, Columns
 from agonic.report.digits import count, group_digits, quantity
 from agonic.report.document import Document
+from agonic.report.fields import make_record, make_table, write_field
 from agonic.report.markup import Markup
 from agonic.report.section import Section, Table
 from agonic.report.strips import arrows, beyond_words, caption, line, plot, robust_limit, spread
 from agonic.report.time_axis import along_rows
 from agonic.report.verdict import MEANINGS
-
-HEAD = ("Error, rms", "as recorded", "found", "stated")
 
 
 def describe_evaluation(
@@ -50,7 +50,6 @@ def describe_evaluation(
 def _describe_sensor(result: Evaluation) -> Document:
     calibrated = result.calibrated
     said = sentences(*(finding.sentence for finding in result.findings))
-    rows = [[one.kind, *_cells(one)] for one in result.measures]
     return Document(
         name=result.samples.name,
         method=f"{calibrated.method}, {count(len(result.samples), 'reading')}",
@@ -61,15 +60,15 @@ def _describe_sensor(result: Evaluation) -> Document:
         key_figures=[
             (
                 f"{one.kind.capitalize()}, unseen",
-                _show(one.found, one),
-                f"stated {_show_stated(one)}",
+                write_field(one, "found"),
+                f"stated {write_field(one, 'stated')}",
             )
             for one in result.measures
         ],
         sections=[
             Section(
                 "Errors on unseen parts of the log",
-                [Table(HEAD, rows), _explain(result)],
+                [make_table(result.measures), _explain(result)],
                 printed=True,
             ),
             Section("Errors over time", [_drawing(result, one) for one in result.measures]),
@@ -81,18 +80,6 @@ def _describe_sensor(result: Evaluation) -> Document:
 
 def _drawing(result: Evaluation, one: Measure) -> Callable[[], Markup]:
     return partial(draw_errors, result, one)
-
-
-def _cells(one: Measure) -> list[str]:
-    return [_show(one.recorded, one), _show(one.found, one), _show_stated(one)]
-
-
-def _show(value: float, one: Measure) -> str:
-    return quantity(value, one.unit, 3) if np.isfinite(value) else "–"
-
-
-def _show_stated(one: Measure) -> str:
-    return _show(one.stated, one)
 
 
 def _explain(result: Evaluation) -> str:
@@ -119,13 +106,14 @@ def _list_blocks(result: Evaluation) -> Table:
     for number, at in _split(result):
         found, stated = result.unseen.errors[first.kind].select(at)
         recorded, _ = result.recorded.errors[first.kind].select(at)
+        here = replace(first, found=found, stated=stated, recorded=recorded)
         verdict = "refused" if result.unseen.refused[at].any() else "good"
         rows.append(
             [
                 f"{number}" + (f" ({MEANINGS[verdict][0]})" if verdict == "refused" else ""),
                 *_when(result, at),
                 group_digits(len(at)),
-                *(_show(value, first) for value in (found, stated, recorded)),
+                *(write_field(here, name) for name in ("found", "stated", "recorded")),
             ]
         )
     return Table(head, rows, scrolls=True)
@@ -153,16 +141,7 @@ def _list_values(result: Evaluation) -> dict[str, Any]:
         "method": calibrated.method,
         "n": len(result.samples),
         "truth": result.truth or None,
-        "measures": [
-            {
-                "kind": one.kind,
-                "unit": {"°": "deg"}.get(one.unit, "percent"),
-                "recorded": one.recorded,
-                "found": one.found,
-                "stated": one.stated,
-            }
-            for one in result.measures
-        ],
+        "measures": [make_record(one) for one in result.measures],
         "blocks": [
             {
                 "from_s": None if time is None else float(time[at[0]]),
