@@ -25,8 +25,7 @@ from agonic.logs.any_form import Given, as_samples
 from agonic.new_rows import without_held
 from agonic.readable import Readable
 from agonic.recording.advice import suit_fit
-from agonic.recording.choice.choose import Kind, choose
-from agonic.recording.choice.fallback import fall_back
+from agonic.recording.choice.choose import Kind, choose, fall_back
 from agonic.recording.choice.fits import Choice, describe_latency, list_sources
 from agonic.recording.held_out import (
     CHANCE,

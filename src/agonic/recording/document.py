@@ -13,12 +13,17 @@ import numpy as np
 from agonic.recording import figures, sphere
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
-from agonic.recording.disturber_section import describe_disturbers
-from agonic.recording.entries import describe_heading, describe_origin, list_details, list_entries
-from agonic.recording.ladder_section import describe_ladder, summarise_ladder
+from agonic.recording.numbers import (
+    describe_heading,
+    describe_method,
+    describe_origin,
+    list_details,
+    list_entries,
+    list_numbers,
+)
 from agonic.recording.quantities import mixes_sensors
 from agonic.recording.residuals import compute_residuals, find_held_out
-from agonic.recording.tables import describe_method, list_numbers
+from agonic.recording.sections import describe_disturbers, describe_ladder, summarise_ladder
 from agonic.recording.values import FIELDS, list_values
 from agonic.report import blocks, tables
 from agonic.report.digits import count, group_digits, percent, quantity

@@ -12,8 +12,8 @@ from agonic.calibration.decomposition import decompose
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.fit import Fit
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.disturber_section import list_trials
 from agonic.recording.quantities import mixes_sensors, propagate_sd, turn_deg
+from agonic.recording.sections import list_trials
 from agonic.report.fields import make_record
 
 _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {

@@ -48,7 +48,7 @@ def placement(
     from agonic.console.sensors import open_sensors
     from agonic.errors import AgonicError, UnitError
     from agonic.logs.contents import read_bytes
-    from agonic.recording.plans.placement import describe_placement, describe_places
+    from agonic.recording.plan_documents import describe_placement, describe_places
 
     if b"place" in read_bytes(source).split(b"\n", 1)[0]:
         ranked = rank_places(read_places(source), noise)
@@ -86,7 +86,7 @@ def disturbers(
     """What to switch while recording; of a LOG, what it tells of each disturber and what to add."""
     from agonic.console.finish import finish
     from agonic.console.parse import parse_names
-    from agonic.recording.plans.disturbers import describe_judged, describe_steps
+    from agonic.recording.plan_documents import describe_judged, describe_steps
 
     if log is None:
         finish(describe_steps(motors, parse_names(also)), as_json=as_json)
@@ -123,7 +123,7 @@ def calibration(
     """Three sets of readings about three axes: the errors to expect for each step of rotation."""
     from agonic.console.finish import finish
     from agonic.ellipsoid.plan import plan_calibration
-    from agonic.recording.plans.calibration import choose_sets, describe_plan
+    from agonic.recording.plan_documents import choose_sets, describe_plan
 
     sets = plan_calibration(
         magnitude=field,

@@ -23,8 +23,8 @@ from agonic.recording.evaluation.errors import (
     Known,
     find_known,
     measure_errors,
+    state_errors,
 )
-from agonic.recording.evaluation.stated import state_errors
 from agonic.recording.held_out import cut_blocks
 from agonic.reference import Reference
 from agonic.report.fields import shown

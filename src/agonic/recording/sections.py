@@ -1,4 +1,4 @@
-"""What disturbs on board as a section: what was tried, what it is good for, and what it moves."""
+"""What was compared, as sections: the ladder of fits, and what disturbs on board."""
 
 from __future__ import annotations
 
@@ -13,13 +13,79 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.sources import name_sources
 from agonic.model.gram import BLOCKS
 from agonic.recording.calibrated import Calibrated
+from agonic.recording.ladder import Rung
 from agonic.report import tables
 from agonic.report.digits import percent, quantity, with_sd
+from agonic.report.fields import make_table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
 
-TITLE = "What disturbs"
+LEFT = 1.5
+"""Held-out residual over noise beyond which something is left for a network."""
+
+
+def describe_ladder(result: Calibrated, *, printed: bool) -> list[Section]:
+    """The section; none without a ladder. It is part of the plain text where `printed`."""
+    rungs = result.ladder
+    if not rungs:
+        return []
+    return [
+        Section(
+            "Ladder of fits",
+            [
+                make_table(
+                    rungs, taken=lambda one: one.chosen, style="numbers ladder", scrolls=True
+                ),
+                _say_why(rungs),
+                _say_of_network(result),
+                _explain_ladder(),
+            ],
+            printed=printed,
+        )
+    ]
+
+
+def summarise_ladder(result: Calibrated) -> dict[str, str]:
+    """The ladder as one line, for the text of several sensors: what unseen magnitudes leave."""
+    rungs = [rung for rung in result.ladder if np.isfinite(rung.spread)]
+    steps = (f"{'✓ ' if one.chosen else ''}{one.name} {percent(one.spread)}" for one in rungs)
+    return {"Ladder": f"spread, unseen: {', '.join(steps)}"} if rungs else {}
+
+
+def _say_why(rungs: tuple[Rung, ...]) -> str:
+    chosen = next(rung for rung in rungs if rung.chosen)
+    return f"✓ {chosen.name}: {chosen.why}."
+
+
+def _say_of_network(result: Calibrated) -> str:
+    """Whether anything is left for a network; that nothing is, is said on the page alone."""
+    fit = result.fit
+    gain = float(np.trace(fit.calibration.matrix) / 3)
+    ratio = result.verification.residual_rms / max(fit.noise * gain, 1e-12)
+    if ratio < LEFT:
+        return element(
+            "p",
+            f"Nothing is left for a network: unseen residuals are {ratio:.1f} times the noise of "
+            "the readings.",
+        )
+    return (
+        f"Unseen residuals are {ratio:.1f} times the noise: with a known field, "
+        "agonic fit network LOG --reference TABLE tells whether a network finds more."
+    )
+
+
+def _explain_ladder() -> Markup:
+    return element(
+        "p",
+        "Spread and residual are those of the magnitude in blocks of time that the fit had not "
+        "seen. The heading error is that of a level vehicle, rms over all headings, as the chosen "
+        "fit sees it, with its standard error; the chosen fit’s own is its standard error of a "
+        "heading. A mounting by right angles is not counted.",
+        class_="aside",
+    )
+
+
 TRIED = ("Sources", "Signals", "Less left of unseen squares")
 MOVED = ("Source", "Range", "Moves the field by", "Share of its size")
 
@@ -32,7 +98,7 @@ def describe_disturbers(result: Calibrated) -> list[Section]:
     if isinstance(result.fit.calibration, Interference):
         blocks.append(Table(MOVED, _list_moves(result), style="numbers"))
     shapes = [element("p", f"{one.describe()}.") for one in result.disturbers.shapes]
-    return [Section(TITLE, [*blocks, *shapes, _explain()])]
+    return [Section("What disturbs", [*blocks, *shapes, _explain_disturbers()])]
 
 
 def list_trials(result: Calibrated) -> list[dict[str, Any]]:
@@ -90,7 +156,7 @@ def _list_moves(result: Calibrated) -> list[list[str]]:
     return rows
 
 
-def _explain() -> Markup:
+def _explain_disturbers() -> Markup:
     return element(
         "p",
         f"The log was cut into {BLOCKS} blocks of time; the last column is what a fit to the "

@@ -1,0 +1,276 @@
+"""What is said of plans: of a calibration, of disturbers, and of where a second sensor sits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from agonic.attitude.disturbers.placement import Mix
+from agonic.attitude.disturbers.plan import JudgedDisturber
+from agonic.calibration.sources import name_sources
+from agonic.ellipsoid.plan import PlannedSets
+from agonic.report.digits import group_digits, quantity, significant
+from agonic.report.document import Document
+from agonic.report.labels import per_label
+from agonic.report.section import Section, Table
+
+_UNKNOWN = 1e5
+"""nT, above any field of the Earth: nothing is known of such a bias."""
+ERRORS = ("Step", "Positions", "Readings", "Bias x, y, z", "Heading")
+
+
+def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = None) -> Document:
+    """What each step of rotation tells, and the coarsest that is enough.
+
+    >>> from agonic.ellipsoid.plan import plan_calibration
+    >>> made = describe_plan(plan_calibration(steps_deg=(30, 10), wanted_deg=0.5), wanted_deg=0.5)
+    >>> made.status
+    'Turn in steps of 30°: 36 positions, 2 readings at each, 0.49° of heading.'
+    """
+    chosen = choose_sets(sets, wanted_deg)
+    return Document(
+        schema="agonic/plan-calibration@1",
+        kind="Plan of a calibration",
+        name="Three sets about three axes",
+        status=_advise_step(chosen),
+        sections=[Section("Errors to expect", [Table(ERRORS, _rows(sets))], printed=True)],
+        values={
+            "sets": [_record(one) for one in sets],
+            "chosen_step_deg": None if chosen is None else chosen.step_deg,
+            "attitudes_deg": None if chosen is None else chosen.attitudes_deg,
+        },
+    )
+
+
+def choose_sets(sets: Sequence[PlannedSets], wanted_deg: float | None) -> PlannedSets | None:
+    """The sets that need the fewest readings among those that the readings determine."""
+    able = [
+        one
+        for one in sets
+        if one.determined and (wanted_deg is None or one.heading_sd_deg <= wanted_deg)
+    ]
+    return min(able, key=lambda one: one.positions * one.readings, default=None)
+
+
+def _advise_step(chosen: PlannedSets | None) -> str:
+    if chosen is None:
+        return (
+            "No step is enough: turned like this, the readings leave the heading to the prior on "
+            "soft iron. Tilt further, or record roll and pitch (--attitude-sd)."
+        )
+    each = f"{chosen.readings} reading{'s' if chosen.readings > 1 else ''} at each"
+    return (
+        f"Turn in steps of {chosen.step_deg:g}°: {chosen.positions} positions, {each}, "
+        f"{significant(chosen.heading_sd_deg, 2)}° of heading."
+    )
+
+
+def _rows(sets: Sequence[PlannedSets]) -> list[list[str]]:
+    return [
+        [
+            f"{one.step_deg:g}°",
+            str(one.positions),
+            str(one.positions * one.readings),
+            ", ".join(group_digits(float(sd), 0) if sd < _UNKNOWN else "?" for sd in one.bias_sd)
+            + " nT",
+            f"{significant(one.heading_sd_deg, 2)}°" if one.determined else "not determined",
+        ]
+        for one in sets
+    ]
+
+
+def _record(one: PlannedSets) -> dict[str, Any]:
+    return {
+        "step_deg": one.step_deg,
+        "positions": one.positions,
+        "readings": one.readings,
+        "bias_sd_nT": one.bias_sd,
+        "matrix_sd": one.matrix_sd,
+        "heading_sd_deg": one.heading_sd_deg,
+        "determined": one.determined,
+    }
+
+
+STEP_S = 10
+"""Seconds at each level: twice what leads and current sensors need to settle."""
+LEVELS = ("a third", "two thirds", "full")
+
+
+def describe_steps(motors: int, others: Sequence[str]) -> Document:
+    """What to do with the vehicle while recording.
+
+    >>> describe_steps(4, ["heater_A"]).values["seconds"]
+    180
+    """
+    rows = [["Everything off", f"{STEP_S} s"]]
+    for k in range(1, motors + 1):
+        rows += [[f"Motor {k} alone at {level}", f"{STEP_S} s"] for level in LEVELS]
+    rows += [[f"{name} on, then off, twice", f"{4 * STEP_S} s"] for name in others]
+    rows.append(["Everything off", f"{STEP_S} s"])
+    seconds = (2 + 3 * motors + 4 * len(others)) * STEP_S
+    return Document(
+        schema="agonic/plan-disturbers@1",
+        kind="Plan of a recording",
+        name="What disturbs on board",
+        status=(
+            "Strap the vehicle down, propellers off or reversed, away from steel, and log compass, "
+            f"outputs and currents: {seconds} s. Then turn it through all headings, tilting it, "
+            "with everything as in service; or fly instead: hover at four headings, climb, descend "
+            "and turn at each."
+        ),
+        sections=[Section("Steps", [Table(("Step", "For"), rows)], printed=True)],
+        values={"steps": [step for step, _ in rows], "seconds": seconds},
+    )
+
+
+def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
+    """What a recording tells of each disturber, and what to add."""
+    lacking = [one for one in judged if one.move]
+    rows = [
+        [
+            one.source,
+            f"{one.low:.3g} … {one.high:.3g}",
+            f"{one.share:.0%}",
+            f"{one.attitude:.0%}",
+            f"{quantity(one.sd, 'nT', 2)} {per_label(one.source)}",
+        ]
+        for one in judged
+    ]
+    head = ("Source", "Range", "Of its own", "Goes with attitude", "Standard error to expect")
+    return Document(
+        schema="agonic/plan-disturbers@1",
+        kind="Disturbers of a recording",
+        name=sensor,
+        status=(
+            "Each disturber can be told from the others and from the iron: agonic calibrate LOG."
+            if not lacking
+            else f"{len(lacking)} of {len(judged)} cannot be told from the rest. "
+            + " ".join(_list_moves(lacking))
+        ),
+        sections=[Section("Disturbers", [Table(head, rows, style="numbers")], printed=True)],
+        values={"disturbers": [asdict(one) for one in judged]},
+    )
+
+
+def _list_moves(lacking: Sequence[JudgedDisturber]) -> list[str]:
+    """What to add, a sentence each; those that move together in one."""
+    together = {frozenset((one.source, *one.along)) for one in lacking if one.along}
+    alone = [f"{one.source}: {one.move}." for one in lacking if not one.along]
+    sets = sorted(sorted(group) for group in together)
+    return [
+        f"{name_sources(group)} move together: switch each by itself." for group in sets
+    ] + alone
+
+
+ALIKE = 0.3
+"""Share of a disturbance that is the same at both places from which a mix costs much noise."""
+PLACES = ("Magnetometers", "Disturbance left", "Noise", "Heading, one reading")
+
+
+def describe_placement(mix: Mix, horizontal: float) -> Document:
+    """Of a recording of two: what their mix leaves, what it costs, and where would be better."""
+    return Document(
+        schema="agonic/plan-placement@1",
+        kind="Two magnetometers strapped down",
+        name=f"{mix.first} and {mix.second}",
+        status=f"{_judge(mix)} {_advise_place(mix)}",
+        entries={
+            "Alone": f"{quantity(mix.before, 'nT', 2)} of disturbance on an axis, noise "
+            f"{quantity(mix.noise_before, 'nT', 2)}",
+            "Mixed": f"{quantity(mix.left, 'nT', 2)} of disturbance on an axis, noise "
+            f"{quantity(mix.noise, 'nT', 2)}, {significant(mix.noise_factor, 2)} times",
+            "Heading": f"{significant(mix.heading_deg(horizontal), 2)}° of one reading in "
+            f"{quantity(horizontal, 'nT', 3)} of level field",
+            "Mix": "raw₁ − G (raw₂ − raw₁), G = "
+            + "; ".join(" ".join(f"{v:.2f}" for v in row) for row in mix.matrix),
+        },
+        values={**_values(mix, horizontal), "matrix": mix.matrix},
+    )
+
+
+def describe_places(ranked: Sequence[Mix], horizontal: float) -> Document:
+    """Of a table of places: pairs and single places, the best first."""
+    best = ranked[0]
+    alone = next(mix for mix in ranked if not mix.second)
+    rows = [
+        [
+            _name(mix),
+            quantity(mix.left, "nT", 2),
+            f"{significant(mix.noise_factor, 2)} ×",
+            f"{significant(mix.heading_deg(horizontal), 2)}°",
+        ]
+        for mix in ranked
+    ]
+    said = (
+        f"Best is {_name(best)}, which leaves {quantity(best.left, 'nT', 2)} of disturbance at "
+        f"{significant(best.noise_factor, 2)} times the noise"
+    )
+    if best is not alone:
+        said += f"; {alone.first} alone has {quantity(alone.left, 'nT', 2)}"
+    return Document(
+        schema="agonic/plan-placement@1",
+        kind="Places for magnetometers",
+        name="places",
+        status=f"{said}.",
+        sections=[Section("Places", [Table(PLACES, rows, style="numbers")], printed=True)],
+        values={"places": [_values(mix, horizontal) for mix in ranked]},
+    )
+
+
+def _name(mix: Mix) -> str:
+    return f"{mix.first} with {mix.second}" if mix.second else f"{mix.first} alone"
+
+
+def _judge(mix: Mix) -> str:
+    """What the two see, and what their mix leaves."""
+    way = (
+        "the same way"
+        if mix.share > ALIKE
+        else "the opposite way"
+        if mix.share < -ALIKE
+        else "another way"
+    )
+    return (
+        f"{mix.second} sees {significant(abs(mix.share), 2)} of what disturbs {mix.first}, {way}. "
+        f"Their mix leaves {quantity(mix.left, 'nT', 2)} of {quantity(mix.before, 'nT', 2)} at "
+        f"{significant(mix.noise_factor, 2)} times the noise."
+    )
+
+
+def _advise_place(mix: Mix) -> str:
+    """Which placement would do better."""
+    if mix.left > 0.5 * mix.before and mix.share > ALIKE:
+        return (
+            "They see too much alike: move one to the other side of what disturbs, or far from it."
+        )
+    if mix.share > ALIKE:
+        return (
+            "Where it saw the same with the other sign, the mix would have 0.71 times the noise: "
+            "move it to the other side of what disturbs."
+        )
+    if abs(mix.share + 1.0) < ALIKE and mix.noise_factor < 0.85:
+        return "No other place would do much better: opposite and equal is best."
+    if mix.share < -ALIKE:
+        nearer = "nearer to" if mix.share > -1 else "farther from"
+        return (
+            f"Best would be opposite and equal, at 0.71 times the noise: move it {nearer} what "
+            "disturbs."
+        )
+    return (
+        "Best would be opposite and equal, at 0.71 times the noise: move it to the other side of "
+        "what disturbs, as far off as the first."
+    )
+
+
+def _values(mix: Mix, horizontal: float) -> dict[str, Any]:
+    return {
+        "first": mix.first,
+        "second": mix.second or None,
+        "disturbance_nT": mix.before,
+        "left_nT": mix.left,
+        "noise_nT": mix.noise,
+        "noise_factor": mix.noise_factor,
+        "share": mix.share,
+        "heading_deg": mix.heading_deg(horizontal),
+    }
