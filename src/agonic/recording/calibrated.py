@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, cast
@@ -21,6 +21,7 @@ from agonic.ellipsoid import Recording, fit_recording_and_rows, open_ellipsoid_p
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, Verdict, sentences, verdict_of
+from agonic.health.evidence import HEADING_REFUSED_DEG
 from agonic.logs.any_form import Given, as_samples
 from agonic.new_rows import without_held
 from agonic.readable import Readable
@@ -29,6 +30,7 @@ from agonic.recording.choice.choose import Kind, choose, fall_back
 from agonic.recording.choice.fits import Choice, describe_latency, list_sources
 from agonic.recording.held_out import (
     CHANCE,
+    FitPart,
     Folds,
     compare_folds,
     describe_failed,
@@ -43,6 +45,7 @@ from agonic.recording.stretch import (
     find_all_rows,
     find_change,
     list_parts,
+    state_heading_deg,
 )
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -176,12 +179,14 @@ def _calibrate_stretch(
     if kind != "ellipsoid":
         settings = {"sources": list_sources(whole.fit), **settings}
         reference = reference or whole.reference
-    timed = samples.time is not None
+    timed, fit_part = samples.time is not None, whole.open_parts(whole.samples, whole.reference)
     clock = samples.time if samples.time is not None else np.arange(float(len(samples)))
     for part in list_parts(changed, clock)[:_MOST_TRIED]:
         rows = find_all_rows(clock, part)
         known = None if reference is None else reference.select(rows)
         try:
+            if not _may_tell(whole, fit_part, part):
+                continue
             share_latency(samples, some := samples.select(rows))
             _, made = _choose_and_verify(some, known, kind, settings)
         except AgonicError:
@@ -194,6 +199,19 @@ def _calibrate_stretch(
             of_part = replace(made, stretches=part, reason=whole.reason)
             return of_part.with_finding(describe_part(changed, part, timed=timed))
     return None
+
+
+def _may_tell(whole: Choice, fit_part: FitPart, part: Sequence[Stretch]) -> bool:
+    """Whether a heading by that part of a log, fitted from the whole, is of any use."""
+    clock = whole.samples.time
+    if clock is None:
+        return True
+    rows = find_all_rows(clock, part)
+    fitted = fit_part(rows)
+    if not isinstance(fitted, Affine) or fitted.covariance is None:
+        return True
+    field = correct_field(fitted, whole.samples)[rows]
+    return state_heading_deg(fitted, field, whole.fit) < HEADING_REFUSED_DEG
 
 
 def calibrate_whole(

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.affine import Affine
+from agonic.calibration.affine import FREE_PARAMETERS, Affine
 from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
@@ -32,9 +32,6 @@ HALVES_REFUSED_DEG = 15.0
 """Fits to alternate parts that point so far apart, by more than they state, know no direction."""
 CHANCE = 2.0
 """Parts may differ by so many times what their fits state."""
-ORIENTATIONS, ORIENTATION = 12, 0.03
-"""So many orientations, apart by this share of the field, may be fitted alone: one for each unknown
-of a free matrix and its bias."""
 _SOME = 500  # rows, drawn, that stand for all
 
 
@@ -92,13 +89,14 @@ def fit_folds(
 
 
 def sees_enough(field: Array) -> bool:
-    """Whether readings (n, 3) of the field show so many orientations that they may stand alone.
+    """Whether readings (n, 3) of the field may be fitted alone: they show as many orientations,
+    apart by 3 % of it, as bias and a free matrix have unknowns.
 
     >>> sees_enough(np.eye(3))
     False
     """
-    reach = ORIENTATION * median(find_length(field))
-    return count_orientations(field, reach, ORIENTATIONS) == ORIENTATIONS
+    reach, enough = 0.03 * median(find_length(field)), len(FREE_PARAMETERS)
+    return count_orientations(field, reach, enough) == enough
 
 
 def cut_blocks(samples: Samples) -> tuple[Index, Array]:

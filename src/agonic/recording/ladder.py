@@ -44,7 +44,7 @@ AIDS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Rung:
     """One fit of a ladder.
 
@@ -64,7 +64,7 @@ class Rung:
     heading_error_sd_deg: float = shown()
     chosen: bool = False
     why: str = ""
-    unit: str = shown(record=False)
+    unit: str = shown(record=False, default="")
 
 
 def climb(
@@ -92,10 +92,11 @@ def climb(
     block, weights = cut_blocks(some)
     fold = block if single else block % 2
     compare = partial(predict_heading_error, fit=fit, samples=some)
-    make = partial(_make_rung, unit=unit_label(chosen.unit_out))
+    unit = unit_label(chosen.unit_out)
     heading = compare(_identity(chosen))
     before = verification.spread_before
-    rungs = [make("as recorded", 0, (before, before * (chosen.magnitude or np.nan)), heading)]
+    size = chosen.magnitude or np.nan
+    rungs = [Rung("as recorded", 0, before, before * size, *heading, unit=unit)]
     for name, open_parts, why in _list_others(fit, method):
         try:
             fit_part = open_parts(some, known, near=near)
@@ -107,9 +108,9 @@ def climb(
         if folds is not None:
             judged = verify(found, some, known, corrected=folds.unseen, held_out=used)
             held_out = (judged.spread_after, judged.residual_rms)
-        rungs.append(make(name, _count(found), held_out, compare(found), why))
+        rungs.append(Rung(name, _count(found), *held_out, *compare(found), why=why, unit=unit))
     held_out = (verification.spread_after, verification.residual_rms)
-    own = make(_name(chosen, method), _count(chosen), held_out, compare(chosen))
+    own = Rung(_name(chosen, method), _count(chosen), *held_out, *compare(chosen), unit=unit)
     rungs.append(replace(own, chosen=True, why=_explain(fit, method, reason)))
     return tuple(sorted(rungs, key=lambda rung: rung.parameters))
 
@@ -117,27 +118,6 @@ def climb(
 def find_even_rows(n: int, most: int) -> Index:
     """No more than `most` of n rows, evenly spaced, (k,)."""
     return np.unique(np.linspace(0, n - 1, most).astype(int))
-
-
-def _make_rung(
-    name: str,
-    parameters: int,
-    held_out: tuple[float, float],
-    heading: tuple[float, float],
-    why: str = "",
-    *,
-    unit: str,
-) -> Rung:
-    return Rung(
-        name=name,
-        parameters=parameters,
-        spread=held_out[0],
-        held_out_rms=held_out[1],
-        heading_error_deg=heading[0],
-        heading_error_sd_deg=heading[1],
-        why=why,
-        unit=unit,
-    )
 
 
 _OpenParts = Callable[..., Callable[[Mask], Affine]]

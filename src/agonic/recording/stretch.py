@@ -9,7 +9,13 @@ from itertools import pairwise
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
+from agonic.fit import Fit
 from agonic.health import Finding
+from agonic.maths.equation.affine import FREE
+from agonic.maths.equation.coverage import heading_sd_deg
+from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.maths.one_pass import find_length, median
 
 Stretch = tuple[float, float]
 """First and last moment, or row where there are no times."""
@@ -76,6 +82,25 @@ def find_all_rows(clock: Array, part: Sequence[Stretch]) -> Mask:
     """The rows of all stretches of a part."""
     rows = [find_rows(clock, first, last) for first, last in part]
     return np.asarray(np.any(rows, axis=0))
+
+
+def state_heading_deg(part: Affine, field: Array, whole: Fit) -> float:
+    """The standard error of a heading by the fit to a part of a log, from that of the whole, with
+    the scatter of its own field (n, 3), where the whole's holds the change."""
+    size, coverage = find_length(field), whole.coverage
+    assert part.magnitude is not None
+    assert part.covariance is not None
+    count = len(FREE_PARAMETERS if part.gauge == FREE else PARAMETERS)  # sources come after
+    stated = heading_sd_deg(
+        coverage.inclination_deg,
+        part.magnitude,
+        part.matrix,
+        part.covariance[:count, :count],
+        part.gauge,
+        down=coverage.down,
+    )
+    own = robust_scale(size - median(size)) * 3 / float(np.trace(part.matrix))
+    return float(stated) * own / whole.noise
 
 
 def describe_part(changed: Finding, part: Sequence[Stretch], *, timed: bool) -> Finding:

@@ -23,7 +23,6 @@ from agonic.report.tables import NOTHING
 FRACTION = "fraction"
 """Unit of what is shown in per cent."""
 _IN_RECORDS = {"°": "deg", "%": "percent"}
-_TOLD = 0.01  # of a value: a smaller standard error would not be seen
 
 
 class Shown(NamedTuple):
@@ -80,7 +79,7 @@ def write_field(result: Any, name: str) -> str:
         return percent(value)
     unit = how.unit.format_map(vars(result))
     sd = getattr(result, how.sd) if how.sd else 0.0
-    if sd > _TOLD * abs(value):
+    if sd > 0.01 * abs(value):  # or it would not be seen
         return f"{with_sd(value, sd)}{unit if unit == '°' else f' {unit}'}"
     return quantity(value, unit, how.digits)
 
