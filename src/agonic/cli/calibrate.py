@@ -61,8 +61,9 @@ def calibrate(
         str | None,
         typer.Option(
             "--as",
-            metavar="NAME",
-            help="Its name in the history; default: its device number, or the log's name.",
+            metavar="int16|…|NAME",
+            help="How its numbers are to be read, where a logger wrote them wrongly; or with "
+            "--store its name in the history, by default its device number or the log's name.",
         ),
     ] = None,
     verbose: Annotated[
@@ -80,11 +81,15 @@ def calibrate(
     from agonic.console.finish import finish
     from agonic.console.typed_options import list_typed_options
     from agonic.errors import TwoAxisError, check_choice
+    from agonic.health.miscoding import WORDS
     from agonic.recording.document import describe_recording
     from agonic.recording.each_sensor import calibrate_each
     from agonic.recording.files import write_folder
     from agonic.recording.next_step import choose_command
 
+    word = name if name in WORDS else None
+    if word is None and name is not None and store is None:
+        check_choice("--as", name, WORDS)
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
     folder = out or Path(f"{log.name}-agonic")
     try:
@@ -100,6 +105,7 @@ def calibrate(
             course=course,
             second=second,
             mounting=mounting,
+            word=word,
         )
     except TwoAxisError:
         from agonic.ellipse.command import calibrate_two_axes  # few logs have two axes
@@ -132,7 +138,7 @@ def calibrate(
         from agonic.cli.keep import keep_results  # here, so that only a history loads a fleet
 
         place = (unit, at, date, field)
-        keep_results(store, results, recording, place, method, between, name)
+        keep_results(store, results, recording, place, method, between, None if word else name)
     document = describe_recording(results, written=written, failures=failures)
     command = choose_command(results, log, folder, list_typed_options(context))
     document = replace(document, next_step=command)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agonic.errors import LogError, check_choice
+from agonic.errors import AgonicError, LogError, check_choice
 from agonic.field.decimal_year import decimal_year, parse_date
 from agonic.field.model import Model
 from agonic.field.published import igrf, wmm, wmmhr
@@ -118,6 +118,30 @@ def field_along(
     return Expected(reference=reference, inclination_deg=float(np.median(dip)))
 
 
+FAR_KM = 100.0
+"""From the log's positions to the place that is given: over it the field turns by 1° of dip."""
+
+
+def _refuse_elsewhere(samples: Samples, latitude_deg: float, longitude_deg: float) -> None:
+    """Raise `AgonicError` where the log's own positions are far from the place that was given."""
+    if samples.latitude_deg is None or samples.longitude_deg is None:
+        return
+    track = np.radians([samples.latitude_deg, samples.longitude_deg])
+    fixed = np.isfinite(track).all(axis=0) & track.any(axis=0)
+    if not fixed.any():
+        return
+    (north, east), here = track[:, fixed], np.radians([latitude_deg, longitude_deg])
+    cosine = np.sin(north) * np.sin(here[0])
+    cosine += np.cos(north) * np.cos(here[0]) * np.cos(east - here[1])
+    off_km = 6371.0 * float(np.arccos(np.clip(cosine.max(), -1.0, 1.0)))
+    if off_km > FAR_KM:
+        raise AgonicError(
+            f"the log's own positions are {off_km:.0f} km from --at "
+            f"({latitude_deg:g}, {longitude_deg:g}); leave out --at, and the field of the log's "
+            "own positions is taken (with --date where the log has none)"
+        )
+
+
 def choose_reference(
     samples: Samples,
     at: tuple[float, float, float] | None = None,
@@ -135,6 +159,8 @@ def choose_reference(
     """
     if magnitude is not None:
         return Reference.constant(magnitude, source="given"), {}
+    if at is not None:
+        _refuse_elsewhere(samples, *at[:2])
     found = field_at(*at, date, samples, name) if at else field_along(samples, date, name)
     if found is None:
         return None, {}

@@ -1,5 +1,6 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
+from agonic.health.decoding import undo_decoding
 from agonic.health.evidence import RECORD_LONGER, Evidence
 from agonic.health.examine import check_bias_drift, examine
 from agonic.health.finding import (
@@ -56,5 +57,6 @@ __all__ = [
     "inspect",
     "sentences",
     "sort_findings",
+    "undo_decoding",
     "verdict_of",
 ]

@@ -8,8 +8,10 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.health.dead_zone import check_dead_zones, find_dead_zones, find_rows_in
+from agonic.health.decoding import find_decoding
 from agonic.health.finding import Finding
 from agonic.health.resolution import find_quantisation
+from agonic.health.scale import check_gravity
 from agonic.maths.one_pass import find_length, median
 from agonic.samples import Samples
 
@@ -32,6 +34,8 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     stuck = [find_stuck_rows(samples.field, axis) for axis in range(3)]
     found = [
         *check_rejected(samples.rejected, len(samples) + sum(samples.rejected.values())),
+        *find_decoding(samples),
+        check_gravity(samples),
         _few(samples),
         *(_check_frozen(rows, axis) for axis, rows in enumerate(stuck)),
         _check_clipped(find_clipped_rows(samples.field) & ~np.any(stuck, axis=0)),

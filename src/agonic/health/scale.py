@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from agonic.health.finding import Finding, figure
+from agonic.maths.one_pass import find_length, median
+from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
 
 GAIN = (0.5, 2.0)
 """A gain outside is no error of a sensor."""
@@ -41,6 +46,41 @@ def check_scale(gain: float, unit: str, size: float | None = None) -> Finding | 
         "check",
         f"readings had to be multiplied by {figure(gain)} to reach the stated field",
         "check the unit of the log and the reference magnitude",
+    )
+
+
+GRAVITIES = (1.0, STANDARD_GRAVITY_M_S2)
+"""What an accelerometer reads at rest, in g and in m/s²."""
+NEAR_GRAVITY = 0.03
+"""Of gravity: its error of scale, and of its zero."""
+BARE = "no column is named for a magnetometer"
+"""How a reader's note on columns x, y and z of nothing begins."""
+
+
+def check_gravity(samples: Samples) -> Finding | None:
+    """The question whether x, y and z, named for no sensor, are an accelerometer's.
+
+    They are of the size of gravity about zero, most of them: motion disturbs the others.
+
+    >>> turned = np.random.default_rng(0).normal(size=(900, 3))
+    >>> felt = turned / np.linalg.norm(turned, axis=1, keepdims=True) + turned * 0.003
+    >>> check_gravity(Samples(field=felt, unit="raw", notes=(BARE,))).what.split(", as ")[1]
+    'an accelerometer reads gravity'
+    """
+    if samples.unit != "raw" or not any(note.startswith(BARE) for note in samples.notes):
+        return None
+    size = find_length(samples.field)
+    middle = median(size)
+    turned = float(np.ptp(samples.field, axis=0).max()) > middle / 4
+    near = [abs(middle / one - 1) < NEAR_GRAVITY for one in GRAVITIES]
+    if not any(near) or not turned or median(np.abs(size - middle)) > NEAR_GRAVITY * middle:
+        return None
+    return Finding(
+        "scale",
+        "refuse",
+        f"x, y and z are {figure(middle, 3)} in size about zero in every direction, as an "
+        "accelerometer reads gravity",
+        "are they the magnetometer? say so with --columns x=…,y=…,z=… or name its columns",
     )
 
 

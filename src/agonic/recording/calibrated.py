@@ -20,7 +20,7 @@ from agonic.calibration.base import correct_field, select_columns
 from agonic.ellipsoid import Recording, fit_recording_and_rows, open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit
-from agonic.health import Finding, Verdict, sentences, verdict_of
+from agonic.health import Finding, Verdict, sentences, undo_decoding, verdict_of
 from agonic.health.evidence import HEADING_REFUSED_DEG
 from agonic.logs.any_form import Given, as_samples
 from agonic.new_rows import without_held
@@ -108,9 +108,11 @@ class Calibrated(Readable):
                 said.append(describe_latency(self.latency))
         return " ".join(said)
 
-    def with_finding(self, finding: Finding) -> Calibrated:
-        """The result with one finding more, before all others as grave, and the verdict of it."""
-        fit = replace(self.fit, findings=()).with_findings(finding, *self.fit.findings)
+    def with_finding(self, *findings: Finding) -> Calibrated:
+        """The result with findings more, before all others as grave, and the verdict of it."""
+        if not findings:
+            return self
+        fit = replace(self.fit, findings=()).with_findings(*findings, *self.fit.findings)
         return replace(self, fit=fit)
 
     def _say(self) -> list[str]:
@@ -160,7 +162,22 @@ def calibrate_as_named(
 
     Where the bias changed on the way, a stretch is calibrated: the last, or one that tells enough.
     """
-    meant, known = without_held(as_samples(samples, unit)), Reference.of(reference)
+    meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference))
+    return _calibrate_as_measured(without_held(meant), known, kind, settings).with_finding(*wrong)
+
+
+def undo_damage(
+    samples: Samples, reference: Reference | None
+) -> tuple[Samples, Reference | None, tuple[Finding, ...]]:
+    """Samples and reference as they were measured, and what had been done to the numbers."""
+    measured = undo_decoding(samples)
+    known = None if reference is None else reference.select(measured.kept)
+    return measured.samples, known, measured.findings
+
+
+def _calibrate_as_measured(
+    meant: Samples, known: Reference | None, kind: Kind, settings: Mapping[str, Any]
+) -> Calibrated:
     choice, made = _choose_and_verify(meant, known, kind, settings)
     if made is not None and made.verdict != "refused":
         return made
@@ -218,8 +235,9 @@ def calibrate_whole(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Calibrated:
     """The fit of all rows, or a weaker one where what was recorded beside them is wrong."""
+    samples, reference, wrong = undo_damage(samples, reference)
     choice, made = _choose_and_verify(samples, reference, kind, settings)
-    return _verify(choice) if made is None else made
+    return (_verify(choice) if made is None else made).with_finding(*wrong)
 
 
 def _choose_and_verify(

@@ -16,6 +16,7 @@ from agonic.console.place import find_reference
 from agonic.console.progress import progress, waiting
 from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
+from agonic.health.decoding import read_as
 from agonic.logs.log import Log
 from agonic.recording.calibrated import Calibrated, calibrate_as_named
 from agonic.recording.mounting import calibrate, turn_back, turn_readings
@@ -40,11 +41,13 @@ def calibrate_each(
     course: bool = False,
     second: str | None = None,
     mounting: str | None = None,
+    word: str | None = None,
 ) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
     """The log, the sensors that could be fitted, and the names of others with the reason.
 
     With `course` the course over ground is taken for the heading. `second`: "auto" mixes in another
     sensor where that is better; a name, that one. `mounting`: where the axes of the sensor point.
+    `word`: how numbers are to be read.
     """
     turn = None if mounting is None else parse_mounting(mounting)
     if turn is not None and second is not None:
@@ -54,6 +57,7 @@ def calibrate_each(
         f"--method {method}": method in ("levelled", "inertial", "vector"),
         "--course": course,
         "--mounting": mounting,
+        "--as": word,
     }
     long = open_missions(log, sensor, unit, all_rows)
     if long:
@@ -80,6 +84,8 @@ def calibrate_each(
         )
 
     recording, sensors = open_sensors(log, None if second else sensor, unit, between)
+    if word is not None:
+        sensors = tuple(read_as(samples, word) for samples in sensors)
     if second not in (None, "auto"):
         recording.sensor(second)  # an error names those that there are
     results, failures = _run([(one.name, partial(run, one)) for one in sensors])

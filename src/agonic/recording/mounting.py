@@ -17,7 +17,7 @@ from agonic.health import find_mounting, find_side, find_usable_rows
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.rotations.mounting import describe_turn, right_angles
 from agonic.maths.rotations.turn_beside import TurnBeside
-from agonic.recording.calibrated import Calibrated, calibrate_as_named
+from agonic.recording.calibrated import Calibrated, calibrate_as_named, undo_damage
 from agonic.recording.choice.choose import Kind
 from agonic.recording.turned_sensor import (
     MOST_DEG,
@@ -91,13 +91,15 @@ def calibrate(
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    meant, known = as_samples(samples, unit), Reference.of(reference)
+    meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference))
     found = find_turn(meant, known) if kind == "auto" else None
     if found is not None:
         turned = calibrate_as_named(_turn(meant, found.turn), known, kind=kind, **settings)
         if turned.verdict != "refused" and not NOT_FOLLOWED & _list_names(turned):
-            return _tell_turn(turn_back(_undo_rest(turned, known=True), found.turn), found)
-    return _undo_rest(calibrate_as_named(meant, known, kind=kind, **settings))
+            made = turn_back(_undo_rest(turned, known=True), found.turn)
+            return _tell_turn(made, found).with_finding(*wrong)
+    made = calibrate_as_named(meant, known, kind=kind, **settings)
+    return _undo_rest(made).with_finding(*wrong)
 
 
 def _undo_rest(result: Calibrated, *, known: bool = False) -> Calibrated:

@@ -135,7 +135,7 @@ QUANTITIES: tuple[Quantity, ...] = (
     Quantity(
         column="field", name="mag", axes="x y z",
         aliases="m b mf magn magneto magnetometer magnetic magneticfield magfield magneticflux "
-        "magneticfluxdensity magneticinduction geomagnetic field bfield compass",
+        "magneticfluxdensity magneticinduction geomagnetic field bfield compass comp",
     ),
     Quantity(
         column="temperature", name="temperature", unit="C", units=_TEMPERATURE,

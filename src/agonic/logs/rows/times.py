@@ -58,7 +58,7 @@ def _pick_time(table: Table, found: Identified, number: str) -> Mapping[str, Col
     """The time columns for a magnetometer; of other sensors' only those that its rows have."""
     groups = found.get("time", {})
     if time := pick(groups, number):
-        return time
+        return _join_fraction(table, time, groups)
     axes = found.get("field", {}).get(number)
     if axes is None:
         return next(iter(groups.values())) if len(groups) == 1 else {}
@@ -68,6 +68,20 @@ def _pick_time(table: Table, found: Identified, number: str) -> Mapping[str, Col
         if values.dtype.kind == "f" and np.isfinite(values[rows]).mean() >= _CLOCK_SHARE:
             return time
     return {}
+
+
+def _join_fraction(
+    table: Table, time: Mapping[str, Column], groups: Groups
+) -> Mapping[str, Column]:
+    """The columns of a clock in whole seconds, where the only one counts anew within each."""
+    part = time.get("")
+    others = [group[""] for group in groups.values() if "" in group and group[""] is not part]
+    if part is None or part.unit is None or FRACTION in time or len(others) != 1:
+        return time
+    seconds = to_numbers(table[part.header]) * part.quantity.units[part.unit][0]
+    known = seconds[np.isfinite(seconds)]
+    begins_anew = len(known) > 0 and 0 <= known.min() <= known.max() < 1 and leads_back(known)
+    return {"": others[0], FRACTION: part} if begins_anew else time
 
 
 def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) -> Clock:
@@ -113,8 +127,11 @@ def _read_column(
     if time.unit == _TICKS and (step := _find_step(values)) > _SLOWEST_TICKS:
         said = f"{time.header} steps by {step:g}: microseconds, as Xsens DOT counts"
         return *read_clock(values, 1e-6)[:2], (said,)
-    if FRACTION in group:
-        return _join_clock(to_numbers(values), to_numbers(table[group[FRACTION].header]))
+    if FRACTION in group:  # which a float of Unix nanoseconds would round
+        part = group[FRACTION]
+        whole, epoch, notes = _read_column(table, found, {"": time}, date, start)
+        seconds = to_numbers(table[part.header]) * part.quantity.units[part.unit or "s"][0]
+        return None if whole is None else whole + seconds, epoch, notes
     if start is not None and values.dtype.kind in "fiu":
         moment = to_numbers(table[start.header])
         known = moment[(moment >= 0) & (moment < _YEAR_9999)]
@@ -158,12 +175,6 @@ def _date_clock(clock: Clock, dates: NDArray[Any]) -> Clock:
     _, day, notes = read_clock(dates[:1], None)
     time, _, said = clock
     return time, day, notes if day is not None else said
-
-
-def _join_clock(seconds: Array, nanoseconds: Array) -> Clock:
-    """The clock in whole seconds and nanoseconds, which a float of Unix nanoseconds would round."""
-    whole, epoch, notes = read_clock(seconds, 1.0)
-    return None if whole is None else whole + nanoseconds * 1e-9, epoch, notes
 
 
 def leads_back(time: Array) -> bool:

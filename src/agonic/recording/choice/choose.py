@@ -14,7 +14,6 @@ from agonic.field.place import describe_missing
 from agonic.fit import Fit
 from agonic.health import Finding
 from agonic.health.finding import Severity
-from agonic.health.gross import find_gross_readings
 from agonic.health.inertial_unit import find_stopped_readings, leave_out_faulty
 from agonic.inertial.evidence import check_felt_dip
 from agonic.recording.choice.fits import (
@@ -124,18 +123,16 @@ Kind = Literal["auto", "ellipsoid", "levelled", "vector", "inertial", "interfere
 def choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Choice:
-    """The fit that a log allows, or the one that was asked for; without readings of a size that no
-    sensor gives, and of one that had stopped."""
+    """The fit that a log allows, or the one that was asked for; without readings of a sensor that
+    had stopped."""
     check_choice("kind", kind, get_args(Kind))
-    told = []
-    for find in (find_gross_readings, find_stopped_readings):
-        if (spoilt := find(samples)) is not None:
-            rows, finding = spoilt
-            reference = None if reference is None else reference.select(~rows)
-            samples = samples.select(~rows)
-            told.append(finding)
-    chosen = _choose(samples, reference, kind, settings)
-    return replace(chosen, fit=chosen.fit.with_findings(*told)) if told else chosen
+    spoilt = find_stopped_readings(samples)
+    if spoilt is None:
+        return _choose(samples, reference, kind, settings)
+    rows, finding = spoilt
+    reference = None if reference is None else reference.select(~rows)
+    chosen = _choose(samples.select(~rows), reference, kind, settings)
+    return replace(chosen, fit=chosen.fit.with_findings(finding))
 
 
 def _choose(

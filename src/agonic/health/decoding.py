@@ -1,0 +1,328 @@
+"""Numbers that were decoded wrongly, found by what puts them back on one path and one ellipsoid.
+
+A sensor that turns reads along a smooth path on an ellipsoid. Under the right inverse of a logger's
+fault its readings do; as they were logged they step by powers of two. With b the distance of a
+reading from the mean of its neighbours, or from the ellipsoid, and s the usual one,
+
+    cost = Σ ln(1 + min(b/s, 100)²),
+
+minus the log-likelihood of Cauchy's distribution, in which no single row decides. A fault is named
+where its inverse costs far less; several are undone one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from agonic.arrays import Array, Index, Mask
+from agonic.errors import CoverageError, check_choice
+from agonic.health.finding import Finding, figure, sort_findings
+from agonic.health.miscoding import KINDS, WORDS, Kind
+from agonic.health.resolution import find_steps
+from agonic.maths.equation.crowding import choose_evenly
+from agonic.maths.one_pass import find_length, median
+from agonic.new_rows import find_fresh
+from agonic.samples import Samples
+
+GAIN = 40.0
+"""Of log-likelihood: twice what the best of some forty inverses gains by chance."""
+AGAINST = 5.0
+"""The same, by which path or ellipsoid may speak against a fault by chance."""
+WIDE = 0.1
+"""Of the field: where readings scatter by more about one ellipsoid, nothing was put right."""
+DOUBTFUL = 0.01
+"""Of the readings: a logger that loses more asks for a look."""
+FARTHEST, LOST = 100.0, float(np.log(2.0))
+"""Over the usual one, a distance counts no more beyond; a lost reading costs as a usual one."""
+MOST_ROWS, ON_ELLIPSOID = 20_000, 3000
+"""Rows that are enough to tell of all, along the path and about the ellipsoid."""
+PRICE = 2.0
+"""Of log-likelihood, of a reading that is given up: it has to be worth it."""
+SHAPE_HELD = 2.5e-3
+"""Of a row: a prior of 0.2 on soft iron beside residuals of 0.01."""
+PLACES = 5
+"""Digits behind the point that are tried for the unit of the numbers."""
+FAULTS = 3
+"""Faults of one log."""
+
+
+class Measured(NamedTuple):
+    """Samples as they were measured, which rows (n,) are left of those logged, what was found."""
+
+    samples: Samples
+    kept: Mask
+    findings: tuple[Finding, ...]
+
+
+_FOUND: WeakKeyDictionary[Samples, Measured | None] = WeakKeyDictionary()
+
+
+class Undone(NamedTuple):
+    """A fault undone: readings (n, 3), NaN where one is lost, on which axes, in which unit."""
+
+    kind: Kind
+    field: Array
+    axes: Mask
+    unit: float
+    gain: float = 0.0
+
+
+def undo_decoding(samples: Samples) -> Measured:
+    """The samples as they were measured, and what had been done to their numbers.
+
+    Raises `CoverageError` where that is known and cannot be undone, or where the readings never
+    change.
+
+    >>> turning = np.linspace(0, 20, 400)
+    >>> path = np.stack([np.cos(turning), np.sin(turning), np.cos(2.7 * turning)], axis=1)
+    >>> printed = Samples(field=np.round(900 * path) % 65536, unit="raw")
+    >>> undone, _, (finding,) = undo_decoding(printed)
+    >>> float(undone.field.min()), finding.what.split(": ")[1]
+    (-900.0, 'signed numbers were printed as unsigned, which was undone')
+    """
+    if samples not in _FOUND:
+        _FOUND[samples] = _find_and_undo(samples)
+    return _FOUND[samples] or Measured(samples, np.ones(len(samples), dtype=bool), ())
+
+
+def find_decoding(samples: Samples) -> tuple[Finding, ...]:
+    """What was done to the numbers, for a fit that takes them as they are: it is refused."""
+    try:
+        told = undo_decoding(samples).findings
+    except CoverageError as error:
+        return (Finding("decoding", "refuse", str(error)),)
+    return tuple(one if one.severity == "note" else replace(one, severity="refuse") for one in told)
+
+
+def read_as(samples: Samples, word: str) -> Samples:
+    """The samples with their numbers read in one of the ways of `WORDS`.
+
+    >>> read_as(Samples(field=[[1.0, 65535.0, 2.0]], unit="raw"), "int16").field.tolist()
+    [[1.0, -1.0, 2.0]]
+    """
+    check_choice("--as", word, WORDS)
+    kind = next(kind for kind in KINDS if kind.word == word)
+    every, unit = np.ones(3, dtype=bool), next(_find_units(samples.field))
+    field = _undo_axes(kind, samples.field, every, unit)
+    known = np.isfinite(field).all(axis=1)
+    note = f"numbers read as {word}, as if {kind.what}"
+    read = samples.with_columns(field=np.where(known[:, None], field, 0.0))
+    return read.select(known).with_columns(notes=(*samples.notes, note))
+
+
+def _find_and_undo(samples: Samples) -> Measured | None:
+    """The samples without the faults that were found one after the other; None where none was."""
+    if len(samples) > 1 and not np.ptp(samples.field, axis=0).any():
+        raise CoverageError(
+            "the readings never change: the sensor is not there, or its driver does not read it",
+            turns="check its wiring and its driver, or choose another sensor (--sensor)",
+        )
+    fresh = find_fresh(samples.field)
+    rows, field = np.flatnonzero(fresh), samples.field[fresh]
+    findings: list[Finding] = []
+    while len(findings) < FAULTS and (found := _find_best(field)) is not None:
+        findings.append(_tell(found, field, rows, samples.unit))
+        kept = np.isfinite(found.field).all(axis=1)
+        rows, field = rows[kept], found.field[kept]
+    if not findings:
+        return None
+    _refuse_wide(field, findings[-1])
+    place = np.full(len(samples), -1)
+    place[rows] = np.arange(len(rows))
+    place = place[np.flatnonzero(fresh)][np.cumsum(fresh) - 1]  # what only repeats goes with it
+    kept = place >= 0
+    measured = samples.select(kept).with_columns(field=field[place[kept]])
+    return Measured(measured, kept, sort_findings(findings))
+
+
+def _find_best(field: Array) -> Undone | None:
+    """The fault whose inverse is by far the likeliest, undone; None where none is."""
+    some = _choose_blocks(len(field))
+    best: Undone | None = None
+    for undone in _try_each(field[some]):
+        if undone.gain > GAIN and (best is None or undone.gain > best.gain + AGAINST):
+            best = undone
+    if best is None or len(some) == len(field):
+        return best
+    return best._replace(field=_undo_axes(best.kind, field, best.axes, best.unit))
+
+
+def _choose_blocks(rows: int) -> Index:
+    """All rows, or ten blocks of them that are enough."""
+    if rows <= MOST_ROWS:
+        return np.arange(rows)
+    size = MOST_ROWS // 10
+    starts = np.linspace(0, rows - size, 10).astype(np.intp)
+    return np.asarray((starts[:, None] + np.arange(size)).ravel())
+
+
+def _try_each(field: Array) -> Iterator[Undone]:
+    """Each inverse on all axes, on those that are the smoother by it, and on each alone."""
+    if len(field) < 3:
+        return
+    units = sorted({float(f"{unit:.9g}") for unit in _find_units(field) if unit > 0})
+    bends, some = _measure_bends(field), choose_evenly(len(field), ON_ELLIPSOID)
+    ellipsoid = _fit_ellipsoid(field[some])
+    every = [np.ones(3, dtype=bool), *np.eye(3, dtype=bool)]
+    for kind in KINDS:
+        for unit in units:
+            whole = _undo_axes(kind, field, every[0], unit)
+            changed = ~((whole == field) | np.isnan(field)).all(axis=0)
+            if not changed.any():
+                continue
+            after = _measure_bends(whole)
+            gains = np.array([_compare(bends[:, k], after[:, k], unit / 4) for k in range(3)])
+            sets = {(axes & changed).tobytes(): axes & changed for axes in [*every, gains > 0]}
+            for axes in sets.values():
+                path = float(gains[axes].sum())
+                if not axes.any() or path < -AGAINST:
+                    continue
+                put = np.where(axes, whole, field)
+                beside = _compare_distances(field[some], ellipsoid, put[some], unit / 4)
+                if beside > -AGAINST:
+                    gain = path + beside * (not kind.shifts) - PRICE * _count_lost(put)
+                    yield Undone(kind, put, axes, unit, gain)
+
+
+def _count_lost(field: Array) -> int:
+    return int(np.isnan(field).any(axis=1).sum())
+
+
+def _undo_axes(kind: Kind, field: Array, axes: Mask, unit: float) -> Array:
+    """The readings with an inverse taken on some axes, where it can be."""
+    columns = []
+    for k in range(3):
+        undone = kind.undo(np.round(field[:, k] / unit)) if axes[k] else None
+        columns.append(field[:, k] if undone is None else undone * unit)
+    return np.stack(columns, axis=1)
+
+
+def _find_units(field: Array) -> Iterator[float]:
+    """What the readings may be whole multiples of: their common divisor, steps that are not exact,
+    and the last digit where the divisor is bits of it that a sensor leaves empty."""
+    for places in range(PLACES):
+        scaled = field * 10.0**places
+        whole = np.round(scaled)
+        most = float(np.abs(scaled).max())
+        if np.abs(scaled - whole).max() < 1e-6 + 1e-12 * most and most < 2.0**53:
+            divisor = int(np.gcd.reduce(whole.astype(np.int64), axis=None))
+            yield divisor / 10.0**places
+            if divisor & (divisor - 1) == 0:
+                yield 10.0**-places
+            break
+    else:
+        yield float(np.ptp(field)) / 2.0**40  # of readings with all digits there is none
+    yield float(np.max(find_steps(field)))
+
+
+def _measure_bends(field: Array) -> Array:
+    """How far each reading is from the mean of those beside it, (n, 3); NaN where it is lost."""
+    rows = np.arange(len(field))
+    bends = np.zeros(field.shape)
+    for k, axis in enumerate(field.T):
+        there = np.isfinite(axis)
+        whole = axis if there.all() else np.interp(rows, rows[there], axis[there])
+        bends[1:-1, k] = np.abs(whole[1:-1] - (whole[:-2] + whole[2:]) / 2)
+        bends[~there, k] = np.nan
+    return bends
+
+
+class _Ellipsoid(NamedTuple):
+    """Of points p = (reading − centre)/size: pᵀp + pᵀS p − 2 qᵀp + c = 0, the params S, q and c."""
+
+    centre: Array
+    size: float
+    params: Array
+
+    @property
+    def radius(self) -> float:
+        """The radius, in the unit of the readings."""
+        q, c = self.params[5:8], self.params[8]
+        return self.size * float(np.sqrt(max(float(q @ q - c), 0.25)))
+
+    def measure(self, field: Array) -> Array:
+        """How far readings (k, 3) are from it, nearly; NaN where one is lost."""
+        design, square = _list_columns((field - self.centre) / self.size)
+        return np.abs(square + design @ self.params) / 2 * self.size**2 / self.radius
+
+
+def _fit_ellipsoid(field: Array) -> _Ellipsoid:
+    """The ellipsoid that is nearest to most readings (k, 3).
+
+    A prior holds the shape S: without it two planes would fit readings that jump.
+    """
+    there = field[np.isfinite(field).all(axis=1)]
+    centre = np.median(there, axis=0)
+    size = median(find_length(there - centre)) or 1.0
+    design, square = _list_columns((there - centre) / size)
+    prior = len(there) * np.diag([SHAPE_HELD] * 5 + [1e-9] * 4)
+    weight, params = 1 / (1 + square) ** 2, np.zeros(9)
+    for _ in range(15):
+        weighted = design * weight[:, None]
+        params = np.linalg.solve(weighted.T @ design + prior, -weighted.T @ square)
+        far = np.abs(square + design @ params)
+        weight = 1 / (1 + (far / max(2 * median(far), 1e-9)) ** 2)
+    return _Ellipsoid(centre, size, params)
+
+
+def _list_columns(points: Array) -> tuple[Array, Array]:
+    x, y, z = points.T
+    bends = [x * x - z * z, y * y - z * z, 2 * x * y, 2 * x * z, 2 * y * z]
+    design = np.stack([*bends, -2 * x, -2 * y, -2 * z, np.ones(len(x))], axis=1)
+    return design, x * x + y * y + z * z
+
+
+def _compare_distances(before: Array, own: _Ellipsoid, after: Array, least: float) -> float:
+    """The log-likelihood that readings (k, 3) gain about an ellipsoid, by their own and by that of
+    the others, whichever is less: an ellipsoid that is hardly determined is another by chance."""
+    other = _fit_ellipsoid(after)
+    off = other.measure(after)
+    return min(_compare(one.measure(before), off, least) for one in (own, other))
+
+
+def _compare(before: Array, after: Array, least: float) -> float:
+    """The log-likelihood that is gained from distances (n,) to others; NaN where one is lost."""
+    usual = [median(off[np.isfinite(off)]) for off in (before, after) if np.isfinite(off).any()]
+    scale = max(min(usual, default=least), least)
+    costs = [np.log1p(np.minimum(off / scale, FARTHEST) ** 2) for off in (before, after)]
+    return float(np.subtract(*(np.where(np.isnan(cost), LOST, cost).sum() for cost in costs)))
+
+
+def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
+    """What was done to the readings and what became of it."""
+    if not found.kind.word:
+        lost = _count_lost(found.field)
+        share = lost / len(field)
+        doubtful = share > DOUBTFUL
+        return Finding(
+            "outliers",
+            "check" if doubtful else "note",
+            f"{lost} readings ({figure(100 * share)} %) are {found.kind.what}, and were left out",
+            "look at the logger and at what reads it" if doubtful else "",
+        )
+    shift = np.abs(np.diff(np.nan_to_num(found.field - field), axis=0))
+    calmer = np.abs(np.diff(field, axis=0)) - np.abs(np.diff(np.nan_to_num(found.field), axis=0))
+    at, axis = divmod(int(np.argmax(np.where(shift[:-1] > 0, calmer[:-1], -np.inf))), 3)
+    jump = f"{shift[at, axis]:,.6g}".replace(",", " ")
+    return Finding(
+        "decoding",
+        "check",
+        f"readings of {'xyz'[axis]} jump by {jump} {unit} between rows {rows[at]} and "
+        f"{rows[at + 1]}: {found.kind.what}, which was undone",
+        f"mend the logger before this calibration is used; --as {found.kind.word} reads logs of it",
+    )
+
+
+def _refuse_wide(field: Array, told: Finding) -> None:
+    """Raise `CoverageError` where readings that a fault was undone of are on no ellipsoid."""
+    ellipsoid = _fit_ellipsoid(field)
+    off = np.minimum(ellipsoid.measure(field) / ellipsoid.radius, 1.0)
+    spread = float(np.sqrt(np.mean(off**2)))
+    if spread > WIDE:
+        still = f"undone, they still scatter by {figure(100 * spread)} % of the field"
+        raise CoverageError(f"{told.what}; {still}", turns="mend the logger and record again")
