@@ -61,7 +61,7 @@ def calibrate(
         str | None,
         typer.Option(
             "--as",
-            metavar="int16|…|NAME",
+            metavar="INT16|NAME",
             help="How its numbers are to be read, where a logger wrote them wrongly; or with "
             "--store its name in the history, by default its device number or the log's name.",
         ),

@@ -1,7 +1,7 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
 from agonic.health.decoding import undo_decoding
-from agonic.health.evidence import RECORD_LONGER, Evidence
+from agonic.health.evidence import FEWEST, RECORD_LONGER, Evidence
 from agonic.health.examine import check_bias_drift, examine
 from agonic.health.finding import (
     Finding,
@@ -21,7 +21,6 @@ from agonic.health.mounting import (
 )
 from agonic.health.outliers import check_outliers
 from agonic.health.readings import (
-    FEWEST,
     check_rejected,
     describe,
     find_usable_rows,

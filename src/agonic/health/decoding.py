@@ -21,6 +21,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import CoverageError, check_choice
+from agonic.health.evidence import MOST_ROWS
 from agonic.health.finding import Finding, figure, sort_findings
 from agonic.health.miscoding import KINDS, WORDS, Kind
 from agonic.health.resolution import find_steps
@@ -29,6 +30,12 @@ from agonic.maths.one_pass import find_length, median
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 
+ENOUGH = 2000
+"""Rows that are enough to tell of all."""
+SHAPE_SD = 0.1
+"""Of soft iron, as a prior where few orientations leave the shape open."""
+LEAST = 1e-3
+"""Of their range: what changes readings by less changes no heading."""
 GAIN = 40.0
 """Of log-likelihood: twice what the best of some forty inverses gains by chance."""
 AGAINST = 5.0
@@ -37,18 +44,8 @@ WIDE = 0.1
 """Of the field: where readings scatter by more about one ellipsoid, nothing was put right."""
 DOUBTFUL = 0.01
 """Of the readings: a logger that loses more asks for a look."""
-FARTHEST, LOST = 100.0, float(np.log(2.0))
-"""Over the usual one, a distance counts no more beyond; a lost reading costs as a usual one."""
-MOST_ROWS, ON_ELLIPSOID = 20_000, 3000
-"""Rows that are enough to tell of all, along the path and about the ellipsoid."""
 PRICE = 2.0
 """Of log-likelihood, of a reading that is given up: it has to be worth it."""
-SHAPE_HELD = 2.5e-3
-"""Of a row: a prior of 0.2 on soft iron beside residuals of 0.01."""
-PLACES = 5
-"""Digits behind the point that are tried for the unit of the numbers."""
-FAULTS = 3
-"""Faults of one log."""
 
 
 class Measured(NamedTuple):
@@ -92,11 +89,8 @@ def undo_decoding(samples: Samples) -> Measured:
 
 def find_decoding(samples: Samples) -> tuple[Finding, ...]:
     """What was done to the numbers, for a fit that takes them as they are: it is refused."""
-    try:
-        told = undo_decoding(samples).findings
-    except CoverageError as error:
-        return (Finding("decoding", "refuse", str(error)),)
-    return tuple(one if one.severity == "note" else replace(one, severity="refuse") for one in told)
+    told = undo_decoding(samples).findings
+    return tuple(replace(one, severity="refuse") for one in told if one.severity != "note")
 
 
 def read_as(samples: Samples, word: str) -> Samples:
@@ -125,7 +119,7 @@ def _find_and_undo(samples: Samples) -> Measured | None:
     fresh = find_fresh(samples.field)
     rows, field = np.flatnonzero(fresh), samples.field[fresh]
     findings: list[Finding] = []
-    while len(findings) < FAULTS and (found := _find_best(field)) is not None:
+    while len(findings) < 3 and (found := _find_best(field)) is not None:
         findings.append(_tell(found, field, rows, samples.unit))
         kept = np.isfinite(found.field).all(axis=1)
         rows, field = rows[kept], found.field[kept]
@@ -166,13 +160,14 @@ def _try_each(field: Array) -> Iterator[Undone]:
     if len(field) < 3:
         return
     units = sorted({float(f"{unit:.9g}") for unit in _find_units(field) if unit > 0})
-    bends, some = _measure_bends(field), choose_evenly(len(field), ON_ELLIPSOID)
-    ellipsoid = _fit_ellipsoid(field[some])
+    bends, some = _measure_bends(field), choose_evenly(len(field), ENOUGH)
+    ellipsoid = fit_ellipsoid(field[some])
     every = [np.ones(3, dtype=bool), *np.eye(3, dtype=bool)]
+    reach = float(np.ptp(field)) or 1.0
     for kind in KINDS:
         for unit in units:
             whole = _undo_axes(kind, field, every[0], unit)
-            changed = ~((whole == field) | np.isnan(field)).all(axis=0)
+            changed = ~(np.abs(whole - field) < LEAST * reach).all(axis=0)
             if not changed.any():
                 continue
             after = _measure_bends(whole)
@@ -205,7 +200,7 @@ def _undo_axes(kind: Kind, field: Array, axes: Mask, unit: float) -> Array:
 def _find_units(field: Array) -> Iterator[float]:
     """What the readings may be whole multiples of: their common divisor, steps that are not exact,
     and the last digit where the divisor is bits of it that a sensor leaves empty."""
-    for places in range(PLACES):
+    for places in range(5):
         scaled = field * 10.0**places
         whole = np.round(scaled)
         most = float(np.abs(scaled).max())
@@ -232,7 +227,7 @@ def _measure_bends(field: Array) -> Array:
     return bends
 
 
-class _Ellipsoid(NamedTuple):
+class Ellipsoid(NamedTuple):
     """Of points p = (reading − centre)/size: pᵀp + pᵀS p − 2 qᵀp + c = 0, the params S, q and c."""
 
     centre: Array
@@ -247,11 +242,12 @@ class _Ellipsoid(NamedTuple):
 
     def measure(self, field: Array) -> Array:
         """How far readings (k, 3) are from it, nearly; NaN where one is lost."""
-        design, square = _list_columns((field - self.centre) / self.size)
-        return np.abs(square + design @ self.params) / 2 * self.size**2 / self.radius
+        points = (field - self.centre) / self.size
+        left = np.abs(np.hstack(list_columns(points)) @ self.params + np.sum(points**2, axis=1))
+        return np.asarray(left / 2 * self.size**2 / self.radius)
 
 
-def _fit_ellipsoid(field: Array) -> _Ellipsoid:
+def fit_ellipsoid(field: Array) -> Ellipsoid:
     """The ellipsoid that is nearest to most readings (k, 3).
 
     A prior holds the shape S: without it two planes would fit readings that jump.
@@ -259,28 +255,34 @@ def _fit_ellipsoid(field: Array) -> _Ellipsoid:
     there = field[np.isfinite(field).all(axis=1)]
     centre = np.median(there, axis=0)
     size = median(find_length(there - centre)) or 1.0
-    design, square = _list_columns((there - centre) / size)
-    prior = len(there) * np.diag([SHAPE_HELD] * 5 + [1e-9] * 4)
+    points = (there - centre) / size
+    design, square = np.hstack(list_columns(points)), np.sum(points**2, axis=1)
+    prior = np.diag([hold_shape(len(points))] * 5 + [1e-9] * 4)
     weight, params = 1 / (1 + square) ** 2, np.zeros(9)
     for _ in range(15):
         weighted = design * weight[:, None]
         params = np.linalg.solve(weighted.T @ design + prior, -weighted.T @ square)
         far = np.abs(square + design @ params)
         weight = 1 / (1 + (far / max(2 * median(far), 1e-9)) ** 2)
-    return _Ellipsoid(centre, size, params)
+    return Ellipsoid(centre, size, params)
 
 
-def _list_columns(points: Array) -> tuple[Array, Array]:
+def list_columns(points: Array) -> tuple[Array, Array]:
+    """Columns of the shape (n, 5), and of a centre and radius (n, 4)."""
     x, y, z = points.T
-    bends = [x * x - z * z, y * y - z * z, 2 * x * y, 2 * x * z, 2 * y * z]
-    design = np.stack([*bends, -2 * x, -2 * y, -2 * z, np.ones(len(x))], axis=1)
-    return design, x * x + y * y + z * z
+    bends = np.stack([x * x - z * z, y * y - z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
+    return bends, np.column_stack([-2 * points, np.ones(len(points))])
 
 
-def _compare_distances(before: Array, own: _Ellipsoid, after: Array, least: float) -> float:
+def hold_shape(rows: int) -> float:
+    """What a prior on the shape adds, for residuals of a hundredth."""
+    return rows * (1e-2 / SHAPE_SD) ** 2
+
+
+def _compare_distances(before: Array, own: Ellipsoid, after: Array, least: float) -> float:
     """The log-likelihood that readings (k, 3) gain about an ellipsoid, by their own and by that of
     the others, whichever is less: an ellipsoid that is hardly determined is another by chance."""
-    other = _fit_ellipsoid(after)
+    other = fit_ellipsoid(after)
     off = other.measure(after)
     return min(_compare(one.measure(before), off, least) for one in (own, other))
 
@@ -289,39 +291,38 @@ def _compare(before: Array, after: Array, least: float) -> float:
     """The log-likelihood that is gained from distances (n,) to others; NaN where one is lost."""
     usual = [median(off[np.isfinite(off)]) for off in (before, after) if np.isfinite(off).any()]
     scale = max(min(usual, default=least), least)
-    costs = [np.log1p(np.minimum(off / scale, FARTHEST) ** 2) for off in (before, after)]
-    return float(np.subtract(*(np.where(np.isnan(cost), LOST, cost).sum() for cost in costs)))
+    off = np.stack([before, after]) / scale
+    off[np.isnan(off)] = 1.0  # as a usual one
+    return float(np.subtract(*np.log1p(np.minimum(off, 100.0) ** 2).sum(axis=1)))
 
 
 def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
     """What was done to the readings and what became of it."""
-    if not found.kind.word:
-        lost = _count_lost(found.field)
-        share = lost / len(field)
-        doubtful = share > DOUBTFUL
-        return Finding(
-            "outliers",
-            "check" if doubtful else "note",
-            f"{lost} readings ({figure(100 * share)} %) are {found.kind.what}, and were left out",
-            "look at the logger and at what reads it" if doubtful else "",
+    if found.kind.word:
+        put = np.where(np.isfinite(found.field), found.field, field)
+        steps, smoother = np.abs(np.diff(field, axis=0)), np.abs(np.diff(put, axis=0))
+        at, axis = divmod(int(np.argmax(steps - smoother)), 3)
+        jump = f"{abs(np.diff(field - put, axis=0)[at, axis]):,.6g}".replace(",", " ")
+        name, doubtful = "decoding", True
+        what = (
+            f"readings of {'xyz'[axis]} jump by {jump} {unit} between rows {rows[at]} and "
+            f"{rows[at + 1]}: {found.kind.what}, which was undone"
         )
-    shift = np.abs(np.diff(np.nan_to_num(found.field - field), axis=0))
-    calmer = np.abs(np.diff(field, axis=0)) - np.abs(np.diff(np.nan_to_num(found.field), axis=0))
-    at, axis = divmod(int(np.argmax(np.where(shift[:-1] > 0, calmer[:-1], -np.inf))), 3)
-    jump = f"{shift[at, axis]:,.6g}".replace(",", " ")
-    return Finding(
-        "decoding",
-        "check",
-        f"readings of {'xyz'[axis]} jump by {jump} {unit} between rows {rows[at]} and "
-        f"{rows[at + 1]}: {found.kind.what}, which was undone",
-        f"mend the logger before this calibration is used; --as {found.kind.word} reads logs of it",
-    )
+        move = f"mend the logger; --as {found.kind.word} reads its logs"
+    else:
+        lost = _count_lost(found.field)
+        name, doubtful = "outliers", lost > DOUBTFUL * len(field)
+        share = figure(100 * lost / len(field))
+        what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
+        move = "look at the logger and at what reads it" if doubtful else ""
+    return Finding(name, "check" if doubtful else "note", what, move)
 
 
 def _refuse_wide(field: Array, told: Finding) -> None:
     """Raise `CoverageError` where readings that a fault was undone of are on no ellipsoid."""
-    ellipsoid = _fit_ellipsoid(field)
-    off = np.minimum(ellipsoid.measure(field) / ellipsoid.radius, 1.0)
+    some = field[choose_evenly(len(field), ENOUGH)]
+    ellipsoid = fit_ellipsoid(some)
+    off = np.minimum(ellipsoid.measure(some) / ellipsoid.radius, 1.0)
     spread = float(np.sqrt(np.mean(off**2)))
     if spread > WIDE:
         still = f"undone, they still scatter by {figure(100 * spread)} % of the field"

@@ -34,6 +34,8 @@ SHIFT_DOUBTFUL = 0.03
 """The same, to be looked at: the whole step errs a level heading by 2° at a dip of 60°."""
 SHIFT_OVER_NOISE = 3.0
 """Of the noise: a smaller step does not stand out of the readings."""
+FEWEST = 12
+"""Fewer readings than this cannot be judged: nine unknowns leave nothing to check them by."""
 MOST_ROWS = 20_000
 """Rows that are enough to tell of all."""
 

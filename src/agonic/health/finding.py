@@ -1,4 +1,4 @@
-"""`Finding`: something the user should know, by name; `Judged`: a result that rests on findings."""
+"""`Finding`: something the user should know, by name and moment; `Judged`: a result with such."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from agonic.arrays import Array, Index
 from agonic.readable import Readable
 
 Severity = Literal["note", "check", "refuse"]
@@ -139,3 +140,47 @@ def sentences(*texts: str) -> str:
 def start_sentence(text: str) -> str:
     """A text with a capital first, unless it begins with the name of a file or a column."""
     return text if _NAMED.match(text) else text[:1].upper() + text[1:]
+
+
+MOST_MOMENTS = 6
+"""Moments and stretches that are named; of more, the first or the longest."""
+
+
+def describe_moments(rows: Index, time: Array | None) -> str:
+    """The moments of rows (k,) in words, by `time` (n,), the log's clock.
+
+    >>> describe_moments(np.array([2, 5]), 10.0 + np.arange(8.0))
+    'near t = 12.0 s and t = 15.0 s'
+    >>> describe_moments(np.array([2]), None)
+    'near row 2'
+    """
+    if not len(rows):
+        return "for all of the log but its ends"
+    named = [
+        f"row {row}" if time is None else f"t = {time[row]:.1f} s" for row in rows[:MOST_MOMENTS]
+    ]
+    if len(rows) > MOST_MOMENTS:
+        return f"near {', '.join(named)} and {len(rows) - MOST_MOMENTS} more times"
+    return f"near {', '.join(named[:-1])}{' and ' if len(named) > 1 else ''}{named[-1]}"
+
+
+def describe_stretches(stretches: Index, time: Array | None) -> str:
+    """Stretches (k, 2), first row and last, in words; the longest where there are many.
+
+    >>> describe_stretches(np.array([[2, 5], [6, 7]]), 10.0 + np.arange(8.0))
+    'from t = 12.0 s to 15.0 s and from 16.0 s to 17.0 s'
+    >>> describe_stretches(np.array([[2, 5]]), None)
+    'from row 2 to 5'
+    """
+    longest = (stretches[:, 0] - stretches[:, 1]).argsort(kind="stable")[:MOST_MOMENTS]
+    named = list[str]()
+    for k in sorted(longest):
+        first, last = stretches[k]
+        if time is None:
+            ends = f"{'row ' if not named else ''}{first} to {last}"
+        else:
+            ends = f"{'t = ' if not named else ''}{time[first]:.1f} s to {time[last]:.1f} s"
+        named.append(f"from {ends}")
+    if len(stretches) > MOST_MOMENTS:
+        return f"{', '.join(named)} and {len(stretches) - MOST_MOMENTS} times more"
+    return ", ".join(named[:-1]) + (" and " if len(named) > 1 else "") + named[-1]

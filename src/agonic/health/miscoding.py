@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.health.evidence import FEWEST
 from agonic.maths.one_pass import median
 
 GROSS = 10_000
@@ -23,12 +24,11 @@ FILLED = 0.85
 """Of its period: a range that wraps is filled to both ends by so much at least."""
 NEAR_POWER = 0.03
 """Of a power of two: a period that jumps show to be so near is that."""
-FEWEST = 12
-"""Numbers that show a rule which all of them keep."""
 
 
 class Kind(NamedTuple):
-    """A fault: the word that asks for its inverse, the inverse, and what happened, in words.
+    """A fault: the word that asks for its inverse, "" where readings are lost by it; the inverse,
+    and what happened, in words.
 
     Where its inverse `shifts` readings by a row, an axis that is read a little late is on a better
     ellipsoid by it too: the path alone shows the fault.

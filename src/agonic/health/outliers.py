@@ -9,8 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.health.evidence import OUTLIERS_DOUBTFUL, Evidence
-from agonic.health.finding import Finding, figure
-from agonic.health.moments import describe_stretches
+from agonic.health.finding import Finding, describe_stretches, figure
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.estimation.changes.hidden_states import find_path
 from agonic.maths.one_pass import median

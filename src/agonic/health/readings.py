@@ -9,7 +9,8 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.health.dead_zone import check_dead_zones, find_dead_zones, find_rows_in
 from agonic.health.decoding import find_decoding
-from agonic.health.finding import Finding
+from agonic.health.evidence import FEWEST
+from agonic.health.finding import Finding, Severity
 from agonic.health.resolution import find_quantisation
 from agonic.health.scale import check_gravity
 from agonic.maths.one_pass import find_length, median
@@ -19,9 +20,6 @@ _STEADIEST = 3e-7
 """Relative scatter of the magnitude below which it was made, not measured; float32 has 6e-8."""
 _UNREAD = ("times left out", "acc left out", "gyro left out")
 """How the notes of a reader begin on what it found and could not read."""
-
-FEWEST = 12
-"""Fewer readings than this cannot be judged: nine unknowns leave nothing to check them by."""
 
 
 def inspect(samples: Samples) -> tuple[Finding, ...]:
@@ -179,21 +177,16 @@ def _check_frozen(stuck: Mask, axis: int) -> Finding | None:
     """An axis that stands still, throughout or for a time, while the others move."""
     if not stuck.any():
         return None
-    if _throughout(stuck):
-        ever = "never" if stuck.all() else "hardly ever"
-        return Finding(
-            "frozen axis",
-            "refuse",
-            f"axis {'xyz'[axis]} {ever} changes while the others do",
-            "check the sensor and its wiring; one axis short, only a compass held level is left",
-        )
-    return Finding(
-        "frozen axis",
-        "check",
-        f"axis {'xyz'[axis]} stands still while the others move, in {int(stuck.sum())} readings "
-        f"from row {int(np.argmax(stuck))} on, which were left out",
-        "check the sensor and its wiring",
+    what = (
+        f"stands still while the others move, in {int(stuck.sum())} readings "
+        f"from row {int(np.argmax(stuck))} on, which were left out"
     )
+    move, dead = "check the sensor and its wiring", _throughout(stuck)
+    if dead:
+        what = f"{'never' if stuck.all() else 'hardly ever'} changes while the others do"
+        move += "; one axis short, only a compass held level is left"
+    severity: Severity = "refuse" if dead else "check"
+    return Finding("frozen axis", severity, f"axis {'xyz'[axis]} {what}", move)
 
 
 def find_clipped_rows(field: Array) -> Mask:

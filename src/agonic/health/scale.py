@@ -32,25 +32,21 @@ def check_scale(gain: float, unit: str, size: float | None = None) -> Finding | 
     """
     if unit != "nT" or GAIN[0] < gain < GAIN[1]:
         return None
+    what = f"readings had to be multiplied by {figure(gain)} to reach the stated field"
+    move, doubtful = "check the unit of the log and the reference magnitude", True
     if size is not None and GAIN[0] < size < GAIN[1]:
-        return Finding(
-            "scale",
-            "check" if STRETCH[0] < gain < STRETCH[1] else "refuse",
+        what = (
             f"the fit multiplies readings by {figure(gain)} that have the size of the stated field "
-            "as they are",
-            "they do not follow the attitude, or the sensor was hardly turned: check roll, pitch "
-            "and heading, and turn it through all headings",
+            "as they are"
         )
-    return Finding(
-        "scale",
-        "check",
-        f"readings had to be multiplied by {figure(gain)} to reach the stated field",
-        "check the unit of the log and the reference magnitude",
-    )
+        move = (
+            "they do not follow the attitude, or the sensor was hardly turned: check roll, pitch "
+            "and heading, and turn it through all headings"
+        )
+        doubtful = STRETCH[0] < gain < STRETCH[1]
+    return Finding("scale", "check" if doubtful else "refuse", what, move)
 
 
-GRAVITIES = (1.0, STANDARD_GRAVITY_M_S2)
-"""What an accelerometer reads at rest, in g and in m/s²."""
 NEAR_GRAVITY = 0.03
 """Of gravity: its error of scale, and of its zero."""
 BARE = "no column is named for a magnetometer"
@@ -72,7 +68,7 @@ def check_gravity(samples: Samples) -> Finding | None:
     size = find_length(samples.field)
     middle = median(size)
     turned = float(np.ptp(samples.field, axis=0).max()) > middle / 4
-    near = [abs(middle / one - 1) < NEAR_GRAVITY for one in GRAVITIES]
+    near = [abs(middle / one - 1) < NEAR_GRAVITY for one in (1.0, STANDARD_GRAVITY_M_S2)]
     if not any(near) or not turned or median(np.abs(size - middle)) > NEAR_GRAVITY * middle:
         return None
     return Finding(

@@ -19,16 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
-from agonic.health.evidence import HOLDS, SHIFT_DOUBTFUL, SHIFT_OVER_NOISE, SHIFT_REFUSED, Evidence
-from agonic.health.finding import Finding, figure
-from agonic.health.moments import describe_moments
+from agonic.health.decoding import ENOUGH, fit_ellipsoid, hold_shape, list_columns
+from agonic.health.evidence import (
+    FEWEST,
+    HOLDS,
+    SHIFT_DOUBTFUL,
+    SHIFT_OVER_NOISE,
+    SHIFT_REFUSED,
+    Evidence,
+)
+from agonic.health.finding import Finding, describe_moments, figure
 from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.estimation.changes.hidden_states import find_path
 
-MOST_ROWS = 2000
-"""Rows that are enough to tell of all."""
-FEWEST = 12
-"""Rows of either state."""
 STRANGE = 4.0
 """Standard deviations from both ellipsoids that are as likely as belonging to neither."""
 APART = 4.0
@@ -57,12 +60,8 @@ MOST_BIASES = 3
 """Searches for a bias beside those found."""
 PRICE = 15.0
 """Of a switch between lasting states, in log-likelihood: by chance one in e¹⁵ rows."""
-SHAPE_SD = 0.1
-"""Of soft iron, as a prior where few orientations leave the shape open."""
 BY_DIRECTION = 25.0
 """Of χ² with five degrees of freedom: by chance one in 7000."""
-SUBSETS, LOOKED_AT = 400, 400
-"""Spheres through four rows that are tried, and the rows by which they are."""
 MANY, MANY_TO_SD = 0.5, 0.674
 """Of the rows: so many hold the nearest sphere; half of a Gaussian are within 0.674 of its sd."""
 SURE, SURE_TO_SD = 0.3, 0.385
@@ -180,7 +179,7 @@ def find_states(points: Array, residuals: Array, normals: Array, rejected: Mask)
     Parameters: points (n, 3) of the calibrated field over its magnitude, residuals (n,) and normals
     (n, 3) of the fit in the same unit, and which rows it rejected (n,).
     """
-    rows = choose_evenly(len(points), MOST_ROWS)
+    rows = choose_evenly(len(points), ENOUGH)
     points, rejected = points[rows], rejected[rows]
     residuals, normals = residuals[rows], normals[rows]
     changed, first, rest = np.zeros(len(rows), dtype=bool), None, np.arange(len(rows))
@@ -267,14 +266,14 @@ def _guess(
 def _scan(points: Array) -> Iterator[Mask]:
     """The best stretches of whole parts of the log, by cross-products of each part."""
     n = len(points)
-    columns = np.column_stack([*_columns(points), np.sum(points**2, axis=1)])
+    columns = np.column_stack([*list_columns(points), np.sum(points**2, axis=1)])
     edges = np.linspace(0, n, PARTS + 1).astype(np.intp)
     sums = np.array([columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)])
     before = np.concatenate([np.zeros((1, 10, 10)), np.cumsum(sums, axis=0)])
     first, last = np.triu_indices(PARTS + 1, 1)
     inside = before[last] - before[first]
     left = _project(inside) + _project(before[-1] - inside)
-    left[:, range(5), range(5)] += _hold(n)
+    left[:, range(5), range(5)] += hold_shape(n)
     taken = np.linalg.solve(left[:, :5, :5], left[:, :5, 5:])
     rest = left[:, 5, 5] - np.sum(left[:, :5, 5] * taken[:, :, 0], axis=1)
     row = np.arange(n)
@@ -292,39 +291,9 @@ def _project(sums: Array) -> Array:
     )
 
 
-def _columns(points: Array) -> tuple[Array, Array]:
-    """Columns of the shape (n, 5), and of a centre and radius (n, 4)."""
-    x, y, z = points.T
-    bends = np.stack([x * x - z * z, y * y - z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
-    return bends, np.column_stack([-2 * points, np.ones(len(points))])
-
-
-def _hold(rows: int) -> float:
-    """What a prior on the shape adds, for residuals of a hundredth."""
-    return rows * (1e-2 / SHAPE_SD) ** 2
-
-
 def _leave_over(points: Array) -> Mask:
-    """The rows in succession that are far from the sphere that is nearest to many of all.
-
-    2 cᵀp + (ρ² − cᵀc) = pᵀp through the corners of many tetrahedra, then through the nearest rows.
-    """
-    rng = np.random.default_rng(0)
-    design = np.column_stack([2 * points, np.ones(len(points))])
-    square = np.sum(points**2, axis=1)
-    corners = rng.integers(0, len(points), (SUBSETS, 4))
-    corners = corners[np.abs(np.linalg.det(design[corners])) > 1e-6]
-    if not len(corners):
-        return np.zeros(len(points), dtype=bool)
-    spheres = np.linalg.solve(design[corners], square[corners][:, :, None])[:, :, 0].T
-    some = choose_evenly(len(points), LOOKED_AT)
-    off = np.abs(design[some] @ spheres - square[some][:, None])
-    sphere = spheres[:, np.argmin(np.quantile(off, MANY, axis=0))]
-    left = np.abs(design @ sphere - square)
-    for _ in range(3):
-        near = left <= np.quantile(left, MANY)
-        sphere = np.linalg.lstsq(design[near], square[near], rcond=None)[0]
-        left = np.abs(design @ sphere - square)
+    """The rows in succession that are far from the ellipsoid that is nearest to most of all."""
+    left = fit_ellipsoid(points).measure(points)
     noise = max(float(np.quantile(left, MANY)) / MANY_TO_SD, 1e-9)
     return np.asarray(find_path(_weigh(left[None] / noise), PRICE) == 1)
 
@@ -374,13 +343,13 @@ def _last(state: NDArray[np.int8]) -> bool:
 def _fit(points: Array, state: NDArray[np.int8]) -> tuple[Array, float, Array]:
     """Distances (2, n) from the ellipsoid of either state, how far their centres are apart, and
     their radii (2,)."""
-    bends, centre = _columns(points)
+    bends, centre = list_columns(points)
     square = np.sum(points**2, axis=1)
     first, second = (state == 0)[:, None], (state == 1)[:, None]
     design = np.hstack([bends, centre * first, centre * second])
     told = state != _NEITHER
     params, hold = np.zeros(13), np.full(13, _LEAST)
-    hold[:5] = _hold(len(points))
+    hold[:5] = hold_shape(len(points))
     weight = told.astype(float)
     for _ in range(5):
         weighted = design * weight[:, None]

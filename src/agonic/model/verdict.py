@@ -15,8 +15,7 @@ from agonic.health.evidence import (
     RECORD_LONGER,
     SHIFT_DOUBTFUL,
 )
-from agonic.health.finding import Finding, Severity, figure, sort_findings
-from agonic.health.moments import describe_moments
+from agonic.health.finding import Finding, Severity, describe_moments, figure, sort_findings
 from agonic.model.average import EVIDENCE
 from agonic.model.posterior import Posterior
 from agonic.model.shares import Share
