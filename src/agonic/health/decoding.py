@@ -103,7 +103,7 @@ def read_as(samples: Samples, word: str) -> Samples:
     kind = next(kind for kind in KINDS if kind.word == word)
     every, unit = np.ones(3, dtype=bool), next(_find_units(samples.field))
     field = _undo_axes(kind, samples.field, every, unit)
-    known = np.isfinite(field).all(axis=1)
+    known = np.asarray(np.isfinite(field).all(axis=1))
     note = f"numbers read as {word}, as if {kind.what}"
     read = samples.with_columns(field=np.where(known[:, None], field, 0.0))
     return read.select(known).with_columns(notes=(*samples.notes, note))

@@ -162,7 +162,7 @@ def _check_circle(angle_deg: Array, count: int) -> None:
 
 def _read(samples: Samples, reference: Samples | None, visits: list[Index]) -> Stretches:
     """Means of every setting, beside the reference where both have times."""
-    time = np.arange(len(samples)) if samples.time is None else samples.time
+    time = np.arange(float(len(samples))) if samples.time is None else samples.time
     if reference is None or reference.time is None or samples.time is None:
         return average_stretches(visits, time, samples.field)
     beside = put_on_clock(reference, samples), reference.field

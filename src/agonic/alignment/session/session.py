@@ -197,4 +197,5 @@ def put_on_clock(reference: Samples, samples: Samples) -> Array:
     if reference.epoch is None and samples.epoch is None:
         return reference.time
     assert samples.time is not None, "asked for only with times"
-    return compute_unix_s(reference) - (compute_unix_s(samples)[0] - samples.time[0])
+    moments = compute_unix_s(reference) - (compute_unix_s(samples)[0] - samples.time[0])
+    return np.asarray(moments)

@@ -126,7 +126,7 @@ def simulate_session(
             raw, noise, rng, begins, seconds, station=(number + 1).astype(np.float64)
         ),
         reference=read_field(
-            beside, reference_noise, rng, begins, np.arange(len(beside)), "reference"
+            beside, reference_noise, rng, begins, np.arange(float(len(beside))), "reference"
         ),
         pier=Pier(difference=offset),
         remanence=None

@@ -141,7 +141,7 @@ def _delay(seconds: float, session: Session) -> Session:
 def _turn_field(instrument: str, matrix: Array, session: Session) -> Session:
     samples = getattr(session, instrument)
     turned = samples.with_columns(field=samples.field @ matrix.T)
-    return replace(session, **{instrument: turned})  # type: ignore[arg-type]
+    return replace(session, **{instrument: turned})
 
 
 def _turn_attitudes(matrix: Array, star: StarReadings) -> Array:

@@ -147,15 +147,15 @@ def _read_column(
 
         days = write_days(table, found)
     if days is not None and values.dtype.kind in "OUS":
-        whole = [f"{day} {clock}" for day, clock in zip(days, values, strict=True)]
-        clock = read_clock(np.array(whole), factor)
+        moments = [f"{day} {of_day}" for day, of_day in zip(days, values, strict=True)]
+        clock = read_clock(np.array(moments), factor)
         if clock[0] is None:  # the time may hold the date too
             clock = read_clock(values, factor)
     else:
         clock = read_clock(values, factor)
     if date is not None and clock[0] is None and table[date.header].dtype.kind in "OUS":
-        moments = read_clock(table[date.header], None)
-        clock = moments if moments[0] is not None and np.ptp(moments[0]) > 0 else clock
+        by_date = read_clock(table[date.header], None)
+        clock = by_date if by_date[0] is not None and np.ptp(by_date[0]) > 0 else clock
     if date is not None and any(note.startswith(TIMES_OF_DAY) for note in clock[2]):
         clock = _date_clock(clock, table[date.header])
     if not time.documented:
