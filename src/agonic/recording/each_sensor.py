@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.linalg import LinAlgError
 
 from agonic.attitude.course import with_course
 from agonic.console.mounting import parse_mounting
 from agonic.console.place import find_reference
-from agonic.console.progress import progress, waiting
+from agonic.console.progress import counting, progress, waiting
 from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
 from agonic.health.decoding import read_as
 from agonic.logs.log import Log
-from agonic.recording.calibrated import Calibrated, calibrate_as_named
+from agonic.logs.remote import name_locally
+from agonic.recording.calibrated import Calibrated, calibrate_as_named, calibrate_recording
 from agonic.recording.mounting import calibrate, turn_back, turn_readings
-from agonic.recording.out_of_core import calibrate_mission, make_log, open_missions
 from agonic.recording.pair import require_reference, take_mixes, tell_pairs
 from agonic.samples import Samples
+
+if TYPE_CHECKING:
+    from agonic.logs.large.mission import Mission
 
 _Job = tuple[str, Callable[[], Calibrated]]
 """The name of a sensor, and what calibrates it."""
@@ -110,3 +114,47 @@ def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[tuple[str, str]]]
             move = "look for values that no sensor gives, and leave those rows out (--between)"
             failures.append((name, f"the readings could not be computed with ({why}): {move}"))
     return results, failures
+
+
+def open_missions(
+    log: Path, sensor: str | None, unit: str | None, all_rows: Mapping[str, str | bool | None]
+) -> tuple[Mission, ...]:
+    """One for each magnetometer of a table too long for memory; none where it is not.
+
+    Nor where a column names the sensor row by row. `all_rows` are options that need all rows at
+    once, with what was given, if anything.
+    """
+    from agonic.logs.large.mission import is_long, open_mission  # few logs are as long
+
+    if not is_long([log]):
+        return ()
+    mission = open_mission([log], sensor=sensor, unit=unit)
+    names = mission.sensors()
+    given = [name for name, value in all_rows.items() if value]
+    if names and given:
+        raise AgonicError(
+            f"{log.name} has {mission.rows} rows and is read piece by piece, by the magnitude "
+            f"alone, without {', '.join(given)}; cut it, or leave that away"
+        )
+    if sensor is not None:
+        return (mission,) if names else ()
+    return tuple(replace(mission, sensor=name) for name in names)
+
+
+def calibrate_mission(
+    mission: Mission, at: str | None, date: str | None, field: float | None, **settings: Any
+) -> Calibrated:
+    """The calibration of a mission, with the field of the place."""
+    reference, of_place = find_reference(mission.head(), at, date, field)
+    with counting(mission.rows) as tell:
+        return calibrate_recording(mission, reference, progress=tell, **settings, **of_place)
+
+
+def make_log(mission: Mission, results: list[Calibrated]) -> Log:
+    """The rows that were kept of a mission, as the log that they came from."""
+    return Log(
+        path=name_locally(mission.files[0]),
+        format="Parquet table",
+        source=mission.inputs[0],
+        sensors=tuple(result.samples for result in results),
+    )

@@ -161,31 +161,19 @@ def _state_errors(part: Calibration, some: Array) -> tuple[float, float]:
 
 def compare_folds(folds: Folds | None) -> Check:
     """Whether two halves of the log, fitted apart, point the same way."""
-    if folds is None:
-        return Check(
-            name=HALVES,
-            value=float("nan"),
-            limit=AGREEMENT_LIMIT_DEG,
-            unit="°",
-            passed=False,
-            meaning="half of the log is not enough for a fit, so nothing could be held out: record "
-            "longer",
+    apart, limit = float("nan"), AGREEMENT_LIMIT_DEG
+    meaning = "half of the log is not enough for a fit, so nothing could be held out: record longer"
+    if folds is not None:
+        apart = float(np.sqrt(np.mean(angle_deg(folds.unseen, folds.seen) ** 2)))
+        limit = max(limit, CHANCE * folds.turn_deg)
+        meaning = (
+            "calibrations from alternate parts of the log point differently: the field changed, or "
+            "too few directions were visited"
         )
-    turn = angle_deg(folds.unseen, folds.seen)
-    rms = float(np.sqrt(np.mean(turn**2)))
-    limit = max(AGREEMENT_LIMIT_DEG, CHANCE * folds.turn_deg)
-    good = rms <= limit
-    return Check(
-        name=HALVES,
-        value=rms,
-        limit=limit,
-        unit="°",
-        passed=good,
-        meaning="calibrations from alternate parts of the log point the same way"
-        if good
-        else "calibrations from alternate parts of the log point differently: the field changed, "
-        "or too few directions were visited",
-    )
+    good = apart <= limit
+    if good:
+        meaning = "calibrations from alternate parts of the log point the same way"
+    return Check(name=HALVES, value=apart, limit=limit, unit="°", passed=good, meaning=meaning)
 
 
 def find_refusals(checks: Sequence[Check]) -> tuple[Finding | None, ...]:

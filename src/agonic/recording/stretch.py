@@ -9,11 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
+from agonic.calibration.affine import Affine
 from agonic.fit import Fit
 from agonic.health import Finding
-from agonic.maths.equation.affine import FREE
-from agonic.maths.equation.coverage import heading_sd_deg
+from agonic.maths.equation.coverage import find_rms_sd, heading_jacobian_deg
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.one_pass import find_length, median
 
@@ -90,15 +89,11 @@ def state_heading_deg(part: Affine, field: Array, whole: Fit) -> float:
     size, coverage = find_length(field), whole.coverage
     assert part.magnitude is not None
     assert part.covariance is not None
-    count = len(FREE_PARAMETERS if part.gauge == FREE else PARAMETERS)  # sources come after
-    stated = heading_sd_deg(
-        coverage.inclination_deg,
-        part.magnitude,
-        part.matrix,
-        part.covariance[:count, :count],
-        part.gauge,
-        down=coverage.down,
+    by_heading = heading_jacobian_deg(
+        coverage.inclination_deg, part.magnitude, part.matrix, part.gauge, coverage.down
     )
+    m = by_heading.shape[-1]  # sources on board come after
+    stated = find_rms_sd(by_heading, part.covariance[:m, :m])
     own = robust_scale(size - median(size)) * 3 / float(np.trace(part.matrix))
     return float(stated) * own / whole.noise
 

@@ -84,11 +84,6 @@ def write_field(result: Any, name: str) -> str:
     return quantity(value, unit, how.digits)
 
 
-def list_heads(kind: Any) -> tuple[str, ...]:
-    """The labels of the fields that are shown."""
-    return tuple(how.label for how in list_shown(kind).values() if how.label)
-
-
 def make_table(
     results: Sequence[Any],
     *,
@@ -97,12 +92,11 @@ def make_table(
     scrolls: bool = False,
 ) -> Table:
     """The results of one kind, a row each; those that are `taken` have a tick."""
-    kind = type(results[0])
-    names = [name for name, how in list_shown(kind).items() if how.label]
-    rows = [[write_field(one, name) for name in names] for one in results]
+    heads = {name: how.label for name, how in list_shown(type(results[0])).items() if how.label}
+    rows = [[write_field(one, name) for name in heads] for one in results]
     for row, one in zip(rows, results, strict=True):
         row[0] = f"{'✓ ' if taken(one) else ''}{row[0]}"
-    return Table(list_heads(kind), rows, style, scrolls)
+    return Table([*heads.values()], rows, style, scrolls)
 
 
 def make_record(result: Any) -> dict[str, Any]:

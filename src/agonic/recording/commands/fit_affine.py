@@ -80,7 +80,7 @@ def ellipsoid(
     as_json: Json = False,
 ) -> int:
     """Bias and matrix from the magnitude alone."""
-    from agonic.recording.out_of_core import calibrate_mission, open_missions
+    from agonic.recording.each_sensor import calibrate_mission, open_missions
 
     settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
     settings["soft_iron_sd"] = soft_iron_sd or None

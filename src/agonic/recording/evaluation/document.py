@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -71,15 +71,13 @@ def _describe_sensor(result: Evaluation) -> Document:
                 [make_table(result.measures), _explain(result)],
                 printed=True,
             ),
-            Section("Errors over time", [_drawing(result, one) for one in result.measures]),
+            Section(
+                "Errors over time", [partial(draw_errors, result, one) for one in result.measures]
+            ),
             Section("Block by block", [_list_blocks(result)]),
         ],
         values=_list_values(result),
     )
-
-
-def _drawing(result: Evaluation, one: Measure) -> Callable[[], Markup]:
-    return partial(draw_errors, result, one)
 
 
 def _explain(result: Evaluation) -> str:
