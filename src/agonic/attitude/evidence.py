@@ -34,6 +34,7 @@ from agonic.health import (
     find_side,
     inspect,
 )
+from agonic.health.evidence import HEADING_REFUSED_DEG
 from agonic.maths.equation.channels import (
     Problem,
     compute_distances,
@@ -49,7 +50,6 @@ from agonic.model.verdict import judge, shows_changes
 from agonic.samples import Samples
 
 ATTITUDE_DOUBTFUL_DEG = 5.0
-ATTITUDE_REFUSED_DEG = 15.0
 HALF_DEG = 150
 """Headings that leave such a gap show less than a circle's centre, if the vehicle stays level."""
 LEVEL_TILT_DEG = 20.0
@@ -246,17 +246,17 @@ def _findings(
 
 def _doubt_attitude(tilt_sd: float, felt: bool) -> Finding:
     """The finding that roll and pitch, recorded or felt by an accelerometer, are not those."""
-    why = "roll and pitch are wrong, late, or the field is disturbed"
+    why = "roll and pitch are wrong or late, or a magnet or steel stands near"
     move = "check the attitude, its axes and its delay; fly gentle turns"
     if felt:
         why = (
-            "the vehicle speeds up and brakes, the axes or units of accelerometer and gyro are "
-            "wrong, or the field is disturbed"
+            "a magnet or steel stands near, the vehicle speeds up and brakes, or the axes or units "
+            "of accelerometer and gyro are wrong"
         )
         move = "turn slowly, without jolts; check axes, units and times of accelerometer and gyro"
     return Finding(
         "attitude",
-        "refuse" if tilt_sd > ATTITUDE_REFUSED_DEG else "check",
+        "refuse" if tilt_sd > HEADING_REFUSED_DEG else "check",
         f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model: {why}",
         move,
     )

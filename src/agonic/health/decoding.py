@@ -29,6 +29,7 @@ from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.one_pass import find_length, median
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
+from agonic.units import RAW
 
 ENOUGH = 2000
 """Rows that are enough to tell of all."""
@@ -101,7 +102,8 @@ def read_as(samples: Samples, word: str) -> Samples:
     """
     check_choice("--as", word, WORDS)
     kind = next(kind for kind in KINDS if kind.word == word)
-    every, unit = np.ones(3, dtype=bool), next(_find_units(samples.field))
+    unit = 1.0 if samples.unit == RAW else next(_find_units(samples.field))
+    every = np.ones(3, dtype=bool)
     field = _undo_axes(kind, samples.field, every, unit)
     known = np.asarray(np.isfinite(field).all(axis=1))
     note = f"numbers read as {word}, as if {kind.what}"

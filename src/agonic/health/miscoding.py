@@ -41,11 +41,7 @@ class Kind(NamedTuple):
 
 
 def drop_gross(numbers: Array) -> Array | None:
-    """Without those of a size that no sensor gives.
-
-    >>> drop_gross(np.array([3.0, -2.0, 1e12]))
-    array([ 3., -2., nan])
-    """
+    """Without those of a size that no sensor gives."""
     far = np.abs(numbers) > GROSS * max(median(np.abs(numbers)), 1.0)
     return np.where(far, np.nan, numbers) if far.any() else None
 
@@ -63,24 +59,14 @@ def drop_markers(numbers: Array) -> Array | None:
 
 
 def sign(numbers: Array) -> Array | None:
-    """Sixteen bits with a sign that were printed without.
-
-    >>> sign(np.array([5.0, 65535.0]))
-    array([ 5., -1.])
-    """
+    """Sixteen bits with a sign that were printed without."""
     high = numbers >= WORD // 2
     possible = numbers.min() >= 0 and numbers.max() < WORD and high.any()
     return numbers - WORD * high if possible else None
 
 
 def unwrap(numbers: Array) -> Array | None:
-    """Numbers that go on at the other end of their range; their middle near zero.
-
-    >>> turning = 1500 * np.sin(np.linspace(0, 20, 200))
-    >>> unwrapped = unwrap((turning + 1024) % 2048 - 1024)
-    >>> bool(np.allclose(unwrapped, turning))
-    True
-    """
+    """Numbers that go on at the other end of their range; their middle near zero."""
     steps, reach = np.diff(numbers), float(np.ptp(numbers))
     jumps = np.abs(steps) > reach / 2
     beside = (np.r_[0.0, steps[:-1]] + np.r_[steps[1:], 0.0]) / 2
@@ -99,11 +85,7 @@ def unwrap(numbers: Array) -> Array | None:
 
 
 def exchange_bytes(numbers: Array) -> Array | None:
-    """Sixteen bits with a sign whose bytes were exchanged.
-
-    >>> exchange_bytes(np.array([256.0, -257.0]))
-    array([ 1., -2.])
-    """
+    """Sixteen bits with a sign whose bytes were exchanged."""
     if numbers.min() < -WORD // 2 or numbers.max() >= WORD:
         return None
     high, low = np.divmod(numbers % WORD, BYTE)
@@ -112,11 +94,7 @@ def exchange_bytes(numbers: Array) -> Array | None:
 
 
 def carry_low_byte(numbers: Array) -> Array | None:
-    """Numbers that were added up of a high byte and a low one with a sign.
-
-    >>> carry_low_byte(np.array([256.0 - 1, 256.0 + 1]))
-    array([511., 257.])
-    """
+    """Numbers that were added up of a high byte and a low one with a sign."""
     return np.asarray(numbers + BYTE * (numbers % BYTE >= BYTE // 2))
 
 
@@ -134,11 +112,7 @@ def drop_extended(numbers: Array) -> Array | None:
 
 
 def advance_low_byte(numbers: Array) -> Array | None:
-    """Numbers with the low byte of the one before; that of the last is not known.
-
-    >>> advance_low_byte(np.array([256.0 + 9, 512.0 + 1, 512.0 + 2]))
-    array([257., 514.,  nan])
-    """
+    """Numbers with the low byte of the one before; that of the last is not known."""
     low = numbers % BYTE
     return np.append((numbers - low)[:-1] + low[1:], np.nan)
 

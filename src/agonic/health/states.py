@@ -136,8 +136,11 @@ def check_states(e: Evidence, left: float | None) -> Finding | None:
     """The finding that two sensors are mixed, or that the bias was another for a while.
 
     A small step is told where it leaves as little as the terms that compete with it: `left`, the
-    noise over the radius, None where there are none.
+    noise over the radius, None where there are none. Few readings tell nothing: of 36 with ten
+    outliers, 13 unknowns put half on either ellipsoid.
     """
+    if len(e.readings) < 5 * FEWEST:
+        return None
     raw, at = (e.readings - e.bias) / e.radius, (e.residuals / e.radius, e.normals)
     try:
         found = None if e.noise < HOLDS * e.radius else find_states(raw, *at, e.weights == 0.0)

@@ -50,7 +50,8 @@ TIME = (
         scale=2e-3,
         source="100 nT while a sensor warms up by some degrees (RM3100, MMC5983 data sheets)",
         what="the bias moved during the log",
-        move="let it warm up, keep iron and currents as they are, and record again",
+        move="let it warm up, keep iron and currents as they are, stay away from magnets and steel "
+        "that stand near, and record again",
         moves=True,
     ),
     Term(
