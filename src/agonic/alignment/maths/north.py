@@ -58,15 +58,41 @@ class Swing(NamedTuple):
     excess: float = 1.0
 
 
-def multiply_transits(amplitude_east: Array, amplitude_west: Array, dt_s: Array) -> Array:
-    """a Δt: half the sum of the amplitudes times the eastern less the western half-period, s."""
-    return np.asarray((amplitude_east + amplitude_west) / 2 * dt_s)
+class Regression(NamedTuple):
+    """Coefficients (c,) with covariance (c, c), and how the readings scatter about the line.
+
+    `excess` is how many times the stated noise they do, 1 where chance explains it.
+    """
+
+    found: Array
+    covariance: Array
+    freedom: int
+    excess: float
+
+
+def regress(design: Array, values: Array, stated_sd: float | Array | None = None) -> Regression:
+    """Least squares of values (n,) on a design (n, c), their noise as stated or by what is left.
+
+    The stated noise is widened where the values scatter by more; without one it is that of the
+    residuals by Student's t, NaN where nothing is left to tell it.
+    """
+    inverse = leastsq.inverse(design.T @ design)
+    found, *_ = np.linalg.lstsq(design, values, rcond=None)
+    left, freedom = values - design @ found, len(values) - design.shape[1]
+    excess, noise = 1.0, float("nan")
+    if stated_sd is not None:
+        stated = np.broadcast_to(stated_sd, left.shape)
+        excess = exceed_stated(float(((left / stated) ** 2).sum()), freedom, 1.0)
+        noise = excess * float(np.sqrt((stated**2).mean()))
+    elif freedom > 0:
+        noise = float(np.sqrt(left @ left / freedom)) * compute_widening(freedom)
+    return Regression(found, noise**2 * inverse, freedom, excess)
 
 
 def fit_transits(
     setting_deg: Array,
     product: Array,
-    product_sd: Array,
+    product_sd: Array | None,
     constant: float | None = None,
     constant_sd: float = 0.0,
 ) -> tuple[North, float, float]:
@@ -74,43 +100,22 @@ def fit_transits(
 
     Where c is not given it comes from the settings: a Δt = (N − N′)/c is a straight line in N′,
     and N where it crosses zero; of two settings c = (N′₂ − N′₁)/(a₁Δt₁ − a₂Δt₂). The noise is that
-    of a Δt, `product_sd`, unless transits scatter by more; where it is NaN, that of the spread
-    about the line.
+    of a Δt, `product_sd`, unless transits scatter by more, or else that of the spread.
     """
+    ones = np.ones(len(product))
     if constant is not None:
-        return _with_constant(setting_deg, product, product_sd, constant, constant_sd)
+        stated = None if product_sd is None else constant * product_sd
+        mean = regress(ones[:, None], setting_deg + constant * product, stated)
+        sd = float(np.hypot(np.sqrt(mean.covariance[0, 0]), constant_sd * product.mean()))
+        north = North(float(mean.found[0]), sd, mean.freedom, mean.excess)
+        return north, constant, constant_sd
     middle = float(setting_deg.mean())
-    design = np.stack([np.ones(len(product)), setting_deg - middle], axis=1)
-    line, *_ = np.linalg.lstsq(design, product, rcond=None)
-    freedom = len(product) - 2
-    variance, excess = _variance(product - design @ line, product_sd, freedom)
-    spread = np.linalg.inv(design.T @ design) * variance
-    away = -line[0] / line[1]
-    slope = np.array([-1 / line[1], line[0] / line[1] ** 2])
-    sd = float(np.sqrt(slope @ spread @ slope))
-    constant_sd = float(np.sqrt(spread[1, 1])) / line[1] ** 2
-    return North(middle + float(away), sd, freedom, excess), float(-1 / line[1]), constant_sd
-
-
-def _with_constant(
-    setting_deg: Array, product: Array, product_sd: Array, constant: float, constant_sd: float
-) -> tuple[North, float, float]:
-    each = setting_deg + constant * product
-    freedom = len(each) - 1
-    variance, excess = _variance(each - each.mean(), constant * product_sd, freedom)
-    sd = float(np.sqrt(variance / len(each) + (constant_sd * product.mean()) ** 2))
-    return North(float(each.mean()), sd, freedom, excess), constant, constant_sd
-
-
-def _variance(residuals: Array, stated_sd: Array, freedom: int) -> tuple[float, float]:
-    """Of one transit, and how many times the stated noise they scatter: what is stated, widened
-    where a zero that moves shows in them, or else the spread; NaN with neither."""
-    if np.isfinite(stated_sd).all():
-        excess = exceed_stated(float(((residuals / stated_sd) ** 2).sum()), freedom, 1.0)
-        return float((stated_sd**2).mean()) * excess**2, excess
-    if not freedom > 0:
-        return float("nan"), 1.0
-    return float((residuals**2).sum() / freedom) * compute_widening(freedom) ** 2, 1.0
+    line = regress(np.stack([ones, setting_deg - middle], axis=1), product, product_sd)
+    height, slope = line.found
+    by_line = np.array([-1 / slope, height / slope**2])
+    sd = float(np.sqrt(by_line @ line.covariance @ by_line))
+    north = North(middle - float(height / slope), sd, line.freedom, line.excess)
+    return north, float(-1 / slope), float(np.sqrt(line.covariance[1, 1])) / slope**2
 
 
 def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
@@ -225,17 +230,8 @@ def average_faces(reading_deg: Array, reading_sd: float | None = None) -> Pointi
     design = np.stack([np.ones(len(off)), np.where(second, -1.0, 1.0)], axis=1)
     if not second.any():
         design = design[:, :1]
-    found, *_ = np.linalg.lstsq(design, off, rcond=None)
-    freedom = len(off) - design.shape[1]
-    left = off - design @ found
-    variance = (
-        reading_sd**2
-        if reading_sd
-        else (
-            float(left @ left) / freedom * compute_widening(freedom) ** 2 if freedom > 0 else np.nan
-        )
-    )
-    excess = exceed_stated(float(left @ left), freedom, reading_sd) if reading_sd else 1.0
-    sd = excess * float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
-    collimation = float(found[1]) if second.any() else float("nan")
-    return Pointing(float((reading_deg[0] + found[0]) % 360.0), sd, collimation, freedom, excess)
+    mean = regress(design, off, reading_sd)
+    collimation = float(mean.found[1]) if second.any() else float("nan")
+    reading = float((reading_deg[0] + mean.found[0]) % 360.0)
+    sd = float(np.sqrt(mean.covariance[0, 0]))
+    return Pointing(reading, sd, collimation, mean.freedom, mean.excess)

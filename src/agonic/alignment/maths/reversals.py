@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.alignment.maths.north import North
+from agonic.alignment.maths.north import North, regress
 from agonic.arrays import Array
-from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise.student import compute_widening, exceed_stated
+from agonic.maths.estimation.noise.student import compute_widening
 
 FOUR = 4
 """Turning points that tell a drift, where one's noise is known, but no bend of the decay."""
@@ -53,9 +52,9 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
     excess = 1.0
     if reading_sd:
         sign, step = (-1.0) ** np.arange(n), np.arange(n) - (n - 1) / 2
-        design = np.stack([np.ones(n), sign, sign * step], axis=1)
-        left = turning - design @ np.linalg.lstsq(design, turning, rcond=None)[0]
-        excess = exceed_stated(float(left @ left), n - 3, reading_sd)
+        excess = regress(
+            np.stack([np.ones(n), sign, sign * step], axis=1), turning, reading_sd
+        ).excess
     sd = excess * float(np.sqrt(variance * (weight @ weight)))
     drift = _fit_drift(turning, reading_sd)
     return North(float(means.mean()), sd, m - 1, excess, *drift)
@@ -77,15 +76,7 @@ def _fit_drift(turning: Array, reading_sd: float | None) -> tuple[float, float]:
         turning = turning - sign * along**2 * (b * b / (2 * a) if a else 0.0)
     else:
         design = np.column_stack([design, sign * along**2])
-    freedom = n - design.shape[1]
-    if freedom < (0 if reading_sd else 1):
+    if n - design.shape[1] < (0 if reading_sd else 1):
         return 0.0, float("inf")
-    inverse = leastsq.inverse(design.T @ design)
-    found = inverse @ design.T @ turning
-    left = turning - design @ found
-    squares = float(left @ left)
-    if reading_sd:
-        noise = reading_sd * exceed_stated(squares, freedom, reading_sd)
-    else:
-        noise = float(np.sqrt(squares / freedom)) * compute_widening(freedom)
-    return float(found[3]), noise * float(np.sqrt(inverse[3, 3]))
+    line = regress(design, turning, reading_sd)
+    return float(line.found[3]), float(np.sqrt(line.covariance[3, 3]))

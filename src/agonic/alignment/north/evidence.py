@@ -20,154 +20,120 @@ BAD_FACES_ARCSEC = 60.0
 
 def examine(fit: NorthFit) -> NorthFit:
     """The fit with its findings and, where it is not refused, how good it is."""
-    said = (
-        *_disagreement(fit),
-        *_swing(fit),
-        *_drift(fit),
-        *_scatter(fit),
-        *_no_spread(fit),
-        *_faces(fit),
-        *_platform(fit.aligned),
-        *_settling(fit.aligned),
+    found = (
+        *_list_disagreements(fit),
+        _check_swing(fit),
+        _check_drift(fit),
+        _check_scatter(fit),
+        _check_spread(fit),
+        *_list_bad_faces(fit),
+        _check_platform(fit.aligned),
+        _check_settling(fit.aligned),
     )
-    judged = replace(fit, findings=said)
+    judged = replace(fit, findings=tuple(one for one in found if one is not None))
     return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(fit))
 
 
-def _no_spread(fit: NorthFit) -> list[Finding]:
-    if np.isfinite(fit.by[fit.method].sd_deg):
-        return []
-    return [
-        Finding(
-            "no spread",
-            "check",
-            "nothing tells how well north is known",
-            "read more turning points, or state reading_sd_arcsec or time_sd_s",
-        )
-    ]
+def _list_disagreements(fit: NorthFit) -> list[Finding]:
+    best, said = fit.by[fit.method], []
+    move = (
+        "check that all were read on one circle, east increasing, and that amplitudes and times "
+        "belong together"
+    )
+    for name, other in fit.by.items():
+        apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
+        if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
+            what = f"{fit.method} and {name} differ by {figure(3600 * apart)}″"
+            said.append(Finding("methods disagree", "check", what, move))
+    return said
 
 
-def _faces(fit: NorthFit) -> list[Finding]:
-    return [
-        Finding(
-            "faces",
-            "check",
-            f"the two faces to {azimuth.name} differ by "
-            f"{figure(2 * abs(azimuth.collimation_arcsec))}″ and half a turn",
-            "check the readings, and adjust the theodolite",
-        )
-        for azimuth in fit.azimuths
-        if abs(azimuth.collimation_arcsec) > BAD_FACES_ARCSEC
-    ]
+def _check_swing(fit: NorthFit) -> Finding | None:
+    if fit.swing is None or fit.session.swing is None or fit.period_s is None:
+        return None
+    periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
+    if fit.swing.converged and periods >= FEW_PERIODS:
+        return None
+    what = f"the record holds {figure(periods)} periods of the swing"
+    return Finding("short swing", "check", what, "follow the gyro for two periods or more")
 
 
-def _platform(found: Aligned | None) -> list[Finding]:
-    """A platform turned too seldom, or whose residuals are more than noise."""
-    if found is None:
-        return []
-    if len(found.orientation) < 2:
-        return [
-            Finding(
-                "orientations",
-                "refuse",
-                "one orientation leaves the turn about the field open",
-                "turn the platform to at least two others",
-            )
-        ]
-    solution = found.solution
-    if solution.p_value >= RARE:
-        return []
-    return [
-        Finding(
-            "platform misfit",
-            "check",
-            f"the residuals are {figure(float(np.sqrt(solution.chi2 / solution.freedom)))} times "
-            "what the noise explains",
-            "check mirror, orientation numbers, axes of the reference, and "
-            "the magnetometer's calibration",
-        )
-    ]
+def _check_drift(fit: NorthFit) -> Finding | None:
+    if not fit.drift.seen:
+        return None
+    what = (
+        f"the middle of the swing moves by {figure(3600 * abs(fit.drift.size_deg))}″ over the "
+        "record, so north is known to half of that at best"
+    )
+    move = "let the gyro warm up, keep it out of sun and wind, and follow it again"
+    return Finding("zero drifts", "check", what, move)
 
 
-def _settling(found: Aligned | None) -> list[Finding]:
-    """A platform that went on turning after it was set."""
-    if found is None or not found.settled_by.any():
-        return []
-    turned = figure(float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
-    return [
-        Finding(
-            "platform settles",
-            "check",
-            f"the magnetometer turned by {turned}″ while an orientation was recorded; circle and "
-            "levels tell one moment of it, and the standard error was widened by as much",
-            "wait after each turn until the readings rest, and clamp the platform",
-        )
-    ]
-
-
-def _scatter(fit: NorthFit) -> list[Finding]:
+def _check_scatter(fit: NorthFit) -> Finding | None:
     """Readings of the circle that scatter by more than what was stated of one."""
     read = {fit.method: fit.by[fit.method].excess} | {one.name: one.excess for one in fit.azimuths}
     name, excess = max(read.items(), key=lambda item: item[1])
     if excess <= 1.0:
-        return []
+        return None
+    what = (
+        f"the readings of {name} scatter by {figure(excess)} times the stated noise; the standard "
+        "error was widened"
+    )
+    move = "look for a misread circle or a zero that drifts, and read again"
+    return Finding("readings scatter", "check", what, move)
+
+
+def _check_spread(fit: NorthFit) -> Finding | None:
+    if np.isfinite(fit.by[fit.method].sd_deg):
+        return None
+    move = "read more turning points, or state reading_sd_arcsec or time_sd_s"
+    return Finding("no spread", "check", "nothing tells how well north is known", move)
+
+
+def _list_bad_faces(fit: NorthFit) -> list[Finding]:
+    apart = {one.name: 2 * abs(one.collimation_arcsec) for one in fit.azimuths}
     return [
         Finding(
-            "readings scatter",
+            "faces",
             "check",
-            f"the readings of {name} scatter by {figure(excess)} times the stated noise; the "
-            "standard error was widened",
-            "look for a misread circle or a zero that drifts, and read again",
+            f"the two faces to {name} differ by {figure(differ)}″ and half a turn",
+            "check the readings, and adjust the theodolite",
         )
+        for name, differ in apart.items()
+        if differ > 2 * BAD_FACES_ARCSEC
     ]
 
 
-def _disagreement(fit: NorthFit) -> list[Finding]:
-    best = fit.by[fit.method]
-    said = []
-    for name, other in fit.by.items():
-        apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
-        if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
-            said.append(
-                Finding(
-                    "methods disagree",
-                    "check",
-                    f"{fit.method} and {name} differ by {figure(3600 * apart)}″",
-                    "check that all were read on one circle, east "
-                    "increasing, and that amplitudes and times belong together",
-                )
-            )
-    return said
+def _check_platform(found: Aligned | None) -> Finding | None:
+    """A platform turned too seldom, or whose residuals are more than noise."""
+    if found is None:
+        return None
+    if len(found.orientation) < 2:
+        what = "one orientation leaves the turn about the field open"
+        return Finding("orientations", "refuse", what, "turn the platform to at least two others")
+    solution = found.solution
+    if solution.p_value >= RARE:
+        return None
+    more = figure(float(np.sqrt(solution.chi2 / solution.freedom)))
+    move = (
+        "check mirror, orientation numbers, axes of the reference, and the magnetometer's "
+        "calibration"
+    )
+    what = f"the residuals are {more} times what the noise explains"
+    return Finding("platform misfit", "check", what, move)
 
 
-def _swing(fit: NorthFit) -> list[Finding]:
-    if fit.swing is None or fit.session.swing is None or fit.period_s is None:
-        return []
-    periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
-    if fit.swing.converged and periods >= FEW_PERIODS:
-        return []
-    return [
-        Finding(
-            "short swing",
-            "check",
-            f"the record holds {figure(periods)} periods of the swing",
-            "follow the gyro for two periods or more",
-        )
-    ]
-
-
-def _drift(fit: NorthFit) -> list[Finding]:
-    if not fit.drift.seen:
-        return []
-    return [
-        Finding(
-            "zero drifts",
-            "check",
-            f"the middle of the swing moves by {figure(3600 * abs(fit.drift.size_deg))}″ over the "
-            "record, so north is known to half of that at best",
-            "let the gyro warm up, keep it out of sun and wind, and follow it again",
-        )
-    ]
+def _check_settling(found: Aligned | None) -> Finding | None:
+    """A platform that went on turning after it was set."""
+    if found is None or not found.settled_by.any():
+        return None
+    turned = figure(float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
+    what = (
+        f"the magnetometer turned by {turned}″ while an orientation was recorded; circle and "
+        "levels tell one moment of it, and the standard error was widened by as much"
+    )
+    move = "wait after each turn until the readings rest, and clamp the platform"
+    return Finding("platform settles", "check", what, move)
 
 
 def _remarks(fit: NorthFit) -> tuple[str, ...]:

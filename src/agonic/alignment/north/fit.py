@@ -105,16 +105,13 @@ def _transit(session: NorthSession) -> tuple[North, float, float]:
     """By transits: a half-period is the difference of two times, Δt that of two half-periods."""
     transits = session.transits
     assert transits is not None, "asked for only with transits"
-    product = kernel.multiply_transits(
-        transits.amplitude_east, transits.amplitude_west, transits.east_s - transits.west_s
-    )
     amplitude = (transits.amplitude_east + transits.amplitude_west) / 2
     # t1, t2, t3 are stopped: Δt = (t2 − t1) − (t3 − t2), so its variance is (1 + 4 + 1) that of one
-    each = np.nan if session.time_sd_s is None else np.sqrt(6.0) * session.time_sd_s
+    one_sd = session.time_sd_s
     return kernel.fit_transits(
         transits.setting_deg,
-        product,
-        amplitude * each,
+        amplitude * (transits.east_s - transits.west_s),
+        None if one_sd is None else amplitude * np.sqrt(6.0) * one_sd,
         session.transit_constant,
         session.transit_constant_sd,
     )

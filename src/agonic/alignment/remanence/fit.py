@@ -209,37 +209,30 @@ def _findings(fit: RemanenceFit, wanted_arcsec: float) -> list[Finding]:
     findings = []
     matters = wanted_arcsec * ARCSEC_RAD * fit.magnitude
     if fit.chance < RARE and fit.size > matters:
-        findings.append(
-            Finding(
-                "platform remanence",
-                "check",
-                f"the platform has a field of its own of {figure(fit.size)} nT across its axis, "
-                f"which turns a field by up to {figure(fit.size_arcsec)}″",
-                "demagnetize or replace what is magnetic on it, or solve for the bias (--solve "
-                "bias) with the magnetometer where it will stay",
-            )
+        what = (
+            f"the platform has a field of its own of {figure(fit.size)} nT across its axis, which "
+            f"turns a field by up to {figure(fit.size_arcsec)}″"
         )
+        move = (
+            "demagnetize or replace what is magnetic on it, or solve for the bias (--solve bias) "
+            "with the magnetometer where it will stay"
+        )
+        findings.append(Finding("platform remanence", "check", what, move))
     induced, chance = fit.induced, fit.induced_chance
     if induced is not None and chance is not None and chance < RARE and induced > matters:
-        findings.append(
-            Finding(
-                "platform iron",
-                "check",
-                f"something on the platform is magnetized by the field: {figure(induced)} nT go "
-                "round twice in a turn",
-                "find the screw or the motor, or solve for the matrix (--solve bias,matrix)",
-            )
+        what = (
+            f"something on the platform is magnetized by the field: {figure(induced)} nT go round "
+            "twice in a turn"
         )
+        move = "find the screw or the motor, or solve for the matrix (--solve bias,matrix)"
+        findings.append(Finding("platform iron", "check", what, move))
     if fit.sd > matters:
-        findings.append(
-            Finding(
-                "remanence loose",
-                "check",
-                f"the platform's own field is known to {figure(fit.sd)} nT only, and "
-                f"{figure(matters)} nT matter",
-                "take more readings at each setting, and a reference farther off",
-            )
+        what = (
+            f"the platform's own field is known to {figure(fit.sd)} nT only, and "
+            f"{figure(matters)} nT matter"
         )
+        move = "take more readings at each setting, and a reference farther off"
+        findings.append(Finding("remanence loose", "check", what, move))
     return findings
 
 
