@@ -223,7 +223,7 @@ def _findings(
         if (misplaced := check_mounting(cleaned, by_dip.down, vertical)) is not None:
             return (misplaced, *seen)
         side = find_side(cleaned, by_dip.down, np.eye(3), float(np.mean(by_dip.vertical)))
-        astray = tilt_sd is not None and tilt_sd > ATTITUDE_REFUSED_DEG
+        astray = tilt_sd is not None and tilt_sd > HEADING_REFUSED_DEG
         if vertical is not None and astray and side < 0:
             return (REVERSED_FIELD, *seen)
     if evidence.radius < 0:
