@@ -175,7 +175,7 @@ def test_a_temperature_too_many_or_too_few_is_one_line(reason, arguments, capsys
 
 WRONG = {
     "needs a declination": ["boat.toml", "--to", "c"],
-    "takes one calibration": ["boat.toml", "--to", "px4"],
+    "takes one calibration": ["boat.toml", "--to", "ros"],
     "exclude each other": ["boat.toml", "--to", "c", "--at", "52,5", "--declination", "3"],
     "is not S,N,W,E": ["boat.toml", "--to", "c", "--box", "1,2,3"],
     "no box": ["boat.toml", "--to", "c", "--box", "56,45,0,9"],

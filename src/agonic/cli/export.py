@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +10,7 @@ import typer
 
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError
-from agonic.exports.targets import TARGETS, list_words
+from agonic.exports.targets import TARGETS, USE, list_words
 
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
@@ -114,6 +115,10 @@ def export(
     out = out if library is None else library / "src"
     content = read_bytes(cal).lstrip()
     is_setup = not content.startswith(b"{") and not is_foreign(cal)
+    if is_setup and to in USE and not whole:
+        written = _export_vehicle(cal, to, out)
+        _report(written, (written.path,), as_json)
+        return 0
     if (is_setup or whole) and to != "c":
         raise AgonicError(
             f"{to} takes one calibration and not a setup; export the calibration files that the "
@@ -154,6 +159,19 @@ def _choose_library(layout: str | None, to: str, folder: Path) -> Path | None:
             f"--as {layout} with --to {to}: the only layout is --as arduino, and it is for c"
         )
     return folder
+
+
+def _export_vehicle(setup: Path, to: str, out: Path | None) -> Export:
+    """All compasses of a setup in one file of parameters."""
+    from agonic.exports.vehicle import write_vehicle
+    from agonic.files.setup import load_setup
+
+    held = load_setup(setup).compasses
+    path = out or setup.with_suffix(TARGETS[to].suffix)
+    written = write_vehicle(to, {one.sensor: one.calibration for one in held}, path)
+    cards = [one.sensor for one in held if one.deviation is not None]
+    left = f"the deviation card of {', '.join(cards)} is left out: {to} has no place for one"
+    return replace(written, warnings=(*written.warnings, left)) if cards else written
 
 
 def _export_calibration(

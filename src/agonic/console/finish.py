@@ -21,6 +21,8 @@ PURPOSES = {
     ".csv": "the readings",
 }
 """What a file is for, by its ending."""
+TOGETHER = {"compass": "for the autopilot, all compasses: load it in a ground station, and restart"}
+"""What a file of all sensors is for, by its name."""
 _NO_TEXT = (".html", ".htm", ".json", ".mat", ".ods", ".parquet", ".xlsx")
 
 
@@ -100,7 +102,8 @@ def list_files(document: Document, page: Path | None) -> list[Path]:
 
 
 def describe_files(files: Sequence[Path], width: int) -> list[str]:
-    """The files of a folder, a line each, with what each is for.
+    """The files of a folder, a line for all that are for the same, with what that is; those of
+    single sensors that one file holds together are left out.
 
     >>> print(*describe_files([Path("out/report.html"), Path("out/mag.h")], 80), sep="\\n")
     Written to out:
@@ -109,7 +112,16 @@ def describe_files(files: Sequence[Path], width: int) -> list[str]:
     """
     from agonic.report.text import wrap, wrap_entries
 
-    described = {file.name: PURPOSES.get(file.suffix, "") or "beside the others" for file in files}
+    alike: dict[str, list[str]] = {}
+    of_all = {file.suffix for file in files if file.stem in TOGETHER}
+    for file in files:
+        purpose = TOGETHER.get(file.stem) or PURPOSES.get(file.suffix, "") or "beside the others"
+        if file.stem in TOGETHER or file.suffix not in of_all:
+            alike.setdefault(purpose, []).append(file.name)
+    described = {
+        names[0]: purpose + (f" ({len(names)} files, one a sensor)" if len(names) > 1 else "")
+        for purpose, names in alike.items()
+    }
     head = wrap(f"Written to {files[0].parent}:", width=width, indent="")
     return [head, *wrap_entries(described, width=width)]
 

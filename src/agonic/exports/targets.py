@@ -7,7 +7,7 @@ them at no cost.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -56,6 +56,12 @@ TARGETS: dict[str, Target] = {
     "table": Target("table:write_table", ".csv", thermal=True),
     "mr": Target("mr:write_mr", ".csv"),
 }
+
+USE: Mapping[str, tuple[str, str, str]] = {
+    "ardupilot": ("COMPASS_USE{}", "1", "0"),
+    "px4": ("CAL_MAG{}_PRIO", "50", "0"),
+}
+"""Of each autopilot the parameter that has a compass used, with the values for yes and no."""
 
 
 def list_words(names: list[str], last: str) -> str:

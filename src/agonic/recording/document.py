@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from agonic.recording.numbers import (
     list_entries,
     list_numbers,
 )
+from agonic.recording.overview import say_overview
 from agonic.recording.quantities import mixes_sensors
 from agonic.recording.residuals import compute_residuals, find_held_out
 from agonic.recording.sections import describe_disturbers, describe_ladder, summarise_ladder
@@ -104,7 +105,10 @@ def describe_recording(
         )
         for k, result in enumerate(results, start=1)
     ]
-    sensors += [_describe_failure(*failure) for failure in failures]
+    failed = list(failures)
+    sensors += [_describe_failure(*failure) for failure in failed]
+    files = {name: one.files for name, one in (written or {}).items()}
+    overview = partial(say_overview, results, failed, files) if len(sensors) > 1 else None
     rows = [_summarise(k, result) for k, result in enumerate(results, start=1)]
     return Document(
         schema=schema,
@@ -116,6 +120,7 @@ def describe_recording(
         sensors=sensors,
         scripts=["canvas.js", "sphere.js", "copy.js"],
         data={"icosphere": sphere.list_corners},
+        overview=overview,
     )
 
 

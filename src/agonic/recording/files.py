@@ -9,8 +9,9 @@ from pathlib import Path
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
-from agonic.exports.targets import TARGETS
+from agonic.exports.targets import TARGETS, USE
 from agonic.exports.targets import write as write_target
+from agonic.exports.vehicle import write_vehicle
 from agonic.files.calibration import save
 from agonic.files.names import file_stem
 from agonic.files.setup import save_setup
@@ -36,11 +37,25 @@ def write_folder(
     """
     make_folder(folder)
     written = {result.samples.name: _sensor_files(result, stack, folder) for result in results}
-    setup = _setup(results, written, folder)
+    setup = [*_write_all_compasses(results, stack, folder), *_setup(results, written, folder)]
     page = str(folder / "report.html")
     document = describe_recording(results, title=title, written=written, failures=failures)
     write_atomically(page, document.to_html())
     return {name: w._replace(files=[*w.files, *setup, page]) for name, w in written.items()}
+
+
+def _write_all_compasses(results: Sequence[Calibrated], stack: str, folder: Path) -> list[str]:
+    """One file of parameters for all compasses of an autopilot, where there are several."""
+    there = [one for one in results if not one.samples.corrected]
+    usable = {one.samples.name: one.calibration for one in there if one.verdict != "refused"}
+    if stack not in USE or len(results) < 2 or not usable:
+        return []
+    unused = tuple(one.samples.name for one in there if one.verdict == "refused")
+    path = folder / f"compass{TARGETS[stack].suffix}"
+    try:
+        return [str(write_vehicle(stack, usable, path, unused=unused).path)]
+    except AgonicError:  # the files of each sensor say why
+        return []
 
 
 def _setup(results: Sequence[Calibrated], written: dict[str, Written], folder: Path) -> list[str]:

@@ -69,6 +69,8 @@ class Document:
     sensors : a document for each sensor, where there are several.
     contents : whether the page has a table of contents. calibration, samples : whose provenance is
         shown.
+    overview : lines of the text, for a width, that stand for all that the sensors say where the
+        text is brief.
     styles, scripts : files of `static/`. data : JSON for the scripts, by its id in the page.
     """
 
@@ -98,6 +100,7 @@ class Document:
     styles: Sequence[str] = ()
     scripts: Sequence[str] = ()
     data: Mapping[str, Callable[[], Any]] | None = None
+    overview: Callable[[int], Iterable[str]] | None = None
 
     @property
     def good(self) -> bool:
@@ -195,6 +198,9 @@ class Document:
         for note in self.remarks:
             if note not in said:
                 yield text.wrap(note, width=width, label="Note      ")
+        if brief and self.overview is not None:
+            yield from self.overview(width)
+            return
         shared = list_repeated(self.sensors)
         for sensor in self.sensors:
             yield ""
