@@ -63,9 +63,12 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
     unseen = rms * _compare_to_seen(estimate)
-    tried = compare_alternatives(problem, estimate.solution.params, estimate.weights, readings.x)
+    noise = estimate.noise
+    prior = estimate.prior * noise.sd**2 * noise.correlation
+    at = (problem, estimate.solution.params, estimate.weights, readings.x)
+    tried = compare_alternatives(*at, prior)
     alternatives = list_unseen(tried, unseen)
-    found += judge_alternatives(alternatives, unseen)
+    found += [*judge_unseen(unseen, before), *judge_alternatives(alternatives, unseen)]
     remark = (
         f"the corrected readings are {figure(rms)} nT (rms of an axis) from the known field, "
         f"{figure(unseen)} where the fit has not seen them ({BLOCKS} blocks), {figure(before)} "
@@ -197,6 +200,26 @@ _MOVES = {
     FIELD: "keep strong fields away, and step the coil as the field of use changes",
     NETWORK: "agonic fit network LOG --base CALIBRATION --inputs field,temperature, and compare",
 }
+
+
+def judge_unseen(unseen: float, before: float) -> list[Finding]:
+    """A calibration that foretells unseen readings worse than none.
+
+    >>> [f.severity for f in judge_unseen(660_000.0, 2500.0)], judge_unseen(80.0, 2500.0)
+    (['refuse'], [])
+    """
+    if unseen < before:
+        return []
+    return [
+        Finding(
+            "worse than recorded",
+            "refuse",
+            f"readings that the fit has not seen are {figure(unseen)} nT from the known field, as "
+            f"recorded {figure(before)} nT: the record does not determine it",
+            "drive all axes of the coil at every temperature, and check that readings and field "
+            "are of the same moments and axes",
+        )
+    ]
 
 
 def list_unseen(found: Sequence[Alternative], unseen: float) -> dict[str, float]:

@@ -40,13 +40,13 @@ class Alternative(NamedTuple):
 
 
 def compare_alternatives(
-    problem: KnownFieldProblem, params: Array, weights: Array, x: Array
+    problem: KnownFieldProblem, params: Array, weights: Array, x: Array, prior: Array
 ) -> list[Alternative]:
     """Hysteresis and a network, each with how it foretells the blocks that it has not seen.
 
     Parameters: the problem in the order in which the readings were taken, its solution (a,), the
-    weight (n,) of each reading, and the temperatures (n,) as −1…1. Empty where the readings are
-    too few, or too many.
+    weight (n,) of each reading, the temperatures (n,) as −1…1, and the information (a, a) of the
+    prior in units of the residuals. Empty where the readings are too few, or too many.
     """
     n, kept = len(problem.points), weights > 0
     sizes = [3, 9, 3 * UNITS]
@@ -54,7 +54,7 @@ def compare_alternatives(
         return []
     r, jacobian = (np.concatenate(part) for part in zip(*make_pieces(problem)(params), strict=True))
     rows = r.reshape(n, 3), jacobian.reshape(n, 3, -1)
-    plain = _measure(*rows, np.zeros((n, 0)), weights, kept)
+    plain = _measure(*rows, np.zeros((n, 0)), weights, kept, prior)
     candidates = {
         TEMPERATURE: [_play(x[:, None], width) for width in WIDTHS],
         FIELD: [_play(problem.field, width) for width in WIDTHS],
@@ -62,7 +62,7 @@ def compare_alternatives(
     }
     return [
         Alternative(
-            name, min(_measure(*rows, features, weights, kept) for features in tried) / plain
+            name, min(_measure(*rows, features, weights, kept, prior) for features in tried) / plain
         )
         for name, tried in candidates.items()
     ]
@@ -107,7 +107,9 @@ class _Sums(NamedTuple):
         return _Sums(*(one - two for one, two in zip(self, other, strict=True)))
 
 
-def _measure(r: Array, jacobian: Array, features: Array, weights: Array, kept: Mask) -> float:
+def _measure(
+    r: Array, jacobian: Array, features: Array, weights: Array, kept: Mask, prior: Array
+) -> float:
     """The rms of residuals (n, 3) by fits without the block in which a reading lies.
 
     The features (n, k) are added on each axis.
@@ -116,6 +118,7 @@ def _measure(r: Array, jacobian: Array, features: Array, weights: Array, kept: M
     blocks = [slice(a, b) for a, b in pairwise(edges)]
     sums = [_sum_up(r[b], jacobian[b], features[b], weights[b]) for b in blocks]
     whole = _Sums(*(np.sum(parts, axis=0) for parts in zip(*sums, strict=True)))
+    whole = whole._replace(fit=whole.fit + prior)
     ridges = _RIDGES if features.shape[1] else (0.0,)
     total = np.zeros(len(ridges))
     for b, own in zip(blocks, sums, strict=True):

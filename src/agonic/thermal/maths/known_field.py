@@ -16,7 +16,6 @@ from agonic.arrays import Array
 from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.loss import squares
 from agonic.maths.estimation.noise.noise_with_memory import STRETCHES, Stretches, find_memory
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, robust_scale
 
@@ -49,13 +48,15 @@ class KnownFieldProblem(NamedTuple):
 
 class KnownFieldEstimate(NamedTuple):
     """The solution, the noise of a reading on one axis, residuals (n, 3) and weights (n,);
-    `unseen` (n, 3) are the residuals by the fit without the block in which a reading lies."""
+    `unseen` (n, 3) are the residuals by the fit without the block in which a reading lies;
+    `prior` (a, a) is the information of the prior."""
 
     solution: leastsq.Solution
     noise: Noise
     residuals: Array
     weights: Array
     unseen: Array
+    prior: Array
 
 
 def make_pieces(problem: KnownFieldProblem) -> leastsq.Pieces:
@@ -88,28 +89,12 @@ def find_start(problem: KnownFieldProblem) -> Array:
     return np.asarray(np.linalg.lstsq(problem.layout, local.ravel(), rcond=None)[0])
 
 
-def estimate_known_field(
-    problem: KnownFieldProblem, *, robust: bool = True, start: Array | None = None
-) -> KnownFieldEstimate:
-    """The most probable coefficients, and the noise, taken from the residuals.
-
-    Outliers are down-weighted where that foretells unseen readings better: what a model lacks
-    (hysteresis, a lag) spoils whole stretches of readings, and to leave those out fits the rest
-    only. `start` is where to begin, if something near is known.
-    """
-    params = find_start(problem) if start is None else start
-    first = leastsq.solve(make_pieces(problem), params, scale=1.0, loss=squares(), tolerance=1e-6)
-    plain = _summarise(problem, first, _estimate_noise(first.residuals, False, len(params)))
-    noise = _estimate_noise(first.residuals, robust, len(params))
-    if noise.loss == squares():
-        return plain
-    weighted = _solve_robustly(problem, first, noise)
-    needed = 1.0 - _CLEARLY * _measure_clustering(weighted.weights)
-    gained = compare_unseen(weighted, weighted) < needed * compare_unseen(plain, weighted)
-    return weighted if gained else plain
+def leave(problem: KnownFieldProblem, params: Array) -> Array:
+    """The residuals (n, 3)."""
+    return np.concatenate([r for r, _ in make_pieces(problem)(params)]).reshape(-1, 3)
 
 
-def _measure_clustering(weights: Array) -> float:
+def measure_clustering(weights: Array) -> float:
     """The share of the readings that were taken for outliers that stand beside another such."""
     out = weights < _DOUBTED
     beside = np.concatenate([[False], out[:-1]]) | np.concatenate([out[1:], [False]])
@@ -123,90 +108,89 @@ def compare_unseen(one: KnownFieldEstimate, other: KnownFieldEstimate) -> float:
     return float(np.sqrt(np.mean(np.minimum(np.abs(one.unseen), limit) ** 2)))
 
 
-def _solve_robustly(
-    problem: KnownFieldProblem, first: leastsq.Solution, noise: Noise
+def summarise(
+    problem: KnownFieldProblem, params: Array, covariance: Array, noise: Noise, weights: Array
 ) -> KnownFieldEstimate:
-    """The estimate with outliers down-weighted, from that without."""
-    solution, count = first, len(first.params)
-    for _ in range(10):
-        solution = leastsq.solve(
-            make_pieces(problem),
-            solution.params,
-            scale=noise.sd,
-            loss=noise.loss,
-            correlation=noise.correlation,
-            tolerance=1e-2,
-        )
-        before, noise = noise, _estimate_noise(solution.residuals, True, count)
-        if noise.settled(before):
-            break
-    return _summarise(problem, solution, noise)
+    """An estimate with its residuals, and its covariance as noise with memory makes it.
+
+    Parameters: coefficients (a,), their covariance (a, a) by white noise and prior, weights (n,) of
+    the readings.
+    """
+    of_axes = np.repeat(weights, 3).reshape(-1, 3)
+    left = leave(problem, params)
+    r = left.ravel()
+    information = sum_up(problem, params, of_axes)[0] / noise.sd**2
+    prior = _find_prior(covariance, information / noise.correlation)
+    covariance = _allow_for_memory(problem, params, covariance, prior, noise.sd, of_axes.ravel())
+    solution = leastsq.Solution(
+        params,
+        covariance,
+        r,
+        float(r @ r) / noise.sd**2 / 2,
+        information,
+        float(leastsq.condition(information)),
+        1,
+        True,
+    )
+    unseen = _predict_unseen(problem, params, of_axes, prior * noise.sd**2 * noise.correlation)
+    return KnownFieldEstimate(solution, noise, left, weights, unseen, prior)
 
 
-def _summarise(
-    problem: KnownFieldProblem, solution: leastsq.Solution, noise: Noise
-) -> KnownFieldEstimate:
-    """An estimate of a solution, its covariance by the noise that its residuals show."""
-    weights = noise.loss.weight((solution.residuals / noise.sd) ** 2).reshape(-1, 3)
-    solution = leastsq.solve(
-        make_pieces(problem),
-        solution.params,
-        scale=noise.sd,
-        loss=noise.loss,
-        correlation=noise.correlation,
-        tolerance=1e-2,
-    )
-    solution = _allow_for_memory(problem, solution, noise.sd, weights.ravel())
-    return KnownFieldEstimate(
-        solution,
-        noise,
-        solution.residuals.reshape(-1, 3),
-        weights.min(axis=1),
-        _predict_unseen(problem, solution.params, weights),
-    )
+def _find_prior(covariance: Array, information: Array) -> Array:
+    """What is known beyond the readings' own information, (a, a), positive."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    outer = np.outer(size, size)
+    values, axes = np.linalg.eigh(leastsq.inverse(covariance) * outer - information * outer)
+    return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T / outer)
 
 
 def _allow_for_memory(
-    problem: KnownFieldProblem, solution: leastsq.Solution, sd: float, weights: Array
-) -> leastsq.Solution:
-    """The solution with the covariance that noise with memory gives it, where residuals show some.
+    problem: KnownFieldProblem,
+    params: Array,
+    covariance: Array,
+    prior: Array,
+    sd: float,
+    weights: Array,
+) -> Array:
+    """The covariance that noise with memory makes, where residuals show some.
 
     One correlation length is that of all coefficients; but those of a temperature that changes
     slowly feel slow errors, and those of a field that switches do not.
     """
     each, done, parts = -(-len(problem.points) // STRETCHES), 0, []
-    information = np.zeros_like(solution.covariance)
+    information = np.zeros_like(covariance)
     rows = max(_ROWS // each, 1) * each
     for start in range(0, len(problem.points), rows):
         block = problem.select(slice(start, start + rows))
         r, jacobian = (
-            np.concatenate(part) / sd
-            for part in zip(*make_pieces(block)(solution.params), strict=True)
+            np.concatenate(part) / sd for part in zip(*make_pieces(block)(params), strict=True)
         )
         own = weights[done : done + len(r)]
         done += len(r)
         information += (jacobian.T * own) @ jacobian
         axes = np.tile(np.eye(3), (len(r) // 3, 1))
         parts.append(Stretches.of(r, jacobian, own, axes, 3 * each))
-    response = leastsq.inverse(information)
+    response = leastsq.inverse(information + prior)
     stretches = Stretches(*(np.concatenate(of) for of in zip(*parts, strict=True)))
     memory = find_memory(stretches, response, (slice(0, 3),))
     if memory is None:
-        return solution
-    scatter = memory.white * information + memory.scatter
-    return solution._replace(covariance=response @ scatter @ response)
+        return covariance
+    scatter = memory.white * information + memory.scatter + prior
+    return np.asarray(response @ scatter @ response)
 
 
-def _predict_unseen(problem: KnownFieldProblem, params: Array, weights: Array) -> Array:
+def _predict_unseen(
+    problem: KnownFieldProblem, params: Array, weights: Array, prior: Array
+) -> Array:
     """The residuals (n, 3) of each of `BLOCKS` blocks by the fit of the others.
 
-    With A = Σ w JᵀJ and g = Σ w Jᵀr, g = 0 at the minimum of the whole, the fit without block b
-    lies (A − A_b)⁻¹ g_b from it: a Gauss–Newton step, exact where residuals are linear.
+    With A = Σ w JᵀJ + P, P the prior, and g = Σ w Jᵀr, the fit without block b lies (A − A_b)⁻¹ g_b
+    from that of the whole: a Gauss–Newton step, exact where residuals are linear.
     """
     edges = np.linspace(0, len(problem.points), BLOCKS + 1).astype(int)
     blocks = [slice(a, b) for a, b in pairwise(edges.tolist())]
-    sums = [_sum_up(problem.select(rows), params, weights[rows]) for rows in blocks]
-    whole = np.sum([information for information, _ in sums], axis=0)
+    sums = [sum_up(problem.select(rows), params, weights[rows])[:2] for rows in blocks]
+    whole = prior + np.sum([information for information, _ in sums], axis=0)
     unseen = np.empty((len(problem.points), 3))
     for rows, (information, gradient) in zip(blocks, sums, strict=True):
         step = leastsq.inverse(whole - information) @ gradient
@@ -217,18 +201,20 @@ def _predict_unseen(problem: KnownFieldProblem, params: Array, weights: Array) -
     return unseen
 
 
-def _sum_up(problem: KnownFieldProblem, params: Array, weights: Array) -> tuple[Array, Array]:
-    """Information and gradient of some readings."""
-    a, done = len(params), 0
+def sum_up(problem: KnownFieldProblem, params: Array, weights: Array) -> tuple[Array, Array, float]:
+    """Information, gradient, and squares of the residuals of some readings."""
+    a, done, square = len(params), 0, 0.0
     information, gradient, flat = np.zeros((a, a)), np.zeros(a), weights.ravel()
     for r, jacobian in make_pieces(problem)(params):
-        weighted = jacobian * flat[done : done + len(r), None]
+        own = flat[done : done + len(r)]
+        weighted = jacobian * own[:, None]
         information += weighted.T @ jacobian
         gradient += r @ weighted
+        square += float(own @ r**2)
         done += len(r)
-    return information, gradient
+    return information, gradient, square
 
 
-def _estimate_noise(residuals: Array, robust: bool, parameters: int) -> Noise:
+def estimate_noise_of(residuals: Array, robust: bool, parameters: int) -> Noise:
     """The noise of residuals, three to a row: each axis in time order, one after the other."""
     return estimate_noise(residuals.reshape(-1, 3).T.ravel(), robust, parameters)
