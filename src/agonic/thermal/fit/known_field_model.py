@@ -18,9 +18,9 @@ from agonic.arrays import Array, Index
 from agonic.errors import CoverageError
 from agonic.fit import ModelTest
 from agonic.maths.equation.temperature_model import build_covariates
-from agonic.maths.estimation import series
+from agonic.maths.estimation import leastsq, series
 from agonic.maths.estimation.loss import squares
-from agonic.maths.estimation.noise.residuals import Noise, noise_scale, robust_scale
+from agonic.maths.estimation.noise.residuals import Noise
 from agonic.model.average import EVIDENCE, Base, Group, Prior, average, choose, solve
 from agonic.samples import Samples
 from agonic.thermal.fit.scale import NO_LAG, Scale
@@ -32,6 +32,7 @@ from agonic.thermal.maths.known_field import (
     estimate_noise_of,
     find_start,
     leave,
+    list_blocks,
     measure_clustering,
     sum_up,
     summarise,
@@ -98,9 +99,7 @@ def choose_model(
     highest = LARGEST_AUTO if settings.degree == "auto" else settings.degree
     curve = None
     if auto:
-        orders = range(highest + 1)
-        each = (_estimate(readings, order, settings, auto=False)[1] for order in orders)
-        curve = np.array([_measure_unseen(estimate) ** 2 for estimate in each])
+        curve = _measure_orders(readings, highest, settings.robust)
     problem, estimate, odds = _estimate(readings, highest, settings, auto=auto)
     tests: tuple[ModelTest, ...] = ()
     if readings.lag is not None:
@@ -279,7 +278,29 @@ def _find_stay(orders: _Orders, highest: int, rate: bool) -> Index:
     return np.flatnonzero(np.concatenate([powers, of_lag]))
 
 
-def _measure_unseen(estimate: KnownFieldEstimate) -> float:
-    """The standard deviation of what readings are off by where the fit has not seen them."""
-    left = estimate.unseen.ravel()
-    return noise_scale(left, estimate.noise.loss, robust_scale(left), 0)
+def _measure_orders(readings: KnownFieldReadings, highest: int, robust: bool) -> Array:
+    """The mean square of what each order (highest + 1,) leaves of blocks that it has not seen, by
+    algebra about the fit of all orders."""
+    problem = readings.pose(highest, False)
+    orders = _list_orders(problem, readings.scale.half_C)
+    params = _fit(problem, orders, find_start(problem), np.ones(len(readings.x)), None).params
+    left = leave(problem, params)
+    noise = estimate_noise_of(left.ravel(), robust, len(params))
+    weights = noise.loss.weight((left / noise.sd) ** 2).min(axis=1)
+    of_axes = np.repeat(weights, 3).reshape(-1, 3)
+    sums = [
+        sum_up(problem.select(rows), params, of_axes[rows]) for rows in list_blocks(len(readings.x))
+    ]
+    whole = [np.sum(part, axis=0) for part in zip(*((one[0], one[1]) for one in sums), strict=True)]
+    squares = np.zeros(highest + 1)
+    for order in range(highest + 1):
+        own = _find_stay(orders, order, False)
+        gone = np.setdiff1d(np.arange(len(params)), own)
+        for information, gradient, square in sums:
+            # the orders above leave the model: their coefficients move to zero
+            move = np.zeros(len(params))
+            move[gone] = -params[gone]
+            rest, pull = whole[0] - information, whole[1] - gradient
+            move[own] = -leastsq.inverse(rest[np.ix_(own, own)]) @ (pull + rest @ move)[own]
+            squares[order] += square + 2 * gradient @ move + move @ information @ move
+    return np.asarray(squares / (3 * float(weights.sum())))

@@ -179,6 +179,12 @@ def _allow_for_memory(
     return np.asarray(response @ scatter @ response)
 
 
+def list_blocks(n: int) -> list[slice]:
+    """The rows of each of `BLOCKS` blocks of n readings."""
+    edges = np.linspace(0, n, BLOCKS + 1).astype(int)
+    return [slice(a, b) for a, b in pairwise(edges.tolist())]
+
+
 def _predict_unseen(
     problem: KnownFieldProblem, params: Array, weights: Array, prior: Array
 ) -> Array:
@@ -187,8 +193,7 @@ def _predict_unseen(
     With A = Σ w JᵀJ + P, P the prior, and g = Σ w Jᵀr, the fit without block b lies (A − A_b)⁻¹ g_b
     from that of the whole: a Gauss–Newton step, exact where residuals are linear.
     """
-    edges = np.linspace(0, len(problem.points), BLOCKS + 1).astype(int)
-    blocks = [slice(a, b) for a, b in pairwise(edges.tolist())]
+    blocks = list_blocks(len(problem.points))
     sums = [sum_up(problem.select(rows), params, weights[rows])[:2] for rows in blocks]
     whole = prior + np.sum([information for information, _ in sums], axis=0)
     unseen = np.empty((len(problem.points), 3))
