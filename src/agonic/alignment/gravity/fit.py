@@ -2,92 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from agonic.alignment.calibration import make_calibration, make_provenance
+from agonic.alignment.gravity.evidence import describe, examine
+from agonic.alignment.gravity.result import GravityFit
 from agonic.alignment.maths import gravity as kernel
-from agonic.alignment.maths.gravity import GravityEstimate
 from agonic.alignment.maths.stretches import average, find_rows
 from agonic.alignment.session.session import correct_field
 from agonic.arrays import Array
-from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain
-from agonic.calibration.steps import steps_of
 from agonic.errors import LogError
-from agonic.health import Finding, Judged, figure
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.rotations.tilt import down_from_force
-from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
 
 METHOD = ("kok-2016",)
 FEWEST = 6
-OPEN_DEG, LOOSE_DEG = 5.0, 1.0
-"""Standard errors of the turn above which it is not determined, and is worth a word."""
-MISFIT = 0.02
-"""Share of the field that the vertical component may scatter by."""
-ODD_GRAVITY = 0.03
-TURNED_DEG = 90.0
-"""A turn as large may stand for an axis of the wrong sign, with the field turned round."""
-EQUATOR_DEG = 25.0
-"""Beyond this latitude the field dips down in the north and up in the south everywhere."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GravityFit(Judged):
-    """The result of `fit_gravity`.
-
-    Parameters
-    ----------
-    calibration : field_b = rotation.apply(field_m), b the accelerometer's axes; after the
-        magnetometer's own calibration where one was given.
-    estimate : rotation, vertical intensity, bias, covariance, residuals by orientation.
-    down, field : (k, 3) of the orientations at rest. magnitude : of the field, nT or raw.
-    """
-
-    calibration: Alignment | Chain
-    estimate: GravityEstimate
-    down: Array
-    field: Array
-    magnitude: float
-    findings: tuple[Finding, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def n(self) -> int:
-        """How many orientations."""
-        return len(self.down)
-
-    @property
-    def rot_bm(self) -> Array:
-        """Magnetometer components into the accelerometer's, (3, 3)."""
-        return self.estimate.rotation
-
-    @property
-    def angle_deg(self) -> float:
-        """By how much the two are turned against each other."""
-        return float(np.degrees(Rotation.from_matrix(self.rot_bm).magnitude()))
-
-    @property
-    def sd_deg(self) -> Array:
-        """Standard errors (3,) of the turn about the accelerometer's axes."""
-        return np.asarray(np.degrees(np.sqrt(np.diag(self.estimate.covariance)[:3])))
-
-    @property
-    def worst_sd_deg(self) -> float:
-        """About the axis about which it is known least."""
-        turn = self.estimate.covariance[:3, :3]
-        if not np.isfinite(turn).all():
-            return float("inf")
-        return float(np.degrees(np.sqrt(np.linalg.eigvalsh(turn)[-1])))
-
-    @property
-    def inclination_deg(self) -> float:
-        """Of the field, down positive, by magnetometer and accelerometer alone."""
-        return float(np.degrees(np.arcsin(np.clip(self.estimate.vertical / self.magnitude, -1, 1))))
 
 
 def fit_gravity(
@@ -127,15 +60,27 @@ def fit_gravity(
         )
     found = kernel.estimate(down, means, bias=bias, gravity=gravity)
     fit = GravityFit(
-        calibration=_calibration(samples, calibration, found, bias),
+        calibration=make_calibration(
+            found.rotation.T,
+            found.rotation.T @ found.covariance[:3, :3] @ found.rotation,
+            samples,
+            make_provenance(
+                () if samples.source is None else (samples.source,),
+                {samples.name: samples.field},
+                {"fit": "gravity", "bias": bias},
+                *METHOD,
+            ),
+            frame="b",
+            before=calibration,
+        ),
         estimate=found,
         down=down,
         field=means,
+        gravity=gravity,
         magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
     )
-    dips = _dips_wrong(fit, samples.latitude_deg)
-    judged = replace(fit, findings=(*_findings(fit, gravity), *dips))
-    return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(fit))
+    judged = replace(fit, findings=examine(fit, samples.latitude_deg))
+    return judged if judged.verdict == "refused" else replace(judged, remarks=describe(fit))
 
 
 def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, Array, Array]:
@@ -152,114 +97,3 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
     rows = find_rows(number, np.unique(number[still]))
     forces = average(force, rows)
     return down_from_force(forces), average(field, rows), np.linalg.norm(forces, axis=1)
-
-
-def _calibration(
-    samples: Samples, calibration: Calibration | None, found: GravityEstimate, bias: bool
-) -> Alignment | Chain:
-    provenance = Provenance(
-        inputs=() if samples.source is None else (samples.source,),
-        settings={"fit": "gravity", "bias": bias},
-        method=METHOD,
-    )
-    if samples.source is None:
-        provenance = replace(provenance, inputs=(Input.of_array(samples.name, samples.field),))
-    unit = samples.unit if calibration is None else calibration.unit_out
-    turn = Alignment(
-        rotation=Rotation.from_matrix(found.rotation),
-        covariance=found.covariance[:3, :3],
-        unit_in=unit,
-        frame_in="m",
-        frame_out="b",
-        sensor=samples.name,
-        provenance=provenance,
-    )
-    if calibration is None:
-        return turn
-    return Chain(steps=(*steps_of(calibration), turn), provenance=provenance)
-
-
-def _findings(fit: GravityFit, gravity: Array) -> list[Finding]:
-    """What is wrong or worth knowing."""
-    said = []
-    undetermined = not fit.worst_sd_deg < OPEN_DEG
-    left = float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
-    if left > MISFIT:
-        said.append(
-            Finding(
-                "vertical varies",
-                "refuse" if undetermined else "check",
-                "the vertical field "
-                f"scatters by {figure(100 * left)} % of the field between orientations",
-                "calibrate the magnetometer first, and keep away from iron",
-            )
-        )
-    elif undetermined:
-        said.append(
-            Finding(
-                "turn undetermined",
-                "refuse",
-                f"{fit.n} orientations leave the turn about {_axis(fit)} open",
-                "hold it still also nose up, on either side and upside down, and in between",
-            )
-        )
-    elif fit.worst_sd_deg > LOOSE_DEG:
-        said.append(
-            Finding(
-                "turn loose",
-                "check",
-                f"the standard error of the turn about {_axis(fit)} is {figure(fit.worst_sd_deg)}°",
-                "add orientations far from the others",
-            )
-        )
-    uneven = float(np.ptp(gravity) / gravity.mean())
-    if uneven > ODD_GRAVITY:
-        said.append(
-            Finding(
-                "uneven gravity",
-                "check",
-                "the accelerometer reads gravity as "
-                f"{figure(100 * uneven)} % larger one way than another",
-                "calibrate it; its bias tilts every orientation",
-            )
-        )
-    return said
-
-
-def _dips_wrong(fit: GravityFit, latitude_deg: Array | None) -> list[Finding]:
-    """An axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
-    where M mirrors, and the field then dips the other way. Only the hemisphere tells."""
-    dip = fit.inclination_deg
-    north = float("nan") if latitude_deg is None else float(np.nanmedian(latitude_deg))
-    known = abs(north) > EQUATOR_DEG
-    if (known and dip * north >= 0) or (not known and (dip >= 0 or fit.angle_deg < TURNED_DEG)):
-        return []
-    way = "up" if dip < 0 else "down"
-    here = f"at latitude {north:.0f}° it does not" if known else "it does so in the south only"
-    return [
-        Finding(
-            "dips the wrong way",
-            "check",
-            f"by this fit the field dips {way} by {abs(dip):.0f}°, and {here}: an axis of the "
-            "magnetometer or accelerometer with the wrong sign, or two exchanged, fits as well",
-            "compare the axes with the data sheets"
-            + ("" if known else ", or log latitude_deg if this is south of the magnetic equator"),
-        )
-    ]
-
-
-def _axis(fit: GravityFit) -> str:
-    """The accelerometer's axis, in words, about which the turn is known least."""
-    turn = fit.estimate.covariance[:3, :3]
-    if not np.isfinite(turn).all():
-        return "all axes"
-    worst = np.linalg.eigh(turn)[1][:, -1]
-    return f"({', '.join(f'{part:.2f}' for part in worst)}) of the accelerometer's axes"
-
-
-def _remarks(fit: GravityFit) -> tuple[str, ...]:
-    return (
-        f"the magnetometer is misaligned by {figure(fit.angle_deg, 3)}° from the accelerometer, ± "
-        f"{figure(fit.worst_sd_deg)}° about its worst axis, from {fit.n} orientations",
-        f"the field dips by {fit.inclination_deg:.2f}°",
-    )

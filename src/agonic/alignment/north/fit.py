@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from agonic.alignment.calibration import make_calibration, make_provenance
 from agonic.alignment.maths import north as kernel
 from agonic.alignment.maths.north import North, Swing
 from agonic.alignment.maths.reversals import fit_reversals
@@ -18,8 +18,6 @@ from agonic.alignment.north.result import Azimuth, NorthFit
 from agonic.alignment.session.north import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
-from agonic.calibration.steps import steps_of
-from agonic.provenance import Input, Provenance
 
 METHOD = ("harbin-2018",)
 
@@ -133,27 +131,16 @@ def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
 
 def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignment | Chain:
     """field_b = rotation.apply(field_m), after the magnetometer's own calibration."""
-    back = found.rot_mb.T
     magnetometer, reference = session.magnetometer, session.reference
     assert magnetometer is not None, "there is an alignment"
     assert reference is not None, "there is an alignment"
-    provenance = Provenance(
-        inputs=session.sources
-        or (
-            Input.of_array(magnetometer.name, magnetometer.field),
-            Input.of_array(reference.name, reference.field),
-        ),
-        settings={"fit": "north", "method": method, "constant_arcsec": session.constant_arcsec},
-        method=METHOD,
+    settings = {"fit": "north", "method": method, "constant_arcsec": session.constant_arcsec}
+    arrays = {one.name: one.field for one in (magnetometer, reference)}
+    return make_calibration(
+        found.rot_mb,
+        found.covariance,
+        magnetometer,
+        make_provenance(session.sources, arrays, settings, *METHOD),
+        frame="b",
+        before=session.calibration,
     )
-    turn = Alignment(
-        rotation=Rotation.from_matrix(back),
-        covariance=back @ found.covariance @ back.T,
-        frame_in="m",
-        frame_out="b",
-        sensor=magnetometer.name,
-        provenance=provenance,
-    )
-    if session.calibration is None:
-        return turn
-    return Chain(steps=(*steps_of(session.calibration), turn), provenance=provenance)

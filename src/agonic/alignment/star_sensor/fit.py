@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from agonic.alignment.calibration import make_calibration, make_provenance
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.session import Session, check_session, observe
@@ -17,11 +16,10 @@ from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.alignment.star_sensor.solve import solve_session
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
-from agonic.calibration.base import Calibration, Validity
+from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
-from agonic.calibration.steps import steps_of
 from agonic.errors import check_choice
-from agonic.provenance import Input, Provenance
+from agonic.provenance import Provenance
 
 METHOD = ("harbin-2018", "iers-2010")
 OWN = slice(GROUPS["bias"].start, GROUPS["matrix"].stop)
@@ -82,37 +80,19 @@ def fit_alignment(
 
 def _calibration(session: Session, solution: Solution, solve: tuple[str, ...]) -> Alignment | Chain:
     """From the magnetometer's readings to the field in the star sensor's axes."""
-    provenance = Provenance(
-        inputs=session.sources
-        or (
-            Input.of_array(session.star.name, session.star.rot_ci.reshape(-1, 9)),
-            Input.of_array(session.magnetometer.name, session.magnetometer.field),
-            Input.of_array(session.reference.name, session.reference.field),
-        ),
-        settings=_settings(session, solve),
-        method=METHOD,
-    )
-    turn = _turn(session, solution, provenance)
-    steps: list[Calibration] = []
-    if session.calibration is not None:
-        steps += steps_of(session.calibration)
-    if {"bias", "matrix"} & set(solve):
-        steps.append(_own(session, solution, provenance))
-    if not steps:
-        return turn
-    return Chain(steps=(*steps, turn), provenance=provenance)  # type: ignore[arg-type]
-
-
-def _turn(session: Session, solution: Solution, provenance: Provenance) -> Alignment:
-    """field_c = rotation.apply(field_m), R_cm = R_mcᵀ: a turn δ of R_mc is −R_cm δ of R_cm."""
-    back = solution.unknowns.rot_mc.T
-    return Alignment(
-        rotation=Rotation.from_matrix(back),
-        covariance=back @ solution.covariance[:3, :3] @ back.T,
-        frame_in="m",
-        frame_out="c",
-        sensor=session.magnetometer.name,
-        provenance=provenance,
+    star, samples, reference = session.star, session.magnetometer, session.reference
+    arrays = {star.name: star.rot_ci.reshape(-1, 9)}
+    arrays |= {one.name: one.field for one in (samples, reference)}
+    provenance = make_provenance(session.sources, arrays, _settings(session, solve), *METHOD)
+    solved = {"bias", "matrix"} & set(solve)
+    return make_calibration(
+        solution.unknowns.rot_mc,
+        solution.covariance[:3, :3],
+        samples,
+        provenance,
+        frame="c",
+        before=session.calibration,
+        own=_own(session, solution, provenance) if solved else None,
     )
 
 
@@ -126,7 +106,7 @@ def _own(session: Session, solution: Solution, provenance: Provenance) -> Affine
         noise=session.noise,
         sensor=session.magnetometer.name,
         validity=Validity(largest_reading=float(np.abs(session.magnetometer.field).max())),
-        provenance=replace(provenance),
+        provenance=provenance,
     )
 
 
