@@ -45,7 +45,7 @@ def make_calibration(
     steps = [*(() if before is None else steps_of(before)), *(() if own is None else (own,)), turn]
     if len(steps) == 1:
         return turn
-    return Chain(steps=tuple(steps), provenance=provenance)  # type: ignore[arg-type]
+    return Chain(steps=tuple(steps), provenance=provenance)
 
 
 def make_provenance(

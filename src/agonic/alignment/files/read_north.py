@@ -34,7 +34,6 @@ mirror = true
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -49,16 +48,14 @@ from agonic.alignment.files.sections import (
     PlatformSection,
     SightingSection,
 )
+from agonic.alignment.files.tables import GON_DEG, read_table
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
-from agonic.errors import LogError
 from agonic.files.toml_sections import read_section
-from agonic.logs.rows.auxiliary import to_numbers
 
 Columns = dict[str, Array]
 
 FILE_NAME = "north.toml"
-GON_DEG = 0.9
 
 
 TABLES = {
@@ -153,42 +150,7 @@ def _platform(tables: Mapping[str, Columns], part: PlatformSection | None) -> Pl
 
 
 def _read_table(description: Description, file: str, names: tuple[str, ...]) -> Columns:
-    """The columns of a table by name, angles in degrees; every column that is missing is named."""
-    path = description.home / file
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"cannot be read: {error}", path=path) from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    rows = [[cell.strip() for cell in row] for row in csv.reader(lines)]
-    header, cells = (rows[0], rows[1:]) if rows else ([], [])
-    found = {name: _header_of(name, header) for name in names}
-    if missing := [name for name, at in found.items() if at is None]:
-        raise LogError(
-            f"has no column {', '.join(missing)} among {', '.join(header) or 'nothing'}", path=path
-        )
-    for number, row in enumerate(cells, start=2):
-        if len(row) != len(header):
-            raise LogError(f"{len(row)} cells below {len(header)} columns", path=path, row=number)
-    if not cells:
-        raise LogError("has no rows below its header", path=path)
-    description.add_source(file, len(cells))
-    return {name: _column(cells, at, name, path) for name, at in found.items() if at is not None}
-
-
-def _header_of(name: str, header: list[str]) -> tuple[int, float] | None:
-    """Where a column stands, and what makes degrees of it."""
-    if name in header:
-        return header.index(name), 1.0
-    in_gon = name.replace("_deg", "_gon")
-    return (header.index(in_gon), GON_DEG) if in_gon != name and in_gon in header else None
-
-
-def _column(cells: list[list[str]], at: tuple[int, float], name: str, path: Path) -> Array:
-    column, factor = at
-    values = to_numbers(np.array([row[column] for row in cells]))
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        row = int(bad[0])
-        raise LogError(f"{name} is {cells[row][column]!r}, no number", path=path, row=row + 2)
-    return values * factor
+    """The columns of a table by name, angles in degrees."""
+    table = read_table(description.home / file, f"a CSV table of {', '.join(names)}")
+    description.add_source(file, len(table))
+    return table.read_angles(names)

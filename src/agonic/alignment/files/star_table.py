@@ -10,8 +10,6 @@ cov_xx_arcsec2, cov_yy_…, cov_zz_…, cov_xy_…, cov_xz_…, cov_yz_…
 
 from __future__ import annotations
 
-import csv
-from io import StringIO
 from pathlib import Path
 from typing import Literal
 
@@ -19,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.files.tables import Table, format_table, read_table
 from agonic.alignment.session import StarReadings
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.clocks.clock import read_clock
-from agonic.logs.contents import read_text
 from agonic.logs.rows.auxiliary import to_numbers
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
@@ -56,69 +54,33 @@ def read_stars(path: Path, turns: Turns = "ci", *, numbered: bool = True) -> Sta
     ...     read_stars(file).boresight_i[0].round(9).tolist()
     [0.0, 1.0, 0.0]
     """
-    table = _table(path)
-    time = _times(table, path)
+    table = read_table(path, "a CSV table of attitudes")
     return StarReadings(
-        time=time,
-        orientation=_orientations(table, path, len(time), numbered),
-        rot_ci=_attitudes(table, turns, path),
-        covariance=_covariances(table, path),
+        time=_times(table),
+        orientation=_orientations(table, numbered),
+        rot_ci=_attitudes(table, turns),
+        covariance=_covariances(table),
     )
 
 
-def _orientations(
-    table: dict[str, list[str]], path: Path, n: int, numbered: bool
-) -> NDArray[np.int64]:
+def _orientations(table: Table, numbered: bool) -> NDArray[np.int64]:
     """The number of each row's orientation; 0 throughout where the table may lack it."""
-    if not numbered and not set(NUMBERS) & set(table):
-        return np.zeros(n, dtype=np.int64)
-    number = _numbers(table, _one_of(table, NUMBERS, "the orientation's number", path), path)
+    if not numbered and not any(name in table for name in NUMBERS):
+        return np.zeros(len(table), dtype=np.int64)
+    number = table.read_numbers(table.find(NUMBERS, "the orientation's number"))
     if (number != np.round(number)).any():
-        raise LogError("orientations are whole numbers", path=path)
+        raise LogError("orientations are whole numbers", path=table.path)
     return number.astype(np.int64)
 
 
-def _table(path: Path) -> dict[str, list[str]]:
-    """The columns by header, as text."""
-    text = read_text(path, "a CSV table of attitudes")
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    rows = list(csv.reader(lines))
-    if len(rows) < 2:
-        raise LogError("there is no row of attitudes below a header", path=path)
-    header = [name.strip() for name in rows[0]]
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(header):
-            raise LogError(f"{len(row)} cells below {len(header)} columns", path=path, row=number)
-    return {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(header)}
-
-
-def _one_of(table: dict[str, list[str]], names: tuple[str, ...], what: str, path: Path) -> str:
-    found = next((name for name in names if name in table), None)
-    if found is None:
-        raise LogError(
-            f"no column with {what} ({' or '.join(names)}) among {', '.join(table)}", path=path
-        )
-    return found
-
-
-def _numbers(table: dict[str, list[str]], name: str, path: Path) -> Array:
-    """A column of numbers; the first that is none is an error."""
-    values = to_numbers(np.array(table[name]))
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        row = int(bad[0])
-        raise LogError(f"{name} is {table[name][row]!r}, no number", path=path, row=row + 2)
-    return values
-
-
-def _times(table: dict[str, list[str]], path: Path) -> Array:
+def _times(table: Table) -> Array:
     """Seconds since 1970, in the time scale of the table."""
-    name = _one_of(table, TIMES, "times", path)
-    texts = np.array(table[name])
+    name = table.find(TIMES, "times")
+    texts = np.array(table.columns[name])
     plain = to_numbers(texts)
     if name != "utc" and np.isfinite(plain).all():
         if "epoch_unix" in table:
-            return np.asarray(plain + _numbers(table, "epoch_unix", path))
+            return np.asarray(plain + table.read_numbers("epoch_unix"))
         if np.median(plain) > 1e8:
             return plain
     seconds, epoch, _ = read_clock(texts if not np.isfinite(plain).all() else plain, 1.0)
@@ -126,21 +88,23 @@ def _times(table: dict[str, list[str]], path: Path) -> Array:
         raise LogError(
             f"column {name} has no dates; give utc as 2024-03-12T20:00:00Z, Unix seconds, or "
             "epoch_unix beside it",
-            path=path,
+            path=table.path,
         )
     return np.asarray(seconds + epoch.timestamp())
 
 
-def _attitudes(table: dict[str, list[str]], turns: Turns, path: Path) -> Array:
+def _attitudes(table: Table, turns: Turns) -> Array:
     """Inertial components into the star sensor's, (n, 3, 3)."""
     if all(name in table for name in QUATERNION):
-        w, x, y, z = (_numbers(table, name, path) for name in QUATERNION)
+        w, x, y, z = (table.read_numbers(name) for name in QUATERNION)
         quaternions = np.stack([x, y, z, w], axis=1)
         length = np.linalg.norm(quaternions, axis=1)
         off = int(np.abs(length - 1).argmax())
         if abs(length[off] - 1) > _LENGTH:
             raise LogError(
-                f"the quaternion has the length {length[off]:.4g}, not 1", path=path, row=off + 2
+                f"the quaternion has the length {length[off]:.4g}, not 1",
+                path=table.path,
+                row=off + 2,
             )
         turned = Rotation.from_quat(quaternions)
         return np.asarray((turned if turns == "ci" else turned.inv()).as_matrix())
@@ -148,27 +112,27 @@ def _attitudes(table: dict[str, list[str]], turns: Turns, path: Path) -> Array:
     if missing:
         raise LogError(
             f"no attitudes: there is no {', '.join(missing)}, nor {', '.join(QUATERNION)}",
-            path=path,
+            path=table.path,
         )
-    ra, dec, rot = (_numbers(table, name, path) for name in ANGLES)
+    ra, dec, rot = (table.read_numbers(name) for name in ANGLES)
     high = int(np.abs(dec).argmax())
     if abs(dec[high]) > 90:
         raise LogError(
             f"dec_deg is {dec[high]:g}: a declination lies between −90 and 90, and "
             "is no polar distance",
-            path=path,
+            path=table.path,
             row=high + 2,
         )
     return rot_ci(ra, dec, rot)
 
 
-def _covariances(table: dict[str, list[str]], path: Path) -> Array | None:
+def _covariances(table: Table) -> Array | None:
     """Covariances (n, 3, 3), rad², or `None` where the table has none."""
     if all(name in table for name in COVARIANCE):
-        six = np.stack([_numbers(table, name, path) for name in COVARIANCE], axis=-1)
+        six = np.stack([table.read_numbers(name) for name in COVARIANCE], axis=-1)
         return unpack_symmetric(six) * ARCSEC_RAD**2
     if all(name in table for name in SDS):
-        across, about = (_numbers(table, name, path) for name in SDS)
+        across, about = (table.read_numbers(name) for name in SDS)
         return make_diagonal(across, about)
     return None
 
@@ -193,8 +157,4 @@ def format_stars(star: StarReadings) -> str:
         parts = pack_symmetric(star.covariance).T
         cells = [[f"{v:.12g}" for v in part / ARCSEC_RAD**2] for part in parts]
         columns |= dict(zip(COVARIANCE, cells, strict=True))
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return stream.getvalue()
+    return format_table(columns)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from msgspec.structs import asdict
-from numpy.typing import ArrayLike
 
 from agonic.alignment.files import read_coil, read_north, read_session
 from agonic.alignment.files.sections import GyroSection, PlatformSection
 from agonic.alignment.files.star_table import format_stars
+from agonic.alignment.files.tables import format_table
 from agonic.alignment.session import Session, Site
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.alignment.session.north import NorthSession
+from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
@@ -73,14 +72,14 @@ def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
     """
     home, platform = make_folder(folder), session.platform
     given = {"transit": session.transits, "swing": session.swing, "platform": platform}
-    tables: dict[str, dict[str, ArrayLike]] = {}
+    tables: dict[str, dict[str, Array]] = {}
     if session.turning_deg is not None:
         tables["reversal"] = {"reading_deg": session.turning_deg}
     for name, part in given.items():
         if part is not None:
             tables[name] = {key: getattr(part, key) for key in read_north.TABLES[name]}
     files = [
-        write_atomically(home / f"{name}.csv", _format_table(columns))
+        write_atomically(home / f"{name}.csv", format_table(columns))
         for name, columns in tables.items()
     ]
     sections: Sections = {
@@ -188,15 +187,6 @@ def _write(session: Session | NorthSession | CoilSession, home: Path) -> list[Pa
     if session.calibration is not None:
         files.append(save(session.calibration, home / "calibration.json"))
     return files
-
-
-def _format_table(columns: Mapping[str, ArrayLike]) -> str:
-    """A table as CSV, numbers to their last digit."""
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*(np.asarray(c).tolist() for c in columns.values()), strict=True))
-    return stream.getvalue()
 
 
 def _write_toml(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-from io import StringIO
 from pathlib import Path
 
 from agonic.alignment.direction.result import FieldDirection
+from agonic.alignment.files.tables import format_table
 from agonic.atomic import write_atomically
 
 DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
@@ -15,16 +14,11 @@ DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
 
 def write_direction(found: FieldDirection, file: Path) -> Path:
     """Write a row a reading that has an attitude, its columns those of `FieldDirection.columns`."""
-    columns = found.columns()
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    cells = (
-        [f"{value:.{_count_digits(name)}f}" for value in values.tolist()]
-        for name, values in columns.items()
-    )
-    writer.writerows(zip(*cells, strict=True))
-    return write_atomically(file, stream.getvalue())
+    cells = {
+        name: [f"{value:.{_count_digits(name)}f}" for value in values.tolist()]
+        for name, values in found.columns().items()
+    }
+    return write_atomically(file, format_table(cells))
 
 
 def _count_digits(name: str) -> int:

@@ -86,7 +86,7 @@ def regress(design: Array, values: Array, stated_sd: float | Array | None = None
         noise = excess * float(np.sqrt((stated**2).mean()))
     elif freedom > 0:
         noise = float(np.sqrt(left @ left / freedom)) * compute_widening(freedom)
-    return Regression(np.asarray(found), noise**2 * inverse, freedom, excess)
+    return Regression(np.asarray(found, dtype=np.float64), noise**2 * inverse, freedom, excess)
 
 
 def fit_transits(

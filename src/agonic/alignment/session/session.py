@@ -175,7 +175,8 @@ def correct_field(samples: Samples, calibration: Calibration | None) -> Array:
     """The field (n, 3) of samples, with a calibration where there is one."""
     if calibration is None:
         return samples.field
-    return calibration.correct(samples.field, **select_columns(calibration, samples))
+    columns = select_columns(calibration, samples)
+    return np.asarray(calibration.correct(samples.field, **columns))
 
 
 def compute_unix_s(samples: Samples) -> Array:
@@ -197,5 +198,5 @@ def put_on_clock(reference: Samples, samples: Samples) -> Array:
     if reference.epoch is None and samples.epoch is None:
         return reference.time
     assert samples.time is not None, "asked for only with times"
-    moments = compute_unix_s(reference) - (compute_unix_s(samples)[0] - samples.time[0])
-    return np.asarray(moments)
+    begins = compute_unix_s(samples)[0] - samples.time[0]
+    return np.asarray(compute_unix_s(reference) - begins)
