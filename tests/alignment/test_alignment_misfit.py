@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import agonic as ag
+from agonic.alignment.explanations import find_explanations
 from agonic.alignment.session import Session
 from agonic.alignment.simulation.session import simulate_session
-from agonic.alignment.star_sensor.misfit import find_explanations
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
@@ -69,4 +69,6 @@ def test_the_cause_of_a_misfit_is_named(change: Callable[[Session], Session], wo
 def test_noise_alone_needs_no_explanation() -> None:
     for seed in range(8):
         fit = ag.fit_alignment(simulate_session(seed=seed, orientations=8).session)
-        assert not find_explanations(fit.observed, fit.solution, fit.session.site)
+        assert not find_explanations(
+            fit.solution, fit.observed.time, fit.observed.orientation, fit.session.site
+        )

@@ -110,6 +110,25 @@ def test_findings() -> None:
     assert [f.name for f in fit_north(alone).findings] == ["no spread"]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_what_would_explain_a_misfit_of_the_platform_is_said(seed: int) -> None:
+    session = simulate_north(seed=seed, orientations=12).session
+    platform = session.platform
+    misread = platform.reading_deg + np.where(platform.orientation == 5, 100 / 3600, 0.0)
+    fit = fit_north(replace(session, platform=replace(platform, reading_deg=misread)))
+    found = next(f for f in fit.findings if f.name == "platform misfit")
+    assert "orientation 5, off by" in found.what
+    assert "stood still in orientation 5" in found.move
+    number = session.magnetometer.station
+    turn = np.where(number[:, None] > 6, [[20 / 3600, -30 / 3600, 25 / 3600]], 0.0)
+    knocked = Rotation.from_rotvec(turn, degrees=True).apply(session.magnetometer.field.copy())
+    samples = session.magnetometer.with_columns(field=knocked)
+    fit = fit_north(replace(session, magnetometer=samples))
+    found = next(f for f in fit.findings if f.name == "platform misfit")
+    assert "a platform that moved by" in found.what
+    assert "after orientation 6" in found.what
+
+
 def test_a_session_that_cannot_be_names_every_mistake() -> None:
     with pytest.raises(AgonicError, match=r"too few.*all three"):
         NorthSession(turning_deg=np.array([1.0]), platform=simulate_north().session.platform)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from agonic.alignment.explanations import find_explanations, say_explanations
 from agonic.alignment.north.platform import RARE, Aligned
 from agonic.alignment.north.result import NorthFit
 from agonic.health import Finding, figure
@@ -120,6 +121,9 @@ def _check_platform(found: Aligned | None) -> Finding | None:
         "calibration"
     )
     what = f"the residuals are {more} times what the noise explains"
+    causes = find_explanations(solution, found.time, found.orientation)
+    if causes:
+        what, move = say_explanations(what, causes), causes[0].move
     return Finding("platform misfit", "check", what, move)
 
 

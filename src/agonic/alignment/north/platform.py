@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from agonic.alignment.maths.solution import Solution, solve
-from agonic.alignment.maths.stretches import find_rows
+from agonic.alignment.maths.stretches import average, find_rows
 from agonic.alignment.maths.two_frames import (
     compute_rotation_vector,
     compute_turn_sd,
@@ -33,14 +33,15 @@ BATCHES = 6
 class Aligned:
     """The alignment of a magnetometer with its platform (forward, right, down).
 
-    `solution` has the rotation and what else was solved for; `heading_deg` (k,) is true;
-    `settled_by` (3,), rad, is what the platform surely turned by within the orientations, else
-    zero.
+    `solution` has the rotation and what else was solved for; `heading_deg` (k,) is true, `time`
+    (k,) that of an orientation's readings; `settled_by` (3,), rad, is what the platform surely
+    turned by within the orientations, else zero.
     """
 
     solution: Solution
     heading_deg: Array
     orientation: NDArray[np.int64]
+    time: Array
     settled_by: Array
 
     @property
@@ -82,7 +83,8 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         measured = make_measured(session, fields, rot_bn, _attitude_covariance(platform))
         return solve(measured, prior, session.pier.difference)
 
-    rows = _find_rows(session, platform)
+    rows, magnetometer = _find_rows(session, platform), session.magnetometer
+    assert magnetometer is not None, "checked with the session"
     found, settled = align(rows), np.zeros(3)
     if find_settling_chance(_list_residuals(session, found, rows)) < RARE:
         first, last = (
@@ -95,6 +97,7 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         solution=found,
         heading_deg=heading % 360.0,
         orientation=platform.orientation,
+        time=average(compute_unix_s(magnetometer), rows),
         settled_by=settled,
     )
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
+from agonic.alignment.explanations import find_explanations, say_explanations
 from agonic.alignment.maths.solution import UNDETERMINED, Solution
 from agonic.alignment.maths.two_frames import (
     GROUPS,
@@ -22,7 +23,6 @@ from agonic.alignment.maths.two_frames import (
 )
 from agonic.alignment.session import load_earth_rotation
 from agonic.alignment.star_sensor.likely_causes import compute_misfit, find_likely_mistakes
-from agonic.alignment.star_sensor.misfit import find_explanations
 from agonic.alignment.star_sensor.orientations import (
     choose_additions,
     compute_information,
@@ -168,12 +168,10 @@ def _check_misfit(fit: AlignmentFit) -> Finding | None:
 
 def _describe_misfit(fit: AlignmentFit, seen: str) -> Finding:
     """Residuals that no usual mistake explains, with what else would."""
-    found = find_explanations(fit.observed, fit.solution, fit.session.site)
+    seen_at = fit.observed.time, fit.observed.orientation
+    found = find_explanations(fit.solution, *seen_at, fit.session.site)
     if found:
-        others = " or ".join(one.words for one in found[1:])
-        also = f"; so would {others}" if others else ""
-        said = f"{seen}; {found[0].words} would explain it{also}"
-        return Finding("session misfit", "check", said, found[0].move)
+        return Finding("session misfit", "check", say_explanations(seen, found), found[0].move)
     said = f"{seen}; none of the usual mistakes explains it"
     move = (
         "look at the residuals of each orientation; solve for the magnetometer's bias and "

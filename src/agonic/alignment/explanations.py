@@ -11,12 +11,13 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from agonic.alignment.maths import two_frames as kernel
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
-from agonic.alignment.session import Observed, Site
+from agonic.alignment.session import Site
 from agonic.arrays import Array, Index
 from agonic.health import figure
 from agonic.maths.estimation import leastsq
@@ -54,11 +55,14 @@ class _Cause(NamedTuple):
     move: str
 
 
-def find_explanations(observed: Observed, solution: Solution, site: Site) -> list[Explanation]:
+def find_explanations(
+    solution: Solution, time: Array, orientation: NDArray[np.int64], site: Site | None = None
+) -> list[Explanation]:
     """What would explain the misfit, the simplest first of those that explain it as well.
 
     The whitened residuals r and the Jacobian J of the unknowns are joined by columns D of a cause:
-    it leaves χ² = |r − J a − D d|² of the best a and d, on j freedoms fewer.
+    it leaves χ² = |r − J a − D d|² of the best a and d, on j freedoms fewer. Of orientations (k,)
+    at times (k,); with a `site` also what a star sensor's clock does, and what could be solved for.
     """
     residuals, jacobian = kernel.compute_residual(solution.unknowns, solution.measured)
     white = kernel.compute_whitener(solution.unknowns, solution.measured)
@@ -67,7 +71,9 @@ def find_explanations(observed: Observed, solution: Solution, site: Site) -> lis
     moved = moved / np.maximum(np.linalg.norm(moved, axis=0), 1e-300)
     basis = np.linalg.svd(moved, full_matrices=False)[0]
     found: dict[str, Explanation] = {}
-    causes = list(_list_causes(observed, solution, site, jacobian))
+    causes = list(_list_motions(solution, jacobian, time, orientation))
+    if site is not None:
+        causes += [_clock(solution, site), *_list_unsolved(solution, jacobian)]
     for cause in causes:
         columns = (white @ cause.columns).reshape(len(left), -1)
         columns = columns - basis @ (basis.T @ columns)
@@ -85,13 +91,19 @@ def find_explanations(observed: Observed, solution: Solution, site: Site) -> lis
     return sorted(good, key=lambda one: (one.unknowns, one.left))[:NAMED]
 
 
-def _list_causes(
-    observed: Observed, solution: Solution, site: Site, jacobian: Array
+def say_explanations(seen: str, found: list[Explanation]) -> str:
+    """A misfit that was seen, with what would explain it, in one sentence."""
+    others = " or ".join(one.words for one in found[1:])
+    also = f"; so would {others}" if others else ""
+    return f"{seen}; {found[0].words} would explain it{also}"
+
+
+def _list_motions(
+    solution: Solution, jacobian: Array, time: Array, orientation: NDArray[np.int64]
 ) -> Iterator[_Cause]:
-    yield _clock(solution, site)
-    yield from _list_unsolved(solution, jacobian)
+    """What moves between orientations, or in one of them."""
     turns, shifts = jacobian[:, :, GROUPS["alignment"]], jacobian[:, :, GROUPS["pier"]]
-    steadily = (observed.time - observed.time.mean()) / max(float(np.ptp(observed.time)), 1e-9)
+    steadily = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
     yield _Cause(
         "turns",
         turns * steadily[:, None, None],
@@ -104,10 +116,10 @@ def _list_causes(
         lambda size: f"a reference that drifts by {_nanotesla(size)} from first to last",
         "look at the base line of the reference",
     )
-    order = np.argsort(observed.time, kind="stable")
-    numbers = observed.orientation
-    yield from (_step(turns, observed, order[:k]) for k in range(2, len(order) - 1))
-    yield from (_one(k, int(number), solution) for k, number in enumerate(numbers))
+    order = np.argsort(time, kind="stable")
+    for k in range(2, len(order) - 1):
+        yield _step(turns, order[:k], int(orientation[order[k - 1]]))
+    yield from (_one(k, int(number), solution) for k, number in enumerate(orientation))
 
 
 def _clock(solution: Solution, site: Site) -> _Cause:
@@ -150,11 +162,10 @@ def _say_moved(what: str, columns: Array, size: Array) -> str:
     return f"{what} (off by {figure(float(moved))} nT of field)"
 
 
-def _step(turns: Array, observed: Observed, before: Index) -> _Cause:
-    """An alignment that changed after the orientations `before`."""
+def _step(turns: Array, before: Index, last: int) -> _Cause:
+    """An alignment that changed after the orientations `before`, the last of them by number."""
     after = np.ones(len(turns))
     after[before] = 0.0
-    last = int(observed.orientation[before[-1]])
     return _Cause(
         "moved",
         turns * after[:, None, None],
