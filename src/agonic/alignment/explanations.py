@@ -18,6 +18,7 @@ from agonic.alignment.maths import two_frames as kernel
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.session import Site
+from agonic.alignment.session.earth import ARCSEC_PER_S
 from agonic.arrays import Array, Index
 from agonic.health import figure
 from agonic.maths.estimation import leastsq
@@ -29,7 +30,6 @@ AS_GOOD = 1.5
 """Others are named beside the best that leave no more than this many times what it leaves."""
 NAMED = 3
 """Explanations that are named at most."""
-EARTH_RATE_RAD_S = 7.292115e-5
 BY_CHANCE = 0.01
 """How often any of those tried would explain as much by chance (Bonferroni)."""
 
@@ -126,7 +126,7 @@ def _clock(solution: Solution, site: Site) -> _Cause:
     """The Earth turns on with the time: ∂v_c/∂t = R_cn (Ω × v_n), Ω towards the pole."""
     at, measured = solution.unknowns, solution.measured
     latitude = np.radians(site.latitude_deg)
-    pole = EARTH_RATE_RAD_S * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
+    pole = ARCSEC_PER_S * ARCSEC_RAD * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
     beside = (measured.reference + at.offset) @ at.rot_nr.T
     moved = measured.rot_cn @ np.cross(pole, beside)[:, :, None]
 

@@ -22,6 +22,9 @@ HOPELESS = 1e4
 UNDETERMINED = 1e-3
 """A combination with a standard error above this share of the field (206″) is not known."""
 
+RARE = 1e-4
+"""Residuals that are larger than this often by chance do not fit."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.alignment.explanations import find_explanations, say_explanations
-from agonic.alignment.north.platform import RARE, Aligned
+from agonic.alignment.maths.solution import RARE
+from agonic.alignment.north.platform import Aligned
 from agonic.alignment.north.result import NorthFit
 from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import wrap_deg

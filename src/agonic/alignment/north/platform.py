@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from agonic.alignment.maths.solution import Solution, solve
+from agonic.alignment.maths.solution import RARE, Solution, solve
 from agonic.alignment.maths.stretches import average, find_rows
 from agonic.alignment.maths.two_frames import (
     compute_rotation_vector,
@@ -23,8 +23,6 @@ from agonic.errors import AgonicError
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
-RARE = 1e-4
-"""Chance that makes a platform that settles, or residuals, be told."""
 BATCHES = 6
 """Means of an orientation's readings, in which noise with memory shows as it is."""
 

@@ -19,7 +19,7 @@ from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.units import DAY_S
 
 _MJD_UNIX = 40_587.0
-_ARCSEC_PER_S = 15.041067
+ARCSEC_PER_S = 15.041067
 """How far the Earth turns in a second of UT1."""
 _FIELDS = {
     "mjd": slice(7, 15),
@@ -83,7 +83,7 @@ class EarthRotation:
 
     def sd_arcsec(self, unix_s: float) -> float:
         """How far the Earth's orientation may be off at a moment, by the table's own errors."""
-        turned = np.interp(unix_s, self.unix_s, self.ut1_sd_s) * _ARCSEC_PER_S
+        turned = np.interp(unix_s, self.unix_s, self.ut1_sd_s) * ARCSEC_PER_S
         return float(
             np.hypot(turned, np.interp(unix_s, self.unix_s, self.pole_sd_rad) / ARCSEC_RAD)
         )

@@ -9,6 +9,7 @@ import erfa
 import numpy as np
 
 from agonic.alignment.session import Session, load_earth_rotation
+from agonic.alignment.session.earth import ARCSEC_PER_S
 from agonic.alignment.session.observed import compute_apparent_turn
 from agonic.alignment.session.session import PRESENT, REMOVED
 from agonic.alignment.star_sensor.result import AlignmentFit
@@ -19,7 +20,6 @@ from agonic.units import DAY_S
 
 Treatment = Literal["corrected", "by the sensor", "solved for", "not corrected", "not known"]
 
-ARCSEC_PER_S = 15.041067
 _J2000_TT = (2_451_545.0, 0.0)
 DEFLECTION_ARCSEC = 20.0
 STANDARD_ERROR = "standard error"

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from agonic.alignment.explanations import find_explanations, say_explanations
-from agonic.alignment.maths.solution import UNDETERMINED, Solution
+from agonic.alignment.maths.solution import RARE, UNDETERMINED, Solution
 from agonic.alignment.maths.two_frames import (
     GROUPS,
     compute_rotation_vector,
@@ -42,8 +42,6 @@ ELSEWHERE = (
 )
 NEAR_POLE_DEG = 1.0
 PREDICTED_ARCSEC = 0.5
-RARE = 1e-4
-"""Residuals that are larger than this often by chance do not fit."""
 FAR_FROM_NOMINAL = 4.0
 """Standard deviations of the mounting."""
 DOUBTED_ARCSEC = 10.0

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.alignment.explanations import AS_GOOD, EXPLAINED
 from agonic.alignment.maths import two_frames as kernel
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import compute_rotation_vector
@@ -19,12 +20,8 @@ from agonic.arrays import Index
 from agonic.errors import AgonicError
 from agonic.maths.rotations.vectors import find_best_rotation
 
-FAR_BETTER = 0.5
-"""A mistake is named where undoing it leaves less than this share of the misfit."""
 TRIED, FEW = 8, 1
 """How many are tried on the whole session, and on how many readings of an orientation first."""
-AS_GOOD = 1.5
-"""Others are named beside the best whose misfit is not larger than this many times its own."""
 
 
 def compute_misfit(session: Session, result: Solution) -> float:
@@ -60,7 +57,7 @@ def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -
             continue
         tried.append((left, mistake))
     best = min((left for left, _ in tried), default=np.inf)
-    if not best < FAR_BETTER * now:
+    if not best < EXPLAINED * now:
         return []
     close = [(left, mistake) for left, mistake in tried if left <= AS_GOOD * best]
     return [mistake for _, mistake in sorted(close, key=lambda pair: pair[0])]
