@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.attitude.delay import keep_latency
-from agonic.attitude.disturbers.choice import SourceChoice
+from agonic.attitude.disturbers.choice import SourceChoice, list_moving
 from agonic.attitude.latency import LatencyFit, share_latency
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import correct_field, select_columns
+from agonic.calibration.sources import list_columns
 from agonic.ellipsoid import Recording, fit_recording_and_rows, open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit
@@ -30,7 +31,6 @@ from agonic.recording.choice.choose import Kind, choose, fall_back
 from agonic.recording.choice.fits import Choice, describe_latency, list_sources
 from agonic.recording.held_out import (
     CHANCE,
-    FitPart,
     Folds,
     compare_folds,
     describe_failed,
@@ -181,31 +181,30 @@ def _calibrate_as_measured(
     choice, made = _choose_and_verify(meant, known, kind, settings)
     if made is not None and made.verdict != "refused":
         return made
-    return _calibrate_stretch(meant, known, choice, settings) or made or _verify(choice)
+    return _calibrate_stretch(meant, known, choice, kind, settings) or made or _verify(choice)
 
 
 def _calibrate_stretch(
-    samples: Samples, reference: Reference | None, whole: Choice, settings: Mapping[str, Any]
+    samples: Samples,
+    reference: Reference | None,
+    whole: Choice,
+    kind: Kind,
+    settings: Mapping[str, Any],
 ) -> Calibrated | None:
-    """The first part without a change of the bias that is not refused, none where it did not; by
-    the method, and with the sources on board, that were chosen for the whole."""
+    """The first part without a change of the bias that is not refused, none where it did not."""
     changed = find_change(whole.fit.findings)
     if changed is None:
         return None
-    kind = cast("Kind", whole.method)
-    if kind != "ellipsoid":
-        settings = {"sources": list_sources(whole.fit), **settings}
-        reference = reference or whole.reference
-    timed, fit_part = samples.time is not None, whole.open_parts(whole.samples, whole.reference)
+    timed = samples.time is not None
     clock = samples.time if samples.time is not None else np.arange(float(len(samples)))
     for part in list_parts(changed, clock)[:_MOST_TRIED]:
         rows = find_all_rows(clock, part)
         known = None if reference is None else reference.select(rows)
         try:
-            if not _may_tell(whole, fit_part, part):
+            if not _may_tell(whole, part):
                 continue
             share_latency(samples, some := samples.select(rows))
-            _, made = _choose_and_verify(some, known, kind, settings)
+            _, made = _choose_and_verify(some, known, *_choose_as(whole, some, kind, settings))
         except AgonicError:
             continue
         now = part[-1][1] >= clock[-1]  # which may be checked; what was for a while has to hold
@@ -218,16 +217,32 @@ def _calibrate_stretch(
     return None
 
 
-def _may_tell(whole: Choice, fit_part: FitPart, part: Sequence[Stretch]) -> bool:
-    """Whether a heading by that part of a log, fitted from the whole, is of any use."""
-    clock = whole.samples.time
-    if clock is None:
+def _choose_as(
+    whole: Choice, some: Samples, kind: Kind, settings: Mapping[str, Any]
+) -> tuple[Kind, Mapping[str, Any]]:
+    """Method and settings of a part: those of the whole, but where it has other sources on board,
+    or they could not be seen beside the change, or the magnitude of the field was found there."""
+    sources, moving = list_sources(whole.fit), list_moving(some)
+    seen = bool(sources) and {*moving, "second"}.issuperset(list_columns(sources))
+    if whole.method == "interference" or ((moving or sources) and not seen):
+        return kind, settings
+    given = {"sources": sources} if sources else {}
+    return cast("Kind", whole.method), {**given, **settings}
+
+
+def _may_tell(whole: Choice, part: Sequence[Stretch]) -> bool:
+    """Whether a heading by that part of a log, fitted from the whole, is of any use; or may be."""
+    samples = whole.samples
+    if samples.time is None:
         return True
-    rows = find_all_rows(clock, part)
-    fitted = fit_part(rows)
+    rows = find_all_rows(samples.time, part)
+    try:
+        fitted = whole.open_parts(samples, whole.reference)(rows)
+    except AgonicError:
+        return True
     if not isinstance(fitted, Affine) or fitted.covariance is None:
         return True
-    field = correct_field(fitted, whole.samples)[rows]
+    field = correct_field(fitted, samples)[rows]
     return state_heading_deg(fitted, field, whole.fit) < HEADING_REFUSED_DEG
 
 

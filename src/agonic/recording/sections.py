@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.attitude.disturbers.choice import POWER, Trial
 from agonic.attitude.problem import find_terms
 from agonic.calibration.interference import Interference
@@ -86,7 +85,7 @@ def _explain_ladder() -> Markup:
     )
 
 
-TRIED = ("Sources", "Signals", "Less left of unseen squares")
+TRIED = ("Sources", "Signals", "Reduction of held-out residual variance")
 MOVED = ("Source", "Range", "Moves the field by", "Share of its size")
 
 
@@ -104,26 +103,6 @@ def describe_disturbers(result: Calibrated) -> list[Section]:
 def list_trials(result: Calibrated) -> list[dict[str, Any]]:
     """What was tried, for programs."""
     return [one._asdict() for one in (result.disturbers.trials if result.disturbers else ())]
-
-
-def measure_moves(result: Calibrated) -> dict[str, float]:
-    """By how much the usual changes of each source move the field, nT: from 5 to 95 %."""
-    calibration = result.fit.calibration
-    assert isinstance(calibration, Interference)
-    moves: dict[str, float] = {}
-    added = calibration.matrix @ calibration.coefficients
-    at = 0
-    for source in calibration.sources:
-        x = find_terms(result.samples, (source,))
-        width = x.shape[1]
-        moves[source] = _find_range(x @ added[:, at : at + width].T)
-        at += width
-    return moves
-
-
-def _find_range(moved: Array) -> float:
-    low, high = np.percentile(moved, (5, 95), axis=0)
-    return float(np.linalg.norm(high - low))
 
 
 def _list_best(result: Calibrated) -> list[Trial]:
@@ -145,11 +124,15 @@ def _list_cells(one: Trial) -> list[str]:
 
 
 def _list_moves(result: Calibrated) -> list[list[str]]:
+    """Each source, and by how much its usual changes, from 5 to 95 %, move the field."""
     calibration = result.fit.calibration
+    assert isinstance(calibration, Interference)
     unit = unit_label(calibration.unit_out)
-    rows = []
-    for source, moved in measure_moves(result).items():
+    slopes, rows = (calibration.matrix @ calibration.coefficients).T, []
+    for source in calibration.sources:
         x = find_terms(result.samples, (source,))
+        own, slopes = slopes[: x.shape[1]], slopes[x.shape[1] :]
+        moved = float(np.linalg.norm(np.diff(np.percentile(x @ own, (5, 95), axis=0), axis=0)))
         ends = f"{x.min():.3g} … {x.max():.3g}"
         share = percent(moved / calibration.magnitude) if calibration.magnitude else tables.NOTHING
         rows.append([source, ends, quantity(moved, unit, 2), share])
@@ -159,9 +142,9 @@ def _list_moves(result: Calibrated) -> list[list[str]]:
 def _explain_disturbers() -> Markup:
     return element(
         "p",
-        f"The log was cut into {BLOCKS} blocks of time; the last column is what a fit to the "
-        "other blocks leaves less of a block with the sources than without. That set is taken "
-        "which explains most of the residuals, beside drifts and whatever else may cause them; a "
+        f"The log was cut into {BLOCKS} blocks of time; the last column is by how much the "
+        "sources reduce the residuals of a block, squared, by the fit to the other blocks. That "
+        "set is taken which explains most of the residuals, beside drifts and other causes; a "
         f"second that is taken, beside the first. A duty counts to the power {POWER:g}, as a "
         "motor’s current, unless another power, a delay or a filter is surely likelier.",
         class_="aside",

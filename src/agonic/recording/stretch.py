@@ -111,6 +111,6 @@ def describe_part(changed: Finding, part: Sequence[Stretch], *, timed: bool) -> 
         changed,
         severity="check",
         what=f"{changed.what}; this calibration is of the {kind} {named} alone, and so is its "
-        "standard error: at other times the bias is another by as much",
-        move=f"use it only for how things were then{move}",
+        "standard error: at other times the bias differs by the same amount",
+        move=f"use it only for that configuration of the vehicle{move}",
     )
