@@ -34,6 +34,7 @@ def test_what_came_and_went_leaves_all_the_rest_to_calibrate() -> None:
     np.testing.assert_allclose(first.moments, [10.0, 20.0], atol=0.5)
     assert len(result.samples) == pytest.approx(600, abs=30)
     assert "this calibration is of the stretches from t = 0.0 s to " in first.what
+    np.testing.assert_allclose(np.ravel(result.stretches), [0.0, 10.0, 20.0, 39.95], atol=0.5)
 
 
 @pytest.mark.parametrize("share", [-0.5, -0.1, 0.1])
@@ -69,3 +70,18 @@ def test_without_times_rows_tell_the_stretch() -> None:
     assert result.verdict == "check"
     assert (np.abs(errors_over_sd(result, bias)) < 3.5).all()
     assert "from row 0 to 20" in result.fit.findings[0].what
+
+
+def test_a_current_is_found_in_the_stretch_that_is_calibrated() -> None:
+    """Beside the magnet, the whole log may show nothing of it."""
+    samples, bias = log_with_magnet(10.0, 20.0)
+    current = 5.0 + np.cumsum(np.random.default_rng(1).normal(size=len(samples))) / 5.0
+    field = samples.field + current[:, None] * [60.0, -35.0, 90.0]
+    result = calibrate(samples.with_columns(field=field, current_A=current), EARTH)
+    assert result.stretches
+    assert result.calibration.needs == ("current_A",)
+    assert (np.abs(errors_over_sd(result, bias)) < 3.5).all()
+
+
+def test_a_calibration_of_the_whole_log_is_of_no_stretch() -> None:
+    assert calibrate(simulate("tumble", seed=3).samples, EARTH).stretches == ()
