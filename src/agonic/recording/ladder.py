@@ -33,7 +33,7 @@ from agonic.report.labels import unit_label
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
 
-MOST_ROWS = 3000
+MOST_ROWS = 1000
 """Rows, evenly spaced, that the rungs are fitted to, and by whose unseen parts they are judged."""
 
 NAMES = {"sphere": "bias only", "diagonal": "diagonal", "full": "full"}
