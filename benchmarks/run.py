@@ -69,6 +69,7 @@ PARTS = (
     Part("fleet_faults", full="--draws 2000", shares=True),
     Part("disturbers", full="--draws 40", shares=True),
     Part("controller", shares=True),
+    Part("records", full="--draws 100", shares=True),
 )
 
 

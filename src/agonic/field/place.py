@@ -126,19 +126,14 @@ def _refuse_elsewhere(samples: Samples, latitude_deg: float, longitude_deg: floa
     """Raise `AgonicError` where the log's own positions are far from the place that was given."""
     if samples.latitude_deg is None or samples.longitude_deg is None:
         return
-    track = np.radians([samples.latitude_deg, samples.longitude_deg])
-    fixed = np.isfinite(track).all(axis=0) & track.any(axis=0)
-    if not fixed.any():
-        return
-    (north, east), here = track[:, fixed], np.radians([latitude_deg, longitude_deg])
-    cosine = np.sin(north) * np.sin(here[0])
-    cosine += np.cos(north) * np.cos(here[0]) * np.cos(east - here[1])
-    off_km = 6371.0 * float(np.arccos(np.clip(cosine.max(), -1.0, 1.0)))
-    if off_km > FAR_KM:
+    north, east = np.radians([samples.latitude_deg, samples.longitude_deg])
+    fixed, (own, other) = (north != 0) | (east != 0), np.radians([latitude_deg, longitude_deg])
+    cosine = np.sin(north) * np.sin(own) + np.cos(north) * np.cos(own) * np.cos(east - other)
+    off_km = 6371.0 * float(np.arccos(np.clip(cosine[fixed].max(initial=-1.0), -1.0, 1.0)))
+    if fixed.any() and off_km > FAR_KM:
         raise AgonicError(
-            f"the log's own positions are {off_km:.0f} km from --at "
-            f"({latitude_deg:g}, {longitude_deg:g}); leave out --at, and the field of the log's "
-            "own positions is taken (with --date where the log has none)"
+            f"the log's own positions are {off_km:.0f} km from --at {latitude_deg:g},"
+            f"{longitude_deg:g}; leave out --at, and the field along them is taken"
         )
 
 

@@ -12,11 +12,9 @@ from agonic.health.finding import Finding, figure
 from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.one_pass import median
 
-NEAR = 20
-"""Levels on either side of one with which it is compared."""
-FEWEST_TIMES = 5
+FEWEST_TIMES, FEWEST_LEVELS = 5, 40
 PILED, APART = 5.0, 10.0
-"""A level comes so many times as often as those about it, and is so many of their steps apart."""
+"""A level comes so many times as often as others, and is so many of their steps apart."""
 SAME = 1e-6
 """Of an axis' range: readings closer than that are one level, which arithmetic has rounded."""
 TURNED = 0.2
@@ -83,27 +81,18 @@ def _find_on_axis(field: Array, axis: int) -> list[DeadZone]:
     if not 0 < same < np.inf:
         return []
     levels, counts = np.unique(np.round(values / same), return_counts=True)
-    often = np.flatnonzero(counts >= FEWEST_TIMES)
-    often = often[(often > 0) & (often < len(levels) - 1)]
-    if len(levels) <= 2 * NEAR or not len(often):
+    if len(levels) <= FEWEST_LEVELS:
         return []
-    low, high = np.maximum(often - NEAR, 0), np.minimum(often + NEAR + 1, len(levels))
-    so_far = np.concatenate([[0], np.cumsum(counts)])
-    beside = (so_far[high] - so_far[low] - counts[often]) / (high - low - 1)
-    piled = often[counts[often] >= PILED * np.maximum(beside, median(counts))]
-    if not len(piled):
-        return []
+    often = counts[1:-1] >= max(FEWEST_TIMES, PILED * median(counts))
     others = np.delete(field, axis, axis=1)
-    reach = np.ptp(others, axis=0)
     zones = []
-    for k in piled:
-        near = np.r_[max(k - NEAR, 0) : k, k + 1 : min(k + NEAR + 1, len(levels))]
-        steps = np.diff(levels[near])[np.diff(near) == 1]
-        gap = levels[k + 1] - levels[k - 1]
-        if gap < APART * np.mean(steps):
+    for k in 1 + np.flatnonzero(often):
+        near = np.diff(levels[max(k - FEWEST_LEVELS // 2, 0) : k + FEWEST_LEVELS // 2])
+        if levels[k + 1] - levels[k - 1] < APART * np.sort(near)[:-2].mean():
             continue
         there = others[np.round(values / same) == levels[k]]
-        if (np.ptp(np.percentile(there, (5, 95), axis=0), axis=0) > TURNED * reach).any():
+        moved = np.ptp(np.percentile(there, (5, 95), axis=0), axis=0)
+        if (moved > TURNED * np.ptp(others, axis=0)).any():
             at = (levels[k], levels[k - 1] + 0.5, levels[k + 1] - 0.5)
             zones.append(DeadZone(axis, *(float(level * same) for level in at)))
     return zones

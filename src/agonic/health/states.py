@@ -12,7 +12,7 @@ in turn (Lloyd 1982); where states last, a switch between them has a price (Vite
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -66,8 +66,8 @@ MANY, MANY_TO_SD = 0.5, 0.674
 """Of the rows: so many hold the nearest sphere; half of a Gaussian are within 0.674 of its sd."""
 SURE, SURE_TO_SD = 0.3, 0.385
 """Of the rows of a state, those that tell its noise: others may be of a third."""
-PARTS, BEST = 20, 3
-"""Parts of the log between which stretches are sought, and how many stretches are tried."""
+PARTS = 7
+"""Parts of the log that are tried to be another state, one or some in succession."""
 _LEAST = 1e-9
 _ROUNDS = 12
 _NEITHER = 2
@@ -253,45 +253,18 @@ def _guess(
     points: Array, residuals: Array, normals: Array, rejected: Mask, rows: Index
 ) -> Iterator[Mask]:
     """Guesses of the rows of the second state: those rejected, or left over by a sphere through
-    many; every second; the likeliest stretches with a bias of their own; those whose residual goes
+    many; every second; some in succession; those whose residual goes
     with the shift δ that makes r² = σ² + (n·δ)²."""
     yield rejected
     yield _leave_over(points)
     yield rows % 2 == 1
-    yield from _scan(points)
+    part = np.arange(len(points)) * PARTS // len(points)
+    yield from ((part >= a) & (part < b) for a, b in combinations(range(PARTS + 1), 2))
     squares = _design_squares(normals)
     xx, yy, zz, xy, xz, yz, _ = np.linalg.lstsq(squares, residuals**2, rcond=None)[0]
     square = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]])
     shift = np.linalg.eigh(square)[1][:, -1]
     yield residuals * (normals @ shift) > 0.0
-
-
-def _scan(points: Array) -> Iterator[Mask]:
-    """The best stretches of whole parts of the log, by cross-products of each part."""
-    n = len(points)
-    columns = np.column_stack([*list_columns(points), np.sum(points**2, axis=1)])
-    edges = np.linspace(0, n, PARTS + 1).astype(np.intp)
-    sums = np.array([columns[a:b].T @ columns[a:b] for a, b in pairwise(edges)])
-    before = np.concatenate([np.zeros((1, 10, 10)), np.cumsum(sums, axis=0)])
-    first, last = np.triu_indices(PARTS + 1, 1)
-    inside = before[last] - before[first]
-    left = _project(inside) + _project(before[-1] - inside)
-    left[:, range(5), range(5)] += hold_shape(n)
-    taken = np.linalg.solve(left[:, :5, :5], left[:, :5, 5:])
-    rest = left[:, 5, 5] - np.sum(left[:, :5, 5] * taken[:, :, 0], axis=1)
-    row = np.arange(n)
-    for k in np.argsort(rest)[:BEST]:
-        yield (row >= edges[first[k]]) & (row < edges[last[k]])
-
-
-def _project(sums: Array) -> Array:
-    """Cross-products (…, 10, 10) without what a centre and a radius take of them, (…, 6, 6)."""
-    own = [0, 1, 2, 3, 4, 9]
-    across = sums[..., 5:9, :][..., own]
-    centre = sums[..., 5:9, 5:9] + _LEAST * np.eye(4)
-    return np.asarray(
-        sums[..., own, :][..., own] - np.swapaxes(across, -1, -2) @ np.linalg.solve(centre, across)
-    )
 
 
 def _leave_over(points: Array) -> Mask:

@@ -129,9 +129,9 @@ def _read_column(
         return *read_clock(values, 1e-6)[:2], (said,)
     if FRACTION in group:  # which a float of Unix nanoseconds would round
         part = group[FRACTION]
-        whole, epoch, notes = _read_column(table, found, {"": time}, date, start)
+        begun, epoch, notes = _read_column(table, found, {"": time}, date, start)
         seconds = to_numbers(table[part.header]) * part.quantity.units[part.unit or "s"][0]
-        return None if whole is None else whole + seconds, epoch, notes
+        return None if begun is None else begun + seconds, epoch, notes
     if start is not None and values.dtype.kind in "fiu":
         moment = to_numbers(table[start.header])
         known = moment[(moment >= 0) & (moment < _YEAR_9999)]
