@@ -75,13 +75,6 @@ def undo_decoding(samples: Samples) -> Measured:
 
     Raises `CoverageError` where that is known and cannot be undone, or where the readings never
     change.
-
-    >>> turning = np.linspace(0, 20, 400)
-    >>> path = np.stack([np.cos(turning), np.sin(turning), np.cos(2.7 * turning)], axis=1)
-    >>> printed = Samples(field=np.round(900 * path) % 65536, unit="raw")
-    >>> undone, _, (finding,) = undo_decoding(printed)
-    >>> float(undone.field.min()), finding.what.split(": ")[1]
-    (-900.0, 'signed numbers were printed as unsigned, which was undone')
     """
     if samples not in _FOUND:
         _FOUND[samples] = _find_and_undo(samples)
@@ -95,11 +88,7 @@ def find_decoding(samples: Samples) -> tuple[Finding, ...]:
 
 
 def read_as(samples: Samples, word: str) -> Samples:
-    """The samples with their numbers read in one of the ways of `WORDS`.
-
-    >>> read_as(Samples(field=[[1.0, 65535.0, 2.0]], unit="raw"), "int16").field.tolist()
-    [[1.0, -1.0, 2.0]]
-    """
+    """The samples with their numbers read in one of the ways of `WORDS`."""
     check_choice("--as", word, WORDS)
     kind = next(kind for kind in KINDS if kind.word == word)
     unit = 1.0 if samples.unit == RAW else next(_find_units(samples.field))

@@ -19,7 +19,8 @@ GROSS = 10_000
 """Times the size of most readings: beyond every range that a sensor has."""
 MARKERS = (-4096.0, -32768.0, 32767.0, 65535.0, 0.0, -1.0)
 """What HMC5883L, a 16-bit register at its ends and a transfer that failed give for no reading."""
-WORD, BYTE = 65536, 256
+BYTE = 256
+WORD = BYTE * BYTE
 FILLED = 0.85
 """Of its period: a range that wraps is filled to both ends by so much at least."""
 NEAR_POWER = 0.03

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from agonic.health.evidence import HOLDS
 from agonic.health.finding import Finding, figure
 from agonic.maths.one_pass import find_length, median
 from agonic.samples import Samples
@@ -47,8 +48,6 @@ def check_scale(gain: float, unit: str, size: float | None = None) -> Finding | 
     return Finding("scale", "check" if doubtful else "refuse", what, move)
 
 
-NEAR_GRAVITY = 0.03
-"""Of gravity: its error of scale, and of its zero."""
 BARE = "no column is named for a magnetometer"
 """How a reader's note on columns x, y and z of nothing begins."""
 
@@ -57,19 +56,14 @@ def check_gravity(samples: Samples) -> Finding | None:
     """The question whether x, y and z, named for no sensor, are an accelerometer's.
 
     They are of the size of gravity about zero, most of them: motion disturbs the others.
-
-    >>> turned = np.random.default_rng(0).normal(size=(900, 3))
-    >>> felt = turned / np.linalg.norm(turned, axis=1, keepdims=True) + turned * 0.003
-    >>> check_gravity(Samples(field=felt, unit="raw", notes=(BARE,))).what.split(", as ")[1]
-    'an accelerometer reads gravity'
     """
     if samples.unit != "raw" or not any(note.startswith(BARE) for note in samples.notes):
         return None
     size = find_length(samples.field)
     middle = median(size)
     turned = float(np.ptp(samples.field, axis=0).max()) > middle / 4
-    near = [abs(middle / one - 1) < NEAR_GRAVITY for one in (1.0, STANDARD_GRAVITY_M_S2)]
-    if not any(near) or not turned or median(np.abs(size - middle)) > NEAR_GRAVITY * middle:
+    near = [abs(middle / one - 1) < HOLDS for one in (1.0, STANDARD_GRAVITY_M_S2)]
+    if not any(near) or not turned or median(np.abs(size - middle)) > HOLDS * middle:
         return None
     return Finding(
         "scale",

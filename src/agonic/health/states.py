@@ -62,8 +62,6 @@ PRICE = 15.0
 """Of a switch between lasting states, in log-likelihood: by chance one in e¹⁵ rows."""
 BY_DIRECTION = 25.0
 """Of χ² with five degrees of freedom: by chance one in 7000."""
-MANY, MANY_TO_SD = 0.5, 0.674
-"""Of the rows: so many hold the nearest sphere; half of a Gaussian are within 0.674 of its sd."""
 SURE, SURE_TO_SD = 0.3, 0.385
 """Of the rows of a state, those that tell its noise: others may be of a third."""
 PARTS = 7
@@ -270,7 +268,7 @@ def _guess(
 def _leave_over(points: Array) -> Mask:
     """The rows in succession that are far from the ellipsoid that is nearest to most of all."""
     left = fit_ellipsoid(points).measure(points)
-    noise = max(float(np.quantile(left, MANY)) / MANY_TO_SD, 1e-9)
+    noise = max(_measure_noise(left), 1e-9)
     return np.asarray(find_path(_weigh(left[None] / noise), PRICE) == 1)
 
 
