@@ -100,10 +100,7 @@ def carry_low_byte(numbers: Array) -> Array | None:
 
 
 def drop_extended(numbers: Array) -> Array | None:
-    """Without those whose low byte, with a sign, was joined to the high one by bits.
-
-    These read −128 to −1 whatever they were, and all others have a low byte below 128.
-    """
+    """Without those that a low byte with a sign made −128 to −1; others have one below 128."""
     lost = (numbers >= -BYTE // 2) & (numbers < 0)
     others = numbers[~lost]
     possible = lost.sum() >= FEWEST and (np.abs(others) > BYTE).sum() >= FEWEST
