@@ -132,7 +132,9 @@ def make_signed_low(g: np.random.Generator, seed: int) -> Record:
     low = field[:, axis] % 256
     field[:, axis] -= 256 * (low >= 128)
     scale = int(g.choice([1, 1, 2]))
-    return put(g, made._replace(bias=made.bias * scale), field * scale)
+    if seed % 4 == 3:  # the others with digits behind the point
+        field[:, [k for k in range(3) if k != axis]] += 0.1 * g.integers(-4, 5, (len(field), 2))
+    return put(g, made._replace(bias=made.bias * scale), field * scale, places=seed % 4 // 3)
 
 
 def make_extended_low(g: np.random.Generator, seed: int) -> Record:

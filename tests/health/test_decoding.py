@@ -80,6 +80,16 @@ def test_rows_in_no_order_show_it_by_their_ellipsoid(name: str) -> None:
     assert words in findings[0].what
 
 
+def test_one_axis_in_steps_of_its_own_is_read_in_them() -> None:
+    made = simulate("tumble", n=3000, noise=150.0, seed=1, pace_s=3.0).samples.field.round(1)
+    count = np.round(made[:, 0] / 2)
+    damaged = made.copy()
+    damaged[:, 0] = 2 * (count - 256 * (count % 256 >= 128))
+    undone, _, (finding,) = undo_decoding(ag.Samples(field=damaged))
+    assert "the low byte was read as signed" in finding.what
+    assert np.abs(undone.field - made).max() < 2
+
+
 def test_two_faults_are_undone_one_after_the_other() -> None:
     samples, _ = count("tumble", 2, 0.016)
     damaged = mark(-4096)(FAULTS["unsigned"][0](samples.field))

@@ -91,7 +91,8 @@ def read_as(samples: Samples, word: str) -> Samples:
     """The samples with their numbers read in one of the ways of `WORDS`."""
     check_choice("--as", word, WORDS)
     kind = next(kind for kind in KINDS if kind.word == word)
-    unit = 1.0 if samples.unit == RAW else next(_find_units(samples.field))
+    units = [unit for unit in _find_units(samples.field) if unit > 0]
+    unit = 1.0 if samples.unit == RAW else units[0]
     every = np.ones(3, dtype=bool)
     field = _undo_axes(kind, samples.field, every, unit)
     known = np.asarray(np.isfinite(field).all(axis=1))
@@ -180,17 +181,17 @@ def _undo_axes(kind: Kind, field: Array, axes: Mask, unit: float) -> Array:
 
 
 def _find_units(field: Array) -> Iterator[float]:
-    """What the readings may be whole multiples of: their common divisor, steps that are not exact,
-    and the last digit where the divisor is bits of it that a sensor leaves empty."""
+    """What the readings of an axis may be whole multiples of: their common divisor, steps that are
+    not exact, and the last digit where the divisor is bits of it that a sensor leaves empty."""
     for places in range(5):
         scaled = field * 10.0**places
         whole = np.round(scaled)
         most = float(np.abs(scaled).max())
         if np.abs(scaled - whole).max() < 1e-6 + 1e-12 * most and most < 2.0**53:
-            divisor = int(np.gcd.reduce(whole.astype(np.int64), axis=None))
-            yield divisor / 10.0**places
-            if divisor & (divisor - 1) == 0:
-                yield 10.0**-places
+            for divisor in np.gcd.reduce(whole.astype(np.int64), axis=0).tolist():
+                yield divisor / 10.0**places
+                if divisor & (divisor - 1) == 0:
+                    yield 10.0**-places
             break
     else:
         yield float(np.ptp(field)) / 2.0**40  # of readings with all digits there is none
