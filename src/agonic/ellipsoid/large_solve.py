@@ -69,12 +69,10 @@ def maximise(
         sums = sums.with_noise(growth)
         normal = sums.normal(seen.sd, change)
         white = _scatter_of_white_noise(normal, len(params))
-        prior_information, pull = _prior_terms(prior, params)
         for _ in range(2):  # how long errors last is seen in the scores after the step
-            information = normal.information * (normal.curvature / normal.weight / correlation)
-            step = -leastsq.inverse(information + prior_information) @ (
-                normal.gradient / correlation + pull
-            )
+            joint = leastsq.join([normal], [correlation], params, prior)
+            curved = normal.information * (normal.curvature / normal.weight / correlation)
+            step = -leastsq.inverse(curved + joint.known) @ joint.gradient
             scores = sums.after(change @ step, seen.sd) @ change / seen.sd
             scatter = batch_means.compute_scatter(scores, white)
             correlation = scatter.correlation
@@ -85,7 +83,9 @@ def maximise(
             break
         assumed = seen
     steady = batch_means.compute_scatter(scores, white, steady=True)
-    covariance, data = _sandwich(normal, scatter, prior_information, len(params))
+    covariance, data = leastsq.find_covariance(
+        joint, [correlation], [1.0], scatter.matrix / correlation**2
+    )
     bias, matrix = split(model_basis(model) @ params)
     found = Found(
         model,
@@ -139,14 +139,6 @@ def _find_error_of_step(
     return float(np.sqrt(normal.total)) * off
 
 
-def _prior_terms(prior: leastsq.Prior | None, params: Array) -> tuple[Array, Array]:
-    """The information of the prior (m, m) and its gradient (m,)."""
-    if prior is None:
-        return np.zeros((len(params), len(params))), np.zeros(len(params))
-    residuals, jacobian = prior(params)
-    return jacobian.T @ jacobian, residuals @ jacobian
-
-
 def _estimate_noise(sums: Sums, assumed: Assumed, robust: bool, parameters: int) -> Assumed:
     """The noise of all readings, by those that the loss lets through (`noise.residuals`)."""
     _, weight, _, _, power, total, _, largest = sums.facts.tolist()
@@ -164,19 +156,3 @@ def _scatter_of_white_noise(normal: leastsq.Normal, parameters: int) -> Array:
     """The scatter of the gradient by residuals of which each counts."""
     freedom = normal.total / max(normal.total - parameters, 1)
     return np.asarray(normal.information * (freedom * normal.scatter / normal.weight))
-
-
-def _sandwich(
-    normal: leastsq.Normal, scatter: batch_means.Scatter, prior_information: Array, parameters: int
-) -> tuple[Array, Array]:
-    """A⁻¹BA⁻¹ and the readings' part D of A = D/ν + H, B = S/ν² + H, as `leastsq` has them; S the
-    scatter of the gradient."""
-    correlation = scatter.correlation
-    curved = max(normal.curvature / normal.weight, 0.1)
-    data = normal.information * (curved / correlation)
-    freedom = normal.total / max(normal.total - parameters, 1)
-    least = freedom * normal.scatter / normal.weight / curved
-    bread = leastsq.inverse(data + prior_information)
-    rest = scatter.matrix / correlation**2 - least * data + (1 - least) * prior_information
-    covariance = least * bread + bread @ rest @ bread
-    return (covariance + covariance.T) / 2, data

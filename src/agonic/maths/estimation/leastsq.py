@@ -147,7 +147,9 @@ def solve_together(
         max_iterations=max_iterations,
         move=move,
     )
-    covariance, data = _sandwich(channels, sums)
+    covariance, data = find_covariance(
+        sums, [of.correlation for of in channels], [of.spread for of in channels]
+    )
     return Solution(
         params,
         covariance,
@@ -213,20 +215,26 @@ def minimise(
 
 
 def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> Sums:
+    normals = [accumulate(of.pieces, params, of.loss, of.scale, of.keep) for of in channels]
+    return join(normals, [of.correlation for of in channels], params, prior)
+
+
+def join(
+    normals: Sequence[Normal], correlations: Sequence[float], params: Array, prior: Prior | None
+) -> Sums:
+    """What the passes over all channels added up at these parameters, joined with the prior."""
     m = len(params)
     cost, gradient, known = 0.0, np.zeros(m), np.zeros((m, m))
     if prior is not None:
         residuals, jacobian = prior(params)
         cost, gradient = float(residuals @ residuals) / 2, residuals @ jacobian
         known = jacobian.T @ jacobian
-    information, normals = known.copy(), []
-    for of in channels:
-        normal = accumulate(of.pieces, params, of.loss, of.scale, of.keep)
-        cost += normal.cost / of.correlation
-        gradient = gradient + normal.gradient / of.correlation
-        information += normal.information / of.correlation
-        normals.append(normal)
-    return Sums(normals, cost, gradient, information, known)
+    information = known.copy()
+    for normal, correlation in zip(normals, correlations, strict=True):
+        cost += normal.cost / correlation
+        gradient = gradient + normal.gradient / correlation
+        information += normal.information / correlation
+    return Sums(list(normals), cost, gradient, information, known)
 
 
 def _step(information: Array, gradient: Array, damping: float) -> Array:
@@ -242,28 +250,38 @@ def _step(information: Array, gradient: Array, damping: float) -> Array:
     return np.asarray(step / size)
 
 
-def _sandwich(channels: Sequence[Channel], sums: Sums) -> tuple[Array, Array]:
+def find_covariance(
+    sums: Sums,
+    correlations: Sequence[float],
+    spreads: Sequence[float],
+    scattered: Array | None = None,
+) -> tuple[Array, Array]:
     """A⁻¹BA⁻¹ and ΣD in the units of the parameters, A = ΣD + H, B = ΣkD + H, prior H.
 
     With the smallest k taken out, B = kA + Σ(k_c − k)D_c + (1 − k)H, the variances stay positive
-    where A is all but singular.
+    where A is all but singular. A scatter (m, m) of the gradient that was measured takes the place
+    of ΣkD.
     """
-    parts, scattered = [], []
-    for normal, channel in zip(sums.normals, channels, strict=True):
+    parts, scatters = [], []
+    for normal, correlation, spread in zip(sums.normals, correlations, spreads, strict=True):
         # where nearly all readings are outliers the curvature says nothing; it must stay positive
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
         n, m = normal.total, len(sums.known)
         freedom = n / max(n - m, 1)
-        parts.append(normal.information * (curved / channel.correlation))
+        parts.append(normal.information * (curved / correlation))
         known = normal.weight > 0
         seen = normal.scatter / normal.weight / curved if known else 1.0
-        scattered.append(freedom * seen * channel.spread if known else 1.0)
-    data, least = np.sum(parts, axis=0), min(scattered)
+        scatters.append(freedom * seen * spread if known else 1.0)
+    data, least = np.sum(parts, axis=0), min(scatters)
     bread = inverse(data + sums.known)
     rest = (1 - least) * sums.known
-    for part, k in zip(parts, scattered, strict=True):
-        rest = rest + (k - least) * part
-    return np.asarray(least * bread + bread @ rest @ bread), data
+    if scattered is not None:
+        rest = rest + scattered - least * data
+    else:
+        for part, k in zip(parts, scatters, strict=True):
+            rest = rest + (k - least) * part
+    covariance = least * bread + bread @ rest @ bread
+    return (covariance + covariance.T) / 2, data
 
 
 def inverse(information: Array) -> Array:
