@@ -204,7 +204,7 @@ def _estimate(
     rate = samples.rotation_rate
     assert rate is not None, "_method has made sure of it"
     found = kernel.estimate_gyro(record, time, rate, limit_s)
-    if chosen == "gyro":
+    if chosen == "gyro" or not _is_known(found, limit_s):
         return found
     down = down_b(cast(Array, samples.roll_deg), cast(Array, samples.pitch_deg))
     try:

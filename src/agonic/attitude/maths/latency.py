@@ -29,14 +29,14 @@ _SUPPORTED = 1e-8  # part of a stretch's largest mean square; 5 nT of 50 000 are
 _MEDIAN_NORM = 1.5382  # median length of three Gaussian numbers, √(median of χ²₃)
 _FEWEST = 30  # rows of a stretch, for ten regressors
 _SCAN_S = 0.02  # a hand's fastest motion takes ten times as long
-_SCAN_ROWS = 4000
+_SCAN_RAD = 0.1  # a tenth of what turns a residual beside its derivative
 _CLEARLY = 50.0  # of a logarithm: what regressors that hardly show make of noise is less
 _SHRUNK = 3.0  # variances of the noise, one an axis: what noise alone fits is not motion
 _BLOCKS = 40
 _ITERATIONS = 20
 _SETTLED = 0.05  # of a standard error
 _DRIFT_RAD_S = 1e-4  # 0.06° in ten seconds
-_DRIFT_STEPS = 4  # what is left of a bias is projected out, to first order
+_FIRST_STEPS = 4  # weights follow the residuals; a bias is put in, its rest projected out
 
 
 class Record(NamedTuple):
@@ -53,17 +53,13 @@ class Record(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """The latency, its standard error, residuals per axis without and with it, rows that count.
-
-    `cost` is minus the logarithm of the likelihood, but for a constant.
-    """
+    """The latency, its standard error, residuals per axis without and with it, rows that count."""
 
     latency_s: float
     sd_s: float
     before: float
     after: float
     n: int
-    cost: float
 
 
 class _Projected(NamedTuple):
@@ -99,49 +95,33 @@ def record(time: Array, raw: Array, margin_s: float, stretch_s: float) -> Record
 def estimate_attitude(record: Record, time: Array, rot_nb: Array, limit_s: float) -> Estimate:
     """The latency, within ± `limit_s`, of readings beside recorded attitudes (m, 3, 3)."""
     path = attitude_path(time, rot_nb)
-    return _best(record, lambda _: path, limit_s)
+    return _refine(record, lambda _: path, limit_s)
 
 
 def estimate_gyro(record: Record, time: Array, rotation_rate: Array, limit_s: float) -> Estimate:
     """The latency of readings beside a gyro (m, 3) rad/s, whose bias is estimated with it."""
-    return _best(record, lambda bias: gyro_path(time, rotation_rate + bias), limit_s)
+    return _refine(record, lambda bias: gyro_path(time, rotation_rate + bias), limit_s)
 
 
-def _best(record: Record, path_at: Callable[[Array], Path], limit_s: float) -> Estimate:
-    """The estimate from the best of a coarse grid, where it is clearly better than from zero."""
-    unbiased = path_at(np.zeros(3))
-    start = _scan(record, unbiased, limit_s)
-    found = _refine(record, unbiased, path_at, limit_s, start)
-    if min(abs(start), abs(found.latency_s)) <= _SCAN_S:  # which is where zero would lead as well
-        return found
-    near = _refine(record, unbiased, path_at, limit_s, 0.0)
-    return found if found.cost < near.cost - _CLEARLY else near
-
-
-def _refine(
-    record: Record,
-    path: Path,
-    path_at: Callable[[Array], Path],
-    limit_s: float,
-    latency: float,
-) -> Estimate:
-    """Gauss–Newton on latency and gyro bias, with Tukey's weights anew at each step."""
+def _refine(record: Record, path_at: Callable[[Array], Path], limit_s: float) -> Estimate:
+    """Gauss–Newton on latency and gyro bias from a scan, with Tukey's weights anew at each step."""
     weights, bias = np.ones(len(record.time)), np.zeros(3)
+    path = path_at(bias)
+    latency = _scan(record, path, limit_s)
     for turn in range(_ITERATIONS):
         seen = _projected(record, path, latency, weights)
         weights, noise = _weigh_rows(record, seen.residuals)
-        slope, drift = _profile_drifts(seen, weights / noise**2)
-        z, fall = _standardise(seen.residuals, slope, weights, noise)
+        z, fall, drift = _standardise(seen, weights, noise)
         trust = _weigh_blocks(z, fall)
         information = float((trust * fall**2).sum())
         if not information > 0:
             break
         step = float((trust * fall * z).sum()) / information
-        latency = float(np.clip(latency + step, -limit_s, limit_s))
-        if turn < _DRIFT_STEPS and np.abs(drift).max(initial=0.0) > _DRIFT_RAD_S:
+        latency, before = float(np.clip(latency + step, -limit_s, limit_s)), latency
+        if turn < _FIRST_STEPS and np.abs(drift).max(initial=0.0) > _DRIFT_RAD_S:
             bias = bias + drift
             path = path_at(bias)
-        elif step**2 * information < _SETTLED**2:
+        elif turn >= _FIRST_STEPS and (latency - before) ** 2 * information < _SETTLED**2:
             break
     return _conclude(record, path, latency, weights)
 
@@ -155,15 +135,11 @@ def _conclude(record: Record, path: Path, latency: float, weights: Array) -> Est
     half = median(np.diff(record.time)) / 2
     seen = _projected(record, path, latency, weights)
     noise = _weigh_rows(record, seen.residuals)[1]
-    z, fall = _standardise(
-        seen.residuals, _profile_drifts(seen, weights / noise**2)[0], weights, noise
-    )
+    z, fall, _ = _standardise(seen, weights, noise)
     trust = _weigh_blocks(z, fall)
     scores = []
     for at in (latency - half, latency + half):
-        near = _projected(record, path, at, weights)
-        slope, _ = _profile_drifts(near, weights / noise**2)
-        there = _standardise(near.residuals, slope, weights, noise)
+        there = _standardise(_projected(record, path, at, weights), weights, noise)
         scores.append(float((trust * there[0] * there[1]).sum()))
     curvature = (scores[0] - scores[1]) / (2 * half)
     scatter = compute_score_variance(z, fall, trust)
@@ -171,16 +147,14 @@ def _conclude(record: Record, path: Path, latency: float, weights: Array) -> Est
     at_once = _fit_stretches(record, path, 0.0, weights)
     none = at_once.residuals[at_once.inside]
     counted = int((weights * trust[:, 0] > 0).sum())
-    cost = 3 * float(np.log(noise).sum())
-    return Estimate(latency, float(sd), _size(none), _size(seen.residuals), counted, cost)
+    return Estimate(latency, float(sd), _size(none), _size(seen.residuals), counted)
 
 
-def _standardise(
-    residuals: Array, slope: Array, weights: Array, noise: Array
-) -> tuple[Array, Array]:
-    """Residuals and slopes (n, 3) in units of the noise, weighted."""
+def _standardise(seen: _Projected, weights: Array, noise: Array) -> tuple[Array, Array, Array]:
+    """Residuals and slopes (n, 3) along latency in units of the noise, weighted; step of drifts."""
+    slope, drift = _profile_drifts(seen, weights / noise**2)
     unit = (np.sqrt(weights) / noise)[:, None]
-    return residuals * unit, slope * unit
+    return seen.residuals * unit, slope * unit, drift
 
 
 def _weigh_blocks(z: Array, fall: Array) -> Array:
@@ -202,16 +176,38 @@ def _weigh_blocks(z: Array, fall: Array) -> Array:
 
 
 def _scan(record: Record, path: Path, limit_s: float) -> float:
-    """The best latency of a coarse grid on some of the rows: Σ n log σ over stretches is least."""
-    some = record.thin(_SCAN_ROWS)
-    weights = np.ones(len(some.time))
-    grid = np.linspace(-1, 1, 2 * max(1, round(limit_s / _SCAN_S)) + 1) * limit_s
-    costs = []
-    for latency in grid:
-        found = _fit_stretches(some, path, latency, weights)
-        residuals = found.residuals[found.inside]
-        costs.append(np.log(_weigh_rows(some, residuals)[1]).sum())
-    return float(grid[np.argmin(costs)])
+    """The best latency of a coarse grid: Σ n log σ over stretches is least.
+
+    A step of the grid is a small turn at the rate of this log; about its lowest minima, and about
+    zero, it is halved down to `_SCAN_S`, as Gauss–Newton may settle on the lesser of two optima a
+    few milliseconds apart. Farther from zero is what is clearly better.
+    """
+    square = float((path.entries(record.time, 1) ** 2).sum(axis=1).mean())  # |dR/dt|² is 2 ω²
+    rate = float(np.sqrt(square / 2))
+    each = max(1, round(min(limit_s / _SCAN_S, limit_s * rate / _SCAN_RAD)))
+    weights = np.ones(len(record.time))
+
+    def cost(latency: float) -> tuple[float, float]:
+        found = _fit_stretches(record, path, latency, weights)
+        noise = _weigh_rows(record, found.residuals[found.inside])[1]
+        return 3 * float(np.log(noise).sum()), latency
+
+    def halve(best: tuple[float, float]) -> tuple[float, float]:
+        step = limit_s / each
+        while step > 1.5 * _SCAN_S:
+            step /= 2
+            beside = np.clip((best[1] - step, best[1] + step), -limit_s, limit_s)
+            best = min(best, *map(cost, beside.tolist()))
+        return best
+
+    grid = [cost(k * limit_s / each) for k in range(-each, each + 1)]
+    around = zip([(np.inf, 0.0), *grid], grid, [*grid[1:], (np.inf, 0.0)], strict=False)
+    minima = sorted(here for before, here, after in around if here < min(before, after))
+    near, lowest = halve(min(grid[each - 1 : each + 2])), min(map(halve, minima[:3]))
+    best = grid[each]
+    for other in (near, lowest):
+        best = other if other[0] < best[0] - _CLEARLY else best
+    return best[1]
 
 
 class _Fitted(NamedTuple):
