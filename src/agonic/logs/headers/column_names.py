@@ -25,6 +25,8 @@ from pathlib import Path
 
 from agonic.errors import LogError
 from agonic.logs.headers.columns import Column, identify_column
+from agonic.logs.headers.conventions import name_documented
+from agonic.logs.headers.header import LONGEST
 
 _BESIDE = ".toml"
 _AXES = "xyz"
@@ -209,7 +211,8 @@ def _read_beside(path: Path) -> ColumnNames | None:
 def rename_headers(headers: Sequence[str]) -> list[str]:
     """The headers as the names in force say; as they are without any."""
     names = _in_force.get()
-    return _name_strength(_name_parts(headers if names is None else names.rename(headers)))
+    named = name_documented(headers) if names is None else names.rename(headers)
+    return _name_strength(_name_parts(named))
 
 
 def _name_parts(headers: Sequence[str]) -> list[str]:
@@ -258,7 +261,7 @@ def suggest_names(headers: Iterable[str]) -> str:
     >>> suggest_names(["clock", "Sens0", "Sens1", "Sens2"])
     '--columns time=clock,x=Sens0,y=Sens1,z=Sens2 --unit uT'
     """
-    known = list(headers)
+    known = [header for header in headers if len(header) <= LONGEST]
     free = [header for header in known if identify_column(header) is None]
     time = next((h for h in known if _quantity(h) == "time" or _LIKE_A_CLOCK.search(h)), None)
     free = sorted((h for h in free if _may_be_field(h)), key=lambda h: h[:1].lower() not in "mbh")

@@ -7,7 +7,7 @@ that is given goes before a documented one, since drivers do not always keep to 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from agonic.errors import LogError
@@ -28,11 +28,13 @@ class Convention:
 
     `file` is what the name of the file must hold, if anything; `units` those of the quantities,
     for a quaternion the axes that it turns into; `only` restricts it to headers that match.
+    `columns` are canonical names of headers that say nothing alone.
     """
 
     name: str
     marks: tuple[str, ...]
     units: Mapping[str, str]
+    columns: Mapping[str, str] = field(default_factory=dict)
     file: str = ""
     only: str = ""
     source: str = field(default="", compare=False)
@@ -123,6 +125,22 @@ CONVENTIONS = (
         source="Movella, MT Low Level Communication Protocol: SampleTimeFine counts 10 kHz",
     ),
     Convention(
+        name="MicroStrain",
+        marks=(r"^X Mag \[x8006\]",),
+        units={"field": "G", "acceleration": "g", "rotation_rate": "rads"},
+        source="LORD MicroStrain, Data Communications Protocol: 0x8004, 0x8005, 0x8006",
+    ),
+    Convention(
+        name="Technosmart",
+        marks=(r"^compX$", r"^X$"),
+        units={},
+        columns={
+            **{axis: f"acc_{axis.lower()}_g" for axis in "XYZ"},
+            **{f"comp{axis}": f"mag_{axis.lower()}" for axis in "XYZ"},
+        },
+        source="Technosmart, Axy-Trek and AGM manuals: X, Y, Z in g, comp… of the compass",
+    ),
+    Convention(
         name="Android GnssLogger",
         marks=(r"^Uncal(Mag|Accel|Gyro)_?X|^elapsedRealtimeNanos$",),
         units={"field": "uT", "acceleration": "ms2", "rotation_rate": "rads", "time": "millis"},
@@ -183,6 +201,19 @@ def apply_conventions(
         f"{', '.join(dict.fromkeys(names))}: units as {format} documents"
         for format, names in used.items()
     )
+
+
+def name_documented(headers: Sequence[str]) -> list[str]:
+    """The headers, those by canonical names that only the format of the table tells.
+
+    >>> name_documented(["X", "Y", "Z", "compX"])[::3]
+    ['acc_x_g', 'mag_x']
+    """
+    known: dict[str, str] = {}
+    for convention in CONVENTIONS:
+        if convention.columns and convention.fits(headers, ""):
+            known |= convention.columns
+    return [known.get(header, header) for header in headers]
 
 
 def find_correction(headers: Iterable[str]) -> tuple[str, ...]:

@@ -74,7 +74,8 @@ class Column:
     documented: str = ""
 
 
-_LONGEST = 120
+LONGEST = 120
+"""Letters of a header; a longer one is none."""
 MOST_COLUMNS = 4096
 """A table of more columns is not a log."""
 
@@ -92,7 +93,7 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     >>> column.quantity.column, column.sensor
     ('field', 'mmc')
     """
-    if len(header) > _LONGEST or TIME_OR_TEMPERATURE.fullmatch(header.strip()):
+    if len(header) > LONGEST or TIME_OR_TEMPERATURE.fullmatch(header.strip()):
         return None
     if scaled := SCALED.search(header):
         column = identify_column(header[: scaled.start()].rstrip("_ ([{"), sensors)

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from agonic.errors import LogError
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, identify_column
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
+from agonic.logs.text.dialects import find_dialect
 from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LABVIEW,
@@ -37,11 +38,17 @@ from agonic.logs.text.layout import (
     is_header,
     sample_lines,
 )
-from agonic.logs.text.long_table import LABEL, build_tables_log, name_label
+from agonic.logs.text.long_table import (
+    LABEL,
+    build_tables_log,
+    find_channels,
+    gather_channels,
+    name_label,
+)
 from agonic.logs.text.numbers import read_numbers, split_rows
 from agonic.provenance import Input
 
-Facts = tuple[Table, dict[str, Any]]
+TableAndFacts = tuple[Table, dict[str, Any]]
 """Columns by header, and what to tell of the file."""
 
 _HEAD = 100_000
@@ -50,7 +57,6 @@ _LABELS = ("date", "sensor", "frame", "unit")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
 _GYROFLOW = "GYROFLOW IMU LOG"
 _ABSOLUTES = "# MagPy Absolutes"
-_MOTIONCAL = "Raw:"  # among lines of other kinds (Uni:, Ori:, Cal1:)
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
 _MARKS = ":=[({<"
 """One of which stands in every row that `_MAY_LABEL` finds; rows of numbers have none."""
@@ -84,26 +90,39 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
             )
     sample = sample_lines(head)
     rows = [head[i] for i in sample]
-    if _most(rows, _TAGGED.match):
-        from agonic.logs.text.tagged import find_kinds, read_tagged
+    dialect, said = find_dialect(head, rows), ()
+    if dialect is None and _most(rows, _TAGGED.match):
+        from agonic.logs.text.tagged import find_stated_dialect
 
-        if kinds := find_kinds(head):
-            return read_tagged(data[:], kinds, path, source, unit, notes)
+        dialect, said = find_stated_dialect(head)
+    if dialect is not None:
+        from agonic.logs.text.kinds import build_dialect_log
+
+        facts = Facts(
+            path=path, source=source, format=dialect.name, unit=unit, notes=(*notes, *said)
+        )
+        return build_dialect_log(dialect, _decode(data), facts)
     if _most(rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
         return read_sentences(data[:], path, source, notes, unit)
-    table, facts = _read_lines(data, head, sample)
-    facts["notes"] = (*notes, *facts["notes"])
+    table, found = _read_lines(data, head, sample)
+    found |= {"path": path, "source": source, "unit": unit, "notes": (*notes, *found["notes"])}
     if LABEL in find_quantities(table).values():
-        return build_tables_log(table, path=path, source=source, unit=unit, **facts)
-    return build_log(table, path=path, source=source, unit=unit, **facts)
+        return build_tables_log(table, **found)
+    return build_log(table, **found)
 
 
-def read_table(path: Path) -> Facts:
+def read_table(path: Path) -> TableAndFacts:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
     data, head, notes = _load(path)
-    table, facts = _read_lines(data, head, sample_lines(head))
+    sample = sample_lines(head)
+    if dialect := find_dialect(head, [head[i] for i in sample]):
+        from agonic.logs.text.kinds import read_dialect
+
+        tables = read_dialect(dialect, _decode(data))
+        return next(iter(tables.values())), {"format": dialect.name, "notes": notes}
+    table, facts = _read_lines(data, head, sample)
     return table, {**facts, "notes": (*notes, *facts["notes"])}
 
 
@@ -127,6 +146,10 @@ def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
         data = open_brackets(data, head)
         head = _split_head(data)
     return data, head, notes
+
+
+def _decode(data: Text) -> str:
+    return data[:].decode("utf-8", "replace")
 
 
 def _split_head(data: Text, start: int = 0) -> list[str]:
@@ -154,17 +177,13 @@ def _most(rows: Sequence[str], test: Any) -> bool:
     return bool(rows) and 2 * sum(bool(test(row)) for row in rows) > len(rows)
 
 
-def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> Facts:
+def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> TableAndFacts:
     """The columns of lines of one kind, and what to tell of them."""
     rows = [head[i] for i in sample]
     if not rows:
         raise LogError("there are no lines with values in it")
     if max(map(len, rows)) > LONGEST_LINE:
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
-    if 4 * sum(line.startswith(_MOTIONCAL) for line in rows) > len(rows):
-        from agonic.logs.text.motioncal import read_motioncal
-
-        return read_motioncal(data[:], _MOTIONCAL), {"format": "MotionCal text", "notes": ()}
     if "---" in head:
         from agonic.logs.text.echo import is_echo, read_echo
 
@@ -183,10 +202,17 @@ def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> Facts
     return _read_separated(data, head, sample)
 
 
-def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> Facts:
+def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> TableAndFacts:
     """The columns of cells that separators divide, and what to tell of them."""
     layout = find_layout(head, sample)
     start = _skip_lines(data, layout.start)
+    cells = [layout.split(head[i]) for i in sample if i >= layout.start]
+    if (channels := find_channels(layout.header, cells)) is not None:
+        from agonic.logs.text.json_text import make_table
+
+        every = map(layout.split, split_rows(data, start))
+        table, others = make_table(gather_channels(channels, layout.header, every))
+        return table, {"format": "long table", "others": others, "notes": layout.notes}
     table, others, notes = _read_body(data, start, layout)
     if above := [line for line in head[: max(layout.start - 1, 0)] if line.strip()]:
         from agonic.logs.text.sanity import check_title

@@ -1,20 +1,23 @@
-"""Long tables: each row is of the sensor that a column names, and x, y and z are what that reads.
+"""Long tables: each row is of the sensor that a column names, and x, y and z are what that reads;
+or of the one channel that a column names.
 
-time,sensor,x,y,z
-0.00,accelerometer,0.1,0.2,9.8
-0.00,magnetometer,20.1,-3.2,43.0
+time,sensor,x,y,z                     time,channel,value,unit
+0.00,accelerometer,0.1,0.2,9.8        0.00,mag_x,33.9,uT
+0.00,magnetometer,20.1,-3.2,43.0      0.00,mag_y,-6.9,uT
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.headers.columns import find_quantities, identify_column, identify_columns
+from agonic.logs.contents import to_number
+from agonic.logs.headers.columns import FALLBACK, find_quantities, identify_column, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
@@ -93,3 +96,68 @@ def split_by_sensor(table: Table) -> dict[str, Table] | None:
             if header != label.header
         }
     return parts
+
+
+class Channels(NamedTuple):
+    """The columns of a table with a channel a row: its name, its value, its unit, its time."""
+
+    name: int
+    value: int
+    unit: int | None
+    time: int | None
+
+
+def find_channels(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Channels | None:
+    """The columns of a table with a channel a row, where those are the axes of a field at least.
+
+    >>> rows = [["0", f"mag_{axis}", "2.5"] for axis in "xyz"]
+    >>> find_channels(["time", "channel", "value"], rows)
+    Channels(name=1, value=2, unit=None, time=0)
+    """
+    known = list(find_quantities(header).values())
+    free = [at for at, quantity in enumerate(known) if quantity in ("", "sensor")]
+    if "field" in known or len(free) < 2:
+        return None
+    for at in free:
+        cells = {row[at] for row in rows if at < len(row)}
+        if not 3 <= len(cells) <= _MOST or not any(cell[:1].isalpha() for cell in cells):
+            continue
+        named = [column for cell in cells if (column := identify_column(cell)) is not None]
+        axes = {c.axis for c in named if c.quantity.column == "field" and c.rank != FALLBACK}
+        values = [
+            k for k in free if k != at and _are_numbers(row[k] for row in rows if k < len(row))
+        ]
+        if axes == set("xyz") and len(values) == 1:
+            unit, time = (known.index(q) if q in known else None for q in ("unit", "time"))
+            return Channels(at, values[0], unit, time)
+    return None
+
+
+def _are_numbers(cells: Iterable[str]) -> bool:
+    return all(not math.isnan(to_number(cell)) for cell in cells)
+
+
+def gather_channels(
+    columns: Channels, header: Sequence[str], rows: Iterable[Sequence[str]]
+) -> list[dict[str, Any]]:
+    """The values by channel, those of one time in one record; without times, until one comes again.
+
+    >>> rows = [["0", f"mag_{axis}", "2.5"] for axis in "xyz"]
+    >>> gather_channels(Channels(1, 2, None, 0), ["time", "channel", "value"], rows)
+    [{'time': '0', 'mag_x': '2.5', 'mag_y': '2.5', 'mag_z': '2.5'}]
+    """
+    records: list[dict[str, Any]] = []
+    at: dict[str, int] = {}
+    last = max(one for one in columns if one is not None)
+    for row in rows:
+        if len(row) <= last:
+            continue
+        unit = "" if columns.unit is None else row[columns.unit]
+        name = f"{row[columns.name]} ({unit})" if unit else row[columns.name]
+        time = "" if columns.time is None else row[columns.time]
+        place = at.get(time)
+        if place is None or name in records[place]:
+            at[time] = place = len(records)
+            records.append({} if columns.time is None else {header[columns.time]: time})
+        records[place][name] = row[columns.value]
+    return records

@@ -22,28 +22,11 @@ from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
+from agonic.logs.text.dialects import SENTENCES
+from agonic.logs.text.kinds import mark_corrected
 from agonic.logs.text.layout import Table
 from agonic.logs.text.nmea import Sentence, carry, read_beside, read_clock, read_transducers
 from agonic.provenance import Input
-
-
-def _vectors(*units: tuple[str, str]) -> tuple[str, ...]:
-    return tuple(f"{name}_{axis}_{unit}" for name, unit in units for axis in "xyz")
-
-
-_IMU = _vectors(("mag", "G"), ("acc", "m_s2"), ("gyro", "rad_s"))
-_EULER = ("yaw_deg", "pitch_deg", "roll_deg")
-RAW = {"VNIMU": (*_IMU, "temperature_C")}
-"""Sentences with an uncorrected field: the columns they begin with."""
-CORRECTED = {
-    "VNMAG": _vectors(("mag", "G")),
-    "VNMAR": _IMU,
-    "VNYMR": (*_EULER, *_IMU),
-    "VNYIA": (),
-    "VNYBA": (),
-    "VNQMR": ("qx", "qy", "qz", "qw", *_IMU),
-}
-"""Sentences whose field the device has already corrected."""
 
 ALONE = "MAG"
 """What a sentence of three numbers without a name is taken for."""
@@ -91,11 +74,8 @@ def read_sentences(
         notes=(*notes, *damaged),
         remarks=said,
     )
-    if name not in CORRECTED:
-        return log
-    remark = f"${name} holds readings that the device has corrected; have it send $VNIMU"
-    sensors = (replace(s, corrected=True, notes=(*s.notes, remark)) for s in log.sensors)
-    return replace(log, sensors=tuple(sensors))
+    how = SENTENCES[name].corrected.format(f"${name}") if name in SENTENCES else ""
+    return replace(log, sensors=tuple(mark_corrected(one, how) for one in log.sensors))
 
 
 def _scan(
@@ -140,9 +120,10 @@ def _read_field(
 ) -> tuple[str, Array, Table]:
     """The sentence that holds the field, the lines of its readings, and their columns."""
     names = {name for _, name, _ in found}
-    others = [name for name in names if name.endswith("MAG") and name not in CORRECTED]
-    corrected = [name for name, columns in CORRECTED.items() if columns]
-    for name in (*RAW, *others, *corrected):
+    corrected = [name for name, kind in SENTENCES.items() if kind.corrected]
+    raw = [name for name in SENTENCES if name not in corrected]
+    others = [name for name in names if name.endswith("MAG") and name not in corrected]
+    for name in (*raw, *others, *corrected):
         if name in names:
             return name, *_read_sentence(found, name)
     told = read_transducers(found)
@@ -161,8 +142,8 @@ def _find_axis(header: str) -> str:
 def _read_sentence(found: Sequence[Sentence], name: str) -> tuple[Array, Table]:
     """The lines of a sentence, and its columns."""
     rows = [(line, cells) for line, other, cells in found if other == name]
-    columns = RAW.get(name) or CORRECTED.get(name) or ("mag_x", "mag_y", "mag_z")
-    columns += ("t",) * (name == "PCHRSMAG")
+    known = SENTENCES[name].cells if name in SENTENCES else ()
+    columns = [cell.header for cell in known] or [f"mag_{axis}" for axis in "xyz"]
     table: Table = {
         column: np.array([to_number(cells[k]) if k < len(cells) else np.nan for _, cells in rows])
         for k, column in enumerate(columns)

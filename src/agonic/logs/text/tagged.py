@@ -11,42 +11,47 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise, zip_longest
-from pathlib import Path
-from typing import NamedTuple
 
 from agonic.logs.contents import to_number
-from agonic.logs.groups import build_groups_log
-from agonic.logs.headers.columns import find_columns, identify_column
 from agonic.logs.headers.conventions import find_named_quantity
-from agonic.logs.log import Log
-from agonic.logs.text.layout import Layout, holds_values, is_header, split_cells
+from agonic.logs.text.dialects import Cell, Dialect, Kind
+from agonic.logs.text.layout import holds_values, is_header, split_cells
 from agonic.logs.text.long_table import BESIDE
-from agonic.logs.text.numbers import read_numbers
-from agonic.provenance import Input
 
 _STATED = re.compile(r"[#%]\W*(?:[^'\"]*['\"])?([A-Za-z]\w+)([,;])([^'\"]*)")
 _NO_HEADER = "there is no header: rows of {} are taken as {}"
 
 
-class Kinds(NamedTuple):
-    """The headers of each kind of row by its name, the cell that the name stands in, what separates
-    cells, and notes."""
-
-    headers: Mapping[str, Sequence[str]]
-    at: int = 0
-    separator: str | None = ","
-    notes: tuple[str, ...] = ()
+Stated = tuple[Dialect | None, tuple[str, ...]]
 
 
-def find_kinds(head: Sequence[str]) -> Kinds | None:
-    """The kinds of rows that the first lines of a text show, or `None`."""
+def _make(
+    headers: Mapping[str, Sequence[str]], at: int = 0, separator: str | None = ","
+) -> Dialect:
+    """The dialect of rows whose kind is in the cell `at`, the first or the second."""
+    cell = r"\S*" if separator is None else rf"[^{separator}\n]*"
+    between = r"[^\S\n]+" if separator is None else separator
+    before = rf"(?P<before>{cell}){between}" * at
+    return Dialect(
+        name="tagged text",
+        row=re.compile(rf"[^\S\n]*{before}(?P<kind>{cell}){between}(?P<cells>.*)"),
+        kinds={name: Kind(tuple(map(Cell, header))) for name, header in headers.items()},
+        separator=separator,
+        source="the text itself",
+    )
+
+
+def find_stated_dialect(head: Sequence[str]) -> Stated:
+    """The dialect that the first lines of a text show, if any, and notes."""
     if any(line.startswith("$COL,") for line in head):
-        return Kinds(find_stated_columns(head))
+        return _make(find_stated_columns(head)), ()
     rows = [line for line in head if holds_values(line)]
-    return _find_commented(head, rows) or _find_named(rows)
+    if commented := _find_commented(head, rows):
+        return commented, ()
+    return _find_named(rows)
 
 
-def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Kinds | None:
+def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
     """Those whose headers are in comments."""
     stated = [found for line in head if (found := _STATED.match(line))]
     for separator in (",", ";"):
@@ -60,7 +65,7 @@ def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Kinds | None:
                 headers[found[1]] = _fit_names(names, first.get(found[1], "").count(separator))
         begun = headers.keys() & first
         if len(begun) > 1 or (begun and (len(headers) > 1 or first.keys() <= begun)):
-            return Kinds(headers, separator=separator)
+            return _make(headers, separator=separator)
     return None
 
 
@@ -69,11 +74,12 @@ def _fit_names(names: list[str], width: int) -> list[str]:
     return [name for name in names if name] if len(names) > width else names
 
 
-def _find_named(rows: Sequence[str]) -> Kinds | None:
+def _find_named(rows: Sequence[str]) -> Stated:
     """Those that are named for sensors, without a header.
 
-    >>> _find_named(["0.1 MAG 20 1 43", "0.1 ACC 0.1 0.2 9.8", "0.3 MAG 21 0 43"]).headers
-    {'MAG': ['time', 'MAG x', 'MAG y', 'MAG z'], 'ACC': ['time', 'ACC x', 'ACC y', 'ACC z']}
+    >>> dialect, _ = _find_named(["0.1 MAG 20 1 43", "0.1 ACC 0.1 0.2 9.8", "0.3 MAG 21 0 43"])
+    >>> [[cell.header for cell in kind.cells] for kind in dialect.kinds.values()]
+    [['time', 'MAG x', 'MAG y', 'MAG z'], ['time', 'ACC x', 'ACC y', 'ACC z']]
     """
     for separator, at in ((s, at) for s in (";", ",", "\t", None) for at in (0, 1)):
         kinds: dict[str, list[list[str]]] = defaultdict(list)
@@ -93,8 +99,8 @@ def _find_named(rows: Sequence[str]) -> Kinds | None:
         field = next((name for name in told if known[name] == "field"), None)
         if field is not None:
             words = ", ".join(name for name in told[field] if name)
-            return Kinds(told, at, separator, (_NO_HEADER.format(", ".join(told), words),))
-    return None
+            return _make(told, at, separator), (_NO_HEADER.format(", ".join(told), words),)
+    return None, ()
 
 
 def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:
@@ -113,11 +119,6 @@ def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:
 def _grows(cells: Sequence[str]) -> bool:
     """Whether each is more than the one before, as of a clock."""
     return all(before < after for before, after in pairwise(map(to_number, cells)))
-
-
-def _quantity(header: str) -> str:
-    column = identify_column(header)
-    return "time" if column is None else column.quantity.column
 
 
 def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
@@ -140,35 +141,3 @@ def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
             for name, unit in zip_longest(spelled, units[: len(names)], fillvalue="")
         ]
     return headers
-
-
-def read_tagged(
-    data: bytes, kinds: Kinds, path: Path, source: Input, unit: str | None, notes: tuple[str, ...]
-) -> Log:
-    """The log that rows of several kinds are."""
-    rows: dict[bytes, list[bytes]] = {name.encode(): [] for name in kinds.headers}
-    between = None if kinds.separator is None else kinds.separator.encode()
-    for line in data.split(b"\n"):
-        cells = line.split(between, kinds.at + 1)
-        if len(cells) > kinds.at + 1 and (tag := cells[kinds.at].strip()) in rows:
-            rows[tag].append((between or b" ").join((*cells[: kinds.at], cells[-1])))
-    groups = {}
-    others = []
-    for name, header in kinds.headers.items():
-        found = rows[name.encode()]
-        wanted = find_columns(header)
-        if not found or {_quantity(header) for header in wanted.values()} <= {"time"}:
-            others.append(name)
-            continue
-        layout = Layout(separator=kinds.separator, header=list(header), start=0, width=len(header))
-        values = read_numbers(b"\n".join(found), 0, layout, list(wanted))
-        groups[name.lstrip("$")] = dict(zip(wanted.values(), values, strict=True))
-    return build_groups_log(
-        groups,
-        path=path,
-        source=source,
-        format="tagged text",
-        unit=unit,
-        others=others,
-        notes=(*notes, *kinds.notes),
-    )

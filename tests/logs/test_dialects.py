@@ -1,0 +1,206 @@
+"""Each row of the table of dialects reads a sample of a few lines as its writer meant them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import agonic as ag
+from agonic.logs.headers.conventions import CONVENTIONS
+from agonic.logs.read import open_log
+from agonic.logs.text.dialects import DIALECTS
+
+G = 9.80665
+
+
+class Sample(NamedTuple):
+    """Lines of a dialect, and what their first row holds in our units."""
+
+    text: str
+    field: tuple[float, float, float]
+    unit: str
+    acceleration: tuple[float, float, float] | None = None
+    rotation_rate: tuple[float, float, float] | None = None
+    corrected: bool = False
+
+
+SAMPLES = {
+    "MotionCal text": Sample(
+        "Uni:0,0,9.8\n"
+        "Raw:0,0,8192,160,-32,0,339,-68,649\n"
+        "Ori:12,3,4\n"
+        "Raw:4096,0,8192,160,-32,0,350,-82,643\n"
+        "Raw:0,4096,8192,160,-32,0,365,-94,634\n",
+        (33900, -6800, 64900),
+        "nT",
+        (0, 0, G),
+        (np.deg2rad(10), np.deg2rad(-2), 0),
+    ),
+    "MAVLink as text": Sample(
+        "".join(
+            f"2025-06-01 10:00:00.{k}0: RAW_IMU {{time_usec : 1000{k}0000, xacc : -13, yacc : -5, "
+            f"zacc : -999, xgyro : -998, ygyro : -1611, zgyro : 937, xmag : {339 + k}, "
+            "ymag : -68, zmag : 649, id : 0, temperature : 0}\n"
+            f"2025-06-01 10:00:00.{k}1: SCALED_IMU2 {{time_boot_ms : 1000{k}1, xacc : 1, yacc : 2, "
+            "zacc : -998, xgyro : 1, ygyro : 2, zgyro : 3, xmag : 111, ymag : 222, zmag : 333}\n"
+            for k in range(5)
+        ),
+        (33900, -6800, 64900),
+        "nT",
+        (-0.013 * G, -0.005 * G, -0.999 * G),
+        (-0.998, -1.611, 0.937),
+        corrected=True,
+    ),
+    "MAVLink telemetry of Mission Planner": Sample(
+        "".join(
+            f"2025-06-01T10:00:00.0{k}0,FE,1A,{k},1,1,1B,mavlink_raw_imu_t,time_usec,1000{k}0000,"
+            f"xacc,-13,yacc,-5,zacc,-999,xgyro,-998,ygyro,-1611,zgyro,937,xmag,{339 + k},ymag,-68,"
+            "zmag,649,sysid,1,compid,1\n"
+            for k in range(5)
+        ),
+        (33900, -6800, 64900),
+        "nT",
+        (-0.013 * G, -0.005 * G, -0.999 * G),
+        (-0.998, -1.611, 0.937),
+        corrected=True,
+    ),
+    "Paparazzi messages": Sample(
+        "".join(
+            f"0.0{k}0 1 IMU_MAG_RAW 0 {678 + k} -138 1299\n"
+            f"0.0{k}1 1 IMU_ACCEL_SCALED 0 1024 0 -10240\n"
+            f"0.0{k}1 1 IMU_GYRO_SCALED 0 2048 0 -4096\n"
+            for k in range(5)
+        ),
+        (678, -138, 1299),
+        "raw",
+        (1, 0, -10),
+        (0.5, 0, -1),
+    ),
+    "TopoDroid calibration": Sample(
+        "# 2025.06.01 created by TopoDroid v 6.2.0\n"
+        "# index G1x G1y G1z M1x M1y M1z group azimuth clino roll error status\n"
+        "1, 240, 0, 24000, 4946, 8555, 22431, -1, 289.67, -0.02, 1.26, 0.3000, 0\n"
+        "2, 296, 23560, 872, 4926, 20846, -7824, 1, 289.91, 0.01, 88.34, 0.3000, 0\n"
+        "3, 273, -2194, -24002, 4835, -11728, -20361, -1, 289.72, 0.07, 184.90, 0.3000, 0\n"
+        "4, 387, -288, 24376, 11482, 582, 22663, -2, 350.73, -0.17, 359.75, 0.3000, 0\n"
+        "5, 344, 23559, 792, 11436, 20633, -351, 2, 350.59, -0.06, 88.54, 0.3000, 0\n",
+        (4946, 8555, 22431),
+        "raw",
+        (0.01 * G, 0, G),
+    ),
+    "MicroStrain": Sample(
+        "SESSION_INFO\nSession Name,run\nFormat Version,1.0.0.0\n\nDATA_START\n"
+        + "GPS TFlags,GPS Week,GPS TOW,"
+        + ",".join(
+            f"{axis} {what}"
+            for what in ("Accel [x8004]", "Gyro [x8005]", "Mag [x8006]")
+            for axis in "XYZ"
+        )
+        + "\n"
+        + "".join(
+            f"7,2369,36000.{k}00,0.5,0,1,-0.998576,-1.611378,0.937377,0.33{k},-0.068,0.649\n"
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+        (0.5 * G, 0, G),
+        (-0.998576, -1.611378, 0.937377),
+    ),
+    "Technosmart": Sample(
+        "TagID,Timestamp,X,Y,Z,compX,compY,compZ,Pressure,Temp. (C)\n"
+        + "".join(
+            f"A01,2025-06-01 10:00:00.{k}00,0.5,0,1,{339 + k},-68.8,649.6,1013.2,20.1\n"
+            for k in range(5)
+        ),
+        (339, -68.8, 649.6),
+        "raw",
+        (0.5 * G, 0, G),
+    ),
+}
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "log.txt"
+    path.write_text(text)
+    return path
+
+
+def test_every_dialect_has_a_sample_and_a_source() -> None:
+    renaming = [convention for convention in CONVENTIONS if convention.columns]
+    assert {one.name for one in (*DIALECTS, *renaming)} <= SAMPLES.keys()
+    assert all(one.source for one in (*DIALECTS, *CONVENTIONS))
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_a_sample_is_read_in_the_documented_units(tmp_path: Path, name: str) -> None:
+    sample = SAMPLES[name]
+    samples = ag.read(write(tmp_path, sample.text))
+    assert samples.unit == sample.unit
+    assert samples.field[0] == pytest.approx(sample.field)
+    assert samples.corrected is sample.corrected
+    for column in ("acceleration", "rotation_rate"):
+        values, wanted = getattr(samples, column), getattr(sample, column)
+        assert (values is None) == (wanted is None), column
+        if wanted is not None:
+            assert values[0] == pytest.approx(wanted, abs=1e-6), column
+
+
+@pytest.mark.parametrize("name", [one.name for one in DIALECTS])
+def test_a_unit_that_is_given_fills_in_none_that_is_documented(tmp_path: Path, name: str) -> None:
+    sample = SAMPLES[name]
+    samples = ag.read(write(tmp_path, sample.text), unit="mG")
+    scale = 100.0 if sample.unit == "raw" else 1.0
+    assert samples.field[0] == pytest.approx(scale * np.array(sample.field))
+
+
+def test_messages_of_two_compasses_are_two_sensors(tmp_path: Path) -> None:
+    log = open_log(write(tmp_path, SAMPLES["MAVLink as text"].text))
+    assert [one.name for one in log.sensors] == ["RAW_IMU", "SCALED_IMU2"]
+    assert log.sensors[1].field[0] == pytest.approx([11100, 22200, 33300])
+    assert all("autopilot had corrected" in one.notes[-1] for one in log.sensors)
+
+
+def test_shots_of_a_group_of_topodroid_are_along_one_line(tmp_path: Path) -> None:
+    samples = ag.read(write(tmp_path, SAMPLES["TopoDroid calibration"].text))
+    assert samples.target is not None
+    assert samples.target.tolist() == [1, 1, 1, 2, 2]
+
+
+def test_messages_of_paparazzi_before_6_have_no_number_of_the_sensor(tmp_path: Path) -> None:
+    text = "".join(f"0.0{k}0 1 IMU_MAG_RAW {678 + k} -138 1299\n" for k in range(5))
+    assert ag.read(write(tmp_path, text)).field[0] == pytest.approx([678, -138, 1299])
+
+
+ROWS = [(f"0.{k}", {"mag_x": 30 + k, "mag_y": -7, "mag_z": 40, "acc_z": 9.8}) for k in range(5)]
+
+
+@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize("header", ["time,channel,value,unit", "Time;Parameter;Reading;Units"])
+def test_a_row_for_each_channel_and_time(tmp_path: Path, header: str, together: bool) -> None:
+    """Also where all rows of a channel come before those of the next."""
+    between = ";" if ";" in header else ","
+    rows = [(t, n, v) for t, values in ROWS for n, v in values.items()]
+    units = {"mag_x": "uT", "mag_y": "uT", "mag_z": "uT", "acc_z": ""}
+    lines = [between.join((t, n, str(v), units[n])) for t, n, v in rows]
+    ordered = lines if together else sorted(lines, key=lambda line: line.split(between)[1])
+    samples = ag.read(write(tmp_path, "\n".join([header, *ordered, ""])))
+    assert samples.time == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert samples.field[:, 0] == pytest.approx([30e3, 31e3, 32e3, 33e3, 34e3])
+    assert samples.field[0] == pytest.approx([30e3, -7e3, 40e3])
+
+
+def test_a_row_for_each_channel_without_times(tmp_path: Path) -> None:
+    text = "channel,value\n" + "".join(
+        f"{name},{value}\n" for _, values in ROWS for name, value in values.items()
+    )
+    samples = ag.read(write(tmp_path, text), unit="uT")
+    assert samples.field[:, 0] == pytest.approx([30e3, 31e3, 32e3, 33e3, 34e3])
+
+
+def test_a_name_of_many_letters_is_refused_at_once(tmp_path: Path) -> None:
+    path = write(tmp_path, "x" * 300_000 + ",b,c,d\n1,2,3,4\n2,3,4,5\n")
+    with pytest.raises(ag.LogError, match="no magnetometer columns found"):
+        open_log(path)
