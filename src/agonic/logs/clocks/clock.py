@@ -67,7 +67,7 @@ def _without_unit(numbers: Array) -> Clock:
         if _is_unix(numbers / per_second):
             note = f"times have no unit; by their size they are Unix times in {name}"
             return since_first_second(numbers / per_second, (note,))
-    from agonic.logs.clocks.numbered_dates import read_digits_s
+    from agonic.logs.clocks.dates import read_digits_s
 
     if (digits := read_digits_s(numbers)) is not None:
         seconds, dated, note = digits

@@ -27,9 +27,10 @@ from agonic.logs.ros.messages import (
     TRANSFORMS,
     Row,
     find_reader,
+    find_rotation,
     make_table,
+    rotate_table,
 )
-from agonic.logs.ros.transforms import find_rotation, rotate_table
 from agonic.provenance import Input
 from agonic.samples import Samples
 

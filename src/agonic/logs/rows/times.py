@@ -87,7 +87,7 @@ def _join_fraction(
 def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) -> Clock:
     """The clock of all rows, from the time column, with a date column or an epoch if there is."""
     if pick(found.get("gps_tow", {}), ""):
-        from agonic.logs.rows.gps_time import date_by_gps, find_gps_clock
+        from agonic.logs.rows.calendar import date_by_gps, find_gps_clock
 
         if "" not in group:
             return find_gps_clock(table, found)

@@ -130,7 +130,7 @@ def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
     """The text of a file with plain rows, its first lines, and notes."""
     data, notes = load(path, _count_understood)
     if _NESTED(data[:_HEAD]):
-        from agonic.logs.text.brackets import unnest
+        from agonic.logs.text.sanity import unnest
 
         data = unnest(data)
     head = _split_head(data)
@@ -141,7 +141,7 @@ def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
         data = level(data, head)
         head = _split_head(data)
     elif any(map(_BRACKETED, head[:SAMPLE])):
-        from agonic.logs.text.brackets import open_brackets
+        from agonic.logs.text.sanity import open_brackets
 
         data = open_brackets(data, head)
         head = _split_head(data)
@@ -185,7 +185,7 @@ def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> Table
     if max(map(len, rows)) > LONGEST_LINE:
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if "---" in head:
-        from agonic.logs.text.echo import is_echo, read_echo
+        from agonic.logs.text.json_text import is_echo, read_echo
 
         if is_echo([line for line in head[:SAMPLE] if line.strip()]):
             from agonic.logs.text.json_text import make_table
@@ -219,7 +219,7 @@ def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> T
 
         check_title(table, above)
     if head[0].startswith(_GYROFLOW):
-        from agonic.logs.text.gyroflow import scale_columns
+        from agonic.logs.text.preamble import scale_columns
 
         table = scale_columns(table, head[1 : layout.start - 1])
     if _lacks_numbers(table):
@@ -259,7 +259,7 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[Table, list[str]
     table: Table = {}
     coded: list[int] = []
     if np.isnan(values).any():
-        from agonic.logs.text.hexadecimal import find_hexadecimal, read_hexadecimal
+        from agonic.logs.text.numbers import find_hexadecimal, read_hexadecimal
 
         of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
         coded = find_hexadecimal(first, of)
