@@ -9,41 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from agonic.errors import UnitError
-from agonic.logs.headers.patterns import (
-    ALIAS,
-    AMBIGUOUS,
-    BARE,
-    BRACKET,
-    CANONICAL,
-    CODE,
-    COMMA,
-    DISTURBER_NAME,
-    EPOCH,
-    FALLBACK,
-    GRAVITIES,
-    IDLE,
-    IN,
-    INDEX,
-    LAST,
-    LAST_BRACKET,
-    NAMES,
-    NO_READING,
-    OF_GPS,
-    ORDERED,
-    OVER,
-    PREFERRED,
-    SCALAR_PART,
-    SCALED,
-    SHIMMER,
-    TEMPERATURE,
-    TESLA,
-    TIME_OR_TEMPERATURE,
-    TOKEN,
-    UNCORRECTED,
-    UNITS,
-    WHOLE_NAME,
-    squash,
-)
+from agonic.logs.headers import patterns as spelled
 from agonic.logs.headers.quantities import (
     BY_COLUMN,
     DISTURBER,
@@ -93,38 +59,42 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     >>> column.quantity.column, column.sensor
     ('field', 'mmc')
     """
-    if len(header) > LONGEST or TIME_OR_TEMPERATURE.fullmatch(header.strip()):
+    if len(header) > LONGEST or spelled.TIME_OR_TEMPERATURE.fullmatch(header.strip()):
         return None
-    if scaled := SCALED.search(header):
+    if scaled := spelled.SCALED.search(header):
         column = identify_column(header[: scaled.start()].rstrip("_ ([{"), sensors)
         known = column is not None and column.quantity.column == "field" and column.unit is None
         return replace(column, header=header) if column is not None and known else None
     plain = ZONE.sub("", header.strip()) or header
-    text = UNCORRECTED.sub(r"un\1", spell_out(EPOCH.sub("epoc", SHIMMER.sub(r"\1\2", plain))))
-    text = INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)
-    text = ORDERED.sub(lambda index: f"_{index[1][int(index[2])]}", text)
+    text = spelled.UNCORRECTED.sub(
+        r"un\1", spell_out(spelled.EPOCH.sub("epoc", spelled.SHIMMER.sub(r"\1\2", plain)))
+    )
+    text = spelled.INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)
+    text = spelled.ORDERED.sub(lambda index: f"_{index[1][int(index[2])]}", text)
     split = (
-        BRACKET.fullmatch(text)
-        or LAST_BRACKET.fullmatch(text)
-        or COMMA.fullmatch(text)
-        or OVER.fullmatch(text)
+        spelled.BRACKET.fullmatch(text)
+        or spelled.LAST_BRACKET.fullmatch(text)
+        or spelled.COMMA.fullmatch(text)
+        or spelled.OVER.fullmatch(text)
     )
     name, unit = (
-        (split["name"], squash(IN.sub("", CODE.sub("", split["unit"])))) if split else (text, "")
+        (split["name"], spelled.squash(spelled.IN.sub("", spelled.CODE.sub("", split["unit"]))))
+        if split
+        else (text, "")
     )
-    unit += "s" * (unit.lower().endswith("second") and f"{unit}s".lower() in UNITS)
+    unit += "s" * (unit.lower().endswith("second") and f"{unit}s".lower() in spelled.UNITS)
     if unit and not unit.isascii():
         return None
-    if split and (named := OF_GPS.get(squash(text).lower())):  # Time (GPS TOW)
-        return Column(header=header, quantity=BY_COLUMN[named], rank=ALIAS)
-    found = _identify(header, squash(name), unit)
+    if split and (named := spelled.OF_GPS.get(spelled.squash(text).lower())):  # Time (GPS TOW)
+        return Column(header=header, quantity=BY_COLUMN[named], rank=spelled.ALIAS)
+    found = _identify(header, spelled.squash(name), unit)
     found = found or _identify_with_sensor(header, name, unit, sensors)
     return found or _identify_disturber(header.strip())
 
 
 def _identify_disturber(header: str) -> Column | None:
     """What a canonical name with the unit of a current, a power, a dipole or a duty says."""
-    match = DISTURBER_NAME.fullmatch(header)
+    match = spelled.DISTURBER_NAME.fullmatch(header)
     if match is None:
         return None
     unit = match["unit"]
@@ -133,7 +103,7 @@ def _identify_disturber(header: str) -> Column | None:
         quantity=DISTURBER,
         sensor=f"{match['name']}_{DISTURBER_UNITS.get(unit, unit)}",
         unit=unit,
-        rank=CANONICAL if unit not in DISTURBER_UNITS else ALIAS,
+        rank=spelled.CANONICAL if unit not in DISTURBER_UNITS else spelled.ALIAS,
     )
 
 
@@ -141,25 +111,29 @@ def _identify(header: str, name: str, bracket: str) -> Column | None:
     """What a name without punctuation says, with the unit beside it."""
     if len(name) > 3 and name.lower() in TIMES:  # a column called "millis"
         name = f"time{name}"
-    if match := TEMPERATURE.fullmatch(name + bracket):
-        choices, axes, number = [(BY_COLUMN["temperature"], ALIAS)], [], match["after"]
+    if match := spelled.TEMPERATURE.fullmatch(name + bracket):
+        choices, axes, number = [(BY_COLUMN["temperature"], spelled.ALIAS)], [], match["after"]
         suffix = match["unit"]
-    elif match := SCALAR_PART.fullmatch(name):
-        choices, axes, number, suffix = [(BY_COLUMN["quaternion"], ALIAS)], ["w"], "", None
-    elif match := WHOLE_NAME.fullmatch(name):
-        choices = NAMES[match["name"].lower()]
+    elif match := spelled.SCALAR_PART.fullmatch(name):
+        choices, axes, number, suffix = [(BY_COLUMN["quaternion"], spelled.ALIAS)], ["w"], "", None
+    elif match := spelled.WHOLE_NAME.fullmatch(name):
+        choices = spelled.NAMES[match["name"].lower()]
         axes = [match[group] for group in ("before", "axis", "last") if match[group]]
         number, suffix = match["after"] or match["number"] or match["imu"] or "", match["unit"]
-    elif match := BARE.fullmatch(name):
-        choices = [(BY_COLUMN["field"], FALLBACK)]
+    elif match := spelled.BARE.fullmatch(name):
+        choices = [(BY_COLUMN["field"], spelled.FALLBACK)]
         axes, number, suffix = [match["axis"]], match["after"], match["unit"]
     else:
         return None
     axis = "".join(axes).lower()
     for quantity, rank in choices:
-        if rank == FALLBACK and quantity.column == "field" and not _may_be_bare(suffix or bracket):
+        if (
+            rank == spelled.FALLBACK
+            and quantity.column == "field"
+            and not _may_be_bare(suffix or bracket)
+        ):
             continue
-        if rank == LAST and squash(header).lower() not in quantity.last.split():
+        if rank == spelled.LAST and spelled.squash(header).lower() not in quantity.last.split():
             continue
         if axis not in quantity.axes.split() and (axis or quantity.axes):
             continue
@@ -167,9 +141,9 @@ def _identify(header: str, name: str, bracket: str) -> Column | None:
         if not known:
             continue
         if header == canonical_header(quantity.column, axis, unit):
-            rank = CANONICAL
+            rank = spelled.CANONICAL
         if quantity.column == "field" and re.search("uncal|uncomp", name, re.IGNORECASE):
-            rank = PREFERRED
+            rank = spelled.PREFERRED
         return Column(
             header=header, quantity=quantity, axis=axis, sensor=number, unit=unit, rank=rank
         )
@@ -179,7 +153,7 @@ def _identify(header: str, name: str, bracket: str) -> Column | None:
 def _may_be_bare(unit: str) -> bool:
     """Whether x, y or z alone with this unit, if any, can be a field: no "g", no unit of others."""
     with suppress(UnitError):
-        return not unit or (find_unit(unit) != "" and unit not in GRAVITIES)
+        return not unit or (find_unit(unit) != "" and unit not in spelled.GRAVITIES)
     return False
 
 
@@ -187,19 +161,19 @@ def _identify_with_sensor(
     header: str, name: str, unit: str, sensors: frozenset[str]
 ) -> Column | None:
     """What a name says behind the words that name a sensor."""
-    tokens = TOKEN.findall(name)
+    tokens = spelled.TOKEN.findall(name)
     if len(tokens) > 1 and tokens[-1].lower() in ("imu", "gps", "gnss"):
         return _of_a_clock(header, tokens, unit)
     for before, rest in ((tokens[:at], "".join(tokens[at:])) for at in range(1, len(tokens))):
-        if TIME_OR_TEMPERATURE.fullmatch(rest):
+        if spelled.TIME_OR_TEMPERATURE.fullmatch(rest):
             return None
-        if NO_READING.intersection(word.lower() for word in before):
+        if spelled.NO_READING.intersection(word.lower() for word in before):
             return None
         column = _identify(header, rest, unit)
         if column is None:
             continue
         sensor = _name_sensor(before, column.quantity)
-        bare = column.rank == FALLBACK and column.quantity.column in ("field", "time")
+        bare = column.rank == spelled.FALLBACK and column.quantity.column in ("field", "time")
         if sensor is None or (bare and not _is_field_unit(column, rest, unit)):
             return None
         if (
@@ -210,9 +184,9 @@ def _identify_with_sensor(
             and "/" not in header
         ):
             return None
-        rank = ALIAS if column.quantity.column == "field" else column.rank
+        rank = spelled.ALIAS if column.quantity.column == "field" else column.rank
         if re.search("uncal|uncomp", "".join(before), re.IGNORECASE):
-            rank = PREFERRED
+            rank = spelled.PREFERRED
         return Column(
             header=header,
             quantity=column.quantity,
@@ -230,7 +204,7 @@ def is_unit(text: str) -> bool:
     >>> is_unit("uTesla"), is_unit("m/s^2"), is_unit("Heading")
     (True, True, False)
     """
-    return squash(spell_out(text)).lower() in UNITS
+    return spelled.squash(spell_out(text)).lower() in spelled.UNITS
 
 
 def names_reading(name: str) -> bool:
@@ -239,7 +213,7 @@ def names_reading(name: str) -> bool:
     >>> names_reading("data"), names_reading("hard_iron_bias")
     (True, False)
     """
-    return not NO_READING.intersection(word.lower() for word in TOKEN.findall(name))
+    return not spelled.NO_READING.intersection(word.lower() for word in spelled.TOKEN.findall(name))
 
 
 def _of_a_clock(header: str, tokens: list[str], unit: str) -> Column | None:
@@ -257,12 +231,12 @@ def _name_sensor(words: Sequence[str], quantity: Quantity) -> str | None:
     """The sensor that words before a name stand for; `None` where they name another quantity."""
     kept = []
     for word in words:
-        if word.lower() in IDLE:
+        if word.lower() in spelled.IDLE:
             continue
         if not word.isascii():
             return None
         own = _identify(word, f"{word}x", "") or _identify(word, word, "")
-        if own is None or own.rank == FALLBACK:
+        if own is None or own.rank == spelled.FALLBACK:
             kept.append(word)
         elif own.quantity.column == quantity.column or _belongs(own.quantity, quantity):
             kept += [own.sensor] if own.sensor else []
@@ -283,7 +257,7 @@ def _belongs(own: Quantity, quantity: Quantity) -> bool:
 def _is_field_unit(column: Column, rest: str, bracket: str) -> bool:
     """Whether the unit alone says that the column is a field: no other quantity has it."""
     written = (bracket or re.sub(r"^[xyz](axis)?\d*", "", rest, flags=re.IGNORECASE)).lower()
-    return column.unit in TESLA and written not in AMBIGUOUS
+    return column.unit in spelled.TESLA and written not in spelled.AMBIGUOUS
 
 
 def _unit(quantity: Quantity, suffix: str | None, bracket: str) -> tuple[bool, str | None]:
@@ -294,7 +268,7 @@ def _unit(quantity: Quantity, suffix: str | None, bracket: str) -> tuple[bool, s
     if quantity.column == "field":
         with suppress(UnitError):
             return True, find_unit(written)
-    elif written.lower() in UNITS:  # T (nT) is no time
+    elif written.lower() in spelled.UNITS:  # T (nT) is no time
         own = written.lower() in quantity.units
         return own, written.lower() if own else None
     return quantity.column in ("field", "time", "date") and not suffix, None

@@ -13,62 +13,47 @@ DEGREES_PER_RADIAN = math.degrees(1.0)
 Linear = tuple[float, float]
 """Ours = factor × theirs + offset."""
 
-_ANGLE: dict[str, Linear] = {
-    "deg": (1, 0), "degrees": (1, 0), "rad": (DEGREES_PER_RADIAN, 0),
-    "radians": (DEGREES_PER_RADIAN, 0),
-}  # fmt: skip
-_RATE: dict[str, Linear] = {
-    spelling: (factor, 0)
-    for factor, spellings in {
-        1.0: (
-            "rads",
-            "radsec",
-            "radpers",
-            "radpersec",
-            "radianss",
-            "radianssec",
-            "radianspersecond",
-            "rad",
-            "radians",
-        ),
-        1 / DEGREES_PER_RADIAN: (
-            "degs",
-            "degsec",
-            "degpers",
-            "degpersec",
-            "dps",
-            "degreess",
-            "degreessec",
-            "degreespersecond",
-            "deg",
-            "degrees",
-        ),
-        1e-3 / DEGREES_PER_RADIAN: ("mdps",),
-    }.items()
-    for spelling in spellings
+
+def _spell(spellings: Mapping[float, str], offset: float = 0.0) -> dict[str, Linear]:
+    """The factor, and the offset, of each spelling of a unit."""
+    return {word: (factor, offset) for factor, words in spellings.items() for word in words.split()}
+
+
+_ANGLE = _spell({1.0: "deg degrees", DEGREES_PER_RADIAN: "rad radians"})
+_RATE = _spell(
+    {
+        1.0: "rads radsec radpers radpersec radianss radianssec radianspersecond rad radians",
+        1 / DEGREES_PER_RADIAN: "degs degsec degpers degpersec dps degreess degreessec "
+        "degreespersecond deg degrees",
+        1e-3 / DEGREES_PER_RADIAN: "mdps",
+    }
+)
+_ACCELERATION = _spell(
+    {
+        1.0: "ms2 mss mpers2 mps2 meterspersecondsquared raw counts",  # counts: known by gravity
+        STANDARD_GRAVITY_M_S2: "g",
+        1e-3 * STANDARD_GRAVITY_M_S2: "mg",
+    }
+)
+TIMES = _spell(
+    {
+        1.0: "s sec secs seconds",
+        60.0: "min",
+        1e-3: "ms msec millis milliseconds",
+        1e-6: "us usec micros microseconds",
+        1e-9: "ns nsec nsecs nanosec nanos nanoseconds",
+        1e-4: "1e-4s",  # ticks of 10 kHz, documented, never written
+    }
+)
+_TEMPERATURE = {
+    **_spell({1.0: "c degc celsius deg"}),
+    **_spell({1.0: "k"}, -273.15),
+    **_spell({1 / 1.8: "f degf"}, -32 / 1.8),
 }
+_POSITION = {**_ANGLE, **_spell({1e-7: "e7 dege7"})}
+_HEIGHT = _spell({1.0: "m", 1e-3: "mm", 1e3: "km", 0.3048: "ft"})
+_CURRENT = _spell({1.0: "a amps", 1e-3: "ma"})
 # fmt: off
-_ACCELERATION: dict[str, Linear] = {
-    "ms2": (1, 0), "mss": (1, 0), "mpers2": (1, 0), "mps2": (1, 0),
-    "meterspersecondsquared": (1, 0),
-    "g": (STANDARD_GRAVITY_M_S2, 0), "mg": (1e-3 * STANDARD_GRAVITY_M_S2, 0),
-    "raw": (1, 0), "counts": (1, 0),  # whose unit is known by gravity
-}
-TIMES: dict[str, Linear] = {
-    "s": (1, 0), "sec": (1, 0), "secs": (1, 0), "seconds": (1, 0), "min": (60, 0),
-    "ms": (1e-3, 0), "msec": (1e-3, 0), "millis": (1e-3, 0), "milliseconds": (1e-3, 0),
-    "us": (1e-6, 0), "usec": (1e-6, 0), "micros": (1e-6, 0), "microseconds": (1e-6, 0),
-    "ns": (1e-9, 0), "nsec": (1e-9, 0), "nsecs": (1e-9, 0), "nanosec": (1e-9, 0),
-    "nanos": (1e-9, 0), "nanoseconds": (1e-9, 0),
-    "1e-4s": (1e-4, 0),  # ticks of 10 kHz, documented, never written
-}
-_TEMPERATURE: dict[str, Linear] = {
-    "c": (1, 0), "degc": (1, 0), "celsius": (1, 0), "k": (1, -273.15),
-    "f": (1 / 1.8, -32 / 1.8), "degf": (1 / 1.8, -32 / 1.8), "deg": (1, 0),
-}
-_POSITION: dict[str, Linear] = {**_ANGLE, "e7": (1e-7, 0), "dege7": (1e-7, 0)}
-_HEIGHT: dict[str, Linear] = {"m": (1, 0), "mm": (1e-3, 0), "km": (1e3, 0), "ft": (0.3048, 0)}
-_CURRENT: dict[str, Linear] = {"a": (1, 0), "ma": (1e-3, 0), "amps": (1, 0)}
 FIELD_UNITS = (
     "nt", "nanotesla", "gamma", "ut", "microtesla", "mt", "millitesla", "t", "tesla", "g", "gs",
     "gauss", "ga", "microt", "utesla", "au", "mg", "mgauss", "milligauss", "mga", "mgs",
