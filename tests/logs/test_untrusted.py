@@ -16,7 +16,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from agonic.errors import LogError
-from agonic.logs.arrays.matlab_5 import read_version_5
+from agonic.logs.arrays.matlab import read_version_5
 from agonic.logs.read import open_log, read
 from tests.logs.damage import damaged
 from tests.logs.workbook_writer import write_xlsx

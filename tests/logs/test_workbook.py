@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs import limits
+from agonic.logs import contents
 from agonic.logs.read import open_log, read
 from tests.logs.damage import damaged
 from tests.logs.test_fuzz import assert_read_or_refused
@@ -113,7 +113,7 @@ def test_what_is_made_to_harm_is_refused(tmp_path, monkeypatch):
     replace_member(path, sheet, f"{far}</worksheet>")
     with pytest.raises(LogError, match="no sheet in it holds a table"):
         read(path)
-    monkeypatch.setattr(limits, "MOST_BYTES", 50_000_000)
+    monkeypatch.setattr(contents, "MOST_BYTES", 50_000_000)
     replace_member(path, sheet, b" " * 60_000_000)
     with pytest.raises(LogError, match="declares"):
         read(path)

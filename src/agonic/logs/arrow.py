@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.contents import check_declared
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
-from agonic.logs.limits import check_declared
 from agonic.logs.log import Log
 from agonic.logs.text.long_table import build_tables_log
 from agonic.provenance import Input

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
+from agonic.logs.contents import MOST_BYTES
 from agonic.logs.folder import name_axes
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, identify_columns, refuse_many
-from agonic.logs.limits import MOST_BYTES
 from agonic.logs.log import Log
 from agonic.logs.text.json_text import TEXTUAL, to_column
 from agonic.logs.text.long_table import build_tables_log

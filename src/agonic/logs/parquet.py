@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.headers.column_names import rename_headers
-from agonic.logs.headers.columns import find_columns, identify_column
+from agonic.logs.headers.columns import find_columns
+from agonic.logs.headers.header import identify_column
 from agonic.logs.log import Log
 from agonic.logs.remote import Remote
 from agonic.logs.text.long_table import build_tables_log

@@ -15,13 +15,10 @@ from agonic.arrays import Index
 from agonic.errors import LogError, TwoAxisError
 from agonic.logs.headers.column_names import suggest_names
 from agonic.logs.headers.columns import (
-    FALLBACK,
-    LAST,
     Identified,
     find_doubtful,
     find_quantities,
     find_rivals,
-    identify_column,
     identify_columns,
 )
 from agonic.logs.headers.conventions import (
@@ -31,6 +28,8 @@ from agonic.logs.headers.conventions import (
     find_correction,
     is_corrected,
 )
+from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.patterns import FALLBACK, LAST
 from agonic.logs.log import TORN, Log, Stream
 from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers

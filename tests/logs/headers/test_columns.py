@@ -3,7 +3,9 @@
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs.headers.columns import CANONICAL, find_columns, identify_column, identify_columns
+from agonic.logs.headers.columns import find_columns, identify_columns
+from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.patterns import CANONICAL
 from agonic.logs.headers.quantities import canonical_header
 
 NAMES = {

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
+from agonic.logs.contents import MOST_BYTES, check_declared
 from agonic.logs.headers.columns import refuse_many
-from agonic.logs.limits import MOST_BYTES, check_declared
 
 _HEAP = b"GCOL"
 _HEADER = 16

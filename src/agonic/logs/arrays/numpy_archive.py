@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.arrays.stacked import build_arrays_log
+from agonic.logs.contents import check_declared
 from agonic.logs.headers.columns import refuse_many
-from agonic.logs.limits import check_declared
 from agonic.logs.log import Log
 from agonic.provenance import Input
 

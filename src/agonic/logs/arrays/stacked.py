@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.column_names import rename_headers
-from agonic.logs.headers.columns import identify_column
-from agonic.logs.headers.header import names_reading
+from agonic.logs.headers.header import identify_column, names_reading
 from agonic.logs.log import Facts, Log
 
 SAMPLING_RATES = ("samplingrate", "samplerate", "samplingfrequency", "fs", "ratehz", "fshz")

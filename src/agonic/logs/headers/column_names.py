@@ -24,9 +24,8 @@ from os.path import isfile
 from pathlib import Path
 
 from agonic.errors import LogError
-from agonic.logs.headers.columns import Column, identify_column
 from agonic.logs.headers.conventions import name_documented
-from agonic.logs.headers.header import LONGEST
+from agonic.logs.headers.header import LONGEST, Column, identify_column
 
 _BESIDE = ".toml"
 _AXES = "xyz"

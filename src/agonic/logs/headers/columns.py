@@ -17,23 +17,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from agonic.errors import LogError
-from agonic.logs.headers.header import MOST_COLUMNS, Column, identify_column
-from agonic.logs.headers.patterns import ALIAS, CANONICAL, FALLBACK, LAST, PREFERRED
-
-__all__ = [
-    "ALIAS",
-    "CANONICAL",
-    "FALLBACK",
-    "LAST",
-    "MOST_COLUMNS",
-    "PREFERRED",
-    "Column",
-    "find_columns",
-    "find_quantities",
-    "identify_column",
-    "identify_columns",
-    "refuse_many",
-]
+from agonic.logs.headers.header import MOST_COLUMNS
+from agonic.logs.headers.header import Column as Column
+from agonic.logs.headers.header import identify_column as identify_column
+from agonic.logs.headers.patterns import LAST
 
 
 def refuse_many(count: int, what: str = "") -> None:

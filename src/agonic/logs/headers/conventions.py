@@ -11,7 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from agonic.errors import LogError
-from agonic.logs.headers.columns import FALLBACK, Column, Identified, identify_column
+from agonic.logs.headers.columns import Identified
+from agonic.logs.headers.header import Column, identify_column
+from agonic.logs.headers.patterns import FALLBACK
 from agonic.logs.headers.quantities import BY_COLUMN
 
 _OTHERS = (

@@ -12,7 +12,8 @@ from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
-from agonic.logs.headers.columns import Column, Identified, identify_column, identify_columns
+from agonic.logs.headers.columns import Identified, identify_columns
+from agonic.logs.headers.header import Column, identify_column
 from agonic.logs.large.database import connect, database_error_type, quote, select_table
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.logs.headers.columns import Column
+from agonic.logs.headers.header import Column
 from agonic.logs.large.database import quote, select_table
 from agonic.logs.large.dataset import Channel, Dataset
 from agonic.maths.equation.moments import EXPONENTS

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from zipfile import ZipFile
 
 from agonic.errors import LogError
-from agonic.logs.headers.columns import MOST_COLUMNS
+from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.office.scan import LONGEST_TEXT, scan
 from agonic.units import DAY_S
 

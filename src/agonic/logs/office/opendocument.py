@@ -11,7 +11,7 @@ from itertools import groupby
 from operator import itemgetter
 from zipfile import ZipFile
 
-from agonic.logs.headers.columns import MOST_COLUMNS
+from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.office.scan import LONGEST_TEXT, scan
 
 CONTENT = "content.xml"

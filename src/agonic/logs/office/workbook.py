@@ -19,10 +19,10 @@ from zipfile import BadZipFile, ZipFile
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
+from agonic.logs.contents import MOST_BYTES, check_declared
 from agonic.logs.folder import name_axes
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.columns import identify_columns
-from agonic.logs.limits import MOST_BYTES, check_declared
 from agonic.logs.log import Log
 from agonic.logs.office import excel, opendocument
 from agonic.logs.text import csv_text

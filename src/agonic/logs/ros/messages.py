@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.logs.headers.columns import identify_column
+from agonic.logs.headers.header import identify_column
 
 Edges = Mapping[tuple[str, str], Rotation]
 """Rotations by (parent, child): they turn components in child axes into those of the parent."""

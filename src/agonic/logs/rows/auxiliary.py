@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
-from agonic.logs.headers.columns import Column, Identified
+from agonic.logs.headers.columns import Identified
+from agonic.logs.headers.header import Column
 from agonic.logs.headers.quantities import Linear
 from agonic.logs.rows.resample import resample
 from agonic.maths.one_pass import median

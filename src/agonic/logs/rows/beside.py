@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
 from agonic.logs.clocks.clock import Clock
-from agonic.logs.headers.columns import Column, Identified
+from agonic.logs.headers.columns import Identified
+from agonic.logs.headers.header import Column
 from agonic.logs.rows.auxiliary import (
     Table,
     convert_column,

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, since_first_second
-from agonic.logs.headers.columns import Column, Identified
+from agonic.logs.headers.columns import Identified
+from agonic.logs.headers.header import Column
 from agonic.logs.rows.auxiliary import Table, to_numbers
 from agonic.units import DAY_S
 

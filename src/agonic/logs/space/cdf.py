@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.headers.columns import MOST_COLUMNS
+from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input

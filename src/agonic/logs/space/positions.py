@@ -16,7 +16,7 @@ from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.worldfield import ELEMENTS
 from agonic.logs.contents import read_text
-from agonic.logs.headers.columns import Column, identify_column
+from agonic.logs.headers.header import Column, identify_column
 
 _RANGES = {
     "latitude_deg": (-90.0, 90.0),

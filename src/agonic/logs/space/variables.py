@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from agonic.errors import LogError, UnitError
 from agonic.logs.arrays import broad
 from agonic.logs.arrays.stacked import build_arrays_log, is_sampling_rate
-from agonic.logs.headers.columns import identify_column
+from agonic.logs.headers.header import identify_column
 from agonic.logs.log import Log
 from agonic.logs.space.products import build_spacecraft_log, is_spacecraft
 from agonic.provenance import Input

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.headers.column_names import rename_headers
-from agonic.logs.headers.columns import find_columns, find_quantities, identify_column
+from agonic.logs.headers.columns import find_columns, find_quantities
+from agonic.logs.headers.header import identify_column
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
 from agonic.logs.text.dialects import find_dialect
@@ -90,9 +91,10 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
             )
     sample = sample_lines(head)
     rows = [head[i] for i in sample]
-    dialect, said = find_dialect(head, rows), ()
+    dialect = find_dialect(head, rows)
+    said: tuple[str, ...] = ()
     if dialect is None and _most(rows, _TAGGED.match):
-        from agonic.logs.text.tagged import find_stated_dialect
+        from agonic.logs.text.kinds import find_stated_dialect
 
         dialect, said = find_stated_dialect(head)
     if dialect is not None:
@@ -219,7 +221,7 @@ def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> T
 
         check_title(table, above)
     if head[0].startswith(_GYROFLOW):
-        from agonic.logs.text.preamble import scale_columns
+        from agonic.logs.text.layout import scale_columns
 
         table = scale_columns(table, head[1 : layout.start - 1])
     if _lacks_numbers(table):
@@ -278,7 +280,7 @@ def _read_body(data: Text, start: int, layout: Layout) -> tuple[Table, list[str]
             table[name] = values[numeric.index(i)]
     others = [h for i, h in enumerate(layout.header) if i not in wanted]
     if layout.unit or layout.rate_Hz is not None:
-        from agonic.logs.text.preamble import add_stated
+        from agonic.logs.text.layout import add_stated
 
         table = add_stated(table, layout)
     return table, others, tuple(notes)

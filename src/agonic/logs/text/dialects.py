@@ -1,7 +1,7 @@
 """The table of dialects: rows of text whose layout their writer documents, and no header tells.
 
-A new dialect is one row of `DIALECTS` and one sample in `tests/logs/dialects`. Tables with a header
-are in `headers.conventions`; what names its own numbers needs no row at all.
+A new dialect is one row of `DIALECTS` and one sample in `tests/logs/test_dialects.py`. Tables with
+a header are in `headers.conventions`; what names its own numbers needs no row at all.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from itertools import pairwise
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.headers.column_names import number_columns
-from agonic.logs.headers.columns import identify_column
+from agonic.logs.headers.header import identify_column
 
 _MOMENT = ((1900, 2100), (1, 13), (1, 32), (0, 25), (0, 60), (0, 61))
 """What a year, a month, a day, an hour, a minute and a second can be."""

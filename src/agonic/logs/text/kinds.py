@@ -1,11 +1,18 @@
-"""Rows of documented dialects made into tables, one for each kind of rows."""
+"""Rows of several kinds in one text made into tables, one for each kind.
+
+The columns of a kind stand in the table of dialects; in a comment, `# UncalMag,utcTimeMillis,…`
+(Android GnssLogger), `% Magnetometer data: 'MAGN;AppTimestamp(s);…'` (GetSensorData); or in
+sentences of their own: `$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors in the
+first cell or the second tell: `0.02 MAG 20.1 -3.2 43.0`.
+"""
 
 from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise, zip_longest
 
 import numpy as np
 
@@ -13,12 +20,139 @@ from agonic.arrays import Array
 from agonic.logs.contents import to_number
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.columns import find_columns, find_quantities
+from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
-from agonic.logs.text.dialects import Dialect, Kind, name_kind
-from agonic.logs.text.layout import Layout
+from agonic.logs.text.dialects import Cell, Dialect, Kind, name_kind
+from agonic.logs.text.layout import Layout, holds_values, is_header, split_cells
+from agonic.logs.text.long_table import BESIDE
 from agonic.logs.text.numbers import read_numbers
 from agonic.samples import Samples
+
+_STATED = re.compile(r"[#%]\W*(?:[^'\"]*['\"])?([A-Za-z]\w+)([,;])([^'\"]*)")
+_NO_HEADER = "there is no header: rows of {} are taken as {}"
+
+
+Stated = tuple[Dialect | None, tuple[str, ...]]
+
+
+def _make(
+    headers: Mapping[str, Sequence[str]], at: int = 0, separator: str | None = ","
+) -> Dialect:
+    """The dialect of rows whose kind is in the cell `at`, the first or the second."""
+    cell = r"\S*" if separator is None else rf"[^{separator}\n]*"
+    between = r"[^\S\n]+" if separator is None else separator
+    before = rf"(?P<before>{cell}){between}" * at
+    return Dialect(
+        name="tagged text",
+        row=re.compile(rf"[^\S\n]*{before}(?P<kind>{cell}){between}(?P<cells>.*)"),
+        kinds={name: Kind(tuple(map(Cell, header))) for name, header in headers.items()},
+        separator=separator,
+        source="the text itself",
+    )
+
+
+def find_stated_dialect(head: Sequence[str]) -> Stated:
+    """The dialect that the first lines of a text show, if any, and notes."""
+    if any(line.startswith("$COL,") for line in head):
+        return _make(find_stated_columns(head)), ()
+    rows = [line for line in head if holds_values(line)]
+    if commented := _find_commented(head, rows):
+        return commented, ()
+    return _find_named(rows)
+
+
+def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
+    """Those whose headers are in comments."""
+    stated = [found for line in head if (found := _STATED.match(line))]
+    for separator in (",", ";"):
+        first: dict[str, str] = {}
+        for row in rows:
+            first.setdefault(row.partition(separator)[0], row)
+        headers = {}
+        for found in stated:
+            names = [name.strip() for name in found[3].split(separator)]
+            if found[2] == separator and len(names) > 2:
+                headers[found[1]] = _fit_names(names, first.get(found[1], "").count(separator))
+        begun = headers.keys() & first
+        if len(begun) > 1 or (begun and (len(headers) > 1 or first.keys() <= begun)):
+            return _make(headers, separator=separator)
+    return None
+
+
+def _fit_names(names: list[str], width: int) -> list[str]:
+    """The names of so many cells; a doubled separator among them is a slip of the pen."""
+    return [name for name in names if name] if len(names) > width else names
+
+
+def _find_named(rows: Sequence[str]) -> Stated:
+    """Those that are named for sensors, without a header.
+
+    >>> dialect, _ = _find_named(["0.1 MAG 20 1 43", "0.1 ACC 0.1 0.2 9.8", "0.3 MAG 21 0 43"])
+    >>> [[cell.header for cell in kind.cells] for kind in dialect.kinds.values()]
+    [['time', 'MAG x', 'MAG y', 'MAG z'], ['time', 'ACC x', 'ACC y', 'ACC z']]
+    """
+    for separator, at in ((s, at) for s in (";", ",", "\t", None) for at in (0, 1)):
+        kinds: dict[str, list[list[str]]] = defaultdict(list)
+        for row in rows:
+            cells = split_cells(row, separator)
+            if at < len(cells) and cells[at][:1].isalpha():
+                kinds[cells[at]].append(cells[:at] + cells[at + 1 :])
+        known = {name: find_named_quantity(name) for name in kinds}
+        if "field" not in known.values() or is_header(kinds[next(iter(kinds))][0]):
+            continue
+        headers = {
+            name: _name_cells(name, kinds[name])
+            for name, quantity in known.items()
+            if quantity in ("field", *BESIDE)
+        }
+        told = {name: header for name, header in headers.items() if header}
+        field = next((name for name in told if known[name] == "field"), None)
+        if field is not None:
+            words = ", ".join(name for name in told[field] if name)
+            return _make(told, at, separator), (_NO_HEADER.format(", ".join(told), words),)
+    return None, ()
+
+
+def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:
+    """A header for rows of a kind: clocks first, three axes, and behind them what never changes;
+    nothing where that is not what they are."""
+    width = min(map(len, rows))
+    columns = [[row[k] for row in rows] for k in range(width)]
+    clocks = next((k for k in range(width - 3) if not _grows(columns[k])), max(width - 3, 0))
+    behind = columns[clocks + 3 :]
+    if width < 3 or any(len(set(column)) > 1 for column in behind):
+        return []
+    axes = [f"{kind} {axis}" for axis in "xyz"]
+    return [*["time"][:clocks], *[""] * (clocks - 1), *axes, *[""] * len(behind)]
+
+
+def _grows(cells: Sequence[str]) -> bool:
+    """Whether each is more than the one before, as of a clock."""
+    return all(before < after for before, after in pairwise(map(to_number, cells)))
+
+
+def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
+    """The headers of sentences whose columns and units are stated before them, as FlySight does.
+
+    >>> find_stated_columns(["$COL,MAG,time,x,y,z", "$UNIT,MAG,s,gauss,gauss,gauss", "$DATA"])
+    {'$MAG': ['time (s)', 'MAG x (gauss)', 'MAG y (gauss)', 'MAG z (gauss)']}
+    """
+    stated: dict[str, dict[str, list[str]]] = {"$COL": {}, "$UNIT": {}}
+    for line in lines:
+        what, *cells = (cell.strip() for cell in line.split(","))
+        if what in stated and len(cells) > 1:
+            stated[what][cells[0]] = cells[1:]
+    headers = {}
+    for kind, names in stated["$COL"].items():
+        units = stated["$UNIT"].get(kind, [])
+        spelled = (f"{kind} {name}" if name in ("x", "y", "z") else name for name in names)
+        headers[f"${kind}"] = [
+            f"{name} ({unit})" if unit else name
+            for name, unit in zip_longest(spelled, units[: len(names)], fillvalue="")
+        ]
+    return headers
+
 
 Table = dict[str, Array]
 
@@ -79,7 +213,8 @@ def build_dialect_log(dialect: Dialect, text: str, facts: Facts) -> Log:
     else:
         others = [name for name, table in tables.items() if _holds_times_alone(table)]
         groups = {name.lstrip("$"): table for name, table in tables.items() if name not in others}
-        log = build_groups_log(groups, others=others, **facts)
+        facts["others"] = others
+        log = build_groups_log(groups, **facts)
     return replace(log, sensors=tuple(_mark(one, dialect) for one in log.sensors))
 
 

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.headers.columns import FALLBACK, find_columns, identify_column
-from agonic.logs.headers.header import is_unit
+from agonic.logs.headers.columns import find_columns
+from agonic.logs.headers.header import identify_column, is_unit
+from agonic.logs.headers.patterns import FALLBACK
 from agonic.logs.text.layout import NUMBER, SAMPLE, STAMP
 
 _LABEL = re.compile(

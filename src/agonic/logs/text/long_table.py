@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.logs.contents import to_number
-from agonic.logs.headers.columns import FALLBACK, find_quantities, identify_column, identify_columns
+from agonic.logs.headers.columns import find_quantities, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
+from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.patterns import FALLBACK
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
 

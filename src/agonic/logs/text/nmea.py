@@ -17,7 +17,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.logs.contents import to_number
-from agonic.logs.headers.columns import identify_column
+from agonic.logs.headers.header import identify_column
 from agonic.logs.rows.auxiliary import PERIODS_DEG
 from agonic.logs.rows.resample import resample
 from agonic.units import DAY_S

@@ -19,7 +19,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
-from agonic.logs.headers.columns import identify_column
+from agonic.logs.headers.header import identify_column
 from agonic.logs.log import Log
 from agonic.logs.table import build_log
 from agonic.logs.text.dialects import SENTENCES
