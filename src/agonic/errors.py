@@ -9,6 +9,9 @@ from typing import Any
 class AgonicError(Exception):
     """Anything that went wrong for a reason the user can do something about."""
 
+    def __reduce__(self) -> tuple[Any, ...]:  # as it is, whatever its class is made from
+        return Exception.__new__, (type(self), *self.args), self.__dict__
+
 
 class LogError(AgonicError):
     """A file could not be read: `path`, and where known the `row`."""

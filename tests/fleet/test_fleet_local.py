@@ -65,14 +65,35 @@ def test_closing_ends_all_processes() -> None:
     assert not children()
 
 
-def test_processes_that_cannot_begin_are_an_error(tmp_path: Path) -> None:
+def test_a_task_that_hangs_is_lost_alone_and_in_time() -> None:
+    """Each of its neighbours has its result, and the run ends."""
+    naps = [0.0] * 50 + [86_400.0] + [0.001] * 50
+    done = list(Processes(2, longest_s=5.0).run(time.sleep, naps))
+    lost = [(nap, result) for nap, result in done if isinstance(result, Lost)]
+    assert len(done) == len(naps)
+    assert [nap for nap, _ in lost] == [86_400.0]
+    assert "longer than 5 s" in lost[0][1].sentence
+    assert "--timeout" in lost[0][1].sentence
+    assert not children()
+
+
+def test_a_script_without_a_guard_may_start_processes(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "from agonic.fleet.local import Processes\nprint(dict(Processes(1).run(abs, [-1])))\n"
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60)
-    assert done.returncode
-    assert "__name__" in done.stderr
+    assert (done.stdout, done.stderr) == ("{-1: 1}\n", "")
+
+
+def test_a_log_that_hangs_is_a_row_that_says_so(tmp_path: Path) -> None:
+    write_boards(tmp_path / "logs", 3)
+    out = tmp_path / "out"
+    done = run_fleet([tmp_path / "logs"], out, engine=Processes(2, longest_s=0.001))
+    assert done.population["verdict"].tolist() == ["refused"] * 3
+    assert all("the time limit of one log" in status for status in done.population["status"])
+    again = run_fleet([tmp_path / "logs"], out, engine=Processes(2))
+    assert again.population["verdict"].tolist() == ["good"] * 3
 
 
 @pytest.mark.slow
@@ -126,8 +147,7 @@ def of_group(group: int) -> list[str]:
 
 
 def children() -> list[psutil.Process]:
-    """The processes that work for this one; the server that begins them stands between."""
-    own = psutil.Process()
-    found = set(own.children(recursive=True)) - set(own.children())
+    """The processes that work for this one."""
+    found = psutil.Process().children(recursive=True)
     running = [process for process in found if process.status() != psutil.STATUS_ZOMBIE]
-    return [process for process in running if "chrom" not in process.name()]  # of other tests
+    return [process for process in running if "child_process" in " ".join(process.cmdline())]

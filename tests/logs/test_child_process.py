@@ -30,6 +30,15 @@ def test_what_crashes_is_told():
 def test_what_fails_there_fails_here():
     with pytest.raises(RuntimeError, match="ValueError: invalid literal"):
         child_process.call(int, "x")
+    with pytest.raises(LogError, match="nowhere.csv: there is no such file"):
+        child_process.call(open_log, "nowhere.csv")
+
+
+def test_what_takes_all_memory_is_told():
+    """More than the limit is asked for, and less is given."""
+    with pytest.raises(MemoryError):
+        child_process.call(bytearray, child_process.MOST_MEMORY + 1)
+    assert len(child_process.call(bytearray, 1_000_000)) == 1_000_000
 
 
 def test_an_hdf5_file_of_numbers(tmp_path):

@@ -7,13 +7,16 @@ import socket
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from itertools import chain, islice
+from functools import partial
+from itertools import chain, islice, repeat
+from threading import local
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from agonic.errors import AgonicError, MissingExtraError
-from agonic.fleet.engine import Answer, Lost
-from agonic.fleet.local import count_processors
+from agonic.fleet.engine import LONGEST_S, Lost
+from agonic.fleet.local import ask, count_processors
+from agonic.logs.child_process import Child
 from agonic.version import __version__
 
 T = TypeVar("T")
@@ -35,8 +38,8 @@ PATIENCE_S = 20
 class Dask:
     """Workers of a cluster: that of a scheduler which runs, or one of its own on this machine.
 
-    A batch whose worker ends goes to another. Where workers end again, its tasks are tried one by
-    one; and those with which they still end, at last, with nothing beside them to be blamed.
+    A batch whose worker ends goes to another. A worker has a child process for its tasks, so that
+    none of them can end it, or hold it up.
 
     Parameters
     ----------
@@ -47,30 +50,26 @@ class Dask:
     security : keywords of `distributed.Security`, such as `tls_ca_file`, `tls_client_cert` and
         `tls_client_key`, for a scheduler at "tls://…". Dask's own settings (`distributed.comm.tls`)
         hold where none is given. A scheduler without TLS runs what anybody sends it.
+    longest_s : seconds that a task may take; it is then `Lost`, and the others are not concerned.
     """
 
     scheduler: str | None = None
     workers: int | None = None
     batch: int = BATCH
     security: Mapping[str, Any] | None = None
+    longest_s: float = LONGEST_S
 
     def run(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
         """As `Engine.run`."""
         distributed = _import_distributed()
         with _silence_dask(), self._client(distributed) as client:
-            room = WAITING * _count_threads(client)
-            left: list[T] = []
-            waiting = iter(tasks)
-            for size, most in ((self.batch, room), (1, room), (1, 1)):
-                for batch, answers in _submit_batches(
-                    client, function, _make_batches(waiting, size), most
-                ):
-                    if answers is None:
-                        left += batch
-                    else:
-                        yield from zip(batch, (answer.value() for answer in answers), strict=True)
-                waiting, left = iter(left), []
-            yield from ((task, Lost()) for task in waiting)
+            for batch, answers in _submit_batches(
+                client,
+                partial(_answer_batch, function, self.longest_s),
+                _make_batches(iter(tasks), self.batch),
+                WAITING * _count_threads(client),
+            ):
+                yield from zip(batch, answers or repeat(Lost()), strict=bool(answers))
 
     @contextmanager
     def _client(self, distributed: Any) -> Iterator[Any]:
@@ -114,7 +113,6 @@ def _explain_unreached(scheduler: str, error: Exception) -> AgonicError:
 
 
 _OWN = {
-    "distributed.scheduler.allowed-failures": 1,
     # else a worker that ends again some seconds after it was replaced is given up for good
     "distributed.deploy.lost-worker-timeout": "1 day",
     "logging.distributed": "critical",
@@ -147,8 +145,8 @@ def _make_batches(tasks: Iterator[T], size: int) -> Iterator[list[T]]:
 
 
 def _submit_batches(
-    client: Any, function: Callable[[T], R], batches: Iterator[list[T]], most: int
-) -> Iterator[tuple[list[T], list[Answer] | None]]:
+    client: Any, function: Callable[[list[T]], R], batches: Iterator[list[T]], most: int
+) -> Iterator[tuple[list[T], R | None]]:
     """Each batch with its answers, None where workers ended with it; `most` under way at a time."""
     distributed = _import_distributed()
     finished = distributed.as_completed(loop=client.loop)
@@ -157,7 +155,7 @@ def _submit_batches(
     while True:
         returned, again = again, []
         for batch in islice(chain(returned, batches), max(most - len(underway), len(returned))):
-            future = client.submit(_answer_batch, function, batch, pure=False)
+            future = client.submit(function, batch, pure=False)
             underway[future.key] = future, batch
             finished.add(future)
         if not underway:
@@ -178,9 +176,14 @@ def _submit_batches(
         yield batch, answers
 
 
-def _answer_batch(function: Callable[[T], R], batch: list[T]) -> list[Answer]:
-    """What a worker does."""
-    return [Answer.of(function, task) for task in batch]
+_of_thread = local()
+
+
+def _answer_batch(function: Callable[[T], R], longest_s: float, batch: list[T]) -> list[R | Lost]:
+    """What a worker does: a child process of it works, which may crash or be stopped."""
+    if not hasattr(_of_thread, "child"):
+        _of_thread.child = Child()
+    return [ask(_of_thread.child, function, task, longest_s) for task in batch]
 
 
 def _count_threads(client: Any) -> int:

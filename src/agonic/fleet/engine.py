@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
-from agonic.errors import AgonicError
+LONGEST_S = 600.0
+"""Longest that one log may take unless told otherwise.
+
+A board's log takes 0.05 s, the fit of the longest recording tried (100 million rows) 13 s:
+benchmarks/results/fleet_logs.md and fleet_recording.md.
+"""
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -15,11 +19,20 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """A task without a result: each process that worked on it came to an end."""
+    """A task without a result, and why: it crashed, or did not end in time."""
 
     sentence: str = (
-        "the process that worked on it came to an end, twice: it may need more memory than there is"
+        "the process that worked on it ended, twice: a library crashed on it, or it needs more "
+        "memory than there is; fetch it again, or cut it"
     )
+
+    @classmethod
+    def late(cls, longest_s: float) -> Lost:
+        """That of a task which was stopped."""
+        return cls(
+            f"it took longer than {longest_s:g} s, the time limit of one log: cut it, or give it "
+            "more time with --timeout"
+        )
 
 
 class Engine(Protocol):
@@ -46,27 +59,3 @@ class Here:
         """
         for task in tasks:
             yield task, function(task)
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What a process sends back: a result, or in words what was raised."""
-
-    result: Any = None
-    wrong: str = ""
-
-    @classmethod
-    def of(cls, function: Callable[[Any], Any], task: Any) -> Answer:
-        """That of a function to a task."""
-        try:
-            return cls(function(task))
-        except AgonicError as error:
-            return cls(wrong=str(error))
-        except Exception:  # told where the run is ended
-            return cls(wrong=f"unexpected:\n{traceback.format_exc()}")
-
-    def value(self) -> Any:
-        """The result; raises `AgonicError` with the words."""
-        if self.wrong:
-            raise AgonicError(self.wrong)
-        return self.result

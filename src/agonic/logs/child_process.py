@@ -1,139 +1,179 @@
-"""Files whose library may crash or never end are read by a child process, within a time limit.
+"""Work that may crash, never end or take all memory is done by a child process, within limits.
 
-Nothing else can stop a library in C: it holds the interpreter. The child is started once and ends
-with the process that started it.
+Nothing else can stop a library in C: it holds the interpreter. A child does one thing after the
+other; it is started when it is first needed, and ends with the process that started it.
 """
 
 from __future__ import annotations
 
-import atexit
 import os
 import pickle
+import signal
 import subprocess
 import sys
+import traceback
+import weakref
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures import TimeoutError as TooLate
 from contextlib import suppress
-from threading import Lock
+from threading import Event, Lock, Timer
 from typing import Any
 
-from agonic.errors import LogError
+from agonic.errors import AgonicError, LogError
 
 LONGEST_S = 60.0
 """Longest that a file may take to be read."""
-
-_WORK = """
-import os, pickle, sys
-from importlib import import_module
+MOST_MEMORY = 4_000_000_000
+"""Bytes of memory that a child process may take: of a text, some twenty times its own length."""
+_START = """
+import pickle, sys
 sys.path[:] = pickle.load(sys.stdin.buffer)
-answers = os.fdopen(os.dup(1), "wb")
-os.dup2(2, 1)
-while True:
-    try:
-        module, name, given = pickle.load(sys.stdin.buffer)
-    except (EOFError, KeyboardInterrupt):
-        break
-    try:
-        answer = "", getattr(import_module(module), name)(given)
-    except KeyboardInterrupt:
-        break
-    except BaseException as error:
-        answer = type(error).__name__, str(error)
-    pickle.dump(answer, answers, protocol=5)
-    answers.flush()
+from agonic.logs.child_process import serve
+serve()
 """
+_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+"""Small matrices lose far more to threads than they gain."""
 
 
-class _Child:
-    """A process that does one thing after the other."""
+class Child:
+    """A process that does one thing after the other, and is replaced where that ends it."""
 
     def __init__(self) -> None:
-        self.owner = os.getpid()
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", _WORK],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        )
-        self._send(sys.path)
+        self._lock = Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._owner = 0
+        self._closed = False
 
-    def _send(self, what: object) -> None:
-        assert self._process.stdin is not None
-        pickle.dump(what, self._process.stdin)
-        self._process.stdin.flush()
+    def ask(self, function: Callable[[Any], Any], given: object, longest_s: float) -> Any:
+        """What a function of a module makes of what is given.
 
-    def ask(self, request: tuple[str, str, object]) -> tuple[str, Any]:
-        """The class of the error or "", and its text or the answer."""
-        assert self._process.stdout is not None
-        self._send(request)
-        with ThreadPoolExecutor(1) as waiting:
-            answer = waiting.submit(pickle.load, self._process.stdout)
-            try:
-                found: tuple[str, Any] = answer.result(LONGEST_S)
-            except TooLate:
-                self._process.kill()
-                raise
-        return found
+        Raises `TimeoutError` where that takes longer, `ChildProcessError` where it ends the
+        process, and what the function raises.
+        """
+        request = pickle.dumps((function, given), protocol=5)
+        process = self._start()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        late = Event()
+        timer = Timer(longest_s, lambda: (late.set(), process.kill()))
+        timer.start()
+        try:
+            pickle.dump(request, process.stdin)
+            process.stdin.flush()
+            failed, answer = pickle.load(process.stdout)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            self.end()
+            raise (TimeoutError if late.is_set() else ChildProcessError) from None
+        except BaseException:  # Ctrl-C: its answer must not be taken for the next one
+            self.end()
+            raise
+        finally:
+            timer.cancel()
+        if failed:
+            raise answer
+        return answer
 
     def end(self) -> None:
-        """Let it end; by force where it does not."""
-        if self.owner != os.getpid():
-            return
-        self._process.kill()
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):
-                if stream is not None:
-                    stream.close()
+        """Stop the process, whatever it does."""
+        with self._lock:
+            if self._process is not None and self._owner == os.getpid():
+                self._finalizer()
+            self._process = None
+
+    def close(self) -> None:
+        """Stop the process, and start no other."""
+        self._closed = True
+        self.end()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        """The process, which is told where modules are found; that before a fork is another's."""
+        with self._lock:
+            if self._closed:
+                raise ChildProcessError
+            if self._process is None or self._owner != os.getpid():
+                self._owner = os.getpid()
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", _START],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.DEVNULL,
+                    env={**os.environ, **_ENVIRONMENT},
+                )
+                self._finalizer = weakref.finalize(self, _kill, self._process, self._owner)
+                assert self._process.stdin is not None
+                with suppress(OSError):  # seen when it is asked
+                    pickle.dump(sys.path, self._process.stdin)
+            return self._process
+
+
+def _kill(process: subprocess.Popen[bytes], owner: int) -> None:
+    if owner != os.getpid():
+        return
+    process.kill()
+    process.wait()
+    for stream in (process.stdin, process.stdout):
+        with suppress(OSError):
+            if stream is not None:
+                stream.close()
 
 
 _lock = Lock()
-_child: _Child | None = None
+_child = Child()
+_in_child = False
 
 
 def call(function: Callable[[Any], Any], given: object) -> Any:
-    """What a function of a module makes of what is given, both in a child process.
+    """What a function of a module makes of what is given, in a child process.
 
-    Raises `LogError` where that takes longer than `LONGEST_S` or ends the child, `LogError` with
-    the text of one that the function raises, and `RuntimeError` with that of any other.
+    In a child process, and where none can be started, it is done in this one. Raises `LogError`
+    where that takes longer than `LONGEST_S` or ends the child, and what the function raises.
 
     >>> call(len, "abc")
     3
     """
-    global _child
-    if not sys.executable or getattr(sys, "frozen", False):
+    if _in_child or not sys.executable or getattr(sys, "frozen", False):
         return function(given)
     with _lock:
-        if _child is None or _child.owner != os.getpid():
-            _child = _Child()
-            atexit.register(_child.end)
         try:
-            failed, found = _child.ask((function.__module__, function.__name__, given))
-        except TooLate:
-            _end()
+            return _child.ask(function, given, LONGEST_S)
+        except TimeoutError:
             raise LogError(
                 f"reading it did not end within {LONGEST_S:g} s: damaged, or far too long; fetch "
                 "it again, or cut it"
             ) from None
-        except (EOFError, OSError, pickle.UnpicklingError):
-            _end()
+        except ChildProcessError:
             raise LogError("damaged so that its library crashes; fetch it again") from None
-        except BaseException:  # Ctrl-C: its answer must not be taken for the next one
-            _end()
-            raise
-    if failed == "LogError":
-        raise LogError(found)
-    if failed:
-        raise RuntimeError(f"{failed}: {found}")
-    return found
 
 
-def _end() -> None:
-    """End the child; the next call starts another."""
-    global _child
-    if _child is not None:
-        atexit.unregister(_child.end)
-        _child.end()
-        _child = None
+def serve() -> None:
+    """What a child does until nobody asks any more: the terminal's interruption is its parent's."""
+    global _in_child
+    _in_child = True
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _limit_memory()
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    with suppress(EOFError):
+        while True:
+            answers.write(_answer(pickle.load(sys.stdin.buffer)))
+            answers.flush()
+
+
+def _answer(request: bytes) -> bytes:
+    """Whether it failed, and with what or the result, as bytes."""
+    try:
+        function, given = pickle.loads(request)
+        return pickle.dumps((False, function(given)), protocol=5)
+    except (AgonicError, MemoryError) as error:
+        return pickle.dumps((True, error))
+    except BaseException as error:
+        words = f"{type(error).__name__}: {error}"
+        return pickle.dumps((True, RuntimeError(words, traceback.format_exc())))
+
+
+def _limit_memory() -> None:
+    """Hold this process to `MOST_MEMORY`, where the system can."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, hard))

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
+from agonic.fleet.engine import LONGEST_S
 
 if TYPE_CHECKING:
     from agonic.fleet.engine import Engine
     from agonic.fleet.work import Progress
 
-FAIL_ABOVE = 0.05
+FAIL_ABOVE = 0.0
 
 
 def add_to(app: typer.Typer) -> None:
@@ -71,6 +72,14 @@ def fleet(
     workers: Annotated[
         int | None, typer.Option(min=0, help="Processes; default: one for each processor.")
     ] = None,
+    timeout: Annotated[
+        float,
+        typer.Option(
+            min=1.0,
+            metavar="SECONDS",
+            help="Longest that one log may take in its process; then it is a row that says so.",
+        ),
+    ] = LONGEST_S,
     engine: Annotated[
         str | None, typer.Option(help="local (default), or dask: its own cluster of --workers.")
     ] = None,
@@ -88,7 +97,7 @@ def fleet(
             min=0.0,
             max=1.0,
             metavar="SHARE",
-            help="Exit status 1 where more than this share has no calibration.",
+            help="Exit status 1 where more than this share is refused; 0: any.",
         ),
     ] = FAIL_ABOVE,
     as_json: Json = False,
@@ -96,7 +105,7 @@ def fleet(
     """Calibrate every magnetometer of many logs into one table, without anyone watching.
 
     Writes fleet.parquet, a row for each sensor and log, and report.html. A bad log is a row with
-    its reason, never a stop. Exit status 1 where too many have no calibration.
+    its reason, never a stop. Exit status 1 where any is refused.
     """
     from agonic.console.output import print_json, say
     from agonic.console.parse import parse_position
@@ -116,7 +125,7 @@ def fleet(
         files=files,
         reports=reports,
     )
-    chosen = _choose_engine(engine, scheduler, workers)
+    chosen = _choose_engine(engine, scheduler, workers, timeout)
     with _interruptible() as progress:
         run = run_fleet(
             inputs, out, settings=settings, engine=chosen, store=store, progress=progress
@@ -131,7 +140,9 @@ def fleet(
     return 1 if failed > fail_above * len(run.population) else 0
 
 
-def _choose_engine(engine: str | None, scheduler: str | None, workers: int | None) -> Engine:
+def _choose_engine(
+    engine: str | None, scheduler: str | None, workers: int | None, longest_s: float
+) -> Engine:
     from agonic.errors import AgonicError, check_choice
     from agonic.fleet.engine import Here
     from agonic.fleet.local import Processes
@@ -142,8 +153,8 @@ def _choose_engine(engine: str | None, scheduler: str | None, workers: int | Non
     if engine == "dask" or scheduler is not None:
         from agonic.fleet.distributed import Dask
 
-        return Dask(scheduler=scheduler, workers=workers)
-    return Here() if workers == 0 else Processes(workers)
+        return Dask(scheduler=scheduler, workers=workers, longest_s=longest_s)
+    return Here() if workers == 0 else Processes(workers, longest_s)
 
 
 @contextmanager
