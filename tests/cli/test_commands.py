@@ -90,7 +90,28 @@ def test_a_refusal_names_files_that_an_earlier_run_left(log, capsys) -> None:
     assert run(["calibrate", log, "-o", "out"]) == 0
     run(["simulate", "static", "-o", "still.csv"])
     _, said = answer(capsys, "calibrate", "still.csv", "-o", "out")
-    assert "mag.h, mag.json: of an earlier run" in said["sensors"][0]["warnings"][0]
+    stale = said["sensors"][0]["warnings"][0]
+    assert stale.startswith("mag.h, mag.json, setup.toml: of an earlier run")
+
+
+def test_a_run_over_one_sensor_names_what_a_run_over_all_left(capsys) -> None:
+    ag = pytest.importorskip("agonic")
+    first, other = (ag.simulate("sphere", n=300, seed=seed).samples for seed in (1, 2))
+    columns = {f"{name}_{axis}_nT": one.field[:, k]
+               for name, one in (("mag", first), ("mag2", other))
+               for k, axis in enumerate("xyz")}  # fmt: skip
+    head, rows = ",".join(columns), zip(*columns.values(), strict=True)
+    Path("two.csv").write_text("\n".join([head, *(",".join(map(str, row)) for row in rows)]))
+    _, both = answer(capsys, "calibrate", "two.csv", "-o", "out")
+    assert not any("earlier run" in w for one in both["sensors"] for w in one["warnings"])
+    names = [one["sensor"] for one in both["sensors"]]
+    Path("out/notes.json").write_text("{}")  # not agonic's
+    _, one = answer(capsys, "calibrate", "two.csv", "-s", names[0], "-o", "out")
+    assert len(names) == 2
+    stale = [w for w in one["sensors"][0]["warnings"] if "earlier run" in w]
+    assert stale == [
+        f"{names[1]}.h, {names[1]}.json: of an earlier run, not of this report; delete them"
+    ]
 
 
 def test_a_sensor_that_cannot_be_fitted_is_a_whole_record_too(capsys) -> None:

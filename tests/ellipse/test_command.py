@@ -68,7 +68,7 @@ def test_a_refused_log_names_what_an_earlier_run_left(tmp_path, capsys) -> None:
     arc = str(write_log(tmp_path / "arc.csv", record(0, turns=0.4)))
     assert run(["calibrate", good, "-o", out]) == 0
     assert run(["calibrate", arc, "-o", out, "-v"]) == 1
-    assert "mag.json: of an earlier run" in capsys.readouterr().out
+    assert "mag.json, setup.toml: of an earlier run" in capsys.readouterr().out
 
 
 def test_what_needs_three_axes_says_so(tmp_path) -> None:

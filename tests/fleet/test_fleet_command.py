@@ -186,3 +186,19 @@ def test_a_long_table_is_read_piece_by_piece(capsys, monkeypatch) -> None:
     assert row.rows == 20_000
     errors = np.subtract([row.bias_x, row.bias_y, row.bias_z], [900.0, -400.0, 100.0])
     assert np.all(np.abs(errors) < 4.5 * np.array([row.bias_x_sd, row.bias_y_sd, row.bias_z_sd]))
+
+
+def test_the_truth_of_a_simulated_fleet_is_no_log(capsys) -> None:
+    assert run(["simulate", "fleet", "-o", "lab", "--sensors", "3", "--broken", "0"]) == 0
+    _, said = answer(capsys, "lab")
+    logs = len(list(Path("lab/logs").iterdir()))
+    assert (said["rows"], said["skipped"]) == (logs, 1)
+    assert run(["info", "lab/truth.csv"]) == 2
+    assert "the truth about a simulated fleet" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("sensor", "status"), [("good", 0), ("bad", 1)])
+def test_any_refused_sensor_is_exit_status_1(logs, sensor, status, capsys) -> None:
+    """One of many suffices, as the README says."""
+    named = [str(logs / "board*.csv"), *([str(logs / "bad" / "short.csv")] * (sensor == "bad"))]
+    assert run(["fleet", *named, "-o", "out", "--workers", "0"]) == status

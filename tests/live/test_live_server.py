@@ -77,8 +77,12 @@ def test_only_this_machine_and_its_own_pages(three_sensors):
 
     async def origins():
         await heard(address, 0.2)
-        with pytest.raises(InvalidStatus):
-            await heard(address, 0.2, origin="http://evil.example")
+        own = f"http://{urlsplit(address).netloc}"
+        await heard(address, 0.2, origin=own)
+        for foreign in ("http://evil.example", own.replace("http", "https"), "http://[", "null"):
+            with pytest.raises(InvalidStatus) as refused:
+                await heard(address, 0.2, origin=foreign)
+            assert refused.value.response.status_code == 403
         with pytest.raises(InvalidStatus):
             await heard(address, 0.2, additional_headers={"Host": "evil.example"})
 

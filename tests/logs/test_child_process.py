@@ -30,7 +30,7 @@ def test_what_crashes_is_told():
 def test_what_fails_there_fails_here():
     with pytest.raises(RuntimeError, match="ValueError: invalid literal"):
         child_process.call(int, "x")
-    with pytest.raises(LogError, match="nowhere.csv: there is no such file"):
+    with pytest.raises(LogError, match=r"nowhere\.csv: there is no such file"):
         child_process.call(open_log, "nowhere.csv")
 
 

@@ -17,7 +17,7 @@ from agonic.ellipse.fit import fit_ellipse
 from agonic.ellipse.result import EllipseFit
 from agonic.errors import AgonicError, CoverageError
 from agonic.files.calibration import save
-from agonic.files.names import file_stem
+from agonic.files.names import file_stem, find_stale
 from agonic.files.setup import save_setup
 from agonic.logs.rows.two_axes import allow_two_axes
 from agonic.samples import Samples
@@ -66,7 +66,7 @@ def calibrate_two_axes(
         title=recording.source.name,
         files=[*files, str(page)],
         failures=failures,
-        stale=_find_stale(fits, folder),
+        stale=find_stale(folder, files),
     )
     write_atomically(page, document.to_html())
     if files and document.good:
@@ -74,13 +74,6 @@ def calibrate_two_axes(
             document, next_step=_choose_command(files[-1], log, at, date, sensors[0])
         )
     return finish(document, page=page, as_json=as_json, brief=brief, open_page=open_page)
-
-
-def _find_stale(fits: Sequence[EllipseFit], folder: Path) -> list[str]:
-    """Files of an earlier run in the folder, of sensors that are refused now."""
-    refused = [file_stem(fit.samples.name) for fit in fits if fit.verdict == "refused"]
-    old = [name for stem in refused if (folder / (name := f"{stem}.json")).exists()]
-    return [f"{name}: of an earlier run, not of this report" for name in old]
 
 
 def _choose_command(setup: str, log: Path, at: str | None, date: str | None, one: Samples) -> str:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from hashlib import sha256
+from pathlib import Path
+
+from agonic.atomic import is_written_by_agonic
 
 _INSTANCE = re.compile(r"(sensor_mag|vehicle_magnetometer)\[(\d+)\]")
 _LIKE_MADE = re.compile(r"(sensor_mag|vehicle_magnetometer)_\d+|.*-[0-9a-f]{8}", re.DOTALL)
@@ -31,3 +35,16 @@ def file_stem(sensor: str) -> str:
         return kept
     digest = sha256(sensor.encode("utf-8", "surrogatepass")).hexdigest()[:8]
     return f"{kept[:_LONGEST].strip('_') or 'sensor'}-{digest}"
+
+
+def find_stale(folder: Path, written: Iterable[str | Path]) -> list[str]:
+    """A sentence on calibrations, their exports and a setup that lie here from an earlier run."""
+    here = {Path(path).name for path in written}
+    stems = {path.stem for path in folder.glob("*.json")} | {"setup"}
+    old = [
+        path.name
+        for path in sorted(folder.iterdir())
+        if path.stem in stems and path.name not in here
+        and path.is_file() and is_written_by_agonic(path)
+    ]  # fmt: skip
+    return [f"{', '.join(old)}: of an earlier run, not of this report; delete them"] if old else []

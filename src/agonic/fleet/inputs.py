@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from glob import glob, has_magic
@@ -13,6 +14,7 @@ from pathlib import Path
 from agonic.errors import AgonicError, LogError
 from agonic.fleet.settings import FleetSettings
 from agonic.logs.large.dataset import Dataset, find_dataset
+from agonic.logs.own_documents import name_own_table
 from agonic.logs.read import accepts
 from agonic.logs.remote import is_remote, list_remote
 from agonic.population import Row
@@ -27,6 +29,7 @@ JOURNAL, TABLE, PAGE, SINGLE = "journal.sqlite", "fleet.parquet", "report.html",
 """The files of a fleet, and the folder of what is written of single logs."""
 RESULTS = (JOURNAL, f"{JOURNAL}-journal", TABLE, PAGE, SINGLE)
 """No logs, where a journal or both table and page are among them."""
+_LONGEST_HEADER = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +71,7 @@ def find_inputs(named: Iterable[Path | str], settings: FleetSettings | None = No
             }
             for file in files:
                 known = file.suffix.lower() in LOG_SUFFIXES
-                if not known and not accepts(file):
+                if _is_own_table(file) if known else not accepts(file):
                     skipped += 1
                     continue
                 within.setdefault(os.path.abspath(file), str(file))
@@ -88,6 +91,15 @@ def find_inputs(named: Iterable[Path | str], settings: FleetSettings | None = No
         perhaps=frozenset(perhaps.difference(explicit.values())),
         skipped=skipped,
     )
+
+
+def _is_own_table(file: Path) -> bool:
+    """Whether a table is agonic's own, of other things than readings, by its headers."""
+    if file.suffix.lower() != ".csv":
+        return False
+    with suppress(OSError), file.open(encoding="utf-8", errors="replace") as stream:
+        return bool(name_own_table(stream.readline(_LONGEST_HEADER).strip().split(",")))
+    return False
 
 
 def _find_datasets(folder: Path, tables: Sequence[Path], asked: FleetSettings) -> Iterator[Dataset]:

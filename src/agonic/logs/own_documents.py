@@ -29,6 +29,10 @@ _TABLES = (
         "the table of a fleet, no log: agonic history SENSOR shows a sensor of it, agonic fleet "
         "writes its report",
     ),
+    (
+        {"fault", "group", "original", "bias_x"},
+        "the truth about a simulated fleet, no log: agonic fleet takes the logs beside it",
+    ),
     ({"compass_deg", "magnetic_deg"}, "a compass swing, no log: agonic fit deviation FILE"),
     ({"compass_deg", "true_deg"}, "a compass swing, no log: agonic fit deviation FILE"),
     ({"compass_deg", "deviation_deg"}, "a compass swing, no log: agonic fit deviation FILE"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from agonic.exports.targets import TARGETS, USE
 from agonic.exports.targets import write as write_target
 from agonic.exports.vehicle import write_vehicle
 from agonic.files.calibration import save
-from agonic.files.names import file_stem
+from agonic.files.names import file_stem, find_stale
 from agonic.files.setup import save_setup
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written, describe_recording
@@ -39,6 +38,9 @@ def write_folder(
     written = {result.samples.name: _sensor_files(result, stack, folder) for result in results}
     setup = [*_write_all_compasses(results, stack, folder), *_setup(results, written, folder)]
     page = str(folder / "report.html")
+    stale = find_stale(folder, [*setup, *(file for w in written.values() for file in w.files)])
+    for name in list(written)[:1]:
+        written[name] = written[name]._replace(warnings=[*stale, *written[name].warnings])
     document = describe_recording(results, title=title, written=written, failures=failures)
     write_atomically(page, document.to_html())
     return {name: w._replace(files=[*w.files, *setup, page]) for name, w in written.items()}
@@ -80,9 +82,7 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
     """
     stem = folder / file_stem(result.samples.name)
     if result.verdict == "refused":
-        old = [path.name for path in folder.glob(f"{glob.escape(stem.name)}.*")]
-        stale = f"{', '.join(sorted(old))}: of an earlier run, not of this report"
-        return Written([], [stale] if old else [])
+        return Written([], [])
     calibration = result.fit.calibration
     files, warnings = [str(save(calibration, stem.with_suffix(".json")))], []
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()

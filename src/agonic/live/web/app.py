@@ -252,6 +252,7 @@ def _get_host(connection: HTTPConnection) -> str:
 
 
 def _has_same_origin(websocket: WebSocket) -> bool:
-    """Whether a browser's page is one of ours; programs send no origin."""
+    """Whether a browser's page is one of ours, scheme and all; programs send no origin."""
     origin = websocket.headers.get("origin")
-    return origin is None or urlsplit(origin).netloc == websocket.headers.get("host", "")
+    scheme = "https" if websocket.scope["scheme"] == "wss" else "http"
+    return origin is None or origin == f"{scheme}://{websocket.headers.get('host', '')}"
