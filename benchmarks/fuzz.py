@@ -137,11 +137,29 @@ def attempt_reader(rng: np.random.Generator) -> str:
             if not all(np.isfinite(column).all() for column in samples.columns().values()):
                 return f"{what}: values that are no numbers"
     except AgonicError as error:
-        if "\n" in str(error) or "more memory than there is" in str(error):
+        if "\n" in str(error) or isinstance(error.__cause__, MemoryError):
             return f"{what}: {error}"
+        if unforeseen := find_unforeseen(error):
+            return f"{what}: not foreseen\n{''.join(traceback.format_exception(unforeseen))}"
     except BaseException:
         return f"{what} after {time.monotonic() - began:.1f} s\n{traceback.format_exc()}"
     return ""
+
+
+def find_unforeseen(error: BaseException) -> BaseException | None:
+    """The error that a reader did not foresee, of which `open_log` made one line.
+
+    What a reader foresees it tells in its own words: damage that it looks for, or an error that its
+    library has for damaged files. All else, an index out of range, is a fault of the reader.
+    """
+    from agonic.errors import AgonicError
+    from agonic.logs.read import UNFORESEEN
+
+    while error.__cause__ is not None:
+        if UNFORESEEN in str(error) and not isinstance(error.__cause__, AgonicError | OSError):
+            return error.__cause__
+        error = error.__cause__
+    return None
 
 
 def attempt_command(rng: np.random.Generator) -> str:

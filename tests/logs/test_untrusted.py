@@ -16,6 +16,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from agonic.errors import LogError
+from agonic.logs import child_process
 from agonic.logs.arrays.matlab import read_version_5
 from agonic.logs.read import open_log, read
 from tests.logs.damage import damaged
@@ -193,7 +194,7 @@ def test_long_attributes_take_no_time(hdf5):
 
 @pytest.mark.parametrize("stream", [False, True])
 def test_arrow_bombs(tmp_path, stream):
-    """What packed buffers declare is known before they are unpacked; a batch of nothing, too."""
+    """What packed buffers declare is not given beyond the limit of memory; a batch of nothing."""
     pa = pytest.importorskip("pyarrow")
     path = tmp_path / "bomb.arrow"
 
@@ -213,10 +214,10 @@ def test_arrow_bombs(tmp_path, stream):
     assert data.count(true) >= 3
     for false in (2**40, 2**62):
         path.write_bytes(data.replace(true, struct.pack("<q", false)))
-        with pytest.raises(LogError, match=r"declares .* GB"):
+        with pytest.raises(LogError, match=r"(more than 4 GB of memory.*|^[^ ]* )damaged"):
             open_log(path)
     write(dict.fromkeys(good, pa.nulls(10**9)))
-    with pytest.raises(LogError, match="declares 8 GB"):
+    with pytest.raises(LogError):
         open_log(path)
 
 
@@ -248,3 +249,35 @@ def test_a_sheet_that_is_listed_many_times_is_read_once(tmp_path):
         for name, content in parts.items():
             archive.writestr(name, content)
     assert [samples.name for samples in open_log(path).sensors] == ["mag"]
+
+
+def test_a_text_that_unpacks_to_more_than_memory(tmp_path, monkeypatch):
+    """What was given and what to do is told; the limit is that of a process of its own."""
+    path = tmp_path / "log.zip"
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("log.csv", "w") as stream,
+    ):
+        stream.write(b"mag_x_nT,mag_y_nT,mag_z_nT\n")
+        for _ in range(40):
+            stream.write(b"1,2,3\n" * 100_000)
+    monkeypatch.setattr(child_process, "_child", child_process.Child(most_memory=200_000_000))
+    with pytest.raises(LogError, match=r"4 GB of memory.*: damaged, or too long; .*cut it"):
+        open_log(path)
+    monkeypatch.undo()
+    assert child_process.call(len, "next") == 4
+
+
+def test_a_long_text_is_what_a_short_one_is(tmp_path, monkeypatch):
+    """Names that were given, notes and all columns come from the process that reads it."""
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([np.arange(100), FIELD]), delimiter=",", header="t,a,b,c",
+               comments="")  # fmt: skip
+    names = "time_s=t,x=a,y=b,z=c"
+    short = open_log(path, unit="uT", columns=names)
+    monkeypatch.setattr("agonic.logs.read.LONG_TEXT", 0)
+    long = open_log(path, unit="uT", columns=names)
+    assert (long.notes, long.source, long.path) == (short.notes, short.source, short.path)
+    assert long.sensors[0].notes == short.sensors[0].notes
+    for name, column in short.sensors[0].columns().items():
+        np.testing.assert_array_equal(long.sensors[0].columns()[name], column)

@@ -26,9 +26,9 @@ MOST_MEMORY = 4_000_000_000
 """Bytes of memory that a child process may take: of a text, some twenty times its own length."""
 _START = """
 import pickle, sys
-sys.path[:] = pickle.load(sys.stdin.buffer)
+sys.path[:], most_memory = pickle.load(sys.stdin.buffer)
 from agonic.logs.child_process import serve
-serve()
+serve(most_memory)
 """
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 """Small matrices lose far more to threads than they gain."""
@@ -37,7 +37,8 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_TH
 class Child:
     """A process that does one thing after the other, and is replaced where that ends it."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_memory: int = MOST_MEMORY) -> None:
+        self._most_memory = most_memory
         self._lock = Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._owner = 0
@@ -101,7 +102,7 @@ class Child:
                 self._finalizer = weakref.finalize(self, _kill, self._process, self._owner)
                 assert self._process.stdin is not None
                 with suppress(OSError):  # seen when it is asked
-                    pickle.dump(sys.path, self._process.stdin)
+                    pickle.dump((sys.path, self._most_memory), self._process.stdin)
             return self._process
 
 
@@ -141,15 +142,18 @@ def call(function: Callable[[Any], Any], given: object) -> Any:
                 "it again, or cut it"
             ) from None
         except ChildProcessError:
-            raise LogError("damaged so that its library crashes; fetch it again") from None
+            raise LogError(
+                f"its library crashes, or takes more than {MOST_MEMORY / 1e9:g} GB of memory: "
+                "damaged, or too long; fetch it again, or cut it"
+            ) from None
 
 
-def serve() -> None:
+def serve(most_memory: int) -> None:
     """What a child does until nobody asks any more: the terminal's interruption is its parent's."""
     global _in_child
     _in_child = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _limit_memory()
+    _limit_memory(most_memory)
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     with suppress(EOFError):
@@ -170,10 +174,10 @@ def _answer(request: bytes) -> bytes:
         return pickle.dumps((True, RuntimeError(words, traceback.format_exc())))
 
 
-def _limit_memory() -> None:
-    """Hold this process to `MOST_MEMORY`, where the system can."""
+def _limit_memory(most: int) -> None:
+    """Hold this process to so many bytes, where the system can."""
     with suppress(ImportError, ValueError, OSError):
         import resource
 
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, hard))
+        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from agonic.errors import LogError
 
@@ -60,6 +60,9 @@ class Format(NamedTuple):
     module: str
     mark: Callable[[bytes], bool]
     unit_fixed: bool = False
+
+    def __reduce__(self) -> tuple[Any, ...]:  # a mark is a function without a name
+        return find_format, (self.name,)
 
     @property
     def reader(self) -> ModuleType:
@@ -225,6 +228,11 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"<", "a web page or XML"),
 )
 """Where the mark of a kind of file that is not read stands, the mark, and what such a file is."""
+
+
+def find_format(name: str) -> Format:
+    """The kind of file of that name."""
+    return next(kind for kind in (*FORMATS, TEXT) if kind.name == name)
 
 
 def _may_be_own(head: bytes) -> bool:

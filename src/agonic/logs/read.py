@@ -10,10 +10,22 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from agonic.errors import AgonicError, LogError
-from agonic.logs.formats import FOLDER, HEAD_BYTES, ROS, Format, find_packing, format_of
-from agonic.logs.headers.column_names import names_for
+from agonic.logs.child_process import MOST_MEMORY, call
+from agonic.logs.formats import (
+    ARROW,
+    FOLDER,
+    HEAD_BYTES,
+    JSON,
+    ROS,
+    TEXT,
+    Format,
+    find_packing,
+    format_of,
+)
+from agonic.logs.headers.column_names import ColumnNames, names_for
 from agonic.logs.log import Log
 from agonic.logs.remote import Remote, fetch, locate
 from agonic.provenance import Input, hash_file
@@ -22,6 +34,10 @@ from agonic.units import find_unit
 
 METADATA = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
+UNFORESEEN = "damaged, or not what it looks like"
+"""What is said where a reader failed in a way that it does not foresee: `make fuzz` finds these."""
+LONG_TEXT = 32_000_000
+"""Bytes from which a text, which takes some twenty times as much memory, is read by a child."""
 _LONG = 1_000_000  # bytes from which a checksum takes longer than the start of a thread
 
 
@@ -52,13 +68,15 @@ def open_log(
     [20000.0, 0.0, 43000.0]
     """
     file = locate(path)
+    if file == Path():  # of "" too: what is read is named
+        file = Path.cwd()
     if isinstance(file, Remote):
         return _open_remote(file, unit=unit, columns=columns)
     if unit is not None:
         find_unit(unit)
     try:
         with _unpack(file) as (plain, notes), names_for(file, columns) as names:
-            log = _open_plain(plain, file, unit or (names.unit if names else None))
+            log = _open_plain(plain, file, unit or (names.unit if names else None), names)
         return replace(log, path=file, notes=(*notes, *log.notes))
     except LogError as error:
         if error.path is not None:
@@ -77,15 +95,15 @@ def _unpack(file: Path) -> AbstractContextManager[tuple[Path, tuple[str, ...]]]:
     return unpack(file)
 
 
-def _open_plain(plain: Path, file: Path, unit: str | None) -> Log:
+def _open_plain(plain: Path, file: Path, unit: str | None, names: ColumnNames | None) -> Log:
     """The log of a file that lies unpacked at `plain`, with the name and the hash of itself."""
     kind = _identify(plain)
     source = Input(name=file.name, sha256="", count=0)
     if file.is_file() and file.stat().st_size < _LONG:
-        return _sign(_read(kind, plain, source, unit), _hash(file))
+        return _sign(_read(kind, plain, source, unit, names), _hash(file))
     with ThreadPoolExecutor(1) as beside:
         hashed = beside.submit(_hash, file)  # a tenth of the time, on another core
-        return _sign(_read(kind, plain, source, unit), hashed.result())
+        return _sign(_read(kind, plain, source, unit, names), hashed.result())
 
 
 def _open_remote(file: Remote, *, unit: str | None, columns: str | Mapping[str, str] | None) -> Log:
@@ -196,24 +214,44 @@ def _head(file: Path) -> bytes:
     return head
 
 
-def _read(kind: Format, file: Path, source: Input, unit: str | None) -> Log:
+def _read(
+    kind: Format, file: Path, source: Input, unit: str | None, names: ColumnNames | None
+) -> Log:
     """The log that the reader makes of the file; whatever a parser raises becomes a `LogError`."""
     given = () if kind.unit_fixed else (unit,)
+    request = kind, file, source, given, names
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what is odd in a file goes into the notes
-            log: Log = kind.reader.read(file, source, *given)
+        log = call(_read_here, request) if _may_be_huge(kind, file) else _read_here(request)
     except AgonicError:
         raise
     except MemoryError as error:
-        raise LogError("reading it takes more memory than there is; cut it") from error
+        raise LogError(
+            f"reading it takes more than {MOST_MEMORY / 1e9:g} GB of memory, the limit, and "
+            f"it has {file.stat().st_size / 1e6:.3g} MB: damaged, or too long; cut it, or make "
+            "it Parquet, which is read piece by piece"
+        ) from error
     except Exception as error:  # parsers fail on damaged files in every way there is
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise LogError(f"damaged, or not what it looks like ({reason}); fetch it again") from error
+        raise LogError(f"{UNFORESEEN} ({reason}); fetch it again") from error
     if not kind.unit_fixed or unit is None:
         return log
     note = f"the format fixes the unit of the field: the given unit {unit} is not used"
     return replace(log, notes=(*log.notes, note))
+
+
+def _may_be_huge(kind: Format, file: Path) -> bool:
+    """Whether reading it may take far more memory than it is long, or more than is at hand."""
+    if kind in (FOLDER, ARROW):  # what is packed in them may be of any length
+        return file.is_file()
+    return kind in (TEXT, JSON) and file.stat().st_size > LONG_TEXT
+
+
+def _read_here(request: tuple[Format, Path, Input, tuple[str | None, ...], Any]) -> Log:
+    kind, file, source, given, names = request
+    with warnings.catch_warnings(), names_for(file, names):
+        warnings.simplefilter("ignore")  # what is odd in a file goes into the notes
+        log: Log = kind.reader.read(file, source, *given)
+    return log
 
 
 def accepts(path: Path | str) -> bool:

@@ -5,9 +5,11 @@ The fields of a structured array are columns. See `columns`, `stacked`.
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any
-from zipfile import ZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +23,19 @@ from agonic.provenance import Input
 
 MAGIC = b"\x93NUMPY"
 _END_BYTES = 22
+_DAMAGE = (ValueError, SyntaxError, TokenError, EOFError, OSError, BadZipFile, zlib.error)
+"""What NumPy, which reads the head of an array as Python, and the archive raise of damage."""
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that an archive is; `unit` is that of the field where no array names one."""
     with path.open("rb") as stream:
         alone = stream.read(len(MAGIC)) == MAGIC
-    arrays = {path.stem: _read_array(path)} if alone else _read_archive(path)
+    try:
+        arrays = {path.stem: _read_array(path)} if alone else _read_archive(path)
+    except _DAMAGE as error:
+        reason = " ".join(str(error).split())[:200]
+        raise LogError(f"no arrays of numbers, or damaged ({reason}); fetch it again") from None
     fields: dict[str, NDArray[Any]] = {}
     for name, array in arrays.items():
         parts = array.dtype.names or ()
