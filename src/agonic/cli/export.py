@@ -185,12 +185,13 @@ def _export_calibration(
     """A calibration file in the form of the target."""
     from agonic.calibration.steps import require_calibration
     from agonic.exports.firmware.c_text import make_c_name
+    from agonic.exports.targets import find_target
     from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
     from agonic.files.foreign import is_foreign, read_plain
 
     calibration = read_plain(cal) if is_foreign(cal) else require_calibration(load(cal))
-    path = out or cal.with_suffix(TARGETS[to].suffix if to in TARGETS else "")
+    path = out or cal.with_suffix(find_target(to).suffix)
     if in_library:
         path /= f"{make_c_name(calibration.sensor) if name is None else name}.h"
         path.parent.mkdir(parents=True, exist_ok=True)

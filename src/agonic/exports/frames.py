@@ -52,7 +52,7 @@ def to_pandas(samples: Samples) -> Any:
     try:
         import pandas  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError:
-        raise MissingExtraError("a data frame", "tables") from None
+        raise MissingExtraError("a data frame", "pandas") from None
     table = make_table(samples)
     if samples.epoch is None or samples.time is None:
         return pandas.DataFrame(table)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agonic.errors import AgonicError, check_choice
+from agonic.logs.formats import load_installed
 
 if TYPE_CHECKING:
     from agonic.calibration.base import Calibration
@@ -30,11 +31,12 @@ class Target(NamedTuple):
     suffix: str
     options: Callable[[int, int | None], dict[str, int | None]] = lambda number, device_id: {}
     thermal: bool = False
+    package: str = "agonic.exports."
 
     def write(self, calibration: Calibration, path: Path | str, **options: Any) -> Export:
         """Write a calibration with the writer's own options."""
         module, _, function = self.writer.partition(":")
-        writer = getattr(import_module(f"agonic.exports.{module}"), function)
+        writer = getattr(import_module(self.package + module), function)
         written: Export = writer(calibration, path, **options)
         return written
 
@@ -62,6 +64,20 @@ USE: Mapping[str, tuple[str, str, str]] = {
     "px4": ("CAL_MAG{}_PRIO", "50", "0"),
 }
 """Of each autopilot the parameter that has a compass used, with the values for yes and no."""
+
+
+EXPORTS = "agonic.exports"
+"""The entry points by which an installed package adds a `Target`; its name is theirs."""
+
+
+def find_target(name: str) -> Target:
+    """The target of that name, of agonic or an installed package; `AgonicError` without one."""
+    if name in TARGETS:
+        return TARGETS[name]
+    installed = load_installed(EXPORTS)
+    check_choice("target", name, (*TARGETS, *installed))
+    target: Target = installed[name]
+    return target
 
 
 def list_words(names: list[str], last: str) -> str:
@@ -93,7 +109,7 @@ def write(
     """
     from agonic.calibration.base import has_two_axes
 
-    check_choice("target", target, tuple(TARGETS))
+    into = find_target(target)
     if has_two_axes(calibration):
         raise AgonicError(
             f"the calibration of {calibration.sensor} is that of a two-axis compass, and {target} "
@@ -101,7 +117,7 @@ def write(
         )
     which = compass_number(calibration.sensor) if number is None else number
     device = getattr(calibration, "device_id", None) if device_id is None else device_id
-    options: dict[str, Any] = {**TARGETS[target].options(which, device)}
+    options: dict[str, Any] = {**into.options(which, device)}
     if voltage_V is not None:
         if target != "ardupilot":
             raise AgonicError(
@@ -112,7 +128,7 @@ def write(
         if target != "c":
             raise AgonicError(f"{target} has no identifiers to name {name}; --name is for c")
         options["name"] = name
-    return TARGETS[target].write(calibration, path, temperature_C=temperature_C, **options)
+    return into.write(calibration, path, temperature_C=temperature_C, **options)
 
 
 def compass_number(sensor: str) -> int:

@@ -227,5 +227,5 @@ def _import_distributed() -> Any:
     try:
         import distributed
     except ImportError:
-        raise MissingExtraError("a cluster", "fleet") from None
+        raise MissingExtraError("a cluster", "cluster") from None
     return distributed

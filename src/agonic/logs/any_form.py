@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,9 @@ def as_samples(given: Given, unit: str | None = None) -> Samples:
 
     Parameters
     ----------
-    given : `Samples`; readings (n, 3) as an array or lists; a pandas DataFrame, an xarray Dataset
-        or a mapping whose columns are named as in a text table; or the path of a recording.
+    given : `Samples`; readings (n, 3) as an array or lists; a DataFrame of pandas or polars, a
+        table of pyarrow, a record array of NumPy, an xarray Dataset or a mapping, whose columns are
+        named as in a text table; or the path of a recording.
     unit : of the readings, where they do not say.
 
     Raises `AgonicError` for anything else.
@@ -50,14 +51,25 @@ def as_samples(given: Given, unit: str | None = None) -> Samples:
     table: Any = given
     if hasattr(table, "data_vars"):
         table = table.to_dataframe().reset_index()
-    if isinstance(table, Mapping) or (hasattr(table, "columns") and hasattr(table, "index")):
-        return _read_table(table, unit)
+    if (names := _find_names(table)) is not None:
+        return _read_table(table, names, unit)
     return _read_array(table, unit)
 
 
-def _read_table(table: Any, unit: str | None) -> Samples:
+def _find_names(table: Any) -> Iterable[Any] | None:
+    """The names of the columns of a table, which is indexed by them; None where it is no table."""
+    if isinstance(table, Mapping):
+        return table.keys()
+    if isinstance(table, np.ndarray):
+        of_record: tuple[str, ...] | None = table.dtype.names
+        return of_record
+    names: Any = getattr(table, "column_names", getattr(table, "columns", None))
+    return names if isinstance(names, Iterable) else None
+
+
+def _read_table(table: Any, names: Iterable[Any], unit: str | None) -> Samples:
     """The magnetometer of a table in memory; an index of moments is its time."""
-    columns = {str(name): np.asarray(table[name]) for name in table}
+    columns = {str(name): np.asarray(table[name]) for name in names}
     if len({len(column) for column in columns.values()}) != 1:
         raise LogError("the columns of a table have one length, and it has one column at least")
     index = getattr(table, "index", None)

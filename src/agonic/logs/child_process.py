@@ -55,7 +55,12 @@ class Child:
         assert process.stdin is not None
         assert process.stdout is not None
         late = Event()
-        timer = Timer(longest_s, lambda: (late.set(), process.kill()))
+
+        def stop() -> None:
+            late.set()
+            process.kill()
+
+        timer = Timer(longest_s, stop)
         timer.start()
         try:
             pickle.dump(request, process.stdin)

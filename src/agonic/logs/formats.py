@@ -9,12 +9,13 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from agonic.errors import LogError
+from agonic.errors import AgonicError, LogError
 
 HEAD_BYTES = 65536
 """How much of a file tells of its kind."""
@@ -60,6 +61,7 @@ class Format(NamedTuple):
     module: str
     mark: Callable[[bytes], bool]
     unit_fixed: bool = False
+    package: str = "agonic.logs."
 
     def __reduce__(self) -> tuple[Any, ...]:  # a mark is a function without a name
         return find_format, (self.name,)
@@ -67,7 +69,7 @@ class Format(NamedTuple):
     @property
     def reader(self) -> ModuleType:
         """The module that reads it, imported now."""
-        return import_module(f"agonic.logs.{self.module}")
+        return import_module(self.package + self.module)
 
     def accepts(self, head: bytes) -> bool:
         """Whether a file that starts with these bytes is of this kind."""
@@ -198,6 +200,8 @@ FORMATS = (
 )
 """Files that begin with a mark, in the order in which they are tried; all others are `TEXT`."""
 
+READERS = "agonic.readers"
+"""The entry points by which an installed package adds a `Format`."""
 READ = (
     "agonic reads tables (text, Excel, JSON, Parquet, Arrow, SQLite, MATLAB, NumPy), logs of "
     "ArduPilot, PX4 and MAVLink, ROS bags, CDF, netCDF and IAGA-2002"
@@ -232,7 +236,28 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
 
 def find_format(name: str) -> Format:
     """The kind of file of that name."""
-    return next(kind for kind in (*FORMATS, TEXT) if kind.name == name)
+    every: tuple[Format, ...] = (*FORMATS, TEXT, *load_installed(READERS).values())
+    return next(kind for kind in every if kind.name == name)
+
+
+@cache
+def load_installed(group: str) -> dict[str, Any]:
+    """What installed packages add to agonic, by name: their entry points of a group.
+
+    Raises `AgonicError` where one of them cannot be imported.
+    """
+    from importlib.metadata import entry_points
+
+    loaded = {}
+    for point in entry_points(group=group):
+        try:
+            loaded[point.name] = point.load()
+        except Exception as error:  # whatever is wrong with it, it is the package's
+            raise AgonicError(
+                f"{point.value}, installed for {group}, cannot be imported ({error}); mend or "
+                "uninstall its package"
+            ) from error
+    return loaded
 
 
 def _may_be_own(head: bytes) -> bool:
@@ -252,7 +277,8 @@ def format_of(head: bytes) -> Format:
 
         if own := name_own(head):
             raise LogError(f"this is {own}")
-    for kind in FORMATS:
+    known: tuple[Format, ...] = (*FORMATS, *load_installed(READERS).values())
+    for kind in known:
         if kind.accepts(head):
             return kind
     for offset, mark, what in SIGNATURES:

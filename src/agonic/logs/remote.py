@@ -159,7 +159,7 @@ def _find_system(url: str) -> tuple[Any, str]:
         try:
             from fsspec.core import url_to_fs
         except ImportError:
-            raise MissingExtraError(f"a file at {url}", "fleet") from None
+            raise MissingExtraError(f"a file at {url}", "remote") from None
         system, path = url_to_fs(url)
         return PyFileSystem(FSSpecHandler(system)), str(path)
 

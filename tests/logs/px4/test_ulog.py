@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.errors import LogError, MissingExtraError
+from agonic.errors import LogError
 from agonic.logs.formats import FORMATS
 from agonic.logs.log import Log
 from agonic.logs.px4.topics import compute_euler_deg
@@ -353,14 +352,6 @@ def test_a_file_without_topics_is_refused(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "empty.ulg"
     path.write_bytes(data)
     with pytest.raises(LogError, match=r"empty\.ulg: (cannot be read|holds no readings)"):
-        load(path)
-
-
-def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pyulog", None)
-    path = tmp_path / "flight.ulg"
-    path.write_bytes(ulog({"sensor_mag[0]": sensor_mag(raw_gauss())}))
-    with pytest.raises(MissingExtraError, match=r"agonic\[px4\]"):
         load(path)
 
 

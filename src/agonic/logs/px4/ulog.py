@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.errors import LogError, MissingExtraError
+from agonic.errors import LogError
 from agonic.logs.log import Log, Stream
 from agonic.logs.px4.parameters import Parameters, remove_correction
 from agonic.logs.px4.topics import (
@@ -52,7 +52,7 @@ def read(path: Path, source: Input) -> Log:
     """The magnetometers of a PX4 log with all that was recorded beside them.
 
     Topics that have no bearing on a magnetometer are neither decoded nor listed. Raises `LogError`
-    where the file cannot be read or holds no magnetometer, `MissingExtraError` without pyulog.
+    where the file cannot be read or holds no magnetometer.
     """
     ulog = _parse(path)
     topics = {f"{d.name}[{d.multi_id}]": d.data for d in ulog.data_list if "timestamp" in d.data}
@@ -89,10 +89,8 @@ def read(path: Path, source: Input) -> Log:
 
 def _parse(path: Path) -> Any:
     """The log as pyulog understands it, without what it prints on the way."""
-    try:
-        from pyulog import ULog
-    except ImportError:
-        raise MissingExtraError("reading a PX4 log", "px4") from None
+    from pyulog import ULog
+
     with _Forward(path.open("rb", buffering=0)) as stream, redirect_stdout(io.StringIO()):
         try:
             return ULog(stream, (RAW, CORRECTED, *BESIDE))
