@@ -9,6 +9,8 @@ from scipy.signal import lfilter
 import agonic as ag
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams
+from agonic.cli.simulate_orbit import train_on_ground
+from agonic.field.place import field_along
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.network.fit import fit_network
 from agonic.network.retraining import Retrainer
@@ -224,6 +226,39 @@ def test_field_in_north_east_down_is_turned_by_the_attitude() -> None:
     retrainer.update(samples, ag.Reference.vector(north, frame="n"))
     assert retrainer.calibration.frame_out == "b"
     np.testing.assert_allclose(retrainer.calibration.bias, [250.0, -100.0, 75.0], atol=15.0)
+
+
+@pytest.mark.slow
+def test_half_an_orbit_does_not_make_it_forget_the_rest() -> None:
+    """Windows that show half of the directions: no worse than to leave the ground's network."""
+    made = ag.simulate("orbit", n=54_000, noise=100.0, seed=0)
+    ground = train_on_ground(made, 100.0, 0)
+    expected = field_along(made.samples)
+    params = RetrainerParams(window_s=2820.0, every_s=2820.0, window_n=4000)
+    retrainer = Retrainer(ground, params)
+    retrainer.update(made.samples, expected.reference)
+    assert len(retrainer.retrainings) > 15
+    truth = made.rot_nb.apply(made.field_n, inverse=True)
+    beside = {"temperature": made.samples.temperature}
+    never, now = (
+        np.sqrt(np.mean((one.evaluated(made.samples.field, beside)[0] - truth) ** 2))
+        for one in (ground, retrainer.calibration)
+    )
+    assert now < 1.05 * never
+
+
+def test_magnitude_that_was_asked_for_stays_with_a_network_of_vectors() -> None:
+    ground = ground_of(simulate_paper(CHANGE_S, directions="space", seed=1))
+    asked = RetrainerParams(target="magnitude", window_n=500)
+    retrainer = Retrainer(ground, asked)
+    assert retrainer.params.target == "magnitude"
+    made = simulate_paper(CHANGE_S, directions="space", seed=2)
+    known = ag.Reference.magnitude(np.linalg.norm(made.field, axis=1))
+    seen = retrainer.update(made.samples, known)
+    assert seen.residual.shape[1] == 1
+    assert len(retrainer.retrainings) > 1
+    field = retrainer.calibration.evaluated(made.samples.field, {})[0]
+    assert np.sqrt(np.mean((field - made.field) ** 2)) < 3.0
 
 
 @pytest.mark.slow

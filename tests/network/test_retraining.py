@@ -1,5 +1,7 @@
 """What keeps a network up to date: sums, the affine step, the judge and the schedule."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,12 +19,20 @@ from agonic.network.retraining.acceptance import (
     is_better,
     judge,
 )
-from agonic.network.retraining.model_change import move
+from agonic.network.retraining.posterior import describe_prior, train_on
+from agonic.network.retraining.reservoir import MOST, add_rows
 from agonic.network.retraining.schedule import begin, find_due, reschedule, start, take_rows
 from agonic.network.simulate import simulate_nonaffine
 
 PARAMS = RetrainerParams()
 LIMITS = {"bias_sd": 0.05, "matrix_sd": 0.02}
+
+
+def move(running, rows: Window, *, bias_sd: float, matrix_sd: float):
+    """What is running after a step of the base alone."""
+    params = replace(PARAMS, bias_sd=bias_sd, matrix_sd=matrix_sd)
+    prior = describe_prior(running)
+    return train_on(running, prior, rows, params, least=1.0, weights=False).calibration
 
 
 def directions(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -178,7 +188,7 @@ class TestJudge:
         rng, wins = np.random.default_rng(7), 0
         for _ in range(200):
             one, other = (20.0 * np.repeat(rng.normal(size=(15, 3)), 20, axis=0) for _ in range(2))
-            wins += is_better(one, other)
+            wins += is_better((one, other))
         assert wins <= 8
 
     @pytest.mark.parametrize(
@@ -220,6 +230,21 @@ class TestJudge:
         sd, length = estimate_noise(errors)
         assert sd == pytest.approx(30.0, rel=0.1)
         assert 3.0 < length < 7.0
+
+
+class TestReservoir:
+    def test_it_is_bounded_spread_over_directions_and_holds_the_last_trainings(self) -> None:
+        rng, base = np.random.default_rng(0), Affine(bias=np.zeros(3), matrix=np.eye(3))
+        kept = window(np.empty((0, 3)), np.empty((0, 3)))
+        for visit in range(12):
+            field = 50_000.0 * directions(rng, 2000)
+            field[200:] = field[0]  # it rests for most of the time
+            rows = replace(window(field, field), time=2000.0 * visit + np.arange(2000.0))
+            kept = add_rows(kept, rows, base)
+        assert 100 < len(kept) <= MOST
+        assert (np.diff(kept.time) > 0).all()
+        assert kept.time[0] > 2000.0 * 5
+        assert (kept.raw == field[0]).all(axis=1).mean() < 0.1
 
 
 class TestSchedule:

@@ -177,12 +177,15 @@ class RetrainerState:
     readings after it are there; after that, again when the window holds `settling`. A fainter alarm
     is `early`: it brings the next retraining forward to when the window is full, which fills from
     reading `since_n` at `since_time` on. The next periodical retraining is due at reading `due_n`
-    or at `due_time`. `retrainings` are the last ones, `accepted` and `rejected` how many there were
-    in all; `source` is the last reference.
+    or at `due_time`. `covariance` (k, k) is that of the errors of what is running, as the last
+    training left it, None before; reading `learned` is the first that no accepted training saw, and
+    the `reservoir` keeps readings of before. `retrainings` are the last ones, `accepted` and
+    `rejected` how many there were in all; `source` is the last reference.
     """
 
     running: Running | None
     window: Window
+    reservoir: Window
     watch: cusum.Sums
     wait: int
     noise: float | None = None
@@ -197,6 +200,8 @@ class RetrainerState:
     since_time: float = -inf
     due_n: float = inf
     due_time: float = inf
+    covariance: Array | None = None
+    learned: int = 0
     retrainings: tuple[Retraining, ...] = ()
     accepted: int = 0
     rejected: int = 0

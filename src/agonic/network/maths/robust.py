@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
@@ -16,13 +18,16 @@ def solve_with_noise(
     scale: float,
     prior: leastsq.Prior,
     robust: bool = True,
+    least: float = 1.0,
+    tolerance: float = 1e-3,
 ) -> tuple[leastsq.Solution, Noise]:
     """The minimum from a start (m,), and the noise and correlation that it was weighted by.
 
-    Parameters: `scale` of the residuals at first; `robust` down-weights outliers.
+    Parameters: `scale` of the residuals at first; `robust` down-weights outliers; `least` residuals
+    count as one; `tolerance` of the steps, in standard errors.
     """
-    solution = leastsq.solve(pieces, start, scale=scale, prior=prior)
-    noise = estimate_noise(solution.residuals, robust, len(start))
+    solution = leastsq.solve(pieces, start, scale=scale, prior=prior, tolerance=tolerance)
+    noise = estimate_noise(solution.residuals, robust, _count_determined(solution))
     for _ in range(_ROUNDS):
         solution = leastsq.solve(
             pieces,
@@ -30,10 +35,16 @@ def solve_with_noise(
             scale=noise.sd,
             loss=noise.loss,
             prior=prior,
-            correlation=noise.correlation,
+            correlation=max(noise.correlation, least),
+            tolerance=tolerance,
         )
-        found = estimate_noise(solution.residuals, robust, len(start))
+        found = estimate_noise(solution.residuals, robust, _count_determined(solution))
         if found.settled(noise):
             break
         noise = found
     return solution, noise
+
+
+def _count_determined(solution: leastsq.Solution) -> int:
+    """How many parameters the residuals determine beside the prior: γ = tr(information C)."""
+    return round(float(np.vdot(solution.information, solution.covariance)))

@@ -63,10 +63,16 @@ def has_changed(errors: Array, noise: float | None, params: RetrainerParams) -> 
     return noise is None or _rms(errors) > params.misfit * noise
 
 
-def judge(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN) -> Judgement:
+def judge(
+    unseen: Unseen,
+    params: RetrainerParams,
+    *others: tuple[Array, Array],
+    certain: float = CERTAIN,
+) -> Judgement:
     """The judgement on a candidate; what is running wins ties.
 
-    Parameters: `certain` by how many standard errors it has to be better.
+    Parameters: `others` errors of the candidate and of what is running on other readings, as those
+    of the reservoir, that count alike; `certain` by how many standard errors it has to be better.
     """
     candidate, running = unseen.candidate, unseen.running
     fitting = _select_fitting(candidate, running)
@@ -86,7 +92,7 @@ def judge(unseen: Unseen, params: RetrainerParams, *, certain: float = CERTAIN) 
     errors, accepted = f"{figure(made, 3)} nT (rms)", True
     if running is not None:
         errors = f"{figure(made, 3)} nT with the candidate, {figure(before, 3)} nT without (rms)"
-        accepted = is_better(candidate[fitting], running[fitting], certain)
+        accepted = is_better((candidate[fitting], running[fitting]), *others, certain=certain)
     said = f"{describe_outcome(accepted, before, made)}: unseen readings err by {errors}"
     return Judgement(accepted, said, False, before, made)
 
@@ -102,13 +108,19 @@ def describe_outcome(accepted: bool, running_rms: float, candidate_rms: float) -
     return f"the candidate is {'no better' if candidate_rms < 1.05 * running_rms else 'worse'}"
 
 
-def is_better(errors: Array, than: Array, certain: float = CERTAIN) -> bool:
-    """Whether errors (k, o) are clearly smaller than others of the same readings."""
+def is_better(*parts: tuple[Array, Array], certain: float = CERTAIN) -> bool:
+    """Whether errors (k, o) are clearly smaller than others of the same readings, in parts that
+    count alike."""
+    gains = [_measure_gain(errors, than) for errors, than in parts]
+    return bool(sum(mean for mean, _ in gains) > certain * np.sqrt(sum(v for _, v in gains)))
+
+
+def _measure_gain(errors: Array, than: Array) -> tuple[float, float]:
+    """The mean square that errors (k, o) are less than others, and the variance of that mean."""
     gained = (than**2 - errors**2).sum(axis=1)
     away = gained - gained.mean()
     length = correlation_length(away, np.ones(len(away)))
-    sd = float(np.sqrt(np.mean(away**2) * length / max(len(away) - 1, 1)))
-    return float(gained.mean()) > certain * sd
+    return float(gained.mean()), float(np.mean(away**2) * length / max(len(away) - 1, 1))
 
 
 def choose_best(errors: Sequence[Array]) -> int:
@@ -116,7 +128,7 @@ def choose_best(errors: Sequence[Array]) -> int:
     best = 0
     for later in range(1, len(errors)):
         rows = _select_fitting(errors[later], errors[best])
-        if rows.any() and is_better(errors[later][rows], errors[best][rows]):
+        if rows.any() and is_better((errors[later][rows], errors[best][rows])):
             best = later
     return best
 

@@ -19,7 +19,7 @@ from agonic.errors import AgonicError
 from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
 from agonic.network.fit.problem import compute_errors
-from agonic.network.retraining.model_change import can_move, move
+from agonic.network.retraining.posterior import can_move, describe_prior, train_on
 from agonic.network.retraining.problem import to_samples
 
 PER_WEIGHT = 3.0
@@ -27,11 +27,13 @@ PER_WEIGHT = 3.0
 
 
 class Candidate(NamedTuple):
-    """What might replace what is running: in words, and trained in how many epochs."""
+    """What might replace what is running: in words, trained in how many epochs, and the covariance
+    of its errors where there is one of base and weights together."""
 
     calibration: Running
     what: str
     epochs: int = 0
+    covariance: Array | None = None
 
     def errors(self, rows: Window) -> Array:
         """How far it is from the known field (k, 3), or from the magnitude (k, 1), nT."""
@@ -39,23 +41,22 @@ class Candidate(NamedTuple):
 
 
 def adapt(params: RetrainerParams, running: Running | None) -> RetrainerParams:
-    """The params with what is running deciding target, inputs and hidden nodes, and with as many
-    readings as the smallest training takes."""
+    """The params with what is running deciding inputs and hidden nodes, and the target where the
+    magnitude was not asked for."""
     if running is not None and not isinstance(running, Affine | Thermal | Network):
         raise AgonicError(
             f"a retrainer starts from a Network, an Affine or a Thermal, not from a "
             f"{type(running).__name__}; apply that to the readings first"
         )
-    if isinstance(running, Network):
-        if running.held:
-            raise AgonicError("a network held at a temperature cannot be trained further")
-        params = replace(
-            params, target=running.target, inputs=running.inputs, hidden=running.shape.hidden
-        )
-    if can_move(running) if running is not None else params.base is not None:
+    if not isinstance(running, Network):
         return params
-    fewest = ceil(1.25 * PER_WEIGHT * count_weights(params))  # a fifth is held out
-    return replace(params, fewest=max(params.fewest, fewest))
+    if running.held:
+        raise AgonicError("a network held at a temperature cannot be trained further")
+    if not can_move(running):  # its weights alone can learn a change; a fifth is held out
+        fewest = ceil(1.25 * PER_WEIGHT * running.shape.size)
+        params = replace(params, fewest=max(params.fewest, fewest))
+    target = "magnitude" if params.target == "magnitude" else running.target
+    return replace(params, target=target, inputs=running.inputs, hidden=running.shape.hidden)
 
 
 def count_weights(params: RetrainerParams) -> int:
@@ -69,30 +70,35 @@ def train_candidates(
 ) -> list[Candidate]:
     """Candidates from the simplest, trained on some rows.
 
-    On less than a `whole` window weights are trained only where no affine step can be taken: what
-    they know of fields that were not seen since would be lost.
+    While a change is being learned, on less than a `whole` window, the base alone is let go: what
+    is known of weights is not Gaussian so far from where they were.
 
     Raises `AgonicError` where the rows cannot teach anything.
     """
     running = state.running
-    if running is None:
-        fit = _fit(state, params, seen, base=params.base)
-        first = [] if fit.base is None else [Candidate(fit.base, "an affine calibration")]
-        return [*first, Candidate(fit.calibration, "a network", fit.iterations)]
-    found = []
-    if can_move(running):
-        sds = {"bias_sd": params.bias_sd, "matrix_sd": params.matrix_sd}
-        running = move(running, seen, **sds)
-        found.append(Candidate(running, "an affine step"))
-        if not whole:
-            return found
-    if len(seen) >= PER_WEIGHT * count_weights(params):
+    found: list[Candidate] = []
+    enough = len(seen) >= PER_WEIGHT * count_weights(params)
+    if running is not None and can_move(running):
+        covariance = describe_prior(running) if state.covariance is None else state.covariance
+        trained = isinstance(running, Network) and enough and whole
+        for weights in (False, True)[: 1 + trained]:
+            made = train_on(
+                running, covariance, seen, params, least=state.correlation, weights=weights
+            )
+            what = "weights trained" if weights else "an affine step"
+            found.append(Candidate(made.calibration, what, made.iterations, made.covariance))
         if isinstance(running, Network):
-            fit = _fit(state, params, seen, start=running)
-        else:
-            fit = _fit(state, params, seen, base=running)
-        found.append(Candidate(fit.calibration, "weights trained", fit.iterations))
-    return found
+            return found
+        running = found[0].calibration
+    if not enough:
+        return found
+    if isinstance(running, Network):
+        fit = _fit(state, params, seen, start=running)
+        return [Candidate(fit.calibration, "weights trained", fit.iterations)]
+    fit = _fit(state, params, seen, base=params.base if running is None else running)
+    if running is None and fit.base is not None:
+        found.append(Candidate(fit.base, "an affine calibration"))
+    return [*found, Candidate(fit.calibration, "a network", fit.iterations)]
 
 
 def correct(running: Running | None, rows: Window) -> Array:

@@ -34,6 +34,7 @@ _AS_THEY_ARE = (
     "settling",
     "early",
     "since_n",
+    "learned",
     "accepted",
     "rejected",
     "sensor",
@@ -77,6 +78,9 @@ class StateRecord(Struct, frozen=True, kw_only=True):
 
     running: msgspec.Raw
     window: WindowRecord
+    reservoir: WindowRecord | None = None
+    covariance: Rows | None = None
+    learned: int = 0
     watch: Rows
     age: tuple[tuple[int, ...], ...]
     wait: int
@@ -124,6 +128,8 @@ def save_retrainer(params: RetrainerParams, state: RetrainerState, path: Path | 
         StateRecord(
             running=running,
             window=_record_window(state.window),
+            reservoir=_record_window(state.reservoir),
+            covariance=None if state.covariance is None else _rows(state.covariance),
             watch=_rows(state.watch.size),
             age=tuple(map(tuple, state.watch.age.tolist())),
             time=_finite(state.time),
@@ -155,18 +161,15 @@ def load_retrainer(path: Path | str) -> tuple[RetrainerParams, RetrainerState]:
 def _restore_state(record: StateRecord) -> RetrainerState:
     text = bytes(record.running)
     running: Any = None if text == b"null" else decode(text)
-    window = record.window
-    k, channels = len(window.time), len(record.watch[0])
+    channels = len(record.watch[0])
+    window = _restore_window(record.window, channels)
     return RetrainerState(
         running=running,
-        window=Window(
-            time=np.array(window.time, dtype=np.float64),
-            raw=np.array(window.raw, dtype=np.float64).reshape(k, 3),
-            wanted=np.array(window.wanted, dtype=np.float64).reshape(k, channels),
-            columns={
-                name: np.array(values, dtype=np.float64) for name, values in window.columns.items()
-            },
-        ),
+        window=window,
+        reservoir=window.select(slice(0, 0))
+        if record.reservoir is None
+        else _restore_window(record.reservoir, channels),
+        covariance=None if record.covariance is None else np.array(record.covariance),
         watch=cusum.Sums(
             np.array(record.watch, dtype=np.float64).reshape(2, channels),
             np.array(record.age, dtype=np.intp).reshape(2, channels),
@@ -186,6 +189,16 @@ def _record_window(window: Window) -> WindowRecord:
         _rows(window.raw),
         _rows(window.wanted),
         {name: values.tolist() for name, values in window.columns.items()},
+    )
+
+
+def _restore_window(record: WindowRecord, channels: int) -> Window:
+    k = len(record.time)
+    return Window(
+        time=np.array(record.time, dtype=np.float64),
+        raw=np.array(record.raw, dtype=np.float64).reshape(k, 3),
+        wanted=np.array(record.wanted, dtype=np.float64).reshape(k, channels),
+        columns={name: np.array(v, dtype=np.float64) for name, v in record.columns.items()},
     )
 
 

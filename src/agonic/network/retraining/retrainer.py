@@ -31,12 +31,23 @@ from agonic.network.retraining.candidates import (
 )
 from agonic.network.retraining.evidence import list_findings
 from agonic.network.retraining.files import load_retrainer, save_retrainer
+from agonic.network.retraining.posterior import can_move
 from agonic.network.retraining.problem import take_samples
+from agonic.network.retraining.reservoir import add_rows
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 ENOUGH = 50
 """Unseen readings from which on they say how large the noise is."""
+
+
+def split_off(rows: Window, running: Running | None) -> tuple[Window, Window]:
+    """Rows to train on, and the third that comes next; of a network that stands alone, which knows
+    nothing of directions it was not trained on, a fifth in blocks."""
+    out = np.arange(len(rows)) >= len(rows) - len(rows) // 3
+    if running is not None and not can_move(running):
+        out = hold_out(len(rows))
+    return rows.select(~out), rows.select(out)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,16 +176,16 @@ class Retrainer(Judged):
     def _run_due(self, why: Why) -> list[Retraining]:
         """The retraining that is due, unless an alarm turns out too faint for one."""
         state = self.state
-        if state.onset is None:
-            return [self._retrain(state.window, why)]
-        rows = state.window.select(slice(state.onset - state.first, None))
-        since = compute_errors(correct(state.running, rows), rows.wanted)
-        if acceptance.has_changed(since, state.noise, self.params):
-            return [self._retrain(rows, why)]
-        self.state = schedule.bring_forward(state)
-        if not schedule.is_full(state, self.params):
-            return []
-        return [self._retrain(state.window, why)]
+        if state.onset is not None:
+            rows = state.window.select(slice(state.onset - state.first, None))
+            since = compute_errors(correct(state.running, rows), rows.wanted)
+            if acceptance.has_changed(since, state.noise, self.params):
+                return [self._retrain(rows, why)]
+            self.state = state = schedule.bring_forward(state)
+            if not schedule.is_full(state, self.params):
+                return []
+        fresh = max(state.learned - state.first, 0)
+        return [self._retrain(state.window.select(slice(fresh, None)), why)]
 
     def _retrain(self, rows: Window, why: Why) -> Retraining:
         """Train candidates on rows, and put the best in place if it is clearly better."""
@@ -195,16 +206,32 @@ class Retrainer(Judged):
             epochs=0 if chosen is None else chosen.epochs,
         )
         if verdict.accepted and chosen is not None:
-            state = replace(state, running=chosen.calibration)
+            movable = can_move(chosen.calibration)
+            learned = state.n - len(split_off(rows, state.running)[1]) if movable else 0
+            state = replace(
+                state,
+                running=chosen.calibration,
+                covariance=chosen.covariance,
+                learned=learned,
+            )
         state = schedule.close_retraining(state, self.params, done)
-        unseen = rows.select(hold_out(len(rows)))
-        trusted = not verdict.poisoned and (verdict.accepted or done.onset is None)
-        if trusted and (state.noise is None or len(unseen) >= ENOUGH):
-            left = compute_errors(correct(state.running, unseen), unseen.wanted)
+        self.state = state if verdict.poisoned else self._note(state, rows, done)
+        return done
+
+    def _note(self, state: RetrainerState, rows: Window, done: Retraining) -> RetrainerState:
+        """The state with the noise and the reservoir that rows without fault say, unless what runs
+        has to learn a change first."""
+        if state.running is None or not (done.accepted or done.onset is None):
+            return state
+        unseen = split_off(rows, state.running)[1]
+        left = compute_errors(correct(state.running, unseen), unseen.wanted)
+        if state.noise is not None and acceptance.has_changed(left, state.noise, self.params):
+            return state
+        if state.noise is None or len(unseen) >= ENOUGH:
             noise, correlation = acceptance.estimate_noise(left)
             state = replace(state, noise=noise, correlation=correlation)
-        self.state = state
-        return done
+        old = state.window.select(slice(0, 0)) if done.onset is not None else state.reservoir
+        return replace(state, reservoir=add_rows(old, rows, state.running))
 
     def _judge(self, rows: Window, why: Why) -> tuple[Judgement, Candidate | None]:
         """The best candidate of some rows, and whether it is to replace what is running."""
@@ -212,11 +239,10 @@ class Retrainer(Judged):
         wrong = acceptance.find_stuck(rows)
         if wrong:
             return Judgement(False, wrong, True), None
-        out = hold_out(len(rows))
-        unseen = rows.select(out)
-        whole = state.onset is None and schedule.is_full(state, params)
+        seen, unseen = split_off(rows, state.running)
         try:
-            offered = train_candidates(state, params, rows.select(~out), whole=whole)
+            whole = state.onset is None and schedule.is_full(state, params)
+            offered = train_candidates(state, params, seen, whole=whole)
         except AgonicError as error:
             return Judgement(False, f"nothing could be trained: {error}", True), None
         if not offered:
@@ -235,9 +261,16 @@ class Retrainer(Judged):
             strength=strength,
             noise=state.noise,
         )
-        # what runs after a change was trained on fewer of the same readings: no proof is needed
-        certain = 0.0 if why == "settling" else acceptance.CERTAIN
-        return acceptance.judge(unseen_errors, params, certain=certain), offered[best]
+        kept = state.reservoir
+        others = []
+        if state.onset is None and state.running is not None and len(kept):
+            before = compute_errors(correct(state.running, kept), kept.wanted)
+            others.append((offered[best].errors(kept), before))
+        # what a network alone learned of a change, it learned of fewer of the same readings
+        again = why == "settling" and not can_move(offered[best].calibration)
+        certain = 0.0 if again else acceptance.CERTAIN
+        verdict = acceptance.judge(unseen_errors, params, *others, certain=certain)
+        return verdict, offered[best]
 
     @property
     def calibration(self) -> Running:

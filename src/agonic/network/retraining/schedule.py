@@ -98,6 +98,7 @@ def start(running: Running | None, params: RetrainerParams) -> RetrainerState:
     return RetrainerState(
         running=running,
         window=nothing,
+        reservoir=nothing,
         watch=cusum.start_sums(channels),
         wait=params.fewest,
         noise=running.noise if isinstance(running, Network) else None,
