@@ -51,8 +51,8 @@ SHORT_NOISE = 100.0
 
 SHORT_FLIGHTS = """Fifteen hours at a reading a second, trained again after each half orbit on the
 half orbit. Noise {noise:.0f} nT on an axis. `on everything` is the network of the ground trained
-further on every tenth reading of the whole flight at once. Errors as above, rms over the flight and {draws}
-draws, nT:
+further on every tenth reading of the whole flight at once. Errors as above, rms over the flight and
+{draws} draws, nT:
 """
 
 
