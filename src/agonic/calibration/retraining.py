@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import check_inputs
 from agonic.calibration.network import Along, Network, require_nodes
@@ -118,7 +118,7 @@ class Window:
     def __len__(self) -> int:
         return len(self.time)
 
-    def select(self, rows: slice | Array | Mask) -> Window:
+    def select(self, rows: slice | Index | Mask) -> Window:
         """Some of the rows."""
         return Window(
             time=self.time[rows],

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from agonic.maths.estimation.noise.residuals import Noise, robust_scale
 from agonic.network.fit.solve import ROOM
 from agonic.network.maths.robust import solve_with_noise
 
+Base = Affine | Thermal
 STEP = 12
 """Numbers of a step of the base: M and p."""
 _SHARES = np.r_[0.0, 10.0 ** np.arange(-3.0, 0.25, 0.5)]
@@ -267,7 +268,7 @@ def _compose(running: Running, theta: Array, model: _Model) -> Running:
     layers = kernel.split(running.weights + theta[STEP:], running.shape)
     moved = replace(
         running,
-        base=_compose(running.base, theta[:STEP], model),
+        base=cast(Base, _compose(running.base, theta[:STEP], model)),
         hidden=layers[0],
         second=layers[1] if len(layers) > 2 else None,
         output=layers[-1],
@@ -298,7 +299,7 @@ def _state_errors(running: Running, after: Array, sizes: Sizes, noise: float) ->
     if isinstance(running, Network):
         base = running.base
         assert base is not None
-        base = _state_errors(base, after[:STEP, :STEP], sizes, noise)
+        base = cast(Base, _state_errors(base, after[:STEP, :STEP], sizes, noise))
         return replace(running, base=base, covariance=after[STEP:, STEP:], noise=noise)
     own = _own(running)
     gain = running.matrix if isinstance(running, Affine) else running.matrix[0]
@@ -324,23 +325,22 @@ class _Own(NamedTuple):
 
 def _own(base: Affine | Thermal) -> _Own:
     """Of a thermal base a step moves the powers 0: dW = M W, db = −W⁻¹ p."""
-    thermal = isinstance(base, Thermal)
-    matrix = base.matrix[0] if thermal else base.matrix
+    matrix = base.matrix[0] if isinstance(base, Thermal) else base.matrix
     step = np.zeros((STEP, STEP))
     for axis in range(3):
         step[:3, 4 * axis + 3] = -np.linalg.inv(matrix)[:, axis]
         for k in range(3):
             step[3 + 3 * axis : 6 + 3 * axis, 4 * axis + k] = matrix[k]
     free = np.linalg.pinv(model_basis("full", FREE))
-    powers = base.degree + 1 if thermal else 1
-    rates = 3 if thermal and base.rate is not None else 0
+    powers = base.degree + 1 if isinstance(base, Thermal) else 1
+    rates = 3 if isinstance(base, Thermal) and base.rate is not None else 0
     at = powers * np.arange(STEP)
     size = STEP * powers + rates
     back, onto = np.zeros((size, STEP)), np.zeros((STEP, size))
     back[at], onto[:, at] = free @ step, np.linalg.inv(free @ step)
     if base.covariance is None:
         return _Own(np.zeros((size, size)), onto, back)
-    model = "full" if thermal else base.model
+    model = "full" if isinstance(base, Thermal) else base.model
     wide = np.kron(free @ model_basis(model, base.gauge), np.eye(powers))
     whole = np.zeros((size, wide.shape[1] + rates))
     whole[: len(wide), : wide.shape[1]] = wide

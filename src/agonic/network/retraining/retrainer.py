@@ -231,7 +231,9 @@ class Retrainer(Judged):
             noise, correlation = acceptance.estimate_noise(left)
             state = replace(state, noise=noise, correlation=correlation)
         old = state.window.select(slice(0, 0)) if done.onset is not None else state.reservoir
-        return replace(state, reservoir=add_rows(old, rows, state.running))
+        running = state.running
+        assert running is not None
+        return replace(state, reservoir=add_rows(old, rows, running))
 
     def _judge(self, rows: Window, why: Why) -> tuple[Judgement, Candidate | None]:
         """The best candidate of some rows, and whether it is to replace what is running."""
