@@ -286,19 +286,17 @@ def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
         steps, smoother = np.abs(np.diff(field, axis=0)), np.abs(np.diff(put, axis=0))
         at, axis = divmod(int(np.argmax(steps - smoother)), 3)
         jump = f"{abs(np.diff(field - put, axis=0)[at, axis]):,.6g}".replace(",", " ")
-        name, doubtful = "decoding", True
         what = (
             f"readings of {'xyz'[axis]} jump by {jump} {unit} between rows {rows[at]} and "
             f"{rows[at + 1]}: {found.kind.what}, which was undone"
         )
         move = f"mend the logger; --as {found.kind.word} reads its logs"
-    else:
-        lost = _count_lost(found.field)
-        name, doubtful = "outliers", lost > DOUBTFUL * len(field)
-        share = figure(100 * lost / len(field))
-        what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
-        move = "look at the logger and at what reads it" if doubtful else ""
-    return Finding(name, "check" if doubtful else "note", what, move)
+        return Finding("decoding", "check", what, move)
+    lost = _count_lost(found.field)
+    doubtful, share = lost > DOUBTFUL * len(field), figure(100 * lost / len(field))
+    what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
+    move = "look at the logger and at what reads it" if doubtful else ""
+    return Finding("outliers", "check" if doubtful else "note", what, move)
 
 
 def _refuse_wide(field: Array, told: Finding) -> None:

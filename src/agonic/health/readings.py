@@ -10,7 +10,7 @@ from agonic.arrays import Array, Mask
 from agonic.health.dead_zone import check_dead_zones, find_dead_zones, find_rows_in
 from agonic.health.decoding import find_decoding
 from agonic.health.evidence import FEWEST
-from agonic.health.finding import Finding, Severity
+from agonic.health.finding import Finding
 from agonic.health.resolution import find_quantisation
 from agonic.health.scale import check_gravity
 from agonic.maths.one_pass import find_length, median
@@ -185,8 +185,8 @@ def _check_frozen(stuck: Mask, axis: int) -> Finding | None:
     if dead:
         what = f"{'never' if stuck.all() else 'hardly ever'} changes while the others do"
         move += "; one axis short, only a compass held level is left"
-    severity: Severity = "refuse" if dead else "check"
-    return Finding("frozen axis", severity, f"axis {'xyz'[axis]} {what}", move)
+    said = f"axis {'xyz'[axis]} {what}"
+    return Finding("frozen axis", "refuse" if dead else "check", said, move)
 
 
 def find_clipped_rows(field: Array) -> Mask:

@@ -20,7 +20,7 @@ _HARDLY = 100.0  # the condition of what a start is found from at once
 _DOUBTFUL = 0.1  # of the field, by which its vertical part is off: tilts that are wrong by 6°
 _STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
 _STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)
-_ENOUGH = 500  # readings that lead to where all of them have their minimum
+_ENOUGH = 1000  # readings that lead to where all of them have their minimum
 
 
 def fit_at_once(few: Problem, robust: bool) -> Array | None:
