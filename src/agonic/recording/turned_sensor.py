@@ -15,6 +15,7 @@ from agonic.arrays import Array
 from agonic.attitude.delay import undelayed
 from agonic.attitude.latency import LatencyFit
 from agonic.attitude.mounted_heading import MountedHeading, check_turned_sensor
+from agonic.attitude.shared_errors import TURN
 from agonic.calibration.affine import Affine
 from agonic.calibration.mounting import turn_field
 from agonic.errors import AgonicError
@@ -26,6 +27,7 @@ from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.mounting import describe_turn
 from agonic.maths.rotations.turn_beside import TurnBeside, find_turn_beside
 from agonic.maths.rotations.vectors import skew
+from agonic.model.posterior import LEAST_SHARE
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 
@@ -117,11 +119,13 @@ def undo_turn(
 
 def _apply(fit: Fit, found: TurnBeside) -> Fit:
     """The fit with its field turned, and the heading's error in the vehicle."""
-    own = fit.coverage.heading_sd_deg
-    vehicle = float(np.hypot(own, _find_heading_sd(found, fit, np.zeros(3))))
-    accuracy = fit.accuracy
+    by_turn = _find_heading_sd(found, fit, np.zeros(3))
+    vehicle = float(np.hypot(fit.coverage.heading_sd_deg, by_turn))
+    accuracy, shares = fit.accuracy, {TURN: by_turn, **fit.shares} if fit.shares else {}
+    told = {name: sd for name, sd in shares.items() if sd**2 > LEAST_SHARE * vehicle**2}
     return replace(
         fit,
+        shares=dict(sorted(told.items(), key=lambda one: -one[1])),
         calibration=_turn(fit.calibration, found),
         coverage=replace(fit.coverage, down=found.turn.T @ [0.0, 0.0, 1.0]),
         accuracy=accuracy and replace(accuracy, vehicle_deg=vehicle, alone=False),

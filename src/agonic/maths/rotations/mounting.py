@@ -90,7 +90,8 @@ def describe_turn(turn: Array) -> str:
 
     if np.abs(turn - np.rint(turn)).max() < 1e-9:
         return f"mounted so that {describe_mounting(turn)}"
-    yaw, pitch, roll = Rotation.from_matrix(turn).as_euler("ZYX", degrees=True) + 0.0
+    angles = Rotation.from_matrix(turn).as_euler("ZYX", degrees=True)
+    yaw, pitch, roll = np.round(angles, 1) + 0.0
     words = f"roll {roll:.1f}°, pitch {pitch:.1f}°, yaw {yaw:.1f}°"
     return f"turned in the vehicle ({words.replace('-', '−')})"
 
