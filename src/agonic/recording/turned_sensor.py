@@ -50,6 +50,10 @@ STEEPEST_DEG = 80.0
 """A dip beyond which no heading is stated."""
 MOST_DEG = 100.0
 """Where nothing tells the sign of the vertical field, a larger turn may be reversed axes."""
+OF_ATTITUDE = {"axes", "attitude", "mounting"}
+"""Findings by which what tells down is wrong itself."""
+SMALL_DEG = 45.0
+"""A larger turn that is not certain says that nothing is known of it."""
 EXACTLY = 1e-9
 _MOST_ROWS = 20_000
 
@@ -102,7 +106,7 @@ def undo_turn(
     of it about the level axes is told; `move` says what would use roll and pitch.
     """
     named = {finding.name for finding in fit.findings}
-    if fit.verdict == "refused" or fit.calibration.magnitude is None or "axes" in named:
+    if fit.verdict == "refused" or fit.calibration.magnitude is None or OF_ATTITUDE & named:
         return fit
     if latency is not None and latency.significant and samples.time is not None:
         samples = undelayed(samples, latency.latency_s)
@@ -114,7 +118,8 @@ def undo_turn(
         return _apply(fit, found)
     if is_certain(found, MATTERS_DEG, BETTER) and np.degrees(found.angle) < MOST_DEG:
         return _apply(fit, found).with_findings(describe_found(found.turn, found.sd))
-    return _state_unknown(fit, found, samples, move)
+    small = np.degrees(found.angle) < SMALL_DEG
+    return _state_unknown(fit, found, samples, move) if small else fit
 
 
 def _apply(fit: Fit, found: TurnBeside) -> Fit:
