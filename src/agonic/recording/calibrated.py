@@ -220,11 +220,11 @@ def _calibrate_stretch(
 def _choose_as(
     whole: Choice, some: Samples, kind: Kind, settings: Mapping[str, Any]
 ) -> tuple[Kind, Mapping[str, Any]]:
-    """Method and settings of a part: those of the whole, but where it has other sources on board,
-    or they could not be seen beside the change, or the magnitude of the field was found there."""
+    """Method and settings of a part: those of the whole, but where that was the magnitude alone, the
+    part has other sources on board, or they could not be seen beside the change."""
     sources, moving = list_sources(whole.fit), list_moving(some)
     seen = bool(sources) and {*moving, "second"}.issuperset(list_columns(sources))
-    if whole.method == "interference" or ((moving or sources) and not seen):
+    if whole.method in ("ellipsoid", "interference") or ((moving or sources) and not seen):
         return kind, settings
     given = {"sources": sources} if sources else {}
     return cast("Kind", whole.method), {**given, **settings}

@@ -7,12 +7,14 @@ from scipy.spatial.transform import Rotation
 from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, correction_jacobian, model_basis
 from agonic.maths.estimation import leastsq
+from agonic.thermal.fit.known_field_model import KnownFieldReadings, choose_model
+from agonic.thermal.fit.scale import Scale
+from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths import (
     ellipsoids,
     estimate,
     fixture,
     gaussian_process,
-    known_field,
     station_residuals,
 )
 from agonic.thermal.maths.prior import make_prior
@@ -213,9 +215,9 @@ def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> Non
         bias, matrix = temperature_model.evaluate_local(truth, onto, phi)
         raw = bias + np.linalg.solve(matrix, field[:, :, None])[:, :, 0]
         raw = raw + 0.1 * rng.normal(size=raw.shape)
-        found = known_field.estimate_known_field(
-            known_field.KnownFieldProblem(raw, field, phi, 1), robust=False
-        )
+        scale = Scale(np.zeros(3), 1.0, -25.0, 25.0, 1.0, 1.0)
+        readings = KnownFieldReadings(raw, field, x, None, scale, 1.0)
+        _, found, *_ = choose_model(readings, Settings(degree=1, robust=False), "nT")
         assert found.noise.sd == pytest.approx(0.1, rel=0.05)
         sd = np.sqrt(np.diag(found.solution.covariance))
         errors.append((found.solution.params - truth) / sd)

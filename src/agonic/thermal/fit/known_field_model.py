@@ -137,7 +137,7 @@ def _list_orders(problem: KnownFieldProblem, half_C: float) -> _Orders:
     starts = p * np.arange(12)
     places, groups, at = [starts], list[Group](), 12
     listed = [
-        (f"{what} {k}", own + k, per_C * half_C * SMALLER ** (k - 1), ODDS[k - 1])
+        (f"{what} {k}", own + k, per_C * half_C * SMALLER ** (k - 1), ODDS[min(k, len(ODDS)) - 1])
         for k in range(1, highest + 1)
         for what, own, per_C in (
             ("bias", starts[:3], BIAS_PER_C),
