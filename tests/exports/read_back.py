@@ -21,8 +21,7 @@ from agonic.errors import LogError
 from agonic.exports.ardupilot import ardupilot_names, motor_names
 from agonic.exports.matlab import WARM
 from agonic.exports.motioncal import LENGTH, SIGNATURE, Packet, compute_crc16
-from agonic.exports.px4 import AMPERES, INT32, POWER, power_names, px4_names
-from agonic.exports.px4_thermal import THERMAL, thermal_names
+from agonic.exports.px4 import AMPERES, INT32, POWER, THERMAL, power_names, px4_names, thermal_names
 from agonic.exports.ros import BIAS, MATRIX
 from agonic.exports.table import COLUMNS, NAMES
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from agonic.field.track import TOLERANCE, evaluate_along_track
+from agonic.field.model import TOLERANCE, evaluate_along_track
 
 Rows = np.ndarray
 

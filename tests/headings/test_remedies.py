@@ -4,8 +4,7 @@ import numpy as np
 
 from agonic.calibration.deviation import Deviation
 from agonic.headings.deviation import fit_deviation
-from agonic.headings.deviation.document import describe_deviation
-from agonic.headings.deviation.remedies import find_remedies
+from agonic.headings.deviation.document import describe_deviation, find_remedies
 
 ROSE = np.arange(0.0, 360.0, 15.0)
 

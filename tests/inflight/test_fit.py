@@ -13,7 +13,7 @@ import agonic as ag
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.inflight.fit import fit_inflight
-from agonic.inflight.fit.channel_noise import compute_spreads
+from agonic.inflight.fit.solve import compute_spreads
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.loss import squares

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.live.streams import Chunk, Notice
-from agonic.live.streams.lines import LONGEST, Lines
+from agonic.live.streams.connection import LONGEST, Lines
 from agonic.live.streams.rows import LineParser, Reading, Unreadable
 
 

@@ -11,8 +11,8 @@ import agonic as ag
 from agonic.errors import LogError
 from agonic.live.fit import LiveFit
 from agonic.live.streams import Chunk, Notice
-from agonic.live.streams.parameters import Parameters
 from agonic.live.streams.replay import Replay
+from agonic.live.streams.vehicle import Parameters
 from agonic.live.web.plan import Plan
 from agonic.live.web.session import Session
 from agonic.samples import Samples

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agonic.live.streams import Chunk, Notice, open_source
-from agonic.live.streams.parameters import Parameters, list_wanted
+from agonic.live.streams.vehicle import Parameters, list_wanted
 from agonic.live.web.plan import Plan
 from agonic.live.web.session import Session
 from agonic.reference import Reference
@@ -107,8 +107,8 @@ def test_others_are_taken_as_they_send(vehicle):
 
 
 def test_a_vehicle_that_hides_a_parameter_is_refused(vehicle, monkeypatch):
-    monkeypatch.setattr("agonic.live.streams.parameters.ASK_AGAIN_S", 0.05)
-    monkeypatch.setattr("agonic.live.streams.parameters.LIST_S", 0.5)
+    monkeypatch.setattr("agonic.live.streams.vehicle.ASK_AGAIN_S", 0.05)
+    monkeypatch.setattr("agonic.live.streams.vehicle.LIST_S", 0.5)
     session = vehicle(3, "COMPASS_OFS_Y")
     until(lambda: "COMPASS_OFS_Y" in session.status.heard)
     assert "cannot be taken back" in session.status.heard

@@ -26,7 +26,7 @@ from agonic.alignment.remanence import fit_remanence as fit_remanence
 from agonic.alignment.session import Session as Session
 from agonic.alignment.simulation.coil import simulate_coil as simulate_coil
 from agonic.alignment.simulation.north import simulate_north as simulate_north
-from agonic.alignment.simulation.remanence import simulate_remanence as simulate_remanence
+from agonic.alignment.simulation.session import simulate_remanence as simulate_remanence
 from agonic.alignment.simulation.session import simulate_session as simulate_session
 from agonic.alignment.star_sensor import AlignmentFit as AlignmentFit
 from agonic.alignment.star_sensor import AlignmentPlan as AlignmentPlan

@@ -8,15 +8,125 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.calibration.base import Calibration
 from agonic.calibration.setup import Compass, Setup
-from agonic.headings.attitude import Attitude
+from agonic.headings.acceleration import count_rows
+from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.compass_heading import Indication, Readings, compute_indication
 from agonic.headings.dip_residuals import refine_tilt_sd
 from agonic.headings.disagreement import choose_compass, compare_with_expected
-from agonic.headings.disturbance import add_disturbance, bridge_disturbed
 from agonic.headings.expected_field import Surroundings
+from agonic.headings.propagation import Step, apply_steps, list_steps, propagate
 from agonic.headings.tilt_source import find_attitude
 from agonic.samples import Samples
+
+SEEN_S = (2.0, 20.0)
+"""Over which magnitude and dip are averaged, before and after, that tell what disturbs a field,
+whichever side is smaller: a disturbance that comes or goes ends at its row, and one that passes
+through zero does not. In two seconds magnitude and dip are two numbers only."""
+PASSING_S = 1.0
+"""Over which a field that is off before a row and after it is off in the row too."""
+SOME = 0.05
+POSSIBLE, CERTAIN = 2.0, 4.0
+"""From so many times the variance that is explained, to so many, what is seen is a disturbance."""
+SAMPLE = 2000
+"""Rows, spread evenly over the log, by which noise and calibration count."""
+
+
+def add_disturbance(
+    indicated: Indication,
+    distance: Array | None,
+    readings: Readings,
+    calibration: Calibration,
+    attitude: Attitude,
+    around: Surroundings,
+    limit: float,
+    time: Array | None,
+) -> tuple[Indication, Array | None]:
+    """The indication with the variance that disturbances seen about each row add to it, and how
+    far the field is from the expected one, 1 being the limit: by each row, and by those about it.
+
+    Parameters: `distance` (n,) by each row, or `None` where nothing is known to compare with;
+    `limit` of the magnitude, a share of it; `time` (n,) in seconds, or `None`.
+    """
+    level, below = indicated.horizontal, indicated.vertical
+    size = np.hypot(level, below)
+    sound = np.isfinite(size) & (size > 0.0)
+    good = np.flatnonzero(sound if distance is None else sound & (distance <= 1.0))
+    if attitude.source == LEVEL or not len(good):
+        return indicated, distance
+    dip, share = np.arctan2(below, level), size
+    if around.horizontal is not None and around.vertical is not None:
+        wanted = np.arctan2(around.vertical, around.horizontal)
+        share = size / np.hypot(around.vertical, around.horizontal)
+    else:
+        wanted = np.median(dip[good])
+    off = (share / np.median(share[good]) - 1.0) ** 2 + (dip - wanted) ** 2
+    seen = np.where(sound, off, 0.0) / 2
+    if time is not None:
+        short, long = (count_rows(time, duration) for duration in SEEN_S)
+        near, far = (_average_beside(seen, width, short // 2) for width in (short, long))
+        both = np.isfinite(far).all(axis=0)  # at the ends of the log one side may go too far
+        seen = np.maximum(near.min(axis=0), np.where(both, far.min(axis=0), 0.0))
+    known = _explain(readings, list_steps(calibration), size, good) + attitude.variance / 2
+    times = seen / np.maximum(known, 1e-12)
+    certain = np.clip((times - POSSIBLE) / (CERTAIN - POSSIBLE), 0.0, 1.0)
+    relative = np.where(sound, certain * np.maximum(seen - known, 0.0), 0.0)
+    turned = relative * (size / np.maximum(level, 1e-9)) ** 2
+    doubt = np.where(sound, np.degrees(np.degrees(turned)), 0.0)
+    if distance is not None:
+        distance = np.maximum(distance, np.sqrt(relative) / max(limit, 1e-12))
+    return indicated._replace(systematic=indicated.systematic + doubt), distance
+
+
+def bridge_disturbed(distance: Array | None, time: Array | None) -> Array | None:
+    """How far the field is from the expected one, (n,), also where it passes through that.
+
+    Beside a magnet that is passed, magnitude and dip are the expected ones for a moment, and the
+    heading may be any. So a row is beyond the limit too between rows that are, within `PASSING_S`:
+    most of those on one side, and `SOME` of those on the other.
+
+    >>> passed = np.repeat([0.2, 3.0, 0.5, 3.0, 0.2], [30, 30, 5, 30, 30])
+    >>> np.flatnonzero(bridge_disturbed(passed, np.arange(125) / 20.0) > 1.0)[[0, -1]].tolist()
+    [30, 94]
+    """
+    if distance is None or time is None:
+        return distance
+    width = count_rows(time, PASSING_S)
+    off = (distance > 1.0).astype(np.float64)
+    beside = _average_beside(off, width, width)
+    beside = np.where(np.isfinite(beside), beside, 0.0)
+    more, less = beside.max(axis=0), beside.min(axis=0)
+    between = (more > 0.5) & (less > SOME)
+    return np.where(between, np.maximum(distance, 2 * more), distance)
+
+
+def _average_beside(values: Array, width: int, least: int) -> Array:
+    """The means over so many rows up to each, and from it on, (2, n).
+
+    A side that has fewer rows than `least`, at the ends of the log, is infinite: it does not tell.
+    """
+    n = len(values)
+    total, at = np.concatenate([[0.0], np.cumsum(values)]), np.arange(n)
+    least = min(least, (n + 1) // 2)
+    sides = []
+    for first, after in (
+        (np.maximum(at + 1 - width, 0), at + 1),
+        (at, np.minimum(at + width, n)),
+    ):
+        count = after - first
+        sides.append(np.where(count >= least, (total[after] - total[first]) / count, np.inf))
+    return np.stack(sides)
+
+
+def _explain(readings: Readings, steps: tuple[Step, ...], size: Array, good: Index) -> float:
+    """The relative variance of the field's magnitude by noise and calibration."""
+    even = np.linspace(0, len(good) - 1, min(len(good), SAMPLE)).round().astype(np.intp)
+    rows = good[np.unique(even)]
+    columns = {name: values[rows] for name, values in readings.columns.items()}
+    values = apply_steps(steps, readings.raw[rows], columns)
+    systematic, noise = propagate(steps, values, columns, values[-1].T / size[rows])
+    return float(np.mean((systematic + noise) / size[rows] ** 2))
 
 
 class CompassRows(NamedTuple):

@@ -220,8 +220,8 @@ def _calibrate_stretch(
 def _choose_as(
     whole: Choice, some: Samples, kind: Kind, settings: Mapping[str, Any]
 ) -> tuple[Kind, Mapping[str, Any]]:
-    """Method and settings of a part: those of the whole, but where that was the magnitude alone, the
-    part has other sources on board, or they could not be seen beside the change."""
+    """Method and settings of a part: those of the whole, but where that was the magnitude alone,
+    the part has other sources on board, or they could not be seen beside the change."""
     sources, moving = list_sources(whole.fit), list_moving(some)
     seen = bool(sources) and {*moving, "second"}.issuperset(list_columns(sources))
     if whole.method in ("ellipsoid", "interference") or ((moving or sources) and not seen):

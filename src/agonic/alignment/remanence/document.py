@@ -23,7 +23,7 @@ def describe_remanence(fit: RemanenceFit) -> Document:
     """The platform's own field, what is induced in it, and what was read at each angle.
 
     >>> from agonic.alignment.remanence import fit_remanence
-    >>> from agonic.alignment.simulation.remanence import simulate_remanence
+    >>> from agonic.alignment.simulation.session import simulate_remanence
     >>> made = describe_remanence(fit_remanence(simulate_remanence()))
     >>> print(made.to_text().splitlines()[0])
     ✓ magnetometer: good (platform turned to 12 settings)

@@ -98,7 +98,7 @@ def fit_remanence(
 
     Source: patent CN 108871301 B, step 1: a platform without remanence.
 
-    >>> from agonic.alignment.simulation.remanence import simulate_remanence
+    >>> from agonic.alignment.simulation.session import simulate_remanence
     >>> fit = fit_remanence(simulate_remanence(remanence=5.0, seed=1))
     >>> fit.verdict, round(fit.size)
     ('check', 5)

@@ -9,11 +9,6 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
-from agonic.inflight.fit.channel_noise import (
-    compute_mean_correlation,
-    compute_spreads,
-    rescale_noise,
-)
 from agonic.inflight.fit.covariance import OF_EARTH, Clock, compute_covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
@@ -36,6 +31,41 @@ from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 from agonic.maths.rotations.vectors import find_best_rotation
+
+_LARGEST = 1.0  # of the readings' noise over the field: what it bends residuals by would run away
+
+
+def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[str, float]:
+    """The noise of the readings, and for what is across the field that of the attitude over it.
+
+    What a kind scatters by beyond the magnitude, σ²(1 + κ²) with the field about one, is the
+    attitude's. `before` are those with which `noise` was found.
+    """
+    own = noise["magnitude"].sd
+    found = {"magnitude": min(own, _LARGEST)}
+    for kind, of in noise.items():
+        if kind != "magnitude":
+            whole = (of.sd / own) ** 2 * (1 + before[kind] ** 2)
+            found[kind] = float(np.sqrt(max(whole - 1, 0.0)))
+    return found
+
+
+def compute_mean_correlation(noise: dict[str, Noise]) -> float:
+    """One length for all kinds, so that they are weighted by their noise alone: how long errors
+    last is known too poorly to choose between kinds, but each has its own in the covariance."""
+    return float(np.mean([of.correlation for of in noise.values()]))
+
+
+def rescale_noise(
+    noise: Noise, kind: str, before: dict[str, float], now: dict[str, float]
+) -> Noise:
+    """The noise of residuals that are now over another √(1 + κ²)."""
+    if kind == "magnitude":
+        return noise
+    return noise._replace(
+        sd=noise.sd * float(np.sqrt((1 + before[kind] ** 2) / (1 + now[kind] ** 2)))
+    )
+
 
 FEWEST_STRETCHES = 120
 EXTERNAL_NT, EXTERNAL_S = 15.0, 7200.0

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
+from typing import NamedTuple
 
+from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.live.fit import GROWTH
 from agonic.live.streams import Chunk, Notice, Source
-from agonic.live.streams.device import Device
-from agonic.live.web.messages import Outcome, Sensor, Status
-from agonic.live.web.offer import DeviceOffer, make_offer, write_offer
+from agonic.live.streams.device import Change, Device
+from agonic.live.web.messages import Outcome, Sensor, Setting, Status, describe_read_back
 from agonic.live.web.plan import Plan
 from agonic.live.web.results import SensorReadings, write_results
 from agonic.live.web.resume import SavedFits
@@ -18,6 +20,34 @@ from agonic.live.web.view import RecentReadings
 from agonic.live.web.watch import WatchedSensor, find_calibration_before
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written
+
+
+class DeviceOffer(NamedTuple):
+    """The sensor, its settings in the device, and what is to be said of them."""
+
+    sensor: str = ""
+    settings: Sequence[Setting] = ()
+    says: str = ""
+
+
+def make_offer(sensor: str, device: Device, calibration: Calibration) -> DeviceOffer:
+    """What would be written to a device."""
+    changes, warnings = device.changes(calibration)
+    listed = [Setting(change.name, change.old, change.new) for change in changes]
+    return DeviceOffer(sensor, listed, ". ".join(warnings))
+
+
+def write_offer(offer: DeviceOffer, device: Device, calibration: Calibration) -> DeviceOffer:
+    """The offer with what the device keeps after writing, or why it was not written."""
+    listed = offer.settings
+    try:
+        changes = [Change(one.name, one.old, one.new) for one in listed]
+        read = device.write(changes, calibration)
+    except (AgonicError, OSError) as error:
+        return offer._replace(says=f"not written: {error}")
+    listed = [Setting(one.name, one.old, one.new, read.get(one.name)) for one in listed]
+    return DeviceOffer(offer.sensor, listed, describe_read_back(listed))
+
 
 DIGEST_S = 0.2  # between two fits, and two statuses
 RETRY_S = 1.0  # before a source whose driver failed is opened again
