@@ -281,11 +281,7 @@ def _compare(before: Array, after: Array, least: float) -> float:
 
 def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
     """What was done to the readings and what became of it."""
-    lost, undone = _count_lost(found.field), bool(found.kind.word)
-    doubtful, share = lost > DOUBTFUL * len(field), figure(100 * lost / len(field))
-    what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
-    move = "look at the logger and at what reads it" if doubtful else ""
-    if undone:
+    if found.kind.word:
         put = np.where(np.isfinite(found.field), found.field, field)
         steps, smoother = np.abs(np.diff(field, axis=0)), np.abs(np.diff(put, axis=0))
         at, axis = divmod(int(np.argmax(steps - smoother)), 3)
@@ -295,8 +291,12 @@ def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
             f"{rows[at + 1]}: {found.kind.what}, which was undone"
         )
         move = f"mend the logger; --as {found.kind.word} reads its logs"
-    grave = undone or doubtful
-    return Finding("decoding" if undone else "outliers", "check" if grave else "note", what, move)
+        return Finding("decoding", "check", what, move)
+    lost = _count_lost(found.field)
+    doubtful, share = lost > DOUBTFUL * len(field), figure(100 * lost / len(field))
+    what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
+    move = "look at the logger and at what reads it" if doubtful else ""
+    return Finding("outliers", "check" if doubtful else "note", what, move)
 
 
 def _refuse_wide(field: Array, told: Finding) -> None:
