@@ -19,8 +19,8 @@ from agonic.network.retraining.acceptance import (
     is_better,
     judge,
 )
+from agonic.network.retraining.candidates import MOST, add_rows
 from agonic.network.retraining.posterior import describe_prior, train_on
-from agonic.network.retraining.reservoir import MOST, add_rows
 from agonic.network.retraining.schedule import begin, find_due, reschedule, start, take_rows
 from agonic.network.simulate import simulate_nonaffine
 

@@ -5,8 +5,18 @@
 Source: ArduPilot/ardupilot, libraries/AP_Compass/AP_Compass_Backend.cpp (`correct_field`) and
 AP_Compass.cpp (`have_scale_factor`). OFS is added, so it is minus the bias; MOT is added last, so
 it is minus the matrix times what a unit of x adds to the readings. x is the battery's current in A
-(COMPASS_MOTCT 2) or the throttle 0…1 (1), one kind for all compasses. Each motor of the first
-compass: see `ardupilot_motors`.
+(COMPASS_MOTCT 2) or the throttle 0…1 (1), one kind for all compasses.
+
+Each motor of the first compass, COMPASS_PMOT*:
+
+    field += Σ c_n (V · duty_n)^EXP,   milligauss, after the matrix,   n of 1 to 4
+
+Source: ArduPilot/ardupilot, libraries/AP_Compass/Compass_PerMotor.cpp (`scaled_output`,
+`compensate`), and AP_Compass_Backend.cpp (`correct_field`): V is the battery's voltage, the duty
+0…1 follows from the output's pulse, and with COMPASS_PMOT_EN only the first compass is compensated
+so. c_n is therefore minus the matrix times what motor n adds at full duty, over V^EXP. This holds
+since per-motor compensation came (pull request 6448, 2017). A rework that is proposed (22490) takes
+c_n · thrust_n · current instead and has no COMPASS_PMOT_EXP: other numbers, another fit.
 """
 
 from __future__ import annotations

@@ -4,7 +4,9 @@
 
 in the units and axes of the calibration, with a mounting in a chain inside the matrix. Where it
 changes with temperature, b and A are polynomials of it; beyond the range the temperature of the
-nearest edge counts, since a cubic runs away there, and the function says so.
+nearest edge counts, since a cubic runs away there, and the function says so:
+
+    field = A(T) (raw − b(T) − rate dT/dt),   float32, each number a polynomial by Horner's rule
 """
 
 from __future__ import annotations

@@ -8,7 +8,15 @@ Magnetometer.cpp (`set_offset`, `set_scale`, `set_offdiagonal`). OFF is subtract
 COMP is added before it, so it is minus what a unit of P adds to the readings. P is the throttle 0…1
 (CAL_MAG_COMP_TYP 1) or the current of battery 1 or 2 in kiloamperes (2, 3), and counts while the
 vehicle is armed (VehicleMagnetometer.cpp).
-TC is of TC_Mn_*.
+
+TC_Mn_*, what the bias does over temperature:
+
+    TC(T) = X0 + X1 d + X2 d² + X3 d³,   gauss, sensor axes,   d = T − TREF, T within TMIN…TMAX
+
+Source: PX4/PX4-Autopilot, src/modules/temperature_compensation, TemperatureCompensation.cpp
+(`calc_thermal_offsets_3D`: an offset to be subtracted, no scale, renewed after a change of 1 °C)
+and temperature_calibration/mag.cpp (`finish_sensor_instance`: X0 is zero, so that CAL_MAGn_*OFF is
+the bias at TREF). With X0 zero the vehicle is right at TREF whether or not TC counts.
 """
 
 from __future__ import annotations

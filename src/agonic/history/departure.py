@@ -17,10 +17,9 @@ from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
 from agonic.maths.estimation.robust.tails import Tail, fit_tail
 from agonic.population import Population, find_outliers
 from agonic.population.outlier import choose_rate
+from agonic.population.peers import LEAST
 from agonic.population.store import History
 
-LEAST = 8
-"""Fewer sensors do not tell what is usual among them."""
 _KINDS = {"bias": slice(0, 3), "gain": slice(3, 6), "cross": slice(6, 9)}
 
 

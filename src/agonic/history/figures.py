@@ -10,14 +10,15 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.history.fit import sample_times
 from agonic.history.result import Drift, Event
-from agonic.history.trend import Trend
+from agonic.history.trend import YEAR_S, Trend
 from agonic.report.axes import Axis, down, right
 from agonic.report.markup import Markup, element
 from agonic.report.strips import caption, path, plot, points
 
-DAYS_A_MONTH, DAYS_A_YEAR = 30.4375, 365.25
+DAYS_A_YEAR = 365.25
+DAYS_A_MONTH = DAYS_A_YEAR / 12
 _WIDE = 2.0  # standard deviations that bands reach to either side
-_UNITS_S = {"days": 86_400.0, "months": DAYS_A_MONTH * 86_400.0, "years": DAYS_A_YEAR * 86_400.0}
+_UNITS_S = {"days": 86_400.0, "months": DAYS_A_MONTH * 86_400.0, "years": YEAR_S}
 
 
 def choose_unit(days: float) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.rotations.mounting import right_angles
+from agonic.population.population import PAIRS
 
 _DOF = 4.0  # of the Student t by which members are judged
-_PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
 class Likelihoods(NamedTuple):
@@ -49,9 +49,9 @@ def swap_axes(parameters: Array, turn: Array) -> Array:
     """
     own = np.argmax(np.abs(turn), axis=1)
     sign = turn[range(3), own]
-    pairs = [_PAIRS.index((min(own[a], own[b]), max(own[a], own[b]))) for a, b in _PAIRS]
+    pairs = [PAIRS.index((min(own[a], own[b]), max(own[a], own[b]))) for a, b in PAIRS]
     order = [*own, *(3 + own), *(6 + np.array(pairs))]
-    signs = [*sign, 1.0, 1.0, 1.0, *(sign[a] * sign[b] for a, b in _PAIRS)]
+    signs = [*sign, 1.0, 1.0, 1.0, *(sign[a] * sign[b] for a, b in PAIRS)]
     return np.asarray(parameters[..., order] * signs)
 
 

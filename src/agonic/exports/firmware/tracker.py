@@ -22,15 +22,12 @@ from agonic.exports.firmware.c_text import (
     write_literal,
 )
 from agonic.exports.firmware.size import measure_sizes
-from agonic.exports.firmware.turning import describe_turn
+from agonic.exports.firmware.turning import SHARE, TESTS, describe_turn
 from agonic.exports.firmware.writer import Firmware
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.filters import kalman
 
-TESTS = 24
 ELAPSED_S = 0.5
-SHARE = 0.02
-"""Of a standard error: what the self-test allows the bias and the standard error itself."""
 _BY_MAGNITUDE = ("start", "algebra", "magnitude", "jump_test", "jump", "calls", "results", "save")
 _BESIDE_GYRO = (
     "turning/start",

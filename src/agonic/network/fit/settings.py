@@ -58,13 +58,8 @@ class Settings:
         base = self.base if isinstance(self.base, str | None) else self.base.kind
         return {
             "fit": "network",
+            **vars(self),
             "hidden": self.hidden if isinstance(self.hidden, int) else list(self.hidden),
             "inputs": list(self.inputs),
             "base": base,
-            "target": self.target,
-            "stopping": self.stopping,
-            "robust": self.robust,
-            "restarts": self.restarts,
-            "most_epochs": self.most_epochs,
-            "seed": self.seed,
         }

@@ -6,7 +6,7 @@ from typing import Any
 
 from agonic.network.paper.reproduce import Reproduction
 from agonic.network.report import figures, tables
-from agonic.network.report.regression import correlate_axes, draw_axes, evaluate_fit
+from agonic.network.report.document import correlate_axes, draw_axes, evaluate_fit
 from agonic.report.digits import quantity
 from agonic.report.document import Document
 from agonic.report.markup import Markup

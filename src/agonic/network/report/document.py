@@ -7,13 +7,14 @@ from dataclasses import asdict
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
 from agonic.calibration.network import Network
 from agonic.network.fit import Method, NetworkChoice, NetworkFit
+from agonic.network.fit.solve import correlate
 from agonic.network.report import figures, tables
-from agonic.network.report.regression import correlate_axes, draw_axes, evaluate_fit
 from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document
@@ -23,6 +24,31 @@ from agonic.report.strips import caption
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
 from agonic.verification import Verification
+
+
+def evaluate_fit(fit: NetworkFit, samples: Samples) -> tuple[Array, Array]:
+    """The network's field and the known one, (n, o), nT, of the readings that took part."""
+    network, used = fit.calibration, fit.weights > 0
+    field, _ = network.evaluated(samples.field, select_columns(network, samples))
+    if network.target == "magnitude":
+        field = np.linalg.norm(field, axis=1, keepdims=True)
+    return field[used], (field - fit.residuals)[used]
+
+
+def correlate_axes(found: Array, known: Array) -> list[float]:
+    """R of each axis, between the network's field and the known one, (n, o)."""
+    return [correlate(a, b) for a, b in zip(found.T, known.T, strict=True)]
+
+
+def draw_axes(found: Array, known: Array) -> list[Markup]:
+    """The network's field over the known one, a figure an axis, as the paper draws it."""
+    names = ("x", "y", "z") if known.shape[1] == 3 else ("the field",)
+    together = zip(names, found.T, known.T, correlate_axes(found, known), strict=True)
+    return [
+        caption(f"Along {name}: R = {r:.5f}", figures.draw_regression(b, a, name))
+        for name, a, b, r in together
+    ]
+
 
 KIND = "Calibration by a network"
 

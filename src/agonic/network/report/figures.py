@@ -9,6 +9,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, Method, NetworkFit
+from agonic.network.fit.methods import GOAL
 from agonic.report.axes import BINS, Axis, Columns, down, right
 from agonic.report.markup import Markup
 from agonic.report.strips import (
@@ -25,8 +26,6 @@ from agonic.report.strips import (
 )
 from agonic.report.time_axis import along_rows, along_time
 
-PUBLISHED = 1e-3
-"""Mean square error, scaled, that the paper reaches with a network without a base."""
 METHODS = ("training", "descent", "adaptive")
 """Classes of the curves, in the order of `compare_methods`."""
 POINTS = 600
@@ -48,7 +47,7 @@ def draw_training(fit: NetworkFit) -> Markup:
         "training": compute_rms(fit, [epoch.mean_square for epoch in fit.epochs]),
         "held": compute_rms(fit, [epoch.held_out for epoch in fit.epochs]),
     }
-    limit = compute_rms(fit, [PUBLISHED])[0] if fit.base is None else fit.calibration.misfit
+    limit = compute_rms(fit, [GOAL])[0] if fit.base is None else fit.calibration.misfit
     seen = np.concatenate([*curves.values(), [limit or np.nan]])
     x = Axis("epoch", 1.0, float(max(len(fit.epochs), 2)))
     y = _decade(seen, "rms error, nT")

@@ -11,11 +11,9 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.retraining import RetrainerParams, Window
 from agonic.health import figure
 from agonic.maths.estimation.noise.residuals import correlation_length, robust_scale
+from agonic.network.fit.fit import OUTLIERS_DOUBTFUL
+from agonic.network.fit.result import CERTAIN
 
-CERTAIN = 3.0
-"""A candidate wins when the difference of square errors is so many of its standard errors."""
-OUTLIERS = 0.1
-"""Share of readings that fit nothing, from which on a window is doubted."""
 OUTLIER = 6.0
 """Standard deviations from which on a reading is an outlier."""
 STUCK = 0.1
@@ -77,7 +75,7 @@ def judge(
     candidate, running = unseen.candidate, unseen.running
     fitting = _select_fitting(candidate, running)
     outliers = 1.0 - float(fitting.mean())
-    if outliers > OUTLIERS:
+    if outliers > OUTLIERS_DOUBTFUL:
         return Judgement(
             False,
             f"outliers: {figure(100 * outliers)} % of the unseen readings fit neither the "

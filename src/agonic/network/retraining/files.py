@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from datetime import datetime
-from math import inf, isfinite
+from math import inf, nan
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -24,28 +24,6 @@ Rows = tuple[Row, ...]
 
 SCHEMA = "agonic/retrain-state@1"
 
-_AS_THEY_ARE = (
-    "wait",
-    "noise",
-    "correlation",
-    "n",
-    "epoch",
-    "onset",
-    "settling",
-    "early",
-    "since_n",
-    "learned",
-    "accepted",
-    "rejected",
-    "sensor",
-    "unit",
-    "frame_in",
-    "frame_out",
-    "device_id",
-    "reference_sd",
-    "source",
-)
-
 
 class WindowRecord(Struct, frozen=True):
     """The last readings."""
@@ -54,23 +32,6 @@ class WindowRecord(Struct, frozen=True):
     raw: Rows
     wanted: Rows
     columns: dict[str, list[Any]]
-
-
-class RetrainingRecord(Struct, frozen=True, kw_only=True):
-    """One retraining."""
-
-    time: float
-    n: int
-    why: Literal["period", "change", "settling"]
-    accepted: bool
-    reason: str
-    rows: int
-    what: str
-    poisoned: bool
-    running_rms: float | None
-    candidate_rms: float | None
-    onset: float | None
-    epochs: int
 
 
 class StateRecord(Struct, frozen=True, kw_only=True):
@@ -96,7 +57,7 @@ class StateRecord(Struct, frozen=True, kw_only=True):
     since_time: float | None
     due_n: int | None
     due_time: float | None
-    retrainings: tuple[RetrainingRecord, ...]
+    retrainings: tuple[dict[str, Any], ...]
     accepted: int
     rejected: int
     sensor: str
@@ -106,6 +67,13 @@ class StateRecord(Struct, frozen=True, kw_only=True):
     device_id: int | None
     reference_sd: float
     source: str
+
+
+_WRITTEN_OTHERWISE = (
+    *("running", "window", "reservoir", "covariance", "watch", "age"),
+    *("time", "since_time", "due_n", "due_time", "retrainings"),
+)
+_AS_THEY_ARE = [name for name in StateRecord.__struct_fields__ if name not in _WRITTEN_OTHERWISE]
 
 
 class RetrainFile(Struct, frozen=True):
@@ -132,11 +100,11 @@ def save_retrainer(params: RetrainerParams, state: RetrainerState, path: Path | 
             covariance=None if state.covariance is None else _rows(state.covariance),
             watch=_rows(state.watch.size),
             age=tuple(map(tuple, state.watch.age.tolist())),
-            time=_finite(state.time),
-            since_time=_finite(state.since_time),
+            time=state.time,  # what is not finite becomes null
+            since_time=state.since_time,
             due_n=None if state.due_n == inf else int(state.due_n),
-            due_time=_finite(state.due_time),
-            retrainings=tuple(_record_retraining(one) for one in state.retrainings),
+            due_time=state.due_time,
+            retrainings=tuple(map(asdict, state.retrainings)),
             **{name: getattr(state, name) for name in _AS_THEY_ARE},
         ),
     )
@@ -206,19 +174,6 @@ def _rows(values: np.ndarray[Any, Any]) -> Rows:
     return tuple(map(tuple, values.tolist()))
 
 
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
-
-
-def _record_retraining(one: Retraining) -> RetrainingRecord:
-    values = asdict(one)
-    for name in ("running_rms", "candidate_rms"):
-        values[name] = _finite(values[name])
-    return RetrainingRecord(**values)
-
-
-def _restore_retraining(record: RetrainingRecord) -> Retraining:
-    values = msgspec.structs.asdict(record)
-    for name in ("running_rms", "candidate_rms"):
-        values[name] = float("nan") if values[name] is None else values[name]
-    return Retraining(**values)
+def _restore_retraining(record: dict[str, Any]) -> Retraining:
+    unknown = {name: nan for name in ("running_rms", "candidate_rms") if record.get(name) is None}
+    return msgspec.convert(record | unknown, Retraining)

@@ -20,20 +20,21 @@ from agonic.errors import AgonicError
 from agonic.health import Finding, Judged, figure, sentences
 from agonic.maths.estimation.changes import cusum
 from agonic.network.fit.problem import compute_errors
+from agonic.network.fit.result import CERTAIN
 from agonic.network.maths.blocks import hold_out
 from agonic.network.retraining import acceptance, schedule
 from agonic.network.retraining.acceptance import Judgement, Unseen
 from agonic.network.retraining.candidates import (
     Candidate,
     adapt,
+    add_rows,
     correct,
+    take_samples,
     train_candidates,
 )
 from agonic.network.retraining.evidence import list_findings
 from agonic.network.retraining.files import load_retrainer, save_retrainer
 from agonic.network.retraining.posterior import can_move
-from agonic.network.retraining.problem import take_samples
-from agonic.network.retraining.reservoir import add_rows
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -270,7 +271,7 @@ class Retrainer(Judged):
             others.append((offered[best].errors(kept), before))
         # what a network alone learned of a change, it learned of fewer of the same readings
         again = why == "settling" and not can_move(offered[best].calibration)
-        certain = 0.0 if again else acceptance.CERTAIN
+        certain = 0.0 if again else CERTAIN
         verdict = acceptance.judge(unseen_errors, params, *others, certain=certain)
         return verdict, offered[best]
 
