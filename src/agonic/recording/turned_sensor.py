@@ -54,8 +54,6 @@ OF_ATTITUDE = {"axes", "attitude", "mounting"}
 """Findings by which what tells down is wrong itself."""
 SMALL_DEG = 45.0
 """A larger turn that is not certain says that nothing is known of it."""
-EXACTLY = 1e-9
-_MOST_ROWS = 20_000
 
 
 def find_turn_of(field: Array, samples: Samples, soft_iron_sd: float) -> TurnBeside | None:
@@ -68,7 +66,6 @@ def find_turn_of(field: Array, samples: Samples, soft_iron_sd: float) -> TurnBes
     some = np.flatnonzero(rows & find_fresh(samples.field))
     if len(some) < FEWEST:
         return None
-    some = some[:: -(-len(some) // _MOST_ROWS)]
     return find_turn_beside(field[some], down[some], soft_iron_sd)
 
 
@@ -139,8 +136,11 @@ def _apply(fit: Fit, found: TurnBeside) -> Fit:
 
 def describe_found(turn: Array, sd: float) -> Finding:
     """How a sensor was found to sit, with the standard error, rad, of other angles than right."""
-    right = bool(np.abs(turn - np.rint(turn)).max() < EXACTLY)
-    known = "" if right else f", with a standard error of {figure(float(np.degrees(sd)))}°"
+    known = (
+        ""
+        if np.array_equal(turn, np.rint(turn))
+        else f", with a standard error of {figure(float(np.degrees(sd)))}°"
+    )
     return Finding(
         "mounting",
         "note",
@@ -190,9 +190,8 @@ def _state_unknown(fit: Fit, found: TurnBeside, samples: Samples, move: str) -> 
         fit = replace(fit, accuracy=replace(fit.accuracy, vehicle_deg=vehicle))
     by_angle = np.tan(np.radians(min(abs(fit.coverage.inclination_deg), STEEPEST_DEG))) / np.sqrt(2)
     surely = np.degrees(size - SURELY / 2 * sd) * by_angle > own and size > SURELY * sd
-    mounted = MountedHeading(
-        own, vehicle, float(np.degrees(size)), turn_sd_deg=float(np.degrees(sd))
-    )
+    size_deg, sd_deg = np.degrees([size, sd]).tolist()
+    mounted = MountedHeading(own, vehicle, size_deg, turn_sd_deg=sd_deg)
     worse = found.misfit > BETTER * found.unturned or found.misfit * RIVAL > found.rival
     told = check_turned_sensor(mounted, turned=True) if surely and not worse else None
     if told is None:

@@ -60,7 +60,10 @@ def _read_archive(path: Path) -> dict[str, NDArray[Any]]:
     refuse_many(_count(path), "arrays")
     _check_size(path)
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+        arrays = {name: archive[name] for name in archive.files}
+    if not all(isinstance(array, np.ndarray) for array in arrays.values()):
+        raise ValueError("a member is no array")  # NumPy hands such bytes out as they are
+    return arrays
 
 
 def _check_size(path: Path) -> None:

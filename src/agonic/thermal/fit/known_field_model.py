@@ -240,10 +240,8 @@ def _conclude(
     highest = orders.find_kept(set(there)) if auto else orders.highest
     size = len(orders.places)
     found, covariance = np.zeros(size), np.zeros((size, size))
-    found[base.columns], covariance[np.ix_(base.columns, base.columns)] = (
-        base.estimate,
-        base.inverse,
-    )
+    found[base.columns] = base.estimate
+    covariance[np.ix_(base.columns, base.columns)] = base.inverse
     odds = EVIDENCE
     for i, group in enumerate(orders.groups):
         if i in there:
