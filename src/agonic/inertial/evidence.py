@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.attitude.azimuth import check_azimuth
+from agonic.attitude.heading_column import check_azimuth
 from agonic.calibration.base import correct_field
 from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.fit import Fit

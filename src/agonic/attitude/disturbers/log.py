@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.problem import Scale, find_terms, normalise
+from agonic.attitude.problem import Scale, estimate_usable, find_terms, normalise, select_usable
 from agonic.attitude.settings import Settings
-from agonic.attitude.solve import estimate_usable, select_usable
 from agonic.calibration.sources import list_columns
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.equation.channels import Problem
