@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.attitude.heading_column import check_azimuth
 from agonic.calibration.base import correct_field
-from agonic.ellipsoid.calibration import describe_missing_scale
+from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
