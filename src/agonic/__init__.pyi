@@ -20,7 +20,7 @@ from agonic.attitude.interference import fit_interference as fit_interference
 from agonic.attitude.latency import LatencyFit as LatencyFit
 from agonic.attitude.latency import fit_latency as fit_latency
 from agonic.attitude.levelled import fit_levelled as fit_levelled
-from agonic.attitude.vector import fit_vector as fit_vector
+from agonic.attitude.levelled import fit_vector as fit_vector
 from agonic.calibration.affine import Affine as Affine
 from agonic.calibration.chain import Chain as Chain
 from agonic.calibration.interference import Interference as Interference

@@ -6,8 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.attitude.heading_column import check_heading_column
-from agonic.attitude.levelled import fit_levelled
-from agonic.attitude.vector import fit_vector
+from agonic.attitude.levelled import fit_levelled, fit_vector
 from agonic.maths.equation.coverage import level_directions
 from agonic.simulation import simulate
 

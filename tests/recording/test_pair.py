@@ -7,8 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.exports.csv import write_sensors
-from agonic.recording.each_sensor import calibrate_each
-from agonic.recording.pair import compare, tell_pairs
+from agonic.recording.each_sensor import calibrate_each, compare, tell_pairs
 from agonic.simulation import simulate_vehicle
 from tests.command_line import complaint
 

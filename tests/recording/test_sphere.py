@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agonic.recording.figures import pack_sphere
 from agonic.recording.residuals import compute_residuals
-from agonic.recording.sphere import pack_sphere
 from tests.recording.handmade import BIAS, NOISE
 
 

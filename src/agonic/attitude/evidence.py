@@ -9,9 +9,8 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Index, Mask
-from agonic.attitude.azimuth import check_azimuth
 from agonic.attitude.calibration import make_mean_calibration
-from agonic.attitude.heading_column import check_heading_column
+from agonic.attitude.heading_column import check_azimuth, check_heading_column
 from agonic.attitude.mounted_heading import (
     MountedHeading,
     check_turned_sensor,

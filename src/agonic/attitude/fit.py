@@ -13,15 +13,16 @@ from agonic.attitude.calibration import (
     make_calibration,
 )
 from agonic.attitude.evidence import assess, find_dip_deg, find_down
-from agonic.attitude.problem import Scale, normalise
-from agonic.attitude.settings import Settings
-from agonic.attitude.shared_errors import TURN, list_considered
-from agonic.attitude.solve import (
+from agonic.attitude.problem import (
+    Scale,
     estimate_usable,
     is_robust,
     name_missing_hold,
+    normalise,
     select_usable,
 )
+from agonic.attitude.settings import Settings
+from agonic.attitude.shared_errors import TURN, list_considered
 from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest

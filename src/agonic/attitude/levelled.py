@@ -1,4 +1,5 @@
-"""`fit_levelled`: for vehicles that cannot tumble, from roll, pitch and the field of the place."""
+"""`fit_levelled`: for vehicles that cannot tumble, from roll, pitch and the field of the place;
+`fit_vector`: where the whole attitude is known, heading included."""
 
 from __future__ import annotations
 
@@ -11,6 +12,64 @@ from agonic.attitude.settings import Gauge, Model, Settings
 from agonic.fit import Fit
 from agonic.logs.any_form import Given, as_samples
 from agonic.reference import Reference
+
+
+def fit_vector(
+    samples: Given,
+    reference: Reference | ArrayLike | None,
+    *,
+    model: Model = "full",
+    gauge: Gauge = "auto",
+    sources: Sequence[str] = (),
+    robust: bool = True,
+    soft_iron_sd: float | None = 0.1,
+    turn_sd_deg: float | None = 2.0,
+    inclination_deg: float | None = None,
+    seed: int = 0,
+) -> Fit:
+    """Bias and matrix that turn every reading into the field of the place in body axes.
+
+    Beside magnitude and dip as in `fit_levelled`, the azimuth, with e horizontal, in body axes by
+    the known attitude, and square to the field:
+
+        u·e = 0
+
+    Each kind of residual is weighted by its
+    own scatter, so a heading of poor quality does no harm to what roll and pitch determine.
+
+    Parameters
+    ----------
+    samples : with `roll_deg`, `pitch_deg` and `heading_deg`; the heading must not come from the
+        magnetometer itself.
+    reference : (n, 3) or constant, `Reference.vector` in the frame n.
+
+    model, gauge, sources, robust, soft_iron_sd, turn_sd_deg, inclination_deg, seed : as in
+        `fit_levelled`; the matrix is free by default.
+
+    Returns a `Fit`. Raises as `fit_levelled`.
+
+    Source: maximum likelihood with Huber's sandwich covariance (Huber 1981).
+
+    Examples
+    --------
+    >>> from agonic.simulation import simulate
+    >>> flown = simulate("flight", n=2000, stray_nT_A=(0.0, 0.0, 0.0))
+    >>> fit = fit_vector(flown.samples, Reference.vector(flown.field_n, frame="n"))
+    >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
+    True
+    """
+    samples, reference = as_samples(samples), Reference.required(reference)
+    chosen = Settings(
+        model=model,
+        gauge=gauge,
+        sources=tuple(sources),
+        robust=robust,
+        soft_iron_sd=soft_iron_sd,
+        turn_sd_deg=turn_sd_deg,
+        inclination_deg=inclination_deg,
+        seed=seed,
+    )
+    return fit_channels(samples, reference, CHANNELS["vector"], chosen, "vector")
 
 
 def fit_levelled(

@@ -1,24 +1,68 @@
-"""From samples to what the estimator takes: points of about one, terms, directions."""
+"""From samples to what the estimator takes, points of about one, terms and directions, and the
+estimate from the rows that can be used."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import list_disturbers, signals, stack_inputs
 from agonic.calibration.sources import list_columns
 from agonic.calibration.timing import find_timing, restore
 from agonic.errors import AgonicError, CoverageError, LogError
-from agonic.health import find_rounding
+from agonic.health import FEWEST, find_rounding
 from agonic.maths.equation.channels import Dip, Problem
 from agonic.maths.equation.crowding import weigh_places
+from agonic.maths.equation.maximum_likelihood import Estimate, estimate, refine
 from agonic.maths.one_pass import median
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+
+def estimate_usable(
+    problem: Problem, usable: Mask, settings: Settings, start: Array | None = None
+) -> Estimate:
+    """The estimate from the usable rows of a problem of all rows; from `start` first, if given."""
+    part = select_usable(problem, usable)
+    with name_missing_hold():
+        return estimate(part, robust=is_robust(part, settings), seed=settings.seed, start=start)
+
+
+def refine_usable(problem: Problem, usable: Mask, settings: Settings, params: Array) -> Estimate:
+    """The same from near parameters, and nowhere else."""
+    part = select_usable(problem, usable)
+    with name_missing_hold():
+        return refine(part, params, is_robust(part, settings))
+
+
+@contextmanager
+def name_missing_hold() -> Iterator[None]:
+    """The error of a fit that runs away."""
+    try:
+        yield
+    except (OverflowError, np.linalg.LinAlgError):
+        raise CoverageError(
+            "the readings do not determine a calibration: an axis never moves, or says what "
+            "another does",
+            turns="look at each axis of the log, and turn the sensor about all three",
+        ) from None
+
+
+def select_usable(problem: Problem, usable: Mask) -> Problem:
+    """The problem of the usable rows (n,)."""
+    return problem if usable.all() else problem.subset(np.flatnonzero(usable))
+
+
+def is_robust(part: Problem, settings: Settings) -> bool:
+    """Whether outliers are down-weighted, which few rows do not allow."""
+    return settings.robust and len(part.points) >= 2 * FEWEST
+
 
 OTHER_DEG = 1.0
 """What else errs in the azimuth of a row, about: tilt, time, noise of the magnetometer."""

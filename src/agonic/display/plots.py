@@ -19,8 +19,8 @@ from agonic.inflight.tracking import Tracker
 from agonic.maths.equation.coverage import icosphere
 from agonic.population import History
 from agonic.recording.calibrated import Calibrated
+from agonic.recording.figures import thin
 from agonic.recording.residuals import compute_residuals, find_level
-from agonic.recording.sphere import thin
 from agonic.report.labels import unit_label
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.result import CalibratedCampaign

@@ -7,8 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.ellipse.maths.conic import fit_circle, make_matrix
-from agonic.ellipse.maths.level import compute_lasting, compute_turns, find_sectors
+from agonic.ellipse.maths.conic import (
+    compute_lasting,
+    compute_turns,
+    find_sectors,
+    fit_circle,
+    make_matrix,
+)
 from agonic.ellipse.result import EllipseFit
 from agonic.ellipse.solve import Found
 from agonic.health import Finding, figure

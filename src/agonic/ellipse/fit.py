@@ -10,8 +10,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.ellipse.evidence import compute_spread, count_sectors, examine, find_change
-from agonic.ellipse.maths.conic import make_matrix
-from agonic.ellipse.maths.level import compute_heading_sd_deg
+from agonic.ellipse.maths.conic import compute_heading_sd_deg, make_matrix
 from agonic.ellipse.result import EllipseFit
 from agonic.ellipse.solve import Found, solve
 from agonic.errors import AgonicError, CoverageError

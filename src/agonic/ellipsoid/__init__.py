@@ -1,7 +1,6 @@
 """The magnitude calibration: from samples, or from moments alone."""
 
-from agonic.ellipsoid.axes_check import check_by_gravity
-from agonic.ellipsoid.evidence import evaluate
+from agonic.ellipsoid.evidence import check_by_gravity, evaluate
 from agonic.ellipsoid.fit import (
     find_inclination_deg,
     fit_ellipsoid,

@@ -1,4 +1,5 @@
-"""The evidence for a calibration on a sensor's readings, just fitted or given."""
+"""The evidence for a calibration on a sensor's readings, just fitted or given; and what gravity
+says of its axes."""
 
 from __future__ import annotations
 
@@ -7,12 +8,13 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.coverage import compute_coverage
-from agonic.ellipsoid.calibration import describe_result, state_accuracy
+from agonic.ellipsoid.problem import describe_result, rows_of, state_accuracy
 from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest, gather_evidence
 from agonic.health import (
     Finding,
+    check_axes,
     check_magnitude,
     check_resolution,
     check_scale,
@@ -23,10 +25,53 @@ from agonic.health import (
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
 from agonic.maths.estimation.noise.residuals import estimate_noise
+from agonic.maths.rotations.attitude import down_b
 from agonic.model.posterior import Posterior
 from agonic.model.verdict import judge, shows_changes
 from agonic.reference import Reference
 from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+
+def check_by_gravity(fit: Fit, samples: Samples, reference: Reference | None) -> Fit:
+    """The fit, with a finding where its axes are not those of the accelerometer in the same rows.
+
+    Magnitude cannot see exchanged or reversed axes. Without an accelerometer roll and pitch tell
+    where gravity was. Parameters: the fit of these samples and its reference, whose vertical part,
+    where it is known, tells up from down.
+    """
+    beside, force = _find_force(samples)
+    if force is None or fit.verdict == "refused":
+        return fit
+    used = slice(None) if fit.weights is None else fit.weights > 0
+    calibration = fit.calibration
+    assert calibration.magnitude is not None
+    found = check_axes(
+        calibration.correct(samples.field[used]),
+        force[used],
+        calibration.magnitude,
+        _upwards(reference),
+        beside,
+    )
+    return fit if found is None else fit.with_findings(found)
+
+
+def _find_force(samples: Samples) -> tuple[str, Array | None]:
+    """What tells where gravity was, and the specific force (n, 3) by it."""
+    if samples.acceleration is not None or samples.roll_deg is None or samples.pitch_deg is None:
+        return "the accelerometer beside it", samples.acceleration
+    down = down_b(samples.roll_deg, samples.pitch_deg)
+    return "roll and pitch", -STANDARD_GRAVITY_M_S2 * down
+
+
+def _upwards(reference: Reference | None) -> bool | None:
+    """Whether the field points up, where the reference knows."""
+    if reference is None or reference.kind not in ("vector", "horizontal-vertical"):
+        return None
+    if reference.kind == "vector" and reference.frame != "n":
+        return None
+    return bool(np.mean(reference.horizontal_and_vertical(len(reference.values))[:, 1]) < 0)
+
 
 WEAKEST_FIELD = 22_000.0
 """The Earth's field at the ground is nowhere weaker (South Atlantic), nT."""
@@ -104,11 +149,6 @@ def _known_radius(affine: Affine, reference: Reference | None) -> float | None:
     if affine.unit_in != "nT":
         return None
     return affine.magnitude if reference else WEAKEST_FIELD
-
-
-def rows_of(mask: Mask) -> slice | Mask:
-    """An index for the rows that a mask names, which copies nothing where it names them all."""
-    return slice(None) if mask.all() else mask
 
 
 def assess(

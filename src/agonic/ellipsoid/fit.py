@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Mask
 from agonic.calibration.affine import Affine
-from agonic.ellipsoid.calibration import make_calibration_of
-from agonic.ellipsoid.evidence import assess, rows_of
-from agonic.ellipsoid.problem import Posed, normalise_start, pose
+from agonic.ellipsoid.evidence import assess
+from agonic.ellipsoid.problem import Posed, make_calibration_of, normalise_start, pose, rows_of
 from agonic.ellipsoid.settings import (
     CITATIONS,
     STATED_DIP_DEG,

@@ -8,12 +8,11 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from agonic.calibration.base import Validity
-from agonic.ellipsoid.calibration import Scale, make_calibration
-from agonic.ellipsoid.evidence import assess, rows_of
+from agonic.ellipsoid.evidence import assess
 from agonic.ellipsoid.large_scan import Progress, Recording, Scan, scan_recording
 from agonic.ellipsoid.large_solve import Whole, maximise
 from agonic.ellipsoid.moments_fit import normalise_moments
-from agonic.ellipsoid.problem import normalise
+from agonic.ellipsoid.problem import Scale, make_calibration, normalise, rows_of
 from agonic.ellipsoid.settings import CITATIONS, Fixed, Gauge, Model, Settings
 from agonic.ellipsoid.solve import Found, choose_model, solve_algebraic
 from agonic.errors import AgonicError, check_choice

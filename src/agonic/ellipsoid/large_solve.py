@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.ellipsoid.calibration import Scale
 from agonic.ellipsoid.large_scan import Progress, Recording, Scan, read_segments
 from agonic.ellipsoid.maths import block_sums, sweep
 from agonic.ellipsoid.maths.block_sums import Assumed, Frame, Sums
+from agonic.ellipsoid.problem import Scale
 from agonic.ellipsoid.settings import Fixed
 from agonic.ellipsoid.solve import Found
 from agonic.maths.equation import gauge

@@ -9,13 +9,13 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.coverage import compute_coverage
-from agonic.ellipsoid.calibration import (
+from agonic.ellipsoid.evidence import find_wrong_scale
+from agonic.ellipsoid.problem import (
     Scale,
     describe_result,
     make_calibration,
     state_accuracy,
 )
-from agonic.ellipsoid.evidence import find_wrong_scale
 from agonic.ellipsoid.settings import CITATIONS, Gauge, Model, describe_reference
 from agonic.ellipsoid.solve import choose_model, solve_algebraic
 from agonic.errors import AgonicError, CoverageError, check_choice

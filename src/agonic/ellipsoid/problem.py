@@ -1,21 +1,89 @@
-"""From samples to what the estimator takes: points of about one about their centre, magnitudes."""
+"""From samples to what the estimator takes, points of about one about their centre and magnitudes,
+and from a fit in these coordinates to a calibration in the units of the readings."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.ellipsoid.calibration import Scale
-from agonic.ellipsoid.evidence import rows_of
-from agonic.ellipsoid.settings import Fixed, Settings
+from agonic.calibration.base import Validity
+from agonic.coverage import Coverage
+from agonic.ellipsoid.settings import Fixed, Gauge, Settings
+from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError, CoverageError
-from agonic.health import FEWEST, find_rounding, find_usable_rows
+from agonic.fit import Accuracy, ModelTest
+from agonic.health import FEWEST, figure, find_rounding, find_usable_rows
+from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation.channels import Problem
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+Scale = gauges.Units
+
+
+def make_calibration(found: Found, scale: Scale, unit: str, gauge: Gauge) -> Affine:
+    """The calibration in the units of the readings, scale and gauge made explicit."""
+    bias, matrix, covariance, magnitude = gauges.convert_to_units(
+        found.bias, found.matrix, found.covariance, scale, gauge
+    )
+    return Affine(
+        bias=bias,
+        matrix=matrix,
+        covariance=covariance,
+        unit_in=unit,
+        unit_out=unit if scale.magnitude is None else "nT",
+        gauge=gauge,
+        model=found.model,
+        magnitude=float(magnitude),
+        noise=found.noise * scale.size,
+    )
+
+
+def make_calibration_of(samples: Samples, found: Found, scale: Scale, gauge: Gauge) -> Affine:
+    """The same with whose readings it is of."""
+    return replace(
+        make_calibration(found, scale, samples.unit, gauge),
+        sensor=samples.name,
+        device_id=samples.device_id,
+        frame_in=samples.frame,
+        frame_out=samples.frame,
+        validity=Validity.of(samples),
+    )
+
+
+def state_accuracy(affine: Affine, coverage: Coverage) -> Accuracy:
+    """How well the result is known."""
+    assert affine.sd is not None
+    return Accuracy(
+        bias_sd=float(affine.sd[:3].max()),
+        unit=affine.unit_in,
+        own_deg=coverage.heading_sd_deg,
+        inclination_deg=coverage.inclination_deg,
+        alone=True,
+    )
+
+
+def describe_result(
+    affine: Affine, tests: tuple[ModelTest, ...], reference_known: bool
+) -> tuple[str, ...]:
+    """What else there is to say of the result."""
+    assert affine.magnitude is not None
+    said = [test.sentence for test in tests[:1]]
+    if not reference_known:
+        said.append(describe_missing_scale(affine.magnitude, affine.unit_in))
+    return tuple(said)
+
+
+def describe_missing_scale(magnitude: float, unit: str) -> str:
+    """What was done for want of a reference."""
+    return (
+        "no reference magnitude was given, so the mean gain is set to 1 "
+        f"(magnitude {figure(magnitude, 5)} {unit})"
+    )
 
 
 class Posed(NamedTuple):
@@ -49,6 +117,11 @@ def pose(samples: Samples, reference: Reference | None, method: str) -> Posed:
     scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
     return Posed(usable, scale, points, magnitude, find_rounding(samples.field) / scale.size)
+
+
+def rows_of(mask: Mask) -> slice | Mask:
+    """An index for the rows that a mask names, which copies nothing where it names them all."""
+    return slice(None) if mask.all() else mask
 
 
 def normalise_start(near: Affine, scale: Scale) -> tuple[Array, Array]:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.coverage import Coverage
-from agonic.ellipsoid.calibration import describe_missing_scale
 from agonic.ellipsoid.many_sensors import Fits
+from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.ellipsoid.solve import SIGNIFICANT, describe_test
 from agonic.fit import Accuracy
 from agonic.health import Finding, check_scale, verdict_of

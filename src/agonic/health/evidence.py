@@ -36,6 +36,8 @@ SHIFT_OVER_NOISE = 3.0
 """Of the noise: a smaller step does not stand out of the readings."""
 FEWEST = 12
 """Fewer readings than this cannot be judged: nine unknowns leave nothing to check them by."""
+SWITCH_PRICE = 15.0
+"""Of a switch between lasting states, in log-likelihood: by chance one in e¹⁵ rows."""
 MOST_ROWS = 20_000
 """Rows that are enough to tell of all."""
 

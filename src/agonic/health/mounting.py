@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.health.evidence import MOST_ROWS
 from agonic.health.finding import Finding, figure
 from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.mounting import (
@@ -46,7 +47,6 @@ MIRRORS = (
 )
 FEWEST_TILTS = 8
 """So many directions of gravity, in steps of about 15°, tell the 48 namings of axes apart."""
-_MOST = 20_000  # readings that are enough to tell axes apart
 
 
 def find_mounting(readings: Array, down: Array) -> Array | None:
@@ -118,7 +118,7 @@ def check_axes(
     whether the field points up there. Without it, all axes and none reversed cannot be told apart,
     and the naming with fewer reversals is told. `beside` says what the acceleration is from.
     """
-    thinned = slice(None, None, -(-len(field) // _MOST))
+    thinned = slice(None, None, -(-len(field) // MOST_ROWS))
     field, acceleration = field[thinned], acceleration[thinned]
     felt = np.sqrt(np.einsum("ni,ni->n", acceleration, acceleration))
     gravity = median(felt)

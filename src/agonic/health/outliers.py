@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.health.evidence import OUTLIERS_DOUBTFUL, Evidence
+from agonic.health.evidence import OUTLIERS_DOUBTFUL, SWITCH_PRICE, Evidence
 from agonic.health.finding import Finding, describe_stretches, figure
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.estimation.changes.hidden_states import find_path
@@ -112,7 +112,6 @@ STRETCH_SHARE = 0.01
 """A stretch of outliers that lasts as long, or holds that share of the rows, is worth a look."""
 _WITHIN = 0.7  # of the readings of a disturbed stretch are outliers
 _SHARES = (0.01, 0.3)  # of outliers in the rest, at least and at most
-_PRICE = 15.0  # in log-likelihood, to begin a stretch or end it
 
 
 def find_outliers(e: Evidence) -> Finding | None:
@@ -171,7 +170,7 @@ def find_stretches(outlier: Mask) -> Index:
     for _ in range(3):
         share = np.array([np.clip(rest, *_SHARES), _WITHIN])[:, None]
         cost = -np.log(np.where(out, share, 1 - share))
-        inside = find_path(cost * length, _PRICE) == 1
+        inside = find_path(cost * length, SWITCH_PRICE) == 1
         if inside.all():
             break
         rest = float(np.average(out[~inside], weights=length[~inside]))

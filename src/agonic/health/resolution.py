@@ -8,12 +8,13 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.coverage import OPEN_DEG
+from agonic.health.evidence import MOST_ROWS
 from agonic.health.finding import Finding, figure
 
 FEWEST_LEVELS, FEW_LEVELS = 30, 6
 """Levels of an axis across the field below which rounding is to be looked at, and is refused."""
 
-_SOME_STEPS, _SOME_ROWS = 200, 20_000
+_SOME_STEPS = 200
 
 
 def find_quantisation(field: Array) -> float | None:
@@ -34,7 +35,7 @@ def find_steps(field: Array) -> Array:
     >>> find_steps(np.array([[0.0, 1.0, 5.0], [4.0, 2.0, 5.0], [8.0, 1.0, 5.0], [4.0, 4.0, 5.0]]))
     array([4., 1., 0.])
     """
-    some = field[:: 1 + len(field) // _SOME_ROWS]
+    some = field[:: 1 + len(field) // MOST_ROWS]
     return np.array([_find_step(column) for column in some.T])
 
 

@@ -26,6 +26,7 @@ from agonic.health.evidence import (
     SHIFT_DOUBTFUL,
     SHIFT_OVER_NOISE,
     SHIFT_REFUSED,
+    SWITCH_PRICE,
     Evidence,
 )
 from agonic.health.finding import Finding, describe_moments, figure
@@ -58,8 +59,6 @@ MOST_EDGES = 6
 """What changes more often did not come and go: the field varies, or the model is another."""
 MOST_BIASES = 3
 """Searches for a bias beside those found."""
-PRICE = 15.0
-"""Of a switch between lasting states, in log-likelihood: by chance one in e¹⁵ rows."""
 BY_DIRECTION = 25.0
 """Of χ² with five degrees of freedom: by chance one in 7000."""
 SURE, SURE_TO_SD = 0.3, 0.385
@@ -269,7 +268,7 @@ def _leave_over(points: Array) -> Mask:
     """The rows in succession that are far from the ellipsoid that is nearest to most of all."""
     left = fit_ellipsoid(points).measure(points)
     noise = max(_measure_noise(left), 1e-9)
-    return np.asarray(find_path(_weigh(left[None] / noise), PRICE) == 1)
+    return np.asarray(find_path(_weigh(left[None] / noise), SWITCH_PRICE) == 1)
 
 
 def _alternate(points: Array, second: Mask, most: float) -> _Split | None:
@@ -289,7 +288,7 @@ def _alternate(points: Array, second: Mask, most: float) -> _Split | None:
         noise = max(_measure_noise(own), 1e-9)
         before, cost = state, _weigh(off / noise)
         state = find_path(cost, price) if price else cost.argmin(axis=0).astype(np.int8)
-        price = PRICE if _last(state) else 0.0
+        price = SWITCH_PRICE if _last(state) else 0.0
         found = _Split(state, off, noise, shift, radii)
         if np.array_equal(before, state):
             break

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.attitude.azimuth import check_azimuth
+from agonic.attitude.heading_column import check_azimuth
 from agonic.calibration.base import correct_field
-from agonic.ellipsoid.calibration import describe_missing_scale
+from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG

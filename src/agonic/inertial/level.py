@@ -22,12 +22,11 @@ from agonic.inertial.attitude import Inertial
 from agonic.inertial.problem import pose, with_tilt
 from agonic.inertial.start import Solved
 from agonic.maths.equation.affine import FREE
+from agonic.maths.equation.coverage import KEEPS_LEVEL
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.vectors import skew
 from agonic.units import STANDARD_GRAVITY_M_S2
 
-_KEEPS_LEVEL = 0.9
-"""Length of the mean of downs that stay within some 35°."""
 _STEADY = 1e-3
 """Weight of no turn about the mean down, which downs that hardly differ do not tell."""
 
@@ -39,7 +38,7 @@ def keep_level(solved: Solved) -> Solved:
     was turned all ways.
     """
     problem = solved.problem
-    near = float(np.linalg.norm(solved.felt.down.mean(axis=0))) > _KEEPS_LEVEL
+    near = float(np.linalg.norm(solved.felt.down.mean(axis=0))) > KEEPS_LEVEL
     if problem.gauge != FREE or problem.model != "full" or not near:
         return solved
     lean = find_lean(solved.felt.down)

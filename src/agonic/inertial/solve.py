@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.solve import estimate_usable
+from agonic.attitude.problem import estimate_usable
 from agonic.calibration.setup import LATENCY_SD_S
 from agonic.inertial.attitude import Inertial, feel_attitude
 from agonic.inertial.level import keep_level

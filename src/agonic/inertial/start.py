@@ -9,8 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.attitude.fit import find_usable
-from agonic.attitude.problem import Scale
-from agonic.attitude.solve import estimate_usable, refine_usable
+from agonic.attitude.problem import Scale, estimate_usable, refine_usable
 from agonic.errors import CoverageError
 from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.coverage import Coverage, compute_coverage
-from agonic.ellipsoid.calibration import Scale, make_calibration
+from agonic.ellipsoid.problem import Scale, make_calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding

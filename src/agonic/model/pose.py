@@ -1,8 +1,12 @@
-"""Rows and terms as a search: the columns of every channel, priors, and groups of unknowns."""
+"""Rows and terms as a search: the columns of every channel, priors, and groups of unknowns.
+
+What goes together in time is terms, or noise with memory, whichever is likelier.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import wraps
 from typing import NamedTuple, ParamSpec, TypeVar
 
@@ -11,12 +15,127 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.model.average import Group, Prior
-from agonic.model.gram import Stack, count_blocks
-from agonic.model.memory import Search
+from agonic.model.average import Base, Group, Prior, choose, price, solve
+from agonic.model.gram import (
+    WHITE,
+    Blocks,
+    Stack,
+    add_blocks,
+    add_up,
+    count_blocks,
+    fit_filter,
+    with_steps,
+)
 from agonic.model.rows import Rows, stack_columns
 from agonic.model.term import Errors, Term
 from agonic.model.terms.time import STEP
+
+LEAST_NOISE = 1e-8
+"""Of the field, 0.5 pT: what is less is rounding."""
+_ROUNDS = 3
+_SETTLED = 0.01
+
+
+class Explained(NamedTuple):
+    """Standard deviations (c,) of what filters leave, by channel; the sizes of the groups that are
+    there, and their base; Gram blocks of whitened columns, and their sum over channels and blocks,
+    with steps and over the noise; what memory adds to the mean square of each channel, (c,)."""
+
+    sds: Array
+    there: Mapping[int, float]
+    base: Base
+    blocks: Blocks
+    gram: Array
+    memory: Array
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is known before: the rows' columns, priors, groups of unknowns, and the radius."""
+
+    stacks: list[Stack]
+    prior: Prior
+    groups: Sequence[Group]
+    radius: float
+
+    def explain(self, sds: Array) -> Explained:
+        """The likeliest of three ways: terms beside white noise, terms first and then memory, and
+        memory first.
+
+        Parameters: `sds` (c,) of the channels to begin with.
+        """
+        first, likelihood = self.explain_white(sds)
+        most = [np.mean(stack.columns[-1] ** 2) for stack in self.stacks]
+        tried = [(likelihood, first)]
+        starts = [
+            [fit_filter(one) for one in self.leave(first)],
+            [fit_filter(stack.columns[-1]) for stack in self.stacks],
+        ]
+        for by in starts:
+            if all(len(one) == 1 for one in by):
+                continue
+            found, _ = self.settle(by, sds)
+            by = [fit_filter(one) for one in self.leave(found)]
+            found, likelihood = self.settle(by, sds)
+            whole = np.minimum([np.mean(one**2) for one in self.leave(found)], most)
+            memory = np.maximum(whole - found.sds**2, 0.0)
+            tried.append((likelihood, found._replace(memory=memory)))
+        return max(tried, key=lambda one: one[0])[1]
+
+    def explain_white(self, sds: Array) -> tuple[Explained, float]:
+        """The terms beside white noise, and their log-likelihood."""
+        return self.settle([WHITE] * len(self.stacks), sds)
+
+    def settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
+        """Terms and standard deviations for given filters, all from one pass over the rows."""
+        blocks = add_up(self.stacks, filters)
+        by_channel, n = add_blocks(blocks, self.radius), float(blocks.rows.sum())
+        there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
+        for _ in range(_ROUNDS):
+            gram = np.tensordot(sds**-2.0, by_channel, axes=1)
+            there, base = choose(gram, self.prior, self.groups, there)
+            before, sds = sds, _find_sds(by_channel, base, sds, n)
+            if np.abs(sds / before - 1).max() < _SETTLED:
+                break
+        gram = np.tensordot(sds**-2.0, by_channel, axes=1)
+        base = solve(gram, self.prior, self.groups, there)
+        likelihood = base.evidence - n * float(np.log(sds).sum()) + price(self.groups, there)
+        return Explained(sds, there, base, blocks, gram, np.zeros(len(sds))), likelihood
+
+    def list_blocks(self, found: Explained) -> Array:
+        """The cross-products of each block, as their sum is, (b, m + k + 1, m + k + 1)."""
+        sums = np.tensordot(found.sds**-2.0, found.blocks.sums, axes=1)
+        return with_steps(sums, found.blocks.rows, self.radius)
+
+    def leave(self, found: Explained) -> list[Array]:
+        """What parameters and terms leave of each channel's residuals."""
+        m = len(self.stacks[0].columns) - 1
+        weights = np.zeros(found.gram.shape[0] - 1)
+        weights[found.base.columns] = found.base.estimate
+        rows = found.blocks.rows
+        steps = np.cumsum(weights[m:].reshape(-1, 3), axis=0)
+        shifts = self.radius * np.vstack([np.zeros((1, 3)), steps])
+        shifts -= rows @ shifts / rows.sum()
+        bias = np.repeat(shifts, rows.astype(int), axis=0).T
+        return [
+            stack.columns[-1]
+            - weights[:m] @ stack.columns[:-1]
+            - np.sum(bias * stack.columns[:3], axis=0)
+            for stack in self.stacks
+        ]
+
+
+def _find_sds(by_channel: Array, base: Base, sds: Array, n: float) -> Array:
+    """The standard deviation of each channel's residuals, less the freedom that the base took."""
+    columns, found = base.columns, []
+    for sums, sd in zip(by_channel, sds, strict=True):
+        own = sums[np.ix_(columns, columns)]
+        square = sums[-1, -1] - 2 * sums[columns, -1] @ base.estimate
+        square += base.estimate @ own @ base.estimate
+        freedom = n - float(np.sum(base.inverse * own)) / sd**2
+        found.append(max(np.sqrt(max(float(square), 0.0) / max(freedom, 0.2 * n)), LEAST_NOISE))
+    return np.array(found)
+
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -16,9 +16,8 @@ from agonic.arrays import Array
 from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.model.average import Base, rate, solve
-from agonic.model.memory import Explained, Search
-from agonic.model.noise import fit_filter
-from agonic.model.pose import or_none, pose
+from agonic.model.gram import fit_filter
+from agonic.model.pose import Explained, Search, or_none, pose
 from agonic.model.rows import Rows, choose_rows
 from agonic.model.term import Errors, Seen, Term, along_time
 from agonic.model.terms import HIDDEN

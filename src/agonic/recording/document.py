@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.recording import figures, sphere
+from agonic.recording import figures
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
 from agonic.recording.numbers import (
@@ -21,10 +21,14 @@ from agonic.recording.numbers import (
     list_entries,
     list_numbers,
 )
-from agonic.recording.overview import say_overview
 from agonic.recording.quantities import mixes_sensors
 from agonic.recording.residuals import compute_residuals, find_held_out
-from agonic.recording.sections import describe_disturbers, describe_ladder, summarise_ladder
+from agonic.recording.sections import (
+    describe_disturbers,
+    describe_ladder,
+    say_overview,
+    summarise_ladder,
+)
 from agonic.recording.values import FIELDS, list_values
 from agonic.report import blocks, tables
 from agonic.report.digits import count, group_digits, percent, quantity
@@ -94,7 +98,7 @@ def describe_recording(
     >>> describe_recording([]).to_text()
     'No magnetometer was found in the log.'
     """
-    alone, most = len(results) == 1, sphere.MOST_POINTS // max(len(results), 1)
+    alone, most = len(results) == 1, figures.MOST_POINTS // max(len(results), 1)
     sensors = [
         describe_sensor(
             result,
@@ -119,7 +123,7 @@ def describe_recording(
         sections=[Section("", [Table(SUMMARY, rows, style="summary")])] if len(rows) > 1 else (),
         sensors=sensors,
         scripts=["canvas.js", "sphere.js", "copy.js"],
-        data={"icosphere": sphere.list_corners},
+        data={"icosphere": figures.list_corners},
         overview=overview,
     )
 
@@ -161,7 +165,7 @@ def describe_sensor(
     *,
     number: int = 1,
     alone: bool = True,
-    most: int = sphere.MOST_POINTS,
+    most: int = figures.MOST_POINTS,
 ) -> Document:
     """What is said and shown of one sensor.
 
@@ -208,7 +212,7 @@ def describe_sensor(
         values=list_values(result, files, warnings),
         calibration=calibration,
         samples=result.samples,
-        data={f"sensor-{number}-data": lambda: sphere.pack_sphere(result, residuals(), most)},
+        data={f"sensor-{number}-data": lambda: figures.pack_sphere(result, residuals(), most)},
     )
 
 
@@ -291,7 +295,7 @@ def _describe_held_out(result: Calibrated) -> Markup:
 def _describe_coverage(result: Calibrated) -> list[Block]:
     """Which directions were seen, and which orientations are missing."""
     coverage = result.fit.coverage
-    seen = f"{sphere.describe_coverage(result)} ({percent(coverage.filled)})."
+    seen = f"{figures.describe_coverage(result)} ({percent(coverage.filled)})."
     if result.verdict == "good":
         return [seen, "No further turns are needed."]
     if not coverage.turns:

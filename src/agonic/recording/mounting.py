@@ -14,6 +14,7 @@ from agonic.arrays import Array
 from agonic.calibration.mounting import turn_calibration
 from agonic.errors import AgonicError
 from agonic.health import find_mounting, find_side, find_usable_rows
+from agonic.health.mounting import FAR_BETTER
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.rotations.mounting import describe_turn, right_angles
 from agonic.maths.rotations.turn_beside import TurnBeside
@@ -33,8 +34,6 @@ from agonic.samples import Samples
 STEEP_DEG = 10.0
 LEAST_DEG = 8.0
 """Turns up to this size are found by the fit itself."""
-FAR_BETTER = 0.4
-"""Of what the vertical part varies by, what the turn of raw readings may leave."""
 SOFT_IRON_SD = 0.1
 """Of raw readings, over the mean gain."""
 IN_BODY_AXES = "which the log has them in by the orientation that was set: that one is wrong"

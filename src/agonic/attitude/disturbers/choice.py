@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.disturbers.log import Log, weigh_sources
-from agonic.attitude.disturbers.shape import Shape, find_shapes, list_timings
+from agonic.attitude.disturbers.shape import Log, Shape, find_shapes, list_timings, weigh_sources
 from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import find_terms
 from agonic.attitude.settings import Settings

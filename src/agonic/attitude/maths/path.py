@@ -8,14 +8,12 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import integrate_rates
+from agonic.maths.rotations.vectors import skew
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-# ∂R/∂φ_k for a turn of n by φ: [e_k]× R
-_SKEW = np.zeros((3, 3, 3))
-_SKEW[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0
-_SKEW[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = -1.0
+_SKEW = skew(np.eye(3))  # ∂R/∂φ_k for a turn of n by φ: [e_k]× R
 
 
 class Path(NamedTuple):

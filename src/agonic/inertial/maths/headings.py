@@ -18,13 +18,12 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation.loss import tukey
-from agonic.maths.estimation.noise.batch_means import compute_scatter
+from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, compute_scatter
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.rotations.track import Sums, Track, sum_rows
 
 STEEPEST = 0.25
 """Square of the level part of the axis x below which it has no heading to speak of."""
-_FEWEST = 8  # batches that tell a scatter
 
 
 class Headings(NamedTuple):
@@ -67,7 +66,7 @@ def sum_headings(
 
 def _scatter(scores: Array) -> float:
     """The variance of white noise that adds up to as much as the scores (n,), one and more."""
-    if len(scores) < _FEWEST:
+    if len(scores) < FEWEST_BATCHES:
         return 1.0
     white = len(scores) * np.eye(1)
-    return compute_scatter(scores[:, None], white, fewest=_FEWEST).correlation
+    return compute_scatter(scores[:, None], white, fewest=FEWEST_BATCHES).correlation

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.inertial.maths.correlation import allow_for_correlation
+from agonic.inertial.maths.correlation import allow_for_correlation, solve_step
 from agonic.inertial.maths.factors import (
     Felt,
     Log,
@@ -32,7 +32,6 @@ from agonic.inertial.maths.noise import (
     start_variances,
     weigh_slips,
 )
-from agonic.inertial.maths.step import solve_step
 from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal

@@ -8,12 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.inertial.maths.correlation import FEWEST
+from agonic.inertial.maths.correlation import (
+    Step,
+    predict_cost,
+    reduce_to_params,
+    solve_step,
+)
 from agonic.inertial.maths.factors import UP_AT_REST, Felt, Log, steady_force
-from agonic.inertial.maths.step import Step, predict_cost, reduce_to_params, solve_step
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import cauchy
-from agonic.maths.estimation.noise.batch_means import compute_scatter
+from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, compute_scatter
 from agonic.maths.rotations.low_pass import find_passed
 from agonic.maths.rotations.track import Sums
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -131,7 +135,7 @@ def measure_force(force: Sums, white: float) -> float:
     """The variance of white noise that pulls as much as the force does for long: batch means."""
     pulls = (force.before + force.after)[:, :2] / STANDARD_GRAVITY_M_S2
     expected = white * force.size / 3 * np.eye(2)
-    return white * compute_scatter(pulls, expected, fewest=FEWEST).correlation
+    return white * compute_scatter(pulls, expected, fewest=FEWEST_BATCHES).correlation
 
 
 def find_memory(along: Array, weights: Array, interval: Index) -> float:
@@ -143,7 +147,7 @@ def find_memory(along: Array, weights: Array, interval: Index) -> float:
     weighted = weights * along
     sums = np.bincount(interval, weighted)[:, None].astype(np.float64)
     white = np.array([[float(weighted @ weighted)]])
-    return compute_scatter(sums, white, fewest=FEWEST).correlation
+    return compute_scatter(sums, white, fewest=FEWEST_BATCHES).correlation
 
 
 def weigh_slips(slips: Array, variance: float) -> Array:

@@ -15,7 +15,8 @@ DOWN = np.array([0.0, 0.0, 1.0])
 """Where the axes forward, right, down have down in a level vehicle."""
 _NEAR_AXIS = 0.9  # cosine; 26°
 _LEVEL_AXIS = 0.87  # cosine; 30°
-_KEEPS_LEVEL = 0.9  # length of the mean of directions that stay within some 35°
+KEEPS_LEVEL = 0.9
+"""Length of the mean of directions that stay within some 35°."""
 
 
 @lru_cache(maxsize=1)
@@ -126,7 +127,7 @@ def find_level_down(down: Array, *, squarely: bool = False) -> Array:
     mean = np.asarray(down.mean(axis=0))
     size = float(np.linalg.norm(mean))
     near_z = mean[2] > _LEVEL_AXIS * size
-    if near_z or size < _KEEPS_LEVEL:
+    if near_z or size < KEEPS_LEVEL:
         return DOWN
     if squarely:
         axis = int(np.argmax(np.abs(mean)))

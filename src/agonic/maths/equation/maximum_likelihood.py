@@ -29,7 +29,7 @@ from agonic.maths.equation.outliers import (
 )
 from agonic.maths.equation.starting_values import find_starts, fit_at_once
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise.batch_means import STRETCHES, compute_scatter
+from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, STRETCHES, compute_scatter
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, is_like_gaussian
 
 _ENOUGH = 3000  # readings for the search; the refinement uses all
@@ -41,8 +41,8 @@ _NO_NOISE = 0.5  # of the field: what scatters by more is misfit, whose square c
 FEW = 0.05
 """Of the readings: so many may be wrong where there is no doubt about a minimum."""
 _LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
-_FEWEST = 8  # batches of a log, each with as many scores as there are unknowns
-_TOLD = 1e-6  # of the information along the best known direction
+TOLD = 1e-6
+"""Of the information along the best known direction: what less is known of is not told."""
 _DETERMINED = 0.05  # standard error over the field, or over the gain
 
 
@@ -298,11 +298,11 @@ def _correlate(part: Problem, noise: dict[str, Noise], params: Array) -> dict[st
         scores = jacobian * (of.loss.weight(z * z) * z)[:, None]
         scores = scores / np.sqrt(np.maximum((scores**2).sum(axis=0), 1e-300))
         values, axes = np.linalg.eigh(scores.T @ scores)
-        known = values > _TOLD * values[-1]
+        known = values > TOLD * values[-1]
         white = scores @ (axes[:, known] / np.sqrt(values[known]))
         blocks = np.arange(0, len(white), -(-len(white) // STRETCHES))
         sums = np.add.reduceat(white, blocks, axis=0)
-        length = compute_scatter(sums, np.eye(int(known.sum())), fewest=_FEWEST).correlation
+        length = compute_scatter(sums, np.eye(int(known.sum())), fewest=FEWEST_BATCHES).correlation
         found[channel] = of._replace(correlation=max(of.correlation, length))
     return found
 

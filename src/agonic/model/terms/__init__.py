@@ -1,7 +1,6 @@
 """The table of terms: what a reading may contain, of the sensor, in time and by direction."""
 
-from agonic.model.terms.direction import DIRECTION
-from agonic.model.terms.sensor import SENSOR
+from agonic.model.terms.sensor import DIRECTION, SENSOR
 from agonic.model.terms.time import TIME
 
 HIDDEN = (*SENSOR, *TIME, *DIRECTION)

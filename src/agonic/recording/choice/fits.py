@@ -20,9 +20,8 @@ from agonic.attitude.disturbers.shape import find_timing_sd
 from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
-from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.levelled import fit_levelled, fit_vector
 from agonic.attitude.settings import Settings
-from agonic.attitude.vector import fit_vector
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import describe_sources
 from agonic.ellipsoid import (

@@ -23,9 +23,12 @@ clipped innovations, time of the last reading, and what the jump test usually co
 SEEN = 14
 """Numbers that are kept of each reading: residual, sd, used, clipped innovation, Jacobian."""
 
-_CLIP = 2.5  # standard deviations: what one innovation may say for a jump
-_SCALE_ROWS = 1000.0  # readings over which the size of innovations is averaged
-_FREEDOM = 3.0  # mean of the jump test where nothing jumps
+CLIP = 2.5
+"""Standard deviations: what one innovation may say for a jump."""
+SCALE_ROWS = 1000.0
+"""Readings over which the size of innovations is averaged."""
+FREEDOM = 3.0
+"""Mean of the jump test where nothing jumps."""
 
 
 def run(
@@ -60,7 +63,7 @@ def run(
         z = -r / sd
         used = row[5] > 0.0 and z * z <= gate * gate * max(1.0, watch[SCALE])
         out[0], out[1], out[2] = r * steepness, sd * steepness, 1.0 if used else 0.0
-        clipped = min(max(z, -_CLIP), _CLIP)
+        clipped = min(max(z, -CLIP), CLIP)
         out[3] = clipped
         for i in range(m):
             out[4 + i] = h[i] / sd
@@ -69,11 +72,11 @@ def run(
             for i in range(m):
                 x[i] -= gain[i] * r
         if level > 0.0 and row[5] > 0.0:
-            watch[SCALE] += (clipped * clipped - watch[SCALE]) / _SCALE_ROWS
+            watch[SCALE] += (clipped * clipped - watch[SCALE]) / SCALE_ROWS
             shown = _watch_for_jump(out, watch, jump_sd)
             if shown > level * max(1.0, watch[SCALE]) * max(1.0, watch[USUAL]):
                 return done + 1, True
-            watch[USUAL] += (min(shown, level) / _FREEDOM - watch[USUAL]) / _SCALE_ROWS
+            watch[USUAL] += (min(shown, level) / FREEDOM - watch[USUAL]) / SCALE_ROWS
     return len(rows), False
 
 

@@ -19,6 +19,8 @@ STRETCHES = 2000
 SHORTEST = 128
 """Rows in a stretch, at least."""
 
+FEWEST_BATCHES = 8
+"""Of a log, each with as many scores as there are unknowns: they tell a scatter."""
 _FEWEST = 30  # batches that tell a scatter
 _CHANCE = 4.0  # standard deviations
 _EDGE = 0.02  # of the record: a part shorter than this is no part

@@ -21,9 +21,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from agonic.arrays import Array, Mask
+from agonic.maths.estimation.noise.batch_means import SHORTEST
 
-SHORTEST = 128
-"""Readings in the shortest batch."""
 LENGTHS = 16
 """Lengths of batches: the longest has four million readings."""
 

@@ -9,6 +9,7 @@ from math import sqrt
 from typing import Any
 
 from agonic.maths.estimation.filters import ud_filter
+from agonic.maths.estimation.filters.ud_filter import CLIP, FREEDOM, MEMORY_ROWS, SCALE_ROWS
 
 SEEN = 37
 """Numbers kept of each reading: residual x y z, its sd x y z, whether it was used, L⁻¹ of the
@@ -22,11 +23,8 @@ the mean variance of what turns unseen between two readings."""
 CLIPPED_SQUARE = 0.9258
 """Mean of min(χ², 2.5²)/3, χ² of three degrees of freedom."""
 
-_CLIP = 2.5  # standard deviations: what the innovation of one reading may say for a jump
-_FREEDOM = 3.0
 _CURVED = 0.3  # of the noise of a magnitude: what the curvature of a length may come to
-_SCALE_ROWS = 1000.0  # readings over which the size of innovations is averaged
-_SURE = 0.5 * ud_filter.MEMORY_ROWS * _CLIP * _CLIP  # of what the jump test can come to at all
+_SURE = 0.5 * MEMORY_ROWS * CLIP * CLIP  # of what the jump test can come to at all
 
 
 def take(
@@ -255,7 +253,7 @@ def _take_magnitude(
 def _is_jump(seen: Any, size: float, watch: Any, level: float, jump_sd: float) -> bool:
     """Whether the jump test of `ud_filter` tells one, with three innovations more."""
     keep = 1.0 - 1.0 / ud_filter.MEMORY_ROWS
-    part = min(1.0, _CLIP / sqrt(size)) if size > 0.0 else 1.0
+    part = min(1.0, CLIP / sqrt(size)) if size > 0.0 else 1.0
     a, b, c, d, e, f = seen[7], seen[8], seen[9], seen[10], seen[11], seen[12]
     x, y, z = part * seen[13], part * seen[14], part * seen[15]
     watch[0] = keep * watch[0] + a * a + b * b + d * d
@@ -267,12 +265,12 @@ def _is_jump(seen: Any, size: float, watch: Any, level: float, jump_sd: float) -
     watch[6] = keep * watch[6] + a * x + b * y + d * z
     watch[7] = keep * watch[7] + c * y + e * z
     watch[8] = keep * watch[8] + f * z
-    watch[SCALE] += (part * part * size / _FREEDOM - watch[SCALE]) / _SCALE_ROWS
+    watch[SCALE] += (part * part * size / FREEDOM - watch[SCALE]) / SCALE_ROWS
     shown = ud_filter.compute_statistic(watch, jump_sd)
     limit = level * max(1.0, watch[SCALE]) * max(1.0, watch[USUAL])
     if shown > min(limit, max(level, _SURE)):
         return True
-    watch[USUAL] += (min(shown, level) / _FREEDOM - watch[USUAL]) / _SCALE_ROWS
+    watch[USUAL] += (min(shown, level) / FREEDOM - watch[USUAL]) / SCALE_ROWS
     return False
 
 
