@@ -133,7 +133,8 @@ def _choose_orientations(
         return "unknown", f"{_name_undescribed(campaign)} not described"
     against = [finding.name for finding in findings if finding.name in CONTRADICTED]
     if against and turns == "auto":
-        return "unknown", "the readings contradict the described turns of the stations"
+        given = "standard" if campaign.description.assumed else "described"
+        return "unknown", f"the readings contradict the {given} turns of the stations"
     return rotations, "the turns of the stations are described"
 
 

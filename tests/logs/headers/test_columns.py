@@ -3,7 +3,7 @@
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs.headers.columns import find_columns, identify_columns
+from agonic.logs.headers.columns import find_columns, find_quantities, identify_columns
 from agonic.logs.headers.header import identify_column
 from agonic.logs.headers.patterns import CANONICAL
 from agonic.logs.headers.quantities import canonical_header
@@ -100,6 +100,14 @@ OTHERS = (
 def test_aliases(header, meaning):
     column = identify_column(header)
     assert (column.quantity.column, column.axis, column.sensor, column.unit) == meaning
+
+
+@pytest.mark.parametrize("header", ["mmc T, °C", "mmc T °C", "mmc T (°C)", "mmc T [degC]"])
+def test_a_letter_behind_a_sensor_is_a_temperature_by_its_unit(header):
+    field = [f"mmc {axis}, µT" for axis in "xyz"]
+    assert find_quantities([*field, header])[header] == "temperature"
+    assert find_quantities([*field, "mmc T"])["mmc T"] == ""
+    assert find_quantities([*field, "mmc T, nT"])["mmc T, nT"] == ""
 
 
 @pytest.mark.parametrize("header", OTHERS)

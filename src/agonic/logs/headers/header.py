@@ -165,7 +165,7 @@ def _identify_with_sensor(
     if len(tokens) > 1 and tokens[-1].lower() in ("imu", "gps", "gnss"):
         return _of_a_clock(header, tokens, unit)
     for before, rest in ((tokens[:at], "".join(tokens[at:])) for at in range(1, len(tokens))):
-        if spelled.TIME_OR_TEMPERATURE.fullmatch(rest):
+        if not unit and spelled.TIME_OR_TEMPERATURE.fullmatch(rest):
             return None
         if spelled.NO_READING.intersection(word.lower() for word in before):
             return None

@@ -40,12 +40,14 @@ class Description:
     profile : the programme of the chamber; `None` where it is not known.
     magnitude : of the chamber's field, nT; inclination_deg : its dip, where known.
     rate_Hz : readings a second. name : of the campaign. notes : what to say of it.
+    assumed : nobody described the stations: those of the standard are taken until readings say no.
     unit : of the field, where neither files nor sensors say. columns : the headers of columns that
         all sensors share, by what they hold (time, temperature).
     """
 
     sensors: tuple[Sensor, ...] = ()
     stations: tuple[Station, ...] = ()
+    assumed: bool = False
     files: str = ""
     profile: Profile | None = None
     magnitude: float | None = None

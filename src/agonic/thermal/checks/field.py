@@ -63,7 +63,7 @@ def check_field(campaign: Campaign) -> list[Finding]:
     means = [level.mean for level in levels.values()]
     misfit = compute_misfit(means, rot_nb)
     if misfit > _MISFIT:
-        return [_judge_misfit(means, rot_nb, order, misfit)]
+        return [_judge_misfit(means, rot_nb, order, misfit, assumed=campaign.description.assumed)]
     explained = {
         name: fit_response(level.mean[there], rot_nb[there])
         for name, level in levels.items()
@@ -126,8 +126,13 @@ def _interpolate(temperature: Array, values: Array, level: float) -> Array:
     return np.asarray(drawn.mean(axis=0) - slope * d.mean())
 
 
-def _judge_misfit(means: list[Array], rot_nb: Array, order: list[int], misfit: float) -> Finding:
-    """Readings that the described turns do not explain; perhaps those of two stations exchanged."""
+def _judge_misfit(
+    means: list[Array], rot_nb: Array, order: list[int], misfit: float, *, assumed: bool
+) -> Finding:
+    """Readings that the described turns do not explain; perhaps those of two stations exchanged.
+
+    Where nobody described the stations (`assumed`), others than the standard ones are no mistake.
+    """
     i, j, left = find_exchange(rot_nb, lambda order: compute_misfit(means, order))
     if left < min(_BETTER * misfit, _EXPLAINED):
         return Finding(
@@ -137,6 +142,13 @@ def _judge_misfit(means: list[Array], rot_nb: Array, order: list[int], misfit: f
             f"the readings fit the turns to {100 * left:.2g} % of the field, and as described only "
             f"to {100 * misfit:.2g} %",
             "exchange them in campaign.toml; until then only the magnitude is used",
+        )
+    if assumed:
+        return Finding(
+            "turns",
+            "note",
+            "nobody described how the stations stood, and they are not the standard ones: only the "
+            "magnitude is used",
         )
     return Finding(
         "turns",

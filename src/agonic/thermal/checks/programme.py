@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.health import Finding
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
@@ -154,16 +155,42 @@ def _judge_holds(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
 
 
 def _measure_cold_hold(course: Course) -> float:
-    """Minutes within the tolerance of the lowest temperature."""
-    level = course.level_C
-    return float(np.sum(np.abs(level - np.nanmin(level)) <= END_C / 2))
+    """Minutes at the lowest temperature."""
+    low = course.level_C <= np.nanmin(course.level_C) + END_C / 2
+    away = np.abs(course.level_C - np.median(course.level_C[low]))
+    return _measure_reach(away[course.turn :: -1]) + _measure_reach(away[course.turn :])
 
 
 def _measure_last_hold(course: Course) -> float:
-    """Minutes at the end within the tolerance of the last temperature."""
+    """Minutes at the last temperature, from the middle of the last minute and half of it."""
     known = course.level_C[np.isfinite(course.level_C)]
-    away = np.flatnonzero(np.abs(known - known[-1]) > END_C / 2)
-    return float(len(known) - 1 - away[-1]) if len(away) else float(len(known))
+    return _measure_reach(np.abs(known - known[-1])[::-1]) + 0.5
+
+
+def _measure_reach(away: Array) -> float:
+    """Minutes from the first of these differences from a level to where a ramp leaves it.
+
+    The line of the ramp, through where it passes two distances, is followed back to the level: its
+    minutes are none of a hold, however the box lags.
+
+    >>> _measure_reach(np.array([0.0, 0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]))
+    2.0
+    """
+    near, far = (_find_first_beyond(away, limit) for limit in (END_C, 2 * END_C))
+    if near is None:
+        return float(len(away))
+    return near if far is None else max(2 * near - far, 0.0)
+
+
+def _find_first_beyond(away: Array, limit: float) -> float | None:
+    """Where differences first pass a limit, between two minutes; None where they never do."""
+    known = np.flatnonzero(np.isfinite(away))
+    beyond = np.flatnonzero(away[known] > limit)
+    if not len(beyond) or beyond[0] == 0:
+        return None
+    before, after = known[beyond[0] - 1], known[beyond[0]]
+    share = (limit - away[before]) / (away[after] - away[before])
+    return float(before + share * (after - before))
 
 
 def _judge_cooling(made: Mapping[int, Course], profile: Profile) -> list[Finding]:

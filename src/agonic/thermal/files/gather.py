@@ -16,7 +16,7 @@ from agonic.health import Finding
 from agonic.logs.headers.columns import identify_column
 from agonic.provenance import Input
 from agonic.samples import Samples
-from agonic.thermal.campaign.description import Description
+from agonic.thermal.campaign.description import Description, Station
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.files.large_tables import RecordedFile
@@ -160,7 +160,8 @@ class GatheredFiles:
                 self.unnumbered.append(file.name)
                 continue
             self.damaged += [f"{file.name}: {failure}" for failure in part.failures]
-            if self.description.stations and station not in self.description.numbers:
+            described = self.description.stations and not self.description.assumed
+            if described and station not in self.description.numbers:
                 self.surplus.add(station)
                 continue
             own = "" if part.station is None else file.stem
@@ -189,11 +190,18 @@ class GatheredFiles:
             description=replace(
                 self.description,
                 sensors=self.description.sensors or tuple(s for s in sensors if s.name in order),
+                stations=self._list_stations(set(by_station)),
             ),
             inputs=tuple(self.inputs),
             findings=tuple(self._findings()),
             restarts=self.restarts,
         )
+
+    def _list_stations(self, recorded: set[int]) -> tuple[Station, ...]:
+        """Those of the description; recorded ones alone where others than the standard were."""
+        if not self.description.assumed or recorded <= set(self.description.numbers):
+            return self.description.stations
+        return tuple(Station(number=number) for number in sorted(recorded))
 
     def _explain_nothing(self) -> str:
         return "; ".join(self.damaged[:3]) or (

@@ -81,7 +81,7 @@ def _find_sources(path: Path) -> tuple[Description, list[StationFile]]:
         description = read_description(described)
         files = _find_described_files(description, described.parent)
     else:
-        description = Description(stations=list_standard_stations())
+        description = Description(stations=list_standard_stations(), assumed=True)
         folder = path if path.is_dir() else path.parent
         files = number_files(_find_tables(path) if path.is_dir() else [path], folder)
     if not files:

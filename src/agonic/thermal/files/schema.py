@@ -163,6 +163,7 @@ def _make_description(
         fixture_sd_deg=head.fixture_sd_deg,
         sensors=tuple(_make_sensor(one, head.unit) for one in sensors),
         stations=tuple(map(_make_station, stations)) or list_standard_stations(),
+        assumed=not stations,
         profile=made,
         magnitude=field.magnitude_nT,
         inclination_deg=field.inclination_deg,
