@@ -34,14 +34,12 @@ _ROUNDS = 2
 
 
 class Weighed(NamedTuple):
-    """Sets of columns beside hidden terms: the log-odds of each and its likeliest size, (s,), which
-    explains most and surely something, None where none does; the search, what it found, the hidden
-    terms that are there, cross-products of blocks, and the logarithms of what these terms leave of
-    each unseen one, (b,)."""
+    """Sets of columns beside hidden terms: the log-odds of each and its likeliest size, (s,); the
+    search, what it found, the hidden terms that are there, cross-products of blocks, and the
+    logarithms of what these terms leave of each unseen one, (b,)."""
 
     odds: Array
     sizes: Array
-    taken: int | None
     search: Search
     found: Explained
     hidden: Mapping[int, float]
@@ -54,6 +52,24 @@ class Weighed(NamedTuple):
         there = {**self.hidden, i: float(self.sizes[i])}
         joined = solve(self.found.gram, self.search.prior, self.search.groups, there)
         return _log_squares(self.blocks, joined) - self.left
+
+    @or_none
+    def find_sure(self) -> int | None:
+        """The set that explains most and surely something, None where none does.
+
+        It is sure where it is likely with the memory that the noise is left with too, or where
+        unseen blocks have surely less.
+        """
+        count = len(self.odds)
+        shown = [i for i in self.found.there if i < count]
+        best = max(shown, key=lambda i: self.odds[i], default=None)
+        if best is None or is_surely_less(self.measure_left(best), count):
+            return best
+        filters = [fit_filter(one) for one in self.search.leave(self.found)]
+        if all(len(by) == 1 for by in filters):
+            return best
+        again, _ = self.search.settle(filters, self.found.sds)
+        return best if best in again.there else None
 
 
 def _log_squares(blocks: Array, base: Base) -> Array:
@@ -73,9 +89,7 @@ def weigh_recorded(
 ) -> Weighed | None:
     """Each set of columns beside hidden terms, without the other sets.
 
-    Noise is white at first: one with memory explains much of a disturber whose shape is not exact.
-    What explains most is sure where it is likely with the memory that the noise is left with too,
-    or where unseen blocks have surely less.
+    Noise is white: one with memory explains much of a disturber whose shape is not exact.
 
     Parameters as in `find_posterior`, and sets of columns (n, k); None where the rows are too few
     to tell.
@@ -90,22 +104,7 @@ def weigh_recorded(
     odds, sizes = rate(found.gram, base, search.groups[: len(sets)])
     blocks = search.list_blocks(found)
     left = _log_squares(blocks, base)
-    weighed = Weighed(odds, sizes, None, search, found, hidden, blocks, left)
-    shown = [i for i in found.there if i < len(sets)]
-    best = max(shown, key=lambda i: odds[i], default=None)
-    if best is None:
-        return weighed
-    sure = _outlasts(search, found, best) or is_surely_less(weighed.measure_left(best), len(sets))
-    return weighed._replace(taken=best if sure else None)
-
-
-def _outlasts(search: Search, found: Explained, i: int) -> bool:
-    """Whether a group is there beside the memory that the noise is left with as well."""
-    filters = [fit_filter(one) for one in search.leave(found)]
-    if all(len(by) == 1 for by in filters):
-        return True
-    again, _ = search.settle(filters, found.sds)
-    return i in again.there
+    return Weighed(odds, sizes, search, found, hidden, blocks, left)
 
 
 @or_none

@@ -100,15 +100,16 @@ def _compare(
     if weighed is None:
         return []
     tried = [_make_trial(sources, weighed, i) for i, sources in enumerate(candidates)]
-    if weighed.taken is not None:
-        best = candidates[weighed.taken]
+    sure = weighed.find_sure()
+    if sure is not None:
+        best = candidates[sure]
         alike = [
             i
             for i, one in enumerate(candidates)
             if _is_alike(log.samples, one, best) and _is_alike(log.samples, best, one)
         ]
         # of those that cannot be told apart the first: a current before a throttle that makes it
-        first = min(alike, default=weighed.taken)
+        first = min(alike, default=sure)
         tried[first] = tried[first]._replace(taken=True)
         return tried
     if log.samples.time is None:
@@ -116,9 +117,10 @@ def _compare(
     likely = np.argsort(-weighed.odds)[:LIKELY]
     timed = [(i, later) for i in likely for later in list_timings(log.samples, candidates[i])]
     weighed = weigh_sources(log, chosen, [later for _, later in timed])
-    if weighed is not None and weighed.taken is not None:
-        i = timed[weighed.taken][0]
-        tried[i] = _make_trial(candidates[i], weighed, weighed.taken)._replace(taken=True)
+    sure = None if weighed is None else weighed.find_sure()
+    if weighed is not None and sure is not None:
+        i = timed[sure][0]
+        tried[i] = _make_trial(candidates[i], weighed, sure)._replace(taken=True)
     return tried
 
 
