@@ -22,6 +22,7 @@ from agonic.cli import COMMANDS
 from agonic.model.terms import HIDDEN
 from agonic.model.terms.time import STEP
 from agonic.samples import Logged
+from agonic.thermal.fit.station_faults import TOLD
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -99,6 +100,10 @@ def findings_in_the_source() -> dict[str, set[str]]:
                     continue
                 if ast.unparse(node.args[0]) in {"one.term.name", "name"}:  # terms and doubts
                     found |= {name: {"note", "check", "refuse"} for name in JUDGED}
+                    continue
+                if ast.unparse(node.args[0]) == "told.name":  # a table of a chamber's faults
+                    for fault in TOLD.values():
+                        found.setdefault(fault.name, set()).add("check")
                     continue
                 names, severities = map(set, map(choices, node.args[:2]))
                 severities |= {"note"} if names & TOLD_BESIDE else set()

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import NamedTuple
+
 import numpy as np
 
 from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
-from agonic.thermal.maths.fault_candidates import AGEING, ODD, OF_TEMPERATURE, STEP, UNSETTLED
+from agonic.thermal.maths.fault_candidates import (
+    AGEING,
+    ODD,
+    SETTLING,
+    STEP,
+    THERMOMETER,
+    UNSETTLED,
+)
 from agonic.thermal.maths.gaussian_process import STEADY
 from agonic.thermal.maths.station_faults import Fault
 
@@ -56,59 +66,71 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
     ]
 
 
+class Told(NamedTuple):
+    """What is said of a kind of fault: the finding's name, its message, and what to do."""
+
+    name: str
+    message: str
+    action: str
+
+
+_HOLD_LONGER = (
+    "hold the temperature longer before recording, and see that the thermometer touches the "
+    "sensor; record the station again or leave it out"
+)
+TOLD: Mapping[str, Told] = {
+    ODD: Told(
+        "odd station",
+        "at {station} the bias is {amount} away from that of the other stations, which the "
+        "standard error contains",
+        "see whether iron, a cable or another sensor was there, and record it again or leave it "
+        "out",
+    ),
+    STEP: Told(
+        "bias step",
+        "the bias changed at once by {amount} {moment}; the calibration lies between both, which "
+        "the standard error contains",
+        "see what moved or magnetised the sensor then, and calibrate the parts by themselves",
+    ),
+    AGEING: Told(
+        "ageing",
+        "the bias changed steadily, by {amount} from the first reading to the last, which was "
+        "taken for changes of the field; the standard error contains it",
+        "let the sensor age at its highest temperature first, and calibrate again",
+    ),
+    SETTLING: Told(
+        "settling",
+        "the bias began {amount} off and settled over {hours}, which the standard error contains",
+        "let the sensor settle before the first station, or leave the first stations out",
+    ),
+    THERMOMETER: Told(
+        "odd temperature",
+        "at {station} the sensor was {away} °C away from what its thermometer said, which the "
+        "standard error contains",
+        _HOLD_LONGER,
+    ),
+    UNSETTLED: Told(
+        "odd temperature",
+        "at {station} the sensor was at first {away} °C away from what its thermometer said, "
+        "which the standard error contains",
+        _HOLD_LONGER,
+    ),
+}
+"""What is said of each kind of fault."""
+
+
 def _judge(fault: Fault, readings: ChamberReadings) -> Finding:
     scale, candidate = readings.scale, fault.candidate
     size = float(np.linalg.norm(fault.size))
-    station = _name_station(candidate.station, readings)
-    if candidate.kind in OF_TEMPERATURE:
-        return _judge_temperature(fault, station, size * scale.half_C, readings)
-    amount = f"{figure(size * scale.size)} {readings.unit}"
-    if candidate.kind == ODD:
-        return Finding(
-            "odd station",
-            "check",
-            f"at {station} the bias is {amount} away from that of "
-            "the other stations, which the standard error contains",
-            "see whether iron, a cable or another sensor was there, and record it again or leave "
-            "it out",
-        )
-    if candidate.kind == STEP:
-        return Finding(
-            "bias step",
-            "check",
-            f"the bias changed at once by {amount} {_tell_moment(fault, readings)}; the "
-            "calibration lies between both, which the standard error contains",
-            "see what moved or magnetised the sensor then, and calibrate the parts by themselves",
-        )
-    if candidate.kind == AGEING:
-        return Finding(
-            "ageing",
-            "check",
-            f"the bias changed steadily, by {amount} from the first reading to the last, which was "
-            "taken for changes of the field; the standard error contains it",
-            "let the sensor age at its highest temperature first, and calibrate again",
-        )
-    return Finding(
-        "settling",
-        "check",
-        f"the bias began {amount} off and settled over {_tell_hours(candidate.time)}, which the "
-        "standard error contains",
-        "let the sensor settle before the first station, or leave the first stations out",
+    told = TOLD[candidate.kind]
+    message = told.message.format(
+        station=_name_station(candidate.station, readings),
+        amount=f"{figure(size * scale.size)} {readings.unit}",
+        away=figure(size * scale.half_C),
+        moment=_tell_moment(fault, readings) if candidate.kind == STEP else "",
+        hours=_tell_hours(candidate.time),
     )
-
-
-def _judge_temperature(
-    fault: Fault, station: str, away_C: float, readings: ChamberReadings
-) -> Finding:
-    early = " at first" if fault.candidate.kind == UNSETTLED else ""
-    return Finding(
-        "odd temperature",
-        "check",
-        f"at {station} the sensor was{early} {figure(away_C)} °C "
-        "away from what its thermometer said, which the standard error contains",
-        "hold the temperature longer before recording, and see that the thermometer touches the "
-        "sensor; record the station again or leave it out",
-    )
+    return Finding(told.name, "check", message, told.action)
 
 
 def _name_station(place: int, readings: ChamberReadings) -> str:
