@@ -181,3 +181,13 @@ def test_a_place_far_from_the_logs_own_is_refused(tmp_path, monkeypatch, capsys)
     assert run(["calibrate", "rover.csv", "--at", "48,11"]) == 2
     assert "the log's own positions are 616 km from --at" in capsys.readouterr().err
     assert run(["calibrate", "rover.csv", "--at", "52.1,5.3"]) == 0
+
+
+def test_an_axis_of_two_values_is_no_fault_of_a_steady_one() -> None:
+    for seed in range(8):
+        field = np.zeros((363, 3))
+        field[:, 0] = 81_117.28866447 * np.repeat(
+            np.random.default_rng(seed).integers(0, 2, 33), 11
+        )
+        measured = undo_decoding(ag.Samples(time=np.arange(363) / 10.0, field=field))
+        assert np.ptp(measured.samples.field[:, 0]) == np.ptp(field)

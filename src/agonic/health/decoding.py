@@ -161,10 +161,22 @@ def _try_each(field: Array) -> Iterator[Undone]:
                 if not axes.any() or path < -AGAINST:
                     continue
                 put = np.where(axes, whole, field)
+                if _stands_still(put, field):
+                    continue
                 beside = _compare_distances(field[some], ellipsoid, put[some], unit / 4)
                 if beside > -AGAINST:
                     gain = path + beside * (not kind.shifts) - PRICE * _count_lost(put)
                     yield Undone(kind, put, axes, unit, gain)
+
+
+def _stands_still(field: Array, before: Array) -> bool:
+    """Whether an axis that moved before hardly does: smooth, but a reading of nothing."""
+    there = np.isfinite(field).all(axis=1)
+    if not there.any():
+        return True
+    moved = np.ptp(before, axis=0) > 0.0
+    left, had = (np.ptp(one[there], axis=0) for one in (field, before))
+    return bool((left <= LEAST * had)[moved].any())
 
 
 def _count_lost(field: Array) -> int:
