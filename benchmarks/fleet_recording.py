@@ -35,8 +35,8 @@ INTRODUCTION = """One magnetometer at 50 Hz in one Parquet file: time and three 
 2²⁰ rows; a soft iron of some per cent, noise {noise:.0f} nT. Every figure is wall time in a process
 of its own, rounds: {rounds}, of which the best, the steps of one after the other; the file is in
 the system's cache. Reading is `pyarrow.parquet.ParquetFile.iter_batches` over the same four columns
-with its default settings (it decodes on all cores). The fits start with nothing loaded of numba or
-pyarrow. Checksums of the files, for the record of origin, are taken by `open_mission` before.
+with its default settings (it decodes on all cores). The fit starts with nothing loaded of pyarrow.
+Checksums of the files, for the record of origin, are taken by `open_mission` before.
 Memory is the largest resident size of the process, shared libraries included. {cores} cores,
 load average at the start {load:.1f}, at the end {{load:.1f}}."""
 
@@ -55,13 +55,12 @@ class Case(NamedTuple):
 
 class Spent(NamedTuple):
     """Wall time and processor time, s, and largest memory, MB, of a process; error over standard
-    error; passes."""
+    error."""
 
     seconds: float
     busy: float
     memory: float
     error: float = 0.0
-    passes: int = 1
 
 
 def write(case: Case, path: Path) -> None:
@@ -118,25 +117,8 @@ def opening(path: Path) -> Spent:
     return Spent(*clock.spent(), peak_MB())
 
 
-def adjusted(path: Path) -> Spent:
-    """The adjusted fit."""
-    return _fitted(path, "adjusted")
-
-
-def likelihood(path: Path) -> Spent:
-    """Maximum likelihood."""
-    return _fitted(path, "likelihood")
-
-
-def interpreted(path: Path) -> Spent:
-    """Maximum likelihood without numba."""
-    from agonic.ellipsoid.maths import block_sums
-
-    block_sums._compiled = lambda: None  # type: ignore[assignment]
-    return _fitted(path, "likelihood")
-
-
-def _fitted(path: Path, method: str) -> Spent:
+def fitted(path: Path) -> Spent:
+    """The fit by the readings drawn."""
     from agonic.ellipsoid import fit_recording
     from agonic.logs.large.mission import Mission
     from agonic.logs.parquet import count_rows
@@ -147,16 +129,12 @@ def _fitted(path: Path, method: str) -> Spent:
     made_of = (Input(name=path.name, sha256="", count=n),)  # the checksum is timed by itself
     mission = Mission(files=(path,), inputs=made_of, rows=n)
     clock = Clock()
-    fit = fit_recording(mission, Reference.constant(FIELD), method=method)  # type: ignore[arg-type]
+    fit = fit_recording(mission, Reference.constant(FIELD))
     spent = clock.spent()
-    if not (fit.converged and fit.n == n and fit.ok):
-        raise SystemExit(f"{method}: {fit.status}")
-    return Spent(
-        *spent,
-        peak_MB(),
-        float(np.abs((fit.calibration.bias - BIAS) / fit.sd[:3]).max()),
-        1 if method == "adjusted" else 1 + fit.iterations,
-    )
+    if not (fit.converged and fit.ok):
+        raise SystemExit(fit.status)
+    error = float(np.abs((fit.calibration.bias - BIAS) / fit.sd[:3]).max())
+    return Spent(*spent, peak_MB(), error)
 
 
 def peak_MB() -> float:
@@ -194,38 +172,20 @@ def measured(
 
 # --- what is told ------------------------------------------------------------------------------
 
-HEADER = (
-    "rows",
-    "file",
-    "reading",
-    "adjusted",
-    "over reading",
-    "likelihood",
-    "over reading",
-    "passes",
-    "without numba",
-    "checksum",
-    "memory",
-)
+HEADER = ("rows", "file", "reading", "fit", "over reading", "checksum", "memory")
 
 
 def row(case: Case, spent: dict[str, Spent]) -> tuple[str, ...]:
     """A line of the table."""
-    base = spent["reading"].seconds
-    told = []
-    for name in ("adjusted", "likelihood"):
-        told += [f"{spent[name].seconds:.2f} s", f"{spent[name].seconds / base:.2f}"]
-    plain, check = spent.get("interpreted"), spent.get("opening")
-    memory = max(spent[name].memory for name in spent if name not in ("reading", "opening"))
+    base, whole, check = spent["reading"], spent["fitted"], spent.get("opening")
     return (
         f"{case.rows:,}".replace(",", " "),
         case.name,
-        f"{base:.2f} s",
-        *told,
-        str(spent["likelihood"].passes),
-        f"{plain.seconds:.2f} s ({plain.seconds / base:.2f})" if plain else "",
+        f"{base.seconds:.2f} s",
+        f"{whole.seconds:.2f} s",
+        f"{whole.seconds / base.seconds:.2f}",
         f"{check.seconds:.2f} s" if check else "",
-        f"{memory:.0f} MB",
+        f"{whole.memory:.0f} MB",
     )
 
 
@@ -246,11 +206,11 @@ def main() -> None:
     asked = parser.parse_args()
     largest = 1_000_000 if asked.quick else int(asked.largest)
     begun, rounds = os.getloadavg()[0], 2 if asked.full else 1
-    works = (reading, adjusted, likelihood)
+    works = (reading, fitted)
     spent: dict[int, dict[str, Spent]] = {}
     rows = []
     for n in [n for n in SIZES if n < largest] + [largest]:
-        more = (opening, interpreted) if n == largest else ()
+        more = (opening,) if n == largest else ()
         spent[n] = measured(Case(n), (*works, *more), rounds)
         rows.append(row(Case(n), spent[n]))
     for case in (Case(largest, "snappy"), Case(largest, "zstd", 4)) if asked.full else ():
@@ -260,27 +220,26 @@ def main() -> None:
         .replace("{{", "{")
         .replace("}}", "}")
     )
-    costs = {name: extrapolated(spent, name) for name in ("reading", "adjusted", "likelihood")}
+    costs = {name: extrapolated(spent, name) for name in ("reading", "fitted")}
     many = {name: (begin + slope * 1e10) / 60 for name, (begin, slope) in costs.items()}
     busy = {name: of.busy / largest * 1e9 for name, of in spent[largest].items()}
-    error = max(of[name].error for of in spent.values() for name in ("adjusted", "likelihood"))
+    error = max(of["fitted"].error for of in spent.values())
     parts = [
         introduction.format(load=os.getloadavg()[0]),
         tables.markdown(HEADER, rows),
-        f"A row costs {costs['reading'][1] * 1e9:.0f} ns to read, {costs['adjusted'][1] * 1e9:.0f} "
-        f"ns to fit adjusted and {costs['likelihood'][1] * 1e9:.0f} ns by likelihood. At that pace "
-        f"10¹⁰ rows, six years at 50 Hz, take {many['reading']:.0f} minutes to read, "
-        f"{many['adjusted']:.0f} to fit adjusted and {many['likelihood']:.0f} by likelihood, in "
-        f"the same memory. The processors are at work for {busy['reading']:.0f}, "
-        f"{busy['adjusted']:.0f} and {busy['likelihood']:.0f} ns a row, whatever else "
-        f"runs. The largest error of a bias is {error:.1f} standard errors.",
+        f"A row costs {costs['reading'][1] * 1e9:.0f} ns to read and "
+        f"{costs['fitted'][1] * 1e9:.0f} ns with the fit. At that pace 10¹⁰ rows, six years at "
+        f"50 Hz, take {many['reading']:.0f} minutes to read and {many['fitted']:.0f} to fit, in "
+        f"the same memory. The processors are at work for {busy['reading']:.0f} and "
+        f"{busy['fitted']:.0f} ns a row, whatever else runs. The largest error of a bias is "
+        f"{error:.1f} standard errors.",
     ]
     print("\n\n".join(parts))
     if largest == max(SIZES):
         draw(spent, costs, PICTURE)
 
 
-COLOURS = {"reading": "#7b8089", "adjusted": "#2b7bba", "likelihood": "#c2571a"}
+COLOURS = {"reading": "#7b8089", "fitted": "#c2571a"}
 MARKS = {1e-3: "1 ms", 1e-1: "0.1 s", 1e1: "10 s", 1e3: "17 min", 1e5: "28 h"}
 LEFT, RIGHT, TOP, BOTTOM = 70, 640, 20, 330
 

@@ -134,13 +134,11 @@ def find(name: str, pattern: str) -> float:
 
 def costs(log_ms: float) -> dict[str, float]:
     """Processor time of a reading, s, by the way it is fitted."""
-    busy = r"at work for\s+[\d.]+,\s+([\d.]+)\s+and\s+[\d.]+ ns"
-    slow = r"at work for\s+[\d.]+,\s+[\d.]+\s+and\s+([\d.]+) ns"
+    busy = r"at\s+work for\s+[\d.]+\s+and\s+([\d.]+) ns"
     sensors = find("fleet_dataset", r"(\d+) sensors, 200 readings each")
     of_dataset = find("fleet_dataset", r"\| sensor after sensor \| [\d.]+ \| ([\d.]+)")
     return {
-        "one recording, adjusted": 1e-9 * find("fleet_recording", busy),
-        "one recording, likelihood": 1e-9 * find("fleet_recording", slow),
+        "one recording": 1e-9 * find("fleet_recording", busy),
         "sensors of 200 readings in one dataset": of_dataset / sensors / 200,
         f"small logs of {ROWS} readings, by Dask": 1e-3 * log_ms / ROWS,
     }
@@ -157,7 +155,7 @@ def cost_table(log_ms: float) -> str:
 
 
 STORED = """In Parquet (time and three axes, float64, zstd) a reading takes {size:.1f} bytes: 10¹²
-are {size:.0f} TB, which the adjusted fit reads once and the likelihood three times."""
+are {size:.0f} TB, which the fit reads once."""
 
 
 def bytes_of_reading() -> float:

@@ -7,8 +7,7 @@ from agonic.ellipsoid.fit import (
     fit_ellipsoid_alone,
     open_ellipsoid_parts,
 )
-from agonic.ellipsoid.large_fit import fit_recording, fit_recording_and_rows
-from agonic.ellipsoid.large_scan import Recording
+from agonic.ellipsoid.large_fit import Recording, fit_recording, fit_recording_and_rows
 from agonic.ellipsoid.moments_fit import fit_moments
 
 __all__ = [

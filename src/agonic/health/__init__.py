@@ -2,7 +2,7 @@
 
 from agonic.health.decoding import undo_decoding
 from agonic.health.evidence import FEWEST, RECORD_LONGER, Evidence
-from agonic.health.examine import check_bias_drift, examine
+from agonic.health.examine import examine
 from agonic.health.finding import (
     Finding,
     Judged,
@@ -38,7 +38,6 @@ __all__ = [
     "Judged",
     "Verdict",
     "check_axes",
-    "check_bias_drift",
     "check_magnitude",
     "check_mounting",
     "check_outliers",

@@ -10,7 +10,6 @@ from agonic.health.evidence import (
     MOST_ROWS,
     NOISE_DOUBTFUL,
     OUTLIERS_TELLING,
-    SHIFT_DOUBTFUL,
     SPARE,
     Evidence,
 )
@@ -141,22 +140,4 @@ def _noisy(e: Evidence) -> Finding | None:
         f"readings scatter by {100 * e.noise / e.radius:.1f} % of the field about the best "
         "calibration: the field was not the same everywhere",
         "record away from steel, magnets and currents, keeping the sensor in one place",
-    )
-
-
-def check_bias_drift(shift: float, radius: float, when: str, unit: str) -> Finding:
-    """A bias that is not the same throughout, by less than a change that spoils the fit.
-
-    Parameters: `shift` of the bias from the part before `when` to the part after.
-
-    >>> check_bias_drift(12.0, 50_000.0, "t = 3600 s", "nT").severity
-    'note'
-    """
-    doubtful = shift >= SHIFT_DOUBTFUL * radius
-    return Finding(
-        "bias moves",
-        "check" if doubtful else "note",
-        f"the bias before and after {when} differs by {figure(shift)} {unit}, more than chance "
-        "allows: it changed once, or drifts",
-        "calibrate the parts separately, or follow it over time" if doubtful else "",
     )

@@ -22,7 +22,7 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import TOLD
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal, invert, solve
-from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, compute_scatter
+from agonic.maths.estimation.noise.batch_means import measure_correlation
 from agonic.maths.estimation.noise.noise_with_memory import (
     STRETCHES,
     Stretches,
@@ -146,7 +146,7 @@ def find_length(scores: Array, information: Array) -> float:
     values, axes = np.linalg.eigh(information / np.outer(size, size))
     known = values > TOLD * values[-1]
     white = (scores / size) @ (axes[:, known] / np.sqrt(values[known]))
-    return compute_scatter(white, np.eye(int(known.sum())), fewest=FEWEST_BATCHES).correlation
+    return measure_correlation(white, np.eye(int(known.sum())))
 
 
 def find_lasting_errors(

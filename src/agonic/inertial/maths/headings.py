@@ -18,7 +18,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation.loss import tukey
-from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, compute_scatter
+from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, measure_correlation
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.rotations.track import Sums, Track, sum_rows
 
@@ -69,4 +69,4 @@ def _scatter(scores: Array) -> float:
     if len(scores) < FEWEST_BATCHES:
         return 1.0
     white = len(scores) * np.eye(1)
-    return compute_scatter(scores[:, None], white, fewest=FEWEST_BATCHES).correlation
+    return measure_correlation(scores[:, None], white)

@@ -17,7 +17,7 @@ from agonic.inertial.maths.correlation import (
 from agonic.inertial.maths.factors import UP_AT_REST, Felt, Log, steady_force
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import cauchy
-from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, compute_scatter
+from agonic.maths.estimation.noise.batch_means import measure_correlation
 from agonic.maths.rotations.low_pass import find_passed
 from agonic.maths.rotations.track import Sums
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -135,7 +135,7 @@ def measure_force(force: Sums, white: float) -> float:
     """The variance of white noise that pulls as much as the force does for long: batch means."""
     pulls = (force.before + force.after)[:, :2] / STANDARD_GRAVITY_M_S2
     expected = white * force.size / 3 * np.eye(2)
-    return white * compute_scatter(pulls, expected, fewest=FEWEST_BATCHES).correlation
+    return white * measure_correlation(pulls, expected)
 
 
 def find_memory(along: Array, weights: Array, interval: Index) -> float:
@@ -147,7 +147,7 @@ def find_memory(along: Array, weights: Array, interval: Index) -> float:
     weighted = weights * along
     sums = np.bincount(interval, weighted)[:, None].astype(np.float64)
     white = np.array([[float(weighted @ weighted)]])
-    return compute_scatter(sums, white, fewest=FEWEST_BATCHES).correlation
+    return measure_correlation(sums, white)
 
 
 def weigh_slips(slips: Array, variance: float) -> Array:

@@ -43,14 +43,6 @@ class Strip(NamedTuple):
     def __len__(self) -> int:
         return len(self.columns[0])
 
-    @property
-    def field(self) -> Array:
-        """The readings (n, 3) in the unit of the fit, each axis in one piece of memory."""
-        rows = np.empty((3, len(self)))
-        for into, column in zip(rows, self.columns, strict=True):
-            np.multiply(column, self.factor, out=into, dtype=np.float64)
-        return rows.T
-
     def select(self, rows: NDArray[Any], rejected: Mapping[str, int]) -> Strip:
         """Some of the rows, and why the others are left out."""
         x, y, z = (column[rows] for column in self.columns)
@@ -115,10 +107,10 @@ def _numbers(stored: Column) -> Column:
     return stored.view(np.int64) if stored.dtype.kind == "M" else stored
 
 
-def sweep(path: Path | Remote, of: Layout, size: int, *, timed: bool) -> Iterator[Strip]:
+def sweep(path: Path | Remote, of: Layout, size: int) -> Iterator[Strip]:
     """The strips of a Parquet file; rows that are not finite, or whose time does not increase, are
     left out and counted."""
-    time = of.time if timed else None
+    time = of.time
     last = -np.inf
     for table in parquet.read_ahead(path, size, [*of.axes, *([time] if time else [])]):
         x, y, z = (table[header] for header in of.axes)

@@ -95,10 +95,8 @@ class Mission:
         )
         return tuple(samples.name for samples in log.sensors)
 
-    def strips(self, *, timed: bool = True) -> Iterator[Strip]:
+    def strips(self) -> Iterator[Strip]:
         """The readings alone, in order of time, as few operations a row as there can be.
-
-        Parameters: `timed`, whether times are wanted and looked at.
 
         Raises `LogError` where the files do not follow each other in time.
         """
@@ -114,23 +112,23 @@ class Mission:
                     raise _out_of_order(path)
             elif len(self.files) > 1:
                 raise LogError("several files need times to follow each other", path=str(path))
-            for strip in self._strips_of_file(path, source, head, shift, timed):
+            for strip in self._strips_of_file(path, source, head, shift):
                 if strip.time is not None and len(strip):
                     last = float(strip.time[-1])
                 yield strip
 
     def _strips_of_file(
-        self, path: Path | Remote, source: Input, head: Samples, shift: float, timed: bool
+        self, path: Path | Remote, source: Input, head: Samples, shift: float
     ) -> Iterator[Strip]:
         of = None
         if _is_parquet(path):
             of = find_layout(next(parquet.read_batches(path, _HEAD)), head, self.unit)
         if of is not None:
-            yield from sweep(path, replace(of, begun=of.begun + shift), self.strip, timed=timed)
+            yield from sweep(path, replace(of, begun=of.begun + shift), self.strip)
             return
         last = -np.inf
         for samples in self._of_file(path, source, AUXILIARY):
-            time = None if samples.time is None or not timed else samples.time + shift
+            time = None if samples.time is None else samples.time + shift
             x, y, z = samples.field.T
             strip = keep_usable(Strip((x, y, z), 1.0, time, samples.rejected), last)
             if strip.time is not None and len(strip):

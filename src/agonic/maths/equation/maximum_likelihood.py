@@ -29,7 +29,7 @@ from agonic.maths.equation.outliers import (
 )
 from agonic.maths.equation.starting_values import find_starts, fit_at_once
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, STRETCHES, compute_scatter
+from agonic.maths.estimation.noise.batch_means import STRETCHES, measure_correlation
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, is_like_gaussian
 
 _ENOUGH = 3000  # readings for the search; the refinement uses all
@@ -302,7 +302,7 @@ def _correlate(part: Problem, noise: dict[str, Noise], params: Array) -> dict[st
         white = scores @ (axes[:, known] / np.sqrt(values[known]))
         blocks = np.arange(0, len(white), -(-len(white) // STRETCHES))
         sums = np.add.reduceat(white, blocks, axis=0)
-        length = compute_scatter(sums, np.eye(int(known.sum())), fewest=FEWEST_BATCHES).correlation
+        length = measure_correlation(sums, np.eye(int(known.sum())))
         found[channel] = of._replace(correlation=max(of.correlation, length))
     return found
 
