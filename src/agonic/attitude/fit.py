@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -164,8 +163,7 @@ def make_fit(
     if settings.model == "full":
         considered = list_considered(found, part, scale)
         turned = TURN in considered
-        settle = partial(
-            find_posterior,
+        posterior = find_posterior(
             part,
             found,
             None if samples.time is None else samples.time[usable],
@@ -173,10 +171,8 @@ def make_fit(
             inclination_deg=find_dip_deg(part, settings),
             down=find_down(part),
             considered=considered,
+            alone=part.shared is not None,
         )
-        posterior = None if part.shared is not None else settle()
-        if posterior is None or posterior.attitude_lasts:  # terms would explain an attitude's error
-            posterior = settle(known=found.solution.covariance)
     if posterior is not None:
         solution = found.solution
         known = solution._replace(params=posterior.params, covariance=posterior.covariance)

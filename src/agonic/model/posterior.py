@@ -113,9 +113,9 @@ class Posterior(NamedTuple):
     """Parameters (m,) averaged over the sizes of all terms, their covariance, what makes it.
 
     `shares` by term, the largest first; `noise_deg` is that of noise and coverage, `memory_deg` of
-    disturbances with memory whose cause is not known, `attitude_lasts` where what is left of any of
-    several channels has one, `left` the noise that terms leave and `bias_sd` (3,), over the radius,
-    `considered_deg` of errors that all rows share; `held` by priors; `unseen` blocks.
+    disturbances with memory whose cause is not known, `left` the noise that terms leave and
+    `bias_sd` (3,), over the radius, `considered_deg` of errors that all rows share; `held` by
+    priors; `unseen` blocks.
     """
 
     params: Array
@@ -123,7 +123,6 @@ class Posterior(NamedTuple):
     shares: tuple[Share, ...]
     noise_deg: float
     memory_deg: float
-    attitude_lasts: bool
     left: float
     considered_deg: Mapping[str, float]
     bias_sd: Array
@@ -175,19 +174,39 @@ def find_posterior(
     down: Array = DOWN,
     considered: Mapping[str, Array] | None = None,
     shrink: bool = False,
-    known: Array | None = None,
+    alone: bool = False,
 ) -> Posterior | None:
     """What is known of an estimate; None where its rows are too few to tell.
+
+    Where what is left of any of several channels has a memory, terms would explain errors of the
+    attitude, which last: they are sought in the magnitude `alone`, beside all that the estimate is
+    known by.
 
     Parameters: `time` (n,) of the rows of the problem, `origin` (3,) to be added to its points for
     readings from zero; `inclination_deg` and `down` (3,) of a level heading; `considered` by how
     much an error of one standard deviation that no row shows moves the parameters, by name;
-    `shrink` where the size of soft iron is a further unknown, by evidence; `known` the covariance
-    of the estimate where more than rows tell it: then terms are sought in the magnitude alone.
+    `shrink` where the size of soft iron is a further unknown, by evidence.
     """
     rows = choose_rows(problem, estimate, time, origin)
     if rows is None or not np.isfinite(rows.feet.points).all():
         return None
+    level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
+    at = None if alone else _explain_rows(rows, estimate, level, problem, None)
+    if len(problem.channels) > 1 and (at is None or at.found.memory.any()):
+        alone = True
+        at = _explain_rows(rows, estimate, level, problem, estimate.solution.covariance)
+    if at is None:
+        return None
+    at = at._replace(soft_iron=problem if shrink else None)
+    return _gather(at, considered or {}, priors_alone=not alone)
+
+
+@or_none
+def _explain_rows(
+    rows: Rows, estimate: Estimate, level: Level, problem: Problem, known: Array | None
+) -> Scene | None:
+    """What explains the residuals, with ripples if there are any; of the magnitude alone where the
+    `known` covariance of the estimate is by more than that."""
     search, seen = pose(rows, estimate, HIDDEN, known)
     found = search.explain(np.array([estimate.noise[one.name].sd for one in search.stacks]))
     left = search.leave(found)[0]
@@ -198,9 +217,7 @@ def find_posterior(
     if waves is not None:
         search, seen = pose(rows, estimate, (*HIDDEN, waves), known)
         found = search.explain(found.sds)
-    level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
-    at = Scene(rows, estimate, seen, level, search, found, problem if shrink else None)
-    return _gather(at, considered or {}, priors_alone=known is None)
+    return Scene(rows, estimate, seen, level, search, found, None)
 
 
 def _centre(at: Scene, base: Base, there: Mapping[int, float]) -> tuple[Array, Array]:
@@ -297,7 +314,6 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
         shares=tuple(sorted(shares, key=lambda one: -one.heading_deg)),
         noise_deg=float(np.sqrt(level.spread(noise))),
         memory_deg=float(np.sqrt(memory * level.per_error)),
-        attitude_lasts=len(found.memory) > 1 and bool(found.memory.any()),
         left=float(found.sds[0]) / rows.radius,
         considered_deg={
             name: float(np.sqrt(np.mean((level.by_params @ move) ** 2)))
