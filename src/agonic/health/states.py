@@ -65,6 +65,8 @@ SURE, SURE_TO_SD = 0.3, 0.385
 """Of the rows of a state, those that tell its noise: others may be of a third."""
 PARTS = 7
 """Parts of the log that are tried to be another state, one or some in succession."""
+MOST_GUESSES = 6
+"""That are followed: those that leave least lead to the same states."""
 _LEAST = 1e-9
 _ROUNDS = 12
 _NEITHER = 2
@@ -237,7 +239,9 @@ def _design_squares(normals: Array) -> Array:
 def _find_split(points: Array, guesses: Iterator[Mask]) -> _Split | None:
     """The best split from any of the guesses, None where none is one."""
     one = _measure_cost(_fit(points, np.zeros(len(points), dtype=np.int8))[0][0])
-    tried = [_alternate(points, guess, PROMISING * one) for guess in guesses]
+    weighed = [(_weigh_guess(points, guess), guess) for guess in guesses]
+    likely = sorted((cost, k) for k, (cost, _) in enumerate(weighed) if cost < PROMISING * one)
+    tried = [_alternate(points, weighed[k][1]) for _, k in likely[:MOST_GUESSES]]
     found = (split for split in tried if split is not None)
     best = min(found, key=lambda split: split.cost, default=None)
     if best is None or not best.stands_out:
@@ -271,11 +275,17 @@ def _leave_over(points: Array) -> Mask:
     return np.asarray(find_path(_weigh(left[None] / noise), SWITCH_PRICE) == 1)
 
 
-def _alternate(points: Array, second: Mask, most: float) -> _Split | None:
-    """The states after fits and choices in turn, rows one by one first, lasting where they last.
+def _weigh_guess(points: Array, second: Mask) -> float:
+    """What a guess of the rows of the second state leaves of each row by itself."""
+    state = second.astype(np.int8)
+    if min(np.count_nonzero(second), np.count_nonzero(~second)) < FEWEST:
+        return np.inf
+    off, _, _ = _fit(points, state)
+    return _measure_cost(np.where(second, off[1], off[0]))
 
-    None where the guess by itself leaves more than `most`.
-    """
+
+def _alternate(points: Array, second: Mask) -> _Split | None:
+    """The states after fits and choices in turn, rows one by one first, lasting where they last."""
     state = second.astype(np.int8)
     found, price = None, 0.0
     for _ in range(_ROUNDS):
@@ -283,8 +293,6 @@ def _alternate(points: Array, second: Mask, most: float) -> _Split | None:
             return None
         off, shift, radii = _fit(points, state)
         own = np.where(state == 1, off[1], off[0])[state != _NEITHER]
-        if found is None and _measure_cost(own) > most:
-            return None
         noise = max(_measure_noise(own), 1e-9)
         before, cost = state, _weigh(off / noise)
         state = find_path(cost, price) if price else cost.argmin(axis=0).astype(np.int8)
