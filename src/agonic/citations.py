@@ -6,9 +6,13 @@ import tomllib
 from pathlib import Path
 
 from agonic.errors import AgonicError
+from agonic.provenance import Provenance
 
 CITATIONS: dict[str, str] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 """Full references by the key that `Provenance.method` holds."""
+
+
+WORLD_MODELS = ("igrf-14", "wmm2025", "wmmhr2025")
 
 
 def find_citation(key: str) -> str:
@@ -22,3 +26,13 @@ def find_citation(key: str) -> str:
     if key not in CITATIONS:
         raise AgonicError(f"no citation {key!r}; known keys are {', '.join(CITATIONS)}")
     return CITATIONS[key]
+
+
+def list_cited(made: Provenance) -> list[str]:
+    """The keys of what a result is made by: its methods, and a world model that its settings name.
+
+    >>> list_cited(Provenance(settings={"reference": "48000 nT (IGRF-14)"}, method=("huber-1981",)))
+    ['huber-1981', 'igrf-14']
+    """
+    named = " ".join(map(str, made.settings.values())).lower()
+    return [*made.method, *(key for key in WORLD_MODELS if key in named)]

@@ -69,6 +69,16 @@ class Reference(Readable):
         rows = "" if len(size) == 1 else f", {len(size)} rows"
         return [f"Reference, {self.kind}: {span}{sd} nT{rows} ({self.source})"]
 
+    def describe(self) -> str:
+        """Its size and its source, in words.
+
+        >>> Reference.constant(48_000.0, source="WMM2025").describe()
+        '48000 nT (WMM2025)'
+        """
+        f = self.magnitudes(len(self.values))
+        size = f"{f[0]:g} nT" if len(f) == 1 else f"{f.min():g} to {f.max():g} nT per sample"
+        return f"{size} ({self.source})"
+
     @classmethod
     def required(cls, given: Reference | ArrayLike | None) -> Reference:
         """As `of`, for a fit that cannot do without one.

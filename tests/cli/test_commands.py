@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import agonic as ag
 from agonic.cli import COMMANDS, run
 from tests.command_line import answer
 
@@ -213,6 +215,28 @@ def test_cite_names_sources_and_inputs(cal, capsys) -> None:
     _, said = answer(capsys, "cite", cal)
     assert any("Huber" in text for text in said["sources"].values())
     assert said["inputs"][0]["name"] == "log.csv"
+
+
+def test_a_chain_is_reported_and_cites_what_its_steps_are_made_by(cal, capsys) -> None:
+    made = ag.load(cal)
+    turn = Rotation.from_euler("z", 90, degrees=True)
+    star = ag.alignment.Alignment(
+        rotation=turn,
+        covariance=1e-10 * np.eye(3),
+        frame_in=made.frame_out,
+        frame_out="s",
+        provenance=ag.Provenance(
+            settings={"reference": "IGRF-14 at 52°, 5°"}, method=("iers-2010",)
+        ),
+    )
+    ag.save(ag.Chain(steps=(made, star)), Path("chain.json"))
+    status, said = answer(capsys, "report", "chain.json", "--field", "50000")
+    assert (status, said["verdict"]) == (0, "good")
+    _, own = answer(capsys, "report", cal, "--field", "50000")
+    assert said["bias_sd"] == pytest.approx(own["bias_sd"], rel=0.01)
+    _, cited = answer(capsys, "cite", "chain.json")
+    assert {"huber-1981", "iers-2010", "igrf-14"} <= cited["sources"].keys()
+    assert cited["inputs"][0]["name"] == "log.csv"
 
 
 def test_demo_puts_truth_beside_estimate(capsys) -> None:

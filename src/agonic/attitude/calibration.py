@@ -56,7 +56,7 @@ def make_calibration(
         "frame_out": "b" if problem.dip is not None else samples.frame,
         "provenance": Provenance(
             inputs=(samples.origin,),
-            settings={"fit": name, **settings.recorded()},
+            settings={"fit": name, **settings.recorded(), "reference": scale.reference},
             method=("huber-1981",),
         ),
     }

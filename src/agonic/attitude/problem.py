@@ -73,7 +73,7 @@ class Scale(NamedTuple):
     """From normalised numbers back to readings.
 
     reading = centre + size · point, term = middle + spread · normalised term, field = magnitude ·
-    normalised field; `sd` is the uncertainty of the magnitude.
+    normalised field; `sd` is the uncertainty of the magnitude, `reference` says whose it is.
     """
 
     centre: Array
@@ -82,6 +82,7 @@ class Scale(NamedTuple):
     sd: float
     middle: Array
     spread: Array
+    reference: str
 
 
 def normalise(
@@ -136,7 +137,8 @@ def normalise(
         across_weight=None if attitude is None else weigh_rows(samples),
         rounding=find_rounding(samples.field) / size,
     )
-    return problem, Scale(centre, size, magnitude, reference.sd, middle, spread)
+    at = (centre, size, magnitude, reference.sd, middle, spread, reference.describe())
+    return problem, Scale(*at)
 
 
 def _find_middle(x: Array, readings: Array) -> Array:

@@ -15,6 +15,7 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
+from agonic.provenance import Provenance
 
 AnyCalibration: TypeAlias = Affine | Thermal | Network | Alignment | Chain
 """Every calibration of readings that is saved, exported and loaded; an `Affine` may be an
@@ -54,6 +55,12 @@ def find_step(calibration: Calibration, kind: type[Step]) -> Step | None:
     None
     """
     return next((step for step in steps_of(calibration) if isinstance(step, kind)), None)
+
+
+def list_origins(calibration: Calibration) -> list[Provenance]:
+    """Where a calibration, and each of its steps, came from."""
+    steps = calibration.steps if isinstance(calibration, Chain) else ()
+    return [calibration.provenance, *(step.provenance for step in steps)]
 
 
 def find_magnitude(calibration: Calibration) -> float | None:

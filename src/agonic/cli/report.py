@@ -118,10 +118,12 @@ def _describe_file(
 
 def find_own_log(cal: Path) -> Path:
     """The log that a calibration was made from, where it still lies nearby unchanged."""
+    from agonic.calibration.steps import list_origins, require_calibration
     from agonic.files.calibration import load
     from agonic.provenance import hash_file
 
-    inputs = load(cal).provenance.inputs
+    made = list_origins(require_calibration(load(cal)))
+    inputs = tuple(dict.fromkeys(given for one in made for given in one.inputs))
     for given in inputs:
         for folder in (cal.parent, cal.parent.parent, Path()):
             path = folder / given.name

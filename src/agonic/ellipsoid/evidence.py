@@ -214,5 +214,5 @@ def assess(
 
 
 def find_wrong_scale(affine: Affine) -> Finding | None:
-    """A wrong unit or a wrong reference."""
-    return check_scale(float(np.trace(affine.matrix) / 3), affine.unit_in)
+    """A wrong unit or a wrong reference; by the volume, which no turn of the axes changes."""
+    return check_scale(float(np.cbrt(abs(np.linalg.det(affine.matrix)))), affine.unit_in)

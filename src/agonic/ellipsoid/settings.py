@@ -53,6 +53,4 @@ def describe_reference(reference: Reference | None) -> str:
     """The reference of a fit by magnitude, in words."""
     if reference is None:
         return "none: mean gain set to 1"
-    f = reference.magnitudes(len(reference.values))
-    size = f"{f[0]:g} nT" if len(f) == 1 else f"{f.min():g} to {f.max():g} nT per sample"
-    return f"{size} ({reference.source})"
+    return reference.describe()

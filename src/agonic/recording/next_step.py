@@ -39,6 +39,9 @@ def choose_command(
     if log.name == NAME:  # what was piped in is not there any more
         return ""
     named = shlex.quote(str(log))
+    if any(has_shots(one.samples) for one in results):
+        read = {name: typed[name] for name in _OF_READING if name in typed}
+        return f"agonic fit pair {named}{write_options(read)} -o setup.toml"
     for result in sorted(results, key=lambda one: _GRAVEST_FIRST.index(one.verdict)):
         if command := _find_remedy(result, named, typed):
             return command
@@ -54,6 +57,11 @@ def choose_command(
         return ""
     calibration = shlex.quote(_find_calibration(folder, first))
     return f"agonic apply {calibration} {named}{write_options(read)} -o corrected.csv"
+
+
+def has_shots(samples: Samples) -> bool:
+    """Whether rows are shots of an instrument: at rest, with the target that its sight was on."""
+    return samples.target is not None and samples.acceleration is not None
 
 
 def _tell_place(samples: Samples, typed: Mapping[str, str]) -> dict[str, str]:

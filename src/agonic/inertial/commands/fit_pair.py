@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,6 +22,7 @@ def add_to(kinds: typer.Typer) -> None:
 
 
 def pair(
+    context: typer.Context,
     log: Annotated[
         Path,
         typer.Argument(
@@ -50,6 +52,7 @@ def pair(
     from agonic.console.finish import finish
     from agonic.console.place import find_reference
     from agonic.console.sensors import open_sensor
+    from agonic.console.typed_options import list_typed_options, write_options
     from agonic.files.setup import load_setup, save_setup
     from agonic.inertial.pair import check_pair, fit_pair
     from agonic.inertial.pair.document import describe_check, describe_pair
@@ -67,7 +70,11 @@ def pair(
     files = []
     if out is not None and fit.verdict != "refused":
         files.append(save_setup(fit.make_setup(**_of_place(samples, reference)), out))
-    document = describe_pair(fit, samples.name, str(out or "setup.toml"))
+    following = f"agonic heading {quote(str(out))} LOG -o headings.csv"
+    if out is None:  # nothing is there to go on from
+        typed = write_options(list_typed_options(context))
+        following = f"agonic fit pair {quote(str(log))}{typed} -o setup.toml"
+    document = describe_pair(fit, samples.name, following)
     return finish(document, files=files, report=report, as_json=as_json)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,9 @@ CHANGE_HEAD = ("", "By", "Standard errors", "Headings, rms", "Chance")
 TERM_HEAD = ("", "x", "y", "z")
 
 
-def describe_pair(fit: PairFit, sensor: str, setup: str = "setup.toml") -> Document:
-    """The calibrations of a sensor and its accelerometer, how each shot fits, and what to add.
+def describe_pair(fit: PairFit, sensor: str, following: str = "") -> Document:
+    """The calibrations of a sensor and its accelerometer, how each shot fits, and what to add; the
+    command `following` is told.
 
     >>> from agonic.inertial.pair import fit_pair
     >>> from agonic.inertial.pair.simulate import simulate_shots
@@ -43,7 +43,7 @@ def describe_pair(fit: PairFit, sensor: str, setup: str = "setup.toml") -> Docum
         sections=sections,
         values=_values(fit, sensor),
         calibration=None if refused else fit.calibration,
-        next_step="" if refused else f"agonic heading {quote(setup)} LOG -o headings.csv",
+        next_step="" if refused else following,
     )
 
 
