@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from agonic.errors import AgonicError
-from agonic.provenance import Provenance
 
 CITATIONS: dict[str, str] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 """Full references by the key that `Provenance.method` holds."""
@@ -28,11 +28,11 @@ def find_citation(key: str) -> str:
     return CITATIONS[key]
 
 
-def list_cited(made: Provenance) -> list[str]:
+def list_cited(method: Iterable[str], settings: Mapping[str, object]) -> list[str]:
     """The keys of what a result is made by: its methods, and a world model that its settings name.
 
-    >>> list_cited(Provenance(settings={"reference": "48000 nT (IGRF-14)"}, method=("huber-1981",)))
+    >>> list_cited(["huber-1981"], {"reference": "48000 nT (IGRF-14)"})
     ['huber-1981', 'igrf-14']
     """
-    named = " ".join(map(str, made.settings.values())).lower()
-    return [*made.method, *(key for key in WORLD_MODELS if key in named)]
+    named = " ".join(map(str, settings.values())).lower()
+    return [*method, *(key for key in WORLD_MODELS if key in named)]

@@ -22,7 +22,8 @@ def cite(cal: CalibrationPath, as_json: Json = False) -> int:
 
     made = list_origins(require_calibration(load(cal)))
     provenance = made[0]
-    sources = {key: find_citation(key) for one in made for key in list_cited(one)}
+    keys = [key for one in made for key in list_cited(one.method, one.settings)]
+    sources = {key: find_citation(key) for key in keys}
     inputs = dict.fromkeys(given for one in made for given in one.inputs)
     if as_json:
         print_json(
