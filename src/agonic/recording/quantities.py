@@ -211,14 +211,16 @@ def _move(calibration: Affine, by: Array) -> Affine:
     basis = model_basis("full", calibration.gauge)
     size = basis.shape[1]
     bias, matrix = split(basis @ by[:size])
-    changed: dict[str, Any] = {
-        "bias": calibration.bias + bias,
-        "matrix": calibration.matrix + matrix,
-        "covariance": None,
-    }
+    more: dict[str, Array] = {}
     if isinstance(calibration, Interference):
-        changed["coefficients"] = calibration.coefficients + by[size:].reshape(3, -1)
-    return replace(calibration, **changed)
+        more["coefficients"] = calibration.coefficients + by[size:].reshape(3, -1)
+    return _put(calibration, calibration.bias + bias, calibration.matrix + matrix, **more)
+
+
+def _put(calibration: Affine, bias: Array, matrix: Array, **more: Array) -> Affine:
+    """The calibration with other numbers, whose errors are not known."""
+    numbers: dict[str, Any] = {"bias": bias, "matrix": matrix, "covariance": None, **more}
+    return replace(calibration, **numbers)
 
 
 def _find_logged(result: Calibrated) -> Affine | None:
@@ -226,4 +228,4 @@ def _find_logged(result: Calibrated) -> Affine | None:
     logged = result.samples.logged
     if logged is None or mixes_sensors(result.fit.calibration):
         return None
-    return replace(result.fit.calibration, bias=logged.bias, matrix=logged.matrix, covariance=None)
+    return _put(result.fit.calibration, logged.bias, logged.matrix)
