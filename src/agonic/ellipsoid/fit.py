@@ -119,7 +119,7 @@ def fit_ellipsoid(
         gain is set to 1 and the result keeps the unit of the readings; `fit.remarks` says so.
     unit : of readings that are an array or do not say.
     model : "sphere" (bias, one gain), "diagonal" (three gains), "full" (symmetric matrix), or
-        "auto": the smallest that nested tests do not reject.
+        "auto": the full one, of very few readings a sphere.
     method : "likelihood", "adjusted" (one pass, consistent), and the published "li-griffiths" and
         "linear" for comparison (both biased by noise; robust and prior do not apply).
     robust : down-weight outliers by Tukey's loss when a reading stands out.
@@ -235,7 +235,7 @@ def _solve(
         return solve_likelihood(problem, model, posed.robust(settings), settings.seed, start)
 
     try:
-        found, tests = choose_model(attempt, settings.model, len(points), method)
+        found, tests = choose_model(attempt, settings.model, len(points))
     except OverflowError:  # an axis that never moves leaves the fit without any hold
         raise _without_hold(samples) from None
     if not _HELD < np.linalg.norm(found.matrix) < 1 / _HELD:

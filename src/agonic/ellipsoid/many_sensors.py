@@ -15,8 +15,6 @@ from agonic.ellipsoid.moments_fit import STILL, middle, still
 from agonic.ellipsoid.settings import Fixed, Gauge, Model
 from agonic.ellipsoid.solve import (
     DISCERNIBLE,
-    SIGNIFICANT,
-    SMALLER,
     no_ellipsoid,
     too_few,
 )
@@ -209,7 +207,7 @@ def _fewer(count: int, model: Model) -> str:
 
 
 def _choose_models(sums: Array, count: NDArray[np.int_], model: Model, part: Fits) -> None:
-    """The model asked for, or for each sensor the smallest that nested tests do not reject."""
+    """The model asked for, or the full one with tests of those within; a sphere of few readings."""
     if model != "auto":
         _attempt(sums, np.flatnonzero(part.fitted), model, part)
         return
@@ -217,25 +215,11 @@ def _choose_models(sums: Array, count: NDArray[np.int_], model: Model, part: Fit
     rows = np.flatnonzero(part.fitted & (count >= FEWEST))
     _attempt(sums, rows, "full", part)
     rows = rows[part.fitted[rows]]
-    bias, matrix, covariance = part.bias[rows], part.matrix[rows], part.covariance[rows]
+    matrix, covariance = part.matrix[rows], part.covariance[rows]
     worst = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)[:, 3:].max(axis=1))
-    discerned = worst < DISCERNIBLE * gauges.mean_gain(matrix)
     tests = gauges.compare_soft_iron_models(matrix, covariance)
-    p_values = np.stack([p for *_, p in tests], axis=1)
-    part.discerned[rows], part.p_values[rows] = discerned, p_values
-    open_ = np.ones(len(rows), dtype=bool)
-    for fixed, (_, _, statistic, p) in zip(SMALLER, tests, strict=True):
-        taken = open_ & (p > SIGNIFICANT)
-        at = rows[taken]
-        _attempt(sums, at, fixed, part)
-        part.covariance[at] = gauges.keep_doubt(
-            (part.bias[at], part.matrix[at]),
-            (bias[taken], matrix[taken]),
-            covariance[taken],
-            statistic[taken],
-            UNKNOWNS["full"] - UNKNOWNS[fixed],
-        )
-        open_ &= ~taken
+    part.discerned[rows] = worst < DISCERNIBLE * gauges.mean_gain(matrix)
+    part.p_values[rows] = np.stack([p for *_, p in tests], axis=1)
 
 
 def _attempt(sums: Array, rows: Index, model: Fixed, part: Fits) -> None:

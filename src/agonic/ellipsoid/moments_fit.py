@@ -60,7 +60,7 @@ def fit_moments(
         raise CoverageError(f"{sums.count} readings cannot hold a sphere; four are the least")
     normalised, scale = normalise_moments(sums, reference)
     found, tests = choose_model(
-        lambda fixed: solve_algebraic(normalised, fixed, "adjusted"), model, sums.count, "adjusted"
+        lambda fixed: solve_algebraic(normalised, fixed, "adjusted"), model, sums.count
     )
     chosen = {
         "fit": "ellipsoid",

@@ -28,8 +28,6 @@ _PRESENT = {"sphere": "soft iron or unequal gains are", "diagonal": "cross-axis 
 _WHICH = {True: "soft iron or non-orthogonal axes are", False: "unequal gains are"}
 """Which of the first, by whether cross-axis terms tilt the ellipsoid."""
 
-SMALLER: tuple[Fixed, Fixed] = ("sphere", "diagonal")
-
 
 class Found(NamedTuple):
     """One model's fit to points that are centred and scaled to about one, magnitude one; by
@@ -144,13 +142,11 @@ def too_few(n: int, model: Model) -> CoverageError:
 
 
 def choose_model(
-    attempt: Callable[[Fixed], Found], model: Model, n: int, method: Method
+    attempt: Callable[[Fixed], Found], model: Model, n: int
 ) -> tuple[Found, tuple[ModelTest, ...]]:
-    """The fit of the model asked for, or of all that the readings tell, and tests of smaller ones.
+    """The fit of the model asked for, or of the full one, and tests of those within it.
 
-    By likelihood that is the full model, whose soft iron the evidence shrinks (`model.posterior`);
-    moments leave the smallest that tests do not reject, with the uncertainty of the full one
-    (`gauge.keep_doubt`).
+    By likelihood the evidence shrinks its soft iron (`model.posterior`).
     """
     if n < UNKNOWNS.get(model, 4):
         raise too_few(n, model)
@@ -173,20 +169,7 @@ def choose_model(
         )
         for small, large, x, p in compared
     )
-    if method not in ("likelihood", "li-griffiths"):
-        for fixed, test in zip(SMALLER, tests, strict=True):
-            if test.p_value > SIGNIFICANT:
-                return _doubt(attempt(fixed), full, test.statistic), tests
     return full, tests
-
-
-def _doubt(small: Found, full: Found, statistic: float) -> Found:
-    """A smaller model's fit with the uncertainty of the full one."""
-    one, other = (small.bias, small.matrix), (full.bias, full.matrix)
-    conditions = UNKNOWNS["full"] - UNKNOWNS[small.model]
-
-    covariance = gauge.keep_doubt(one, other, full.covariance, statistic, conditions)
-    return small._replace(covariance=covariance)
 
 
 def describe_test(smaller: str, p: float, discerned: bool, tilted: bool) -> str:

@@ -8,7 +8,6 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.ellipsoid.many_sensors import Fits
-from agonic.ellipsoid.solve import SIGNIFICANT
 from agonic.health import FEWEST
 from agonic.health.mounting import VERTICAL_DOUBTFUL
 from agonic.health.scale import GAIN
@@ -24,8 +23,6 @@ PRIOR_SD = 0.1
 """The prior on soft iron of `fit_ellipsoid`."""
 PULL = 0.2
 """Standard errors by which that prior may move a result."""
-NEAR = 2.0
-"""A test this near to its limit, as a factor, may go the other way by another fit."""
 KURTOSIS = 5.0
 """Of residuals; 3 for Gaussian noise, whose 200 readings exceed 5 once in two thousand times."""
 CHANGED = 18.0
@@ -49,8 +46,6 @@ def find_doubts(
         relative = residuals.sd
         gain = np.trace(fits.matrix, axis1=1, axis2=2) / 3
         limit = np.sqrt(2 * np.log(2 * np.maximum(count, 1))) + 1
-        p = fits.p_values
-        near = (p > SIGNIFICANT / NEAR) & (p < SIGNIFICANT * NEAR)
         return {
             "no fit": ~fits.fitted,
             "few readings": count < 2 * FEWEST,
@@ -59,7 +54,6 @@ def find_doubts(
             "coverage": ~(fits.heading_sd_deg < HEADING_SD_DEG),
             "noise": ~(relative < NOISE),
             "prior": ~(_compute_pull(fits) < PULL),
-            "model": near.any(axis=1),
             "outliers": (residuals.largest.max(axis=1) > limit * relative)
             | (residuals.fourths.sum(axis=1) > KURTOSIS * count * relative**4),
             "changed": ~(_compute_changes(residuals) < CHANGED),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, expit
+from scipy.special import chdtrc
 
 from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
@@ -113,31 +113,6 @@ def make_triangular(matrix: Array, covariance: Array) -> tuple[Array, Array]:
         behind = pack_symmetric(upper(flat - direction * step))
         change[..., 3:, 3 + k] = (ahead - behind) / (2 * step)
     return upper(flat), change @ covariance @ np.swapaxes(change, -1, -2)
-
-
-def keep_doubt(
-    small: tuple[Array, Array],
-    full: tuple[Array, Array],
-    covariance: Array,
-    statistic: Any,
-    conditions: int,
-) -> Array:
-    """Covariance of a smaller model that a test did not reject: C + w d dᵀ, (…, 9, 9).
-
-    Soft iron that a test does not see is not zero. The smaller model is the better guess, but what
-    is known of it is what the full one knows, and where the two differ by d it may be either: w is
-    the weight of the full model by Akaike's criterion, 1/(1 + exp(k − χ²/2)).
-
-    Parameters: bias and matrix of each, the covariance C of the full one, and the statistic χ² of
-    the k conditions.
-
-    Source: Buckland, Burnham & Augustin (1997), Biometrics 53, 603.
-    """
-    apart = np.concatenate(
-        [full[0] - small[0], pack_symmetric(full[1]) - pack_symmetric(small[1])], axis=-1
-    )
-    weight = expit(np.asarray(statistic) / 2 - conditions)[..., None, None]
-    return np.asarray(covariance + weight * apart[..., :, None] * apart[..., None, :])
 
 
 def compare_soft_iron_models(matrix: Array, covariance: Array) -> list[tuple[str, str, Any, Any]]:
