@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.contents import MOST_BYTES, check_declared
+from agonic.logs.contents import check_declared
 from agonic.logs.headers.columns import refuse_many
 
 _HEAP = b"GCOL"
@@ -59,22 +59,13 @@ def list_items(group: Any) -> dict[str, Any]:
     return found
 
 
-class Budget:
-    """Reads data sets of a file, together no more than memory should hold."""
-
-    def __init__(self) -> None:
-        self._left = MOST_BYTES
-
-    def values(self, item: Any) -> NDArray[Any]:
-        """The values of a data set; `LogError` where they lie elsewhere or are too many."""
-        if item.external or item.is_virtual:
-            raise LogError(
-                f"{item.name} keeps its values in another file, which is not followed; copy them "
-                "into one file (h5repack)"
-            )
-        size = int(np.prod(item.shape, dtype=object)) * max(item.dtype.itemsize, 1)
-        check_declared(size, int(item.id.get_storage_size()), str(item.name))
-        self._left -= size
-        if self._left < 0:
-            raise LogError(f"its values take more than {MOST_BYTES / 1e9:g} GB of memory; cut it")
-        return np.asarray(item[()])
+def read_values(item: Any) -> NDArray[Any]:
+    """The values of a data set; `LogError` where they lie elsewhere or are too many."""
+    if item.external or item.is_virtual:
+        raise LogError(
+            f"{item.name} keeps its values in another file, which is not followed; copy them "
+            "into one file (h5repack)"
+        )
+    size = int(np.prod(item.shape, dtype=object)) * max(item.dtype.itemsize, 1)
+    check_declared(size, int(item.id.get_storage_size()), str(item.name))
+    return np.asarray(item[()])

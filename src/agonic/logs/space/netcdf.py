@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.arrays.hdf5 import Budget, check_heaps, list_items
+from agonic.logs.arrays.hdf5 import check_heaps, list_items, read_values
 from agonic.logs.arrays.stacked import is_sampling_rate
 from agonic.logs.child_process import call
 from agonic.logs.clocks.clock import read_clock
@@ -80,7 +80,7 @@ def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
     found: dict[str, Found] = {}
     notes: list[str] = []
     with h5py.File(path, "r") as file:
-        items, budget = list_items(file), Budget()
+        items = list_items(file)
         for group in [name for name, item in items.items() if isinstance(item, h5py.Group)]:
             items |= {
                 f"{group}.{name}": item for name, item in list_items(items.pop(group)).items()
@@ -100,7 +100,7 @@ def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
             try:
                 wanted = (is_sampling_rate(name) and item.ndim == 0) or 1 <= item.ndim <= 2
                 if wanted and _is_variable(item):
-                    found[name] = budget.values(item), _attributes(item.attrs)
+                    found[name] = read_values(item), _attributes(item.attrs)
             except LogError as error:
                 notes.append(str(error))
             except Exception as error:
