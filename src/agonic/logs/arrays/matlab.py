@@ -2,7 +2,7 @@
 
 Variables, and fields of structures, are named as the columns of a table are; see `columns` and
 `stacked`. Recordings of the BROAD data set are known by their variables, see `broad`, and exports
-of ArduPilot logs by their labels, see `ardupilot.labelled`.
+of ArduPilot logs by their labels, see `ardupilot.dataflash`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabOpaque, mat_struct
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.ardupilot import labelled
+from agonic.logs.ardupilot.dataflash import is_labelled, read_labelled
 from agonic.logs.arrays import broad
 from agonic.logs.arrays.hdf5 import check_heaps, list_items, read_values
 from agonic.logs.arrays.stacked import build_arrays_log, build_tables
@@ -35,8 +35,8 @@ _MOST_IN_A_ROW = 4  # a quaternion
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a MATLAB file is; `unit` is that of the field where no variable names one."""
     contents = _read_contents(path)
-    if labelled.is_labelled(contents):
-        return labelled.read_labelled(contents, path, source)
+    if is_labelled(contents):
+        return read_labelled(contents, path, source)
     arrays = _flat(contents)
     remarks: tuple[str, ...] = ()
     if broad.is_broad(arrays):

@@ -4,19 +4,65 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import Identified, identify_columns
 from agonic.logs.headers.header import Column, identify_column
-from agonic.logs.large.database import connect, database_error_type, quote, select_table
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
+
+
+@contextmanager
+def connect(memory_MB: int = 400, threads: int = 2) -> Iterator[Any]:
+    """A DuckDB in memory, with bounds; what does not fit goes to a temporary folder."""
+    try:
+        import duckdb
+    except ImportError:
+        raise MissingExtraError("a dataset of many sensors", "fleet") from None
+    with TemporaryDirectory(prefix="agonic-") as folder, duckdb.connect() as db:
+        db.execute(f"set temp_directory = {quote_literal(folder)}")
+        db.execute(f"set memory_limit = '{memory_MB}MB'; set threads = {threads}")
+        db.execute("set preserve_insertion_order = false; set enable_progress_bar = false")
+        db.execute("set TimeZone = 'UTC'")
+        yield db
+
+
+def select_table(files: Sequence[str]) -> str:
+    """The SQL of all rows of these files, with `file_row_number` and `filename`."""
+    names = ", ".join(map(quote_literal, files))
+    return (
+        f"read_parquet([{names}], hive_partitioning = true, hive_types_autocast = false, "
+        "file_row_number = true, filename = true)"
+    )
+
+
+def quote(name: str) -> str:
+    """A column's name in SQL.
+
+    >>> quote('mag "x"')
+    '"mag ""x""\"'
+    """
+    return '"' + name.replace('"', '""') + '"'
+
+
+def quote_literal(text: str) -> str:
+    """A text in SQL."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def database_error_type() -> type[Exception]:
+    import duckdb
+
+    return duckdb.Error
+
 
 SENSOR_COLUMNS = (
     "sensor",

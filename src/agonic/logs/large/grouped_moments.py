@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.logs.headers.header import Column
-from agonic.logs.large.database import quote, select_table
-from agonic.logs.large.dataset import Channel, Dataset
+from agonic.logs.large.dataset import Channel, Dataset, quote, select_table
 from agonic.maths.equation.moments import EXPONENTS
 
 _UNIX_SECONDS = (1e9, 4.1e9)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from agonic.logs.headers.columns import find_columns
 from agonic.logs.headers.header import identify_column, is_unit
-from agonic.logs.headers.patterns import FALLBACK
+from agonic.logs.headers.words import FALLBACK
 from agonic.logs.text.layout import NUMBER, SAMPLE, STAMP
 
 _LABEL = re.compile(
