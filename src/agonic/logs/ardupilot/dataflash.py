@@ -45,6 +45,8 @@ from agonic.samples import Samples
 
 _LABEL = "_label"
 _LINE = ("LineNo", "linenumber", "Line")
+_WORDS = ("MSG", "VER")
+"""Messages of texts, for which such a file holds zeros."""
 
 
 def is_labelled(contents: Mapping[str, Any]) -> bool:
@@ -60,7 +62,7 @@ def read_labelled(contents: Mapping[str, Any], path: Path, source: Input) -> Log
     for name, values in contents.items():
         labels = contents.get(f"{name}{_LABEL}")
         table = _make_table(values, labels) if labels is not None else None
-        if table is not None:
+        if table is not None and name not in _WORDS:
             tables[name] = table
     if (parameters := _read_parameters(contents.get("PARM"))) is not None:
         tables["PARM"] = parameters

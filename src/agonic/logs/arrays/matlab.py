@@ -24,7 +24,9 @@ from agonic.logs.arrays.hdf5 import check_heaps, list_items, read_values
 from agonic.logs.arrays.stacked import build_arrays_log, build_tables
 from agonic.logs.child_process import call
 from agonic.logs.headers.columns import refuse_many
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
+from agonic.logs.text.dialects import MAVLINK
+from agonic.logs.text.kinds import build_kinds_log
 from agonic.provenance import Input
 
 VERSION_7_3 = b"MATLAB 7.3 MAT-file"
@@ -38,6 +40,9 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     if is_labelled(contents):
         return read_labelled(contents, path, source)
     arrays = _flat(contents)
+    if messages := _gather_messages(arrays):
+        facts = Facts(path=path, source=source, format="MAVLink telemetry in MATLAB", unit=unit)
+        return build_kinds_log(messages, MAVLINK, facts)
     remarks: tuple[str, ...] = ()
     if broad.is_broad(arrays):
         arrays, remarks = broad.rename_variables(arrays)
@@ -59,6 +64,23 @@ def _read_contents(path: Path) -> dict[str, Any]:
         raise MissingExtraError("reading a MATLAB 7.3 file", "space")
     contents: dict[str, Any] = call(read_version_7_3 if hdf else read_version_5, path)
     return contents
+
+
+def _gather_messages(arrays: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, NDArray[Any]]]:
+    """The columns of the MAVLink messages that Mission Planner exports: `xmag_mavlink_raw_imu_t`.
+
+    Each is (n, 2): when it came, days as MATLAB counts them, and its value. Source: Log/MatLab.cs.
+    """
+    tables: dict[str, dict[str, NDArray[Any]]] = {}
+    for name, array in arrays.items():
+        field, _, message = name.removesuffix("_t").partition("_mavlink_")
+        kind = MAVLINK.get(message.upper())
+        cell = next((c for c in kind.cells if c.theirs == field), None) if kind else None
+        if cell is not None and array.ndim == 2 and array.shape[1] == 2:
+            table = tables.setdefault(message.upper(), {"time": array[:, 0]})
+            if not cell.header.startswith("time"):  # messages count from times of their own
+                table[cell.header] = array[:, 1] / cell.counts
+    return tables
 
 
 def read_version_5(path: Path) -> dict[str, Any]:

@@ -89,6 +89,22 @@ def _number(text: str) -> float:
     return -size if plain.startswith("-") else size
 
 
+def number_labels(values: NDArray[Any]) -> Array:
+    """Numbers of labels: themselves, or 1, 2, … where they are words; 0 where there is none.
+
+    >>> number_labels(np.array(["A", "", "B", "A"])), number_labels(np.array(["7", "", "8"]))
+    (array([1., 0., 2., 1.]), array([7., 0., 8.]))
+    """
+    if values.dtype.kind not in "OUS":
+        return np.nan_to_num(np.asarray(values, dtype=np.float64))
+    labels = [str(value).strip() for value in values]
+    numbers = to_numbers(np.array([label or "0" for label in labels]))
+    if np.isfinite(numbers).all():
+        return numbers
+    known = {label: k for k, label in enumerate(sorted({*labels} - {""}), start=1)}
+    return np.array([known.get(label, 0.0) for label in labels], dtype=np.float64)
+
+
 def set_angle_unit(found: Identified, table: Table) -> Identified:
     """The columns, with attitude that names no unit in degrees where it exceeds one turn in rad."""
     attitude = [axes[""] for name in ATTITUDE for axes in found.get(name, {}).values()]

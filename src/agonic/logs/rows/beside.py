@@ -17,6 +17,7 @@ from agonic.logs.rows.auxiliary import (
     Table,
     convert_column,
     fill_holes,
+    number_labels,
     to_numbers,
 )
 from agonic.logs.rows.times import pick
@@ -183,6 +184,8 @@ def read_columns(
             if column == "heading_deg" and _of_a_filter(group):
                 estimated = True
                 notes.append(YAW)
+        elif group and column == "target":
+            columns[column] = part.take(number_labels(part.table[group[""].header]))
         elif group:
             columns[column], remarks = convert_column(group, part.values(group), time, readings)
             notes.extend(remarks)

@@ -207,7 +207,11 @@ def _read_pairs(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
 
 def build_dialect_log(dialect: Dialect, text: str, facts: Facts) -> Log:
     """The log that rows of a dialect are."""
-    tables = read_dialect(dialect, text)
+    return build_kinds_log(read_dialect(dialect, text), dialect.kinds, facts)
+
+
+def build_kinds_log(tables: Mapping[str, Table], kinds: Mapping[str, Kind], facts: Facts) -> Log:
+    """The log that tables of several kinds are, by their names; one without a name is alone."""
     if "" in tables:
         log = build_log(tables[""], **facts)
     else:
@@ -215,15 +219,15 @@ def build_dialect_log(dialect: Dialect, text: str, facts: Facts) -> Log:
         groups = {name.lstrip("$"): table for name, table in tables.items() if name not in others}
         facts["others"] = others
         log = build_groups_log(groups, **facts)
-    return replace(log, sensors=tuple(_mark(one, dialect) for one in log.sensors))
+    return replace(log, sensors=tuple(_mark(one, kinds) for one in log.sensors))
 
 
 def _holds_times_alone(table: Table) -> bool:
     return {*find_quantities(table).values()} <= {"time"}
 
 
-def _mark(samples: Samples, dialect: Dialect) -> Samples:
-    kind = dialect.kinds.get(samples.name.partition(" ")[0])
+def _mark(samples: Samples, kinds: Mapping[str, Kind]) -> Samples:
+    kind = kinds.get(samples.name.partition(" ")[0])
     return samples if kind is None else mark_corrected(samples, kind.corrected)
 
 
