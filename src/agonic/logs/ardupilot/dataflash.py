@@ -38,6 +38,7 @@ from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.logs.contents import to_number
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
 from agonic.logs.log import Log
+from agonic.logs.rows.calendar import gps_utc_s
 from agonic.logs.rows.heading_source import choose_heading
 from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, find_misplaced
 from agonic.provenance import Input
@@ -136,14 +137,6 @@ SCHEMA = ("FMT", "FMTU", "UNIT", "MULT")
 """Messages that describe messages."""
 
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
-LEAP_SECONDS = {
-    datetime(2006, 1, 1, tzinfo=UTC): 14,
-    datetime(2009, 1, 1, tzinfo=UTC): 15,
-    datetime(2012, 7, 1, tzinfo=UTC): 16,
-    datetime(2015, 7, 1, tzinfo=UTC): 17,
-    datetime(2017, 1, 1, tzinfo=UTC): 18,
-}
-"""GPS − UTC, and since when (IERS Bulletin C)."""
 
 _FIRST_WEEK = 1356  # that of 2006-01-01; before there were such logs
 _LONGEST_RUN_S = 1e8  # three years; what lies above is damage
@@ -250,8 +243,7 @@ def _utc_of_boot(gps: Table) -> datetime | None:
         return None
     moment = week[known] * 604800.0 + milliseconds[known] / 1e3
     utc = GPS_EPOCH + timedelta(seconds=float(np.median(moment - boot[known])))
-    leap = [seconds for month, seconds in LEAP_SECONDS.items() if month <= utc]
-    return utc - timedelta(seconds=leap[-1]) if leap else None
+    return utc - timedelta(seconds=gps_utc_s(utc.timestamp()))
 
 
 def find_firmware(tables: Tables) -> tuple[str, ...]:
