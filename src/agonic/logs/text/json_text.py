@@ -23,7 +23,9 @@ from agonic.logs.contents import to_number
 from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
+from agonic.logs.text.dialects import MAVLINK, Cell, Kind
+from agonic.logs.text.kinds import build_kinds_log, name_cells
 from agonic.logs.text.layout import SAMPLE
 from agonic.logs.text.long_table import build_tables_log, name_label
 from agonic.provenance import Input
@@ -89,15 +91,44 @@ _LARGEST = 1_000_000_000
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a JSON text is; `unit` is that of the field where no name tells one."""
-    table, facts = read_table(path)
-    return build_tables_log(table, path=path, source=source, unit=unit, **facts)
+    records, broken = _load_file(path)
+    if messages := _gather_messages(records):
+        facts = Facts(path=path, source=source, format="MAVLink as JSON", unit=unit)
+        return build_kinds_log(messages, MAVLINK, facts)
+    table, found = _make_table(records, broken)
+    return build_tables_log(table, path=path, source=source, unit=unit, **found)
+
+
+def _gather_messages(records: list[dict[str, Any]]) -> dict[str, dict[str, NDArray[Any]]]:
+    """The columns of MAVLink messages as `mavlogdump.py --format json` writes them, at the times of
+    their arrival; none where the objects are others.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for record in records:
+        meta, data = record.get("meta"), record.get("data")
+        if isinstance(meta, dict) and isinstance(data, dict) and meta.get("type") in MAVLINK:
+            found.setdefault(meta["type"], []).append({**data, "arrived": meta.get("timestamp")})
+    tables = {}
+    for kind, rows in found.items():
+        cells = tuple(c for c in MAVLINK[kind].cells if not c.header.startswith("time"))
+        tables[kind] = name_cells(Kind((Cell("time_s", theirs="arrived"), *cells)), rows)
+    return tables if any("mag_x_mG" in table for table in tables.values()) else {}
 
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns that are understood, by name, and what to tell of the file."""
+    return _make_table(*_load_file(path))
+
+
+def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
     if path.stat().st_size > _LARGEST:
         raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
-    records, broken = _load(path.read_bytes())
+    return _load(path.read_bytes())
+
+
+def _make_table(
+    records: list[dict[str, Any]], broken: int
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     table, others = make_table(records)
     notes = (f"{broken} lines or a torn end are no JSON and were left out",) * (broken > 0)
     return table, {"format": "JSON", "others": others, "notes": notes}
