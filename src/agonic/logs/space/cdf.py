@@ -1,4 +1,4 @@
-"""CDF files of space missions, with cdflib; what variables are called is told in `spacecraft`."""
+"""CDF files of space missions, with cdflib; what variables are called is told in `products`."""
 
 from __future__ import annotations
 
