@@ -15,8 +15,8 @@ from agonic.errors import AgonicError, FrameError, LogError, TwoAxisError
 from agonic.exports.targets import write
 from agonic.files.calibration import load, save
 from agonic.headings.compute import heading
+from agonic.logs.log import allow_two_axes
 from agonic.logs.read import open_log
-from agonic.logs.rows.two_axes import allow_two_axes
 from agonic.samples import Samples
 from tests.command_line import answer, complaint
 from tests.ellipse.test_fit import BIAS, MATRIX, H, Z, record

@@ -17,8 +17,7 @@ from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings
 from agonic.fleet.simulation.logs import make_tables
 from agonic.fleet.simulation.simulate import simulate_fleet
-from agonic.logs.large.database import connect
-from agonic.logs.large.dataset import find_dataset
+from agonic.logs.large.dataset import connect, find_dataset
 from agonic.logs.large.grouped_moments import Grouped, sum_moments
 from agonic.logs.large.grouped_residuals import sum_residuals
 from agonic.moments import Moments

@@ -119,6 +119,75 @@ SAMPLES = {
         "raw",
         (0.5 * G, 0, G),
     ),
+    "MAVLink as JSON": Sample(
+        "".join(
+            f'{{"meta": {{"type": "RAW_IMU", "timestamp": 178000000{k}.5}}, "data": {{"time_usec": '
+            f'1{k}00000, "xacc": 0, "yacc": -5, "zacc": -999, "xgyro": -998, "ygyro": -1611, '
+            f'"zgyro": 937, "xmag": {339 + k}, "ymag": -68, "zmag": 649}}}}\n'
+            f'{{"meta": {{"type": "HEARTBEAT", "timestamp": 178000000{k}.7}}, '
+            '"data": {"type": 2}}\n'
+            for k in range(5)
+        ),
+        (33900, -6800, 64900),
+        "nT",
+        (0, -0.005 * G, -0.999 * G),
+        (-0.998, -1.611, 0.937),
+        corrected=True,
+    ),
+    "MAVLink": Sample(
+        "timestamp,"
+        + ",".join(f"RAW_IMU.{a}{n}" for n in ("acc", "gyro", "mag") for a in "xyz")
+        + "\n"
+        + "".join(f"178000000{k}.5,0,-5,-999,-998,-1611,937,{339 + k},-68,649\n" for k in range(5)),
+        (33900, -6800, 64900),
+        "nT",
+        (0, -0.005 * G, -0.999 * G),
+        (-0.998, -1.611, 0.937),
+        corrected=True,
+    ),
+    "ActiGraph": Sample(
+        "------- Data File Created By ActiGraph Link ActiLife v6.13.3 Firmware v1.7.2 -------\n"
+        "Serial Number: TAS1H30182785\nStart Time 15:00:00\nStart Date 3/5/2026\n"
+        "--------------------------------------------------\n"
+        "Timestamp,Accelerometer X,Accelerometer Y,Accelerometer Z,Temperature,Gyroscope X,"
+        "Gyroscope Y,Gyroscope Z,Magnetometer X,Magnetometer Y,Magnetometer Z\n"
+        + "".join(
+            f"2026-03-05T15:00:0{k}.0,0.5,0,1,20.1,90,-45,0,33.{k},-6.8,64.9\n" for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+        (0.5 * G, 0, G),
+        (np.pi / 2, -np.pi / 4, 0),
+    ),
+    "OpenLog Artemis": Sample(
+        "rtcDate,rtcTime,aX,aY,aZ,gX,gY,gZ,mX,mY,mZ,imu_degC,output_Hz,\n"
+        + "".join(
+            f"03/15/2026,08:15:00.{k}0,500.0,0.0,1000.0,90.0,-45.0,0.0,33.{k},-6.8,64.9,25.1,10.0,\n"
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+        (0.5 * G, 0, G),
+        (np.pi / 2, -np.pi / 4, 0),
+    ),
+    "MagArrow": Sample(
+        "Counter,Date,Time,Latitude,Longitude,Mag,MagValid,CompassX,CompassY,CompassZ\n"
+        + "".join(
+            f"{k},2026/03/05,08:15:00.{k}00,52.0,5.0,49000.1,1,3300{k},-6800,64900\n"
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+    ),
+    "DatCon": Sample(
+        "Tick#,offsetTime,IMU_ATTI(0):gyro:X,IMU_ATTI(0):gyro:Y,IMU_ATTI(0):gyro:Z,"
+        "IMU_ATTI(0):mag:X,IMU_ATTI(0):mag:Y,IMU_ATTI(0):mag:Z\n"
+        + "".join(f"{900 * k},0.{k},90,-45,0,{339 + k},-68,649\n" for k in range(5)),
+        (339, -68, 649),
+        "raw",
+        None,
+        (np.pi / 2, -np.pi / 4, 0),
+    ),
 }
 
 
@@ -172,6 +241,33 @@ def test_shots_of_a_group_of_topodroid_are_along_one_line(tmp_path: Path) -> Non
 def test_messages_of_paparazzi_before_6_have_no_number_of_the_sensor(tmp_path: Path) -> None:
     text = "".join(f"0.0{k}0 1 IMU_MAG_RAW {678 + k} -138 1299\n" for k in range(5))
     assert ag.read(write(tmp_path, text)).field[0] == pytest.approx([678, -138, 1299])
+
+
+def test_units_and_clocks_as_short_as_they_are_written(tmp_path: Path) -> None:
+    """`radps` is rad/s; of the two clocks of DroneCAN the one with a date is taken."""
+    axes = ",".join(f"{n}_{a}_{u}" for n, u in (("mag", "uT"), ("gyro", "radps")) for a in "xyz")
+    text = f"ts_mono,ts_real,{axes}\n" + "".join(
+        f"{7 + k},{1_780_000_000 + k},33,-7,4{k},1,2,3\n" for k in range(5)
+    )
+    samples = ag.read(write(tmp_path, text))
+    assert samples.rotation_rate[0] == pytest.approx([1, 2, 3])
+    assert samples.epoch.year == 2026
+    alone = ag.read(write(tmp_path, text.replace("ts_real", "note")))
+    assert (alone.time[0], alone.epoch) == (7, None)
+
+
+@pytest.mark.parametrize(
+    ("cells", "targets"),
+    [(["A", "", "B", "A", ""], [1, 0, 2, 1, 0]), (["7", "", "8", "7", ""], [7, 0, 8, 7, 0])],
+)
+def test_a_sight_without_a_target_is_on_none(tmp_path: Path, cells, targets) -> None:
+    text = "target,mag_x_uT,mag_y_uT,mag_z_uT\n" + "".join(f"{c},33,-7,40\n" for c in cells)
+    assert ag.read(write(tmp_path, text)).target.tolist() == targets
+
+
+def test_a_file_without_a_name() -> None:
+    with pytest.raises(ag.LogError, match="no file was named"):
+        open_log("")
 
 
 ROWS = [(f"0.{k}", {"mag_x": 30 + k, "mag_y": -7, "mag_z": 40, "acc_z": 9.8}) for k in range(5)]

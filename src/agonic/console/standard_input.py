@@ -25,6 +25,8 @@ def keep_standard_input(arguments: Sequence[str]) -> Iterator[list[str]]:
     ['info', 'log.csv']
     """
     before = ["", *arguments]
+    if any(word == "" and not before[k].startswith("-") for k, word in enumerate(arguments)):
+        raise LogError("an empty name was given: name the file, or . for this folder")
     asked = [k for k, word in enumerate(arguments) if word == "-" and before[k] not in _OUTPUTS]
     if not asked:
         yield list(arguments)

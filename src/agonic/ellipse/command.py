@@ -19,7 +19,7 @@ from agonic.errors import AgonicError, CoverageError
 from agonic.files.calibration import save
 from agonic.files.names import file_stem, find_stale
 from agonic.files.setup import save_setup
-from agonic.logs.rows.two_axes import allow_two_axes
+from agonic.logs.log import allow_two_axes
 from agonic.samples import Samples
 
 

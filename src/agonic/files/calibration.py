@@ -10,7 +10,8 @@ from agonic.calibration.deviation import Deviation
 from agonic.calibration.encoding import decode, encode
 from agonic.calibration.steps import AnyCalibration
 from agonic.errors import AgonicError, LogError
-from agonic.logs.contents import name_content, read_bytes
+from agonic.logs.contents import read_bytes
+from agonic.logs.formats import name_content
 
 
 def save(calibration: Calibration | Deviation, path: Path | str) -> Path:

@@ -25,7 +25,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
-from agonic.logs.contents import name_content, read_bytes
+from agonic.logs.contents import read_bytes
+from agonic.logs.formats import name_content
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.one_pass import find_length, median

@@ -54,7 +54,8 @@ from agonic.files.calibration import load, save
 from agonic.files.names import file_stem
 from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
 from agonic.files.toml_text import write_value
-from agonic.logs.contents import name_content, read_bytes
+from agonic.logs.contents import read_bytes
+from agonic.logs.formats import name_content
 from agonic.maths.rotations.tilt import Order
 from agonic.units import ACCELERATION
 

@@ -11,7 +11,8 @@ import msgspec
 from msgspec import Struct
 
 from agonic.errors import AgonicError, LogError
-from agonic.logs.contents import name_content, read_bytes
+from agonic.logs.contents import read_bytes
+from agonic.logs.formats import name_content
 
 Made = TypeVar("Made")
 

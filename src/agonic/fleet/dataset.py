@@ -25,8 +25,14 @@ from agonic.fleet.local import Processes
 from agonic.fleet.one_log import describe_log, explain
 from agonic.fleet.rows import make_refused_row
 from agonic.fleet.settings import FleetSettings, digest
-from agonic.logs.large.database import connect, database_error_type
-from agonic.logs.large.dataset import Channel, Dataset, drop_damaged, find_dataset
+from agonic.logs.large.dataset import (
+    Channel,
+    Dataset,
+    connect,
+    database_error_type,
+    drop_damaged,
+    find_dataset,
+)
 from agonic.logs.large.grouped_moments import Grouped, sum_moments
 from agonic.logs.large.grouped_residuals import sum_residuals
 from agonic.logs.large.sensor_rows import Table, read_tables

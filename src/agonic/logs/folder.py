@@ -17,15 +17,14 @@ from zipfile import BadZipFile, ZipFile
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.contents import check_declared
+from agonic.logs.contents import FOLDERS, check_declared
 from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, Format, format_of
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.headers.header import identify_column
-from agonic.logs.headers.patterns import FALLBACK
+from agonic.logs.headers.words import FALLBACK
 from agonic.logs.log import Log
-from agonic.logs.own_documents import FOLDERS
 from agonic.provenance import Input
 
 _MOST_FILES = 64

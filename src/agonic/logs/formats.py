@@ -273,7 +273,7 @@ def format_of(head: bytes) -> Format:
     ('Parquet', 'text.csv_text')
     """
     if _may_be_own(head):
-        from agonic.logs.own_documents import name_own
+        from agonic.logs.contents import name_own
 
         if own := name_own(head):
             raise LogError(f"this is {own}")
@@ -287,3 +287,23 @@ def format_of(head: bytes) -> Format:
     if not TEXT.accepts(head):
         raise LogError(f"this is binary data of a kind that is not known; {READ}")
     return TEXT
+
+
+def name_content(data: bytes) -> str:
+    """What the bytes of a file are, for an error where something else is needed.
+
+    >>> name_content(b""), name_content(b"PAR1 and more"), name_content(b"time_s,mag_x_nT\\n0,1")
+    ('empty', 'a file of the kind Parquet', 'a text, as tables of readings are')
+    """
+    if not data.strip():
+        return "empty"
+    try:
+        kind = format_of(data[:HEAD_BYTES])
+    except LogError as error:
+        what = str(error).partition(";")[0]
+        return what.removeprefix("this is ").partition(", no log")[0]
+    if kind == JSON:
+        return "JSON of something else"
+    return (
+        "a text, as tables of readings are" if kind == TEXT else f"a file of the kind {kind.name}"
+    )

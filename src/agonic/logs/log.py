@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NotRequired, TypedDict
@@ -12,6 +14,29 @@ from agonic.errors import LogError
 from agonic.provenance import Input
 from agonic.readable import Readable
 from agonic.samples import Logged, Samples
+
+_allowed: ContextVar[bool] = ContextVar("allowed", default=False)
+
+
+@contextmanager
+def allow_two_axes() -> Iterator[None]:
+    """Read magnetometers of x and y alone, in logs that hold no other, while this lasts.
+
+    >>> with allow_two_axes():
+    ...     are_two_axes_allowed()
+    True
+    """
+    token = _allowed.set(True)
+    try:
+        yield
+    finally:
+        _allowed.reset(token)
+
+
+def are_two_axes_allowed() -> bool:
+    """Whether magnetometers of x and y alone are read."""
+    return _allowed.get()
+
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

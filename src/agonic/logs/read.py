@@ -67,8 +67,10 @@ def open_log(
     ...     open_log(path).sensors[0].field[0].tolist()
     [20000.0, 0.0, 43000.0]
     """
+    if path == "":
+        raise LogError("no file was named: the path is empty")
     file = locate(path)
-    if file == Path():  # of "" too: what is read is named
+    if file == Path():  # what is read is named
         file = Path.cwd()
     if isinstance(file, Remote):
         return _open_remote(file, unit=unit, columns=columns)

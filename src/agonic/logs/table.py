@@ -29,8 +29,8 @@ from agonic.logs.headers.conventions import (
     is_corrected,
 )
 from agonic.logs.headers.header import identify_column
-from agonic.logs.headers.patterns import FALLBACK, LAST
-from agonic.logs.log import TORN, Log, Stream
+from agonic.logs.headers.words import FALLBACK, LAST
+from agonic.logs.log import TORN, Log, Stream, are_two_axes_allowed
 from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.resample import compute_rate_Hz
@@ -74,8 +74,6 @@ def build_log(
     found = identify_columns(table)
     fields = [n for n, axes in found.get("field", {}).items() if len(axes) == 3]
     if not fields:
-        from agonic.logs.rows.two_axes import are_two_axes_allowed
-
         two = are_two_axes_allowed()
         fields = [n for n, axes in found.get("field", {}).items() if two and set(axes) == set("xy")]
     if not fields:
@@ -235,7 +233,7 @@ def _name(label: str, number: str) -> str:
 
 def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoReturn:
     """Raise `LogError` that says what there is instead of a magnetometer, and what is needed."""
-    from agonic.logs.own_documents import name_own_table
+    from agonic.logs.contents import name_own_table
 
     known = list(headers)
     every = [*known, *others]

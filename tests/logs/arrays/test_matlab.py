@@ -221,6 +221,36 @@ def test_export_of_mission_planner(tmp_path):
     assert samples.heading_estimated
 
 
+def test_texts_that_mission_planner_writes_as_zeros(tmp_path):
+    mag = np.column_stack([np.arange(5), np.arange(5) * 1e5, FIELD * 10 + 200])
+    labels = [["LineNo", "TimeUS", "MagX", "MagY", "MagZ"], ["LineNo", "TimeUS", "Message"]]
+    first, second = (np.array(names, dtype=object)[:, None] for names in labels)
+    path = tmp_path / "log.mat"
+    savemat(path, {"MAG": mag, "MAG_label": first, "MSG": np.zeros((4, 3)), "MSG_label": second})
+    np.testing.assert_allclose(read(path).field, (FIELD * 10 + 200) * 100)
+
+
+def test_telemetry_exported_by_mission_planner(tmp_path):
+    """A matrix for each field of a message: the day, as MATLAB counts them, and the value."""
+    days = 739_680.5 + np.arange(5) * 0.1 / 86_400
+    fields = {
+        **{f"{a}mag_mavlink_raw_imu_t": FIELD[:, k] for k, a in enumerate("xyz")},
+        **{f"{a}gyro_mavlink_raw_imu_t": FIELD[:, k] * 100 for k, a in enumerate("xyz")},
+        "time_usec_mavlink_raw_imu_t": np.arange(5) * 1e5,
+        "roll_mavlink_attitude_t": np.full(5, np.pi / 6),
+        "time_boot_ms_mavlink_attitude_t": np.arange(5) * 100.0,
+        "custom_mode_mavlink_heartbeat_t": np.zeros(5),
+    }
+    path = tmp_path / "log.tlog.mat"
+    savemat(path, {name: np.column_stack([days, values]) for name, values in fields.items()})
+    samples = read(path)
+    assert (samples.name, samples.corrected) == ("RAW_IMU", True)
+    np.testing.assert_allclose(samples.field, FIELD * 100)
+    np.testing.assert_allclose(samples.rotation_rate, FIELD / 10)
+    np.testing.assert_allclose(samples.roll_deg, 30)
+    np.testing.assert_allclose(samples.time - samples.time[0], np.arange(5) / 10, atol=1e-3)
+
+
 def test_broad_in_hdf5(tmp_path):
     """The data set comes as HDF5 too, with its sampling rate beside the arrays."""
     h5py = pytest.importorskip("h5py")

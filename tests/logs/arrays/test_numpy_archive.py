@@ -69,5 +69,5 @@ def test_one_array_and_structured_arrays(tmp_path):
     np.testing.assert_allclose(samples.time, time)
     cut = tmp_path / "cut.npy"
     cut.write_bytes((tmp_path / "mag_uT.npy").read_bytes()[:-100])
-    with pytest.raises(LogError, match="shorter than the array"):
+    with pytest.raises(LogError, match="damaged"):
         read(cut)

@@ -58,8 +58,8 @@ def heading(
     from agonic.headings.compute import heading as compute
     from agonic.headings.document import describe_headings
     from agonic.headings.files.write_headings import write_headings
+    from agonic.logs.log import allow_two_axes
     from agonic.logs.read import open_log
-    from agonic.logs.rows.two_axes import allow_two_axes
 
     require_table(out)
     vehicle = load_setup(setup)

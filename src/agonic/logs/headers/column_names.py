@@ -207,10 +207,10 @@ def _read_beside(path: Path) -> ColumnNames | None:
     return ColumnNames(headers=names.headers, unit=unit, where=beside.name)
 
 
-def rename_headers(headers: Sequence[str]) -> list[str]:
-    """The headers as the names in force say; as they are without any."""
+def rename_headers(headers: Sequence[str], title: str = "") -> list[str]:
+    """The headers as the names in force say, or the format of a table below these lines."""
     names = _in_force.get()
-    named = name_documented(headers) if names is None else names.rename(headers)
+    named = name_documented(headers, title) if names is None else names.rename(headers)
     return _name_strength(_name_parts(named))
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from agonic.errors import LogError
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column, identify_column
-from agonic.logs.headers.patterns import FALLBACK
 from agonic.logs.headers.quantities import BY_COLUMN
+from agonic.logs.headers.words import FALLBACK
 
 _OTHERS = (
     r"^(gravity|orientation|linear[ _-]?acc|gamerotation|rotation[ _-]?vector|location|velocity)"
@@ -30,22 +30,26 @@ class Convention:
 
     `file` is what the name of the file must hold, if anything; `units` those of the quantities,
     for a quaternion the axes that it turns into; `only` restricts it to headers that match.
-    `columns` are canonical names of headers that say nothing alone.
+    `columns` are canonical names of headers that say nothing alone, or not without a title `above`
+    the table.
     """
 
     name: str
     marks: tuple[str, ...]
     units: Mapping[str, str]
     columns: Mapping[str, str] = field(default_factory=dict)
+    above: str = ""
     file: str = ""
     only: str = ""
     source: str = field(default="", compare=False)
 
-    def fits(self, headers: Iterable[str], stem: str) -> bool:
+    def fits(self, headers: Iterable[str], stem: str, title: str = "") -> bool:
         """Whether a table with these headers, in a file of that name, is of the format."""
         text = "\n".join(headers)
-        return bool(re.search(self.file, stem, re.IGNORECASE)) and all(
-            re.search(mark, text, re.MULTILINE) for mark in self.marks
+        return (
+            self.above in title
+            and bool(re.search(self.file, stem, re.IGNORECASE))
+            and all(re.search(mark, text, re.MULTILINE) for mark in self.marks)
         )
 
 
@@ -68,6 +72,13 @@ CONVENTIONS = (
         units={"field": "mG"},
         only=r"^Mag[XYZ]$",
         source="ArduPilot/ardupilot: libraries/AP_Compass/LogStructure.h",
+    ),
+    Convention(
+        name="MAVLink",
+        marks=(r"IMU\d?\.xmag$",),
+        units={"field": "mG", "acceleration": "mg", "rotation_rate": "mrads"},
+        only=r"IMU\d?\.[xyz](mag|acc|gyro)$",
+        source="mavlink/mavlink: common.xml; columns of ArduPilot/pymavlink: tools/mavlogdump.py",
     ),
     Convention(
         name="ROS sensor_msgs/Imu",
@@ -140,7 +151,38 @@ CONVENTIONS = (
             **{axis: f"acc_{axis.lower()}_g" for axis in "XYZ"},
             **{f"comp{axis}": f"mag_{axis.lower()}" for axis in "XYZ"},
         },
-        source="Technosmart, Axy-Trek and AGM manuals: X, Y, Z in g, comp… of the compass",
+        source="Technosmart, Axy-Trek and AGM tags: X, Y, Z in g; of comp… no unit is published",
+    ),
+    Convention(
+        name="ActiGraph",
+        marks=(r"^Magnetometer X$", r"^Gyroscope X$"),
+        above="ActiGraph",
+        units={},
+        columns={
+            f"{theirs} {axis}": ours.format(axis.lower())
+            for theirs, ours in (("Magnetometer", "mag_{}_uT"), ("Gyroscope", "gyro_{}_deg_s"),
+                                 ("Accelerometer", "acc_{}_g"))
+            for axis in "XYZ"
+        },
+        source="paulhibbing/AGread: data documentation, GT9X Link IMU files of ActiLife",
+    ),
+    Convention(
+        name="OpenLog Artemis",
+        marks=(r"^aX$|^mX$", r"^(rtcDate|rtcTime|imu_degC|output_Hz)$"),
+        units={"field": "uT", "acceleration": "mg", "rotation_rate": "degs"},
+        source="sparkfun/OpenLog_Artemis: SENSOR_UNITS.md",
+    ),
+    Convention(
+        name="MagArrow",
+        marks=(r"^MagValid$", r"^Compass ?X$"),
+        units={"field": "nT"},
+        source="Geometrics, MagArrow User Manual: data format of Survey Manager",
+    ),
+    Convention(
+        name="DatCon",
+        marks=(r"^IMU_ATTI\(0\):gyro:?X$",),
+        units={"rotation_rate": "degs"},
+        source="DatCon 3.6, columns of V3 .CSV files: gyro in degrees per second",
     ),
     Convention(
         name="Android GnssLogger",
@@ -205,15 +247,16 @@ def apply_conventions(
     )
 
 
-def name_documented(headers: Sequence[str]) -> list[str]:
-    """The headers, those by canonical names that only the format of the table tells.
+def name_documented(headers: Sequence[str], title: str = "") -> list[str]:
+    """The headers, those by canonical names that only the format of the table tells, or the lines
+    above it.
 
     >>> name_documented(["X", "Y", "Z", "compX"])[::3]
     ['acc_x_g', 'mag_x']
     """
     known: dict[str, str] = {}
     for convention in CONVENTIONS:
-        if convention.columns and convention.fits(headers, ""):
+        if convention.columns and convention.fits(headers, "", title):
             known |= convention.columns
     return [known.get(header, header) for header in headers]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from agonic.errors import UnitError
-from agonic.logs.headers import patterns as spelled
+from agonic.logs.headers import words as spelled
 from agonic.logs.headers.quantities import (
     BY_COLUMN,
     DISTURBER,

@@ -22,10 +22,11 @@ def _spell(spellings: Mapping[float, str], offset: float = 0.0) -> dict[str, Lin
 _ANGLE = _spell({1.0: "deg degrees", DEGREES_PER_RADIAN: "rad radians"})
 _RATE = _spell(
     {
-        1.0: "rads radsec radpers radpersec radianss radianssec radianspersecond rad radians",
-        1 / DEGREES_PER_RADIAN: "degs degsec degpers degpersec dps degreess degreessec "
+        1.0: "rads radps radsec radpers radpersec radianss radianssec radianspersecond rad radians",
+        1 / DEGREES_PER_RADIAN: "degs degps degsec degpers degpersec dps degreess degreessec "
         "degreespersecond deg degrees",
         1e-3 / DEGREES_PER_RADIAN: "mdps",
+        1e-3: "mrads mradsec",
     }
 )
 _ACCELERATION = _spell(
@@ -93,12 +94,13 @@ QUANTITIES: tuple[Quantity, ...] = (
         column="time", name="time", unit="s", units=TIMES,
         aliases="t ts timestamp timestamps datetime utc utctime timeutc unixtime timeunix unix "
         "tunix timeboot timesinceboot timesincestart systemtime localtime timestartup "
-        "sampletimefine loggingtime stamp hhmmss hhmmssms mjd jd juliandate modifiedjuliandate",
+        "sampletimefine loggingtime stamp tsreal hhmmss hhmmssms mjd jd juliandate "
+        "modifiedjuliandate",
         weak="chiptime elapsed elapsedtime timeelapsed secondselapsed trel relativetime uptime "
-        "elapsedrealtime timestampsample epoch offsettime clockoffsettime",
+        "elapsedrealtime timestampsample epoch offsettime clockoffsettime tsmono tsmonotonic",
         preferred="headerstamp epoc timestampunix timestampsyncunix",
     ),
-    Quantity(column="date", name="date", aliases="day utcdate"),
+    Quantity(column="date", name="date", aliases="day utcdate", weak="rtcdate"),
     Quantity(column="year", name="year"),
     Quantity(column="month", name="month"),
     Quantity(column="day_of_month", name="day_of_month"),

@@ -4,40 +4,77 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import Identified, identify_columns
 from agonic.logs.headers.header import Column, identify_column
-from agonic.logs.large.database import connect, database_error_type, quote, select_table
+from agonic.logs.headers.words import squash
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 
-SENSOR_COLUMNS = (
-    "sensor",
-    "sensor_id",
-    "sensor_name",
-    "device",
-    "device_id",
-    "device_name",
-    "board",
-    "board_id",
-    "serial",
-    "serial_number",
-    "serial_no",
-    "unit_id",
-    "node",
-    "node_id",
+
+@contextmanager
+def connect(memory_MB: int = 400, threads: int = 2) -> Iterator[Any]:
+    """A DuckDB in memory, with bounds; what does not fit goes to a temporary folder."""
+    try:
+        import duckdb
+    except ImportError:
+        raise MissingExtraError("a dataset of many sensors", "fleet") from None
+    with TemporaryDirectory(prefix="agonic-") as folder, duckdb.connect() as db:
+        db.execute(f"set temp_directory = {quote_literal(folder)}")
+        db.execute(f"set memory_limit = '{memory_MB}MB'; set threads = {threads}")
+        db.execute("set preserve_insertion_order = false; set enable_progress_bar = false")
+        db.execute("set TimeZone = 'UTC'")
+        yield db
+
+
+def select_table(files: Sequence[str]) -> str:
+    """The SQL of all rows of these files, with `file_row_number` and `filename`."""
+    names = ", ".join(map(quote_literal, files))
+    return (
+        f"read_parquet([{names}], hive_partitioning = true, hive_types_autocast = false, "
+        "file_row_number = true, filename = true)"
+    )
+
+
+def quote(name: str) -> str:
+    """A column's name in SQL.
+
+    >>> quote('mag "x"')
+    '"mag ""x""\"'
+    """
+    return '"' + name.replace('"', '""') + '"'
+
+
+def quote_literal(text: str) -> str:
+    """A text in SQL."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def database_error_type() -> type[Exception]:
+    import duckdb
+
+    return duckdb.Error
+
+
+SENSOR_COLUMNS = frozenset(
+    """
+    sensor sensorid sensorname device deviceid devicename board boardid serial serialnumber serialno
+    unitid node nodeid
+    """.split()  # noqa: SIM905
 )
 """Names of the column that tells sensors apart, where none is given; case, blanks and punctuation
 do not count."""
 
-_NUMBERS = ("TINYINT", "SMALLINT", "INTEGER", "BIGINT", "FLOAT", "DOUBLE", "DECIMAL", "U", "HUGE")
+NUMBERS = ("TINYINT", "SMALLINT", "INTEGER", "BIGINT", "FLOAT", "DOUBLE", "DECIMAL", "U", "HUGE")
 _SUFFIXES = (".parquet", ".parq", ".pq")
 
 
@@ -123,7 +160,7 @@ class Dataset:
         column, kind = identify_column(header), self.columns[header]
         if column is None:
             return False
-        return column.quantity.column != "field" or kind.startswith(_NUMBERS)
+        return column.quantity.column != "field" or kind.startswith(NUMBERS)
 
     def _unit(self, columns: dict[str, Column]) -> str:
         units = {column.unit for column in columns.values()}
@@ -244,18 +281,13 @@ def _sensor_column(columns: dict[str, str], given: str | None, path: Path) -> st
         if given not in columns:
             raise LogError(f"no column {given!r}; there are {', '.join(columns)}", path=path)
         return given
-    known = {_plain(name) for name in SENSOR_COLUMNS}
-    found = [name for name in columns if _plain(name) in known]
+    found = [name for name in columns if squash(name).lower() in SENSOR_COLUMNS]
     if len(found) > 1:
         raise AgonicError(
             f"{path}: {' and '.join(found)} could both tell the sensors apart; say which "
             "(--sensor-column)"
         )
     return found[0] if found else None
-
-
-def _plain(name: str) -> str:
-    return "".join(letter for letter in name.lower() if letter.isalnum())
 
 
 def _first_line(error: Exception) -> str:

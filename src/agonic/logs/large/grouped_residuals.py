@@ -9,8 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health.mounting import NEAR_GRAVITY, UPRIGHT_SD
-from agonic.logs.large.database import quote, select_table
-from agonic.logs.large.dataset import Channel, Dataset
+from agonic.logs.large.dataset import Channel, Dataset, quote, select_table
 from agonic.logs.large.grouped_moments import group_by_sensor, select_clock, select_readings
 
 BLOCKS = 8

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Index
-from agonic.logs.large.database import quote, select_table
-from agonic.logs.large.dataset import Dataset
+from agonic.logs.large.dataset import Dataset, quote, select_table
 from agonic.logs.large.grouped_moments import select_clock
 
 Table = Mapping[str, NDArray[Any]]

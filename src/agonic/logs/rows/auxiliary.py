@@ -89,6 +89,22 @@ def _number(text: str) -> float:
     return -size if plain.startswith("-") else size
 
 
+def number_labels(values: NDArray[Any]) -> Array:
+    """Numbers of labels: themselves, or 1, 2, … where they are words; 0 where there is none.
+
+    >>> number_labels(np.array(["A", "", "B", "A"])), number_labels(np.array(["7", "", "8"]))
+    (array([1., 0., 2., 1.]), array([7., 0., 8.]))
+    """
+    if values.dtype.kind not in "OUS":
+        return np.nan_to_num(np.asarray(values, dtype=np.float64))
+    labels = [str(value).strip() for value in values]
+    numbers = to_numbers(np.array([label or "0" for label in labels]))
+    if np.isfinite(numbers).all():
+        return numbers
+    known = {label: k for k, label in enumerate(sorted({*labels} - {""}), start=1)}
+    return np.array([known.get(label, 0.0) for label in labels], dtype=np.float64)
+
+
 def set_angle_unit(found: Identified, table: Table) -> Identified:
     """The columns, with attitude that names no unit in degrees where it exceeds one turn in rad."""
     attitude = [axes[""] for name in ATTITUDE for axes in found.get(name, {}).values()]
@@ -192,7 +208,7 @@ def fill_holes(
     if time is not None:
         known = known & np.isfinite(time)
     if time is not None and known.any():
-        near = holes & (measure_reach(time, known) <= find_reach(column))
+        near = holes & (measure_reach(time[known], time) <= find_reach(column))
         fresh = [
             resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
             for v in values.T
@@ -214,9 +230,13 @@ def _complete(time: Array) -> Array:
     return np.interp(rows, rows[known], time[known])
 
 
-def measure_reach(time: Array, known: Mask) -> Array:
-    """Seconds from each row to the farther of the known rows around it; at an end, to the one."""
-    at = np.flatnonzero(known)
-    after = np.searchsorted(at, np.arange(len(time)))
-    neighbours = [time[at[np.clip(after + k, 0, len(at) - 1)]] for k in (-1, 0)]
-    return np.asarray(np.max([np.abs(time - t) for t in neighbours], axis=0))
+def measure_reach(known: Array, wanted: Array) -> Array:
+    """Seconds to the farther of the two known times around each wanted one; at an end, to one.
+
+    >>> measure_reach(np.array([0.0, 10.0]), np.array([2.0, 10.0, 13.0]))
+    array([ 8., 10.,  3.])
+    """
+    order = np.sort(known)
+    after = np.searchsorted(order, wanted)
+    sides = [order[np.clip(after + k, 0, len(order) - 1)] for k in (-1, 0)]
+    return np.asarray(np.max([np.abs(wanted - side) for side in sides], axis=0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,93 @@ from agonic.logs.rows.auxiliary import (
     Table,
     convert_column,
     fill_holes,
+    number_labels,
     to_numbers,
 )
 from agonic.logs.rows.times import pick
 from agonic.provenance import Input
 from agonic.samples import COLUMNS
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+ENU = "enu"
+"""The unit of a quaternion that is documented to turn sensor axes into east, north, up."""
+
+_LEAST_SHARE = 0.9
+"""Median share of gravity along the vertical of the right axes."""
+_CLEARLY = 0.7
+_LEVEL = 0.05
+"""Below this tilt the quaternion and its inverse say the same of up, to a few degrees."""
+
+
+def compute_attitude_deg(
+    quat_wxyz: Array, acceleration: Array | None, axes: str | None
+) -> tuple[dict[str, Array], str]:
+    """Roll and pitch (n,), and heading where `axes` is `ENU` and gravity agrees; and a note.
+
+    Parameters: quat_wxyz (n, 4), acceleration (n, 3) in any unit or `None`. No angles are returned
+    where the axes are not known. Roll, pitch and heading are those that turn components in the
+    sensor's own axes x, y, z, as if they were forward, right, down, into north, east, down: a
+    sensor lying face up has a roll of 180°. Whether the quaternion turns sensor axes into those of
+    the world or the reverse, and where the world's z points, is seen from the accelerometer, which
+    must show gravity along that z.
+
+    >>> lying = np.array([[1.0, 0.0, 0.0, 0.0]])
+    >>> angles, _ = compute_attitude_deg(lying, np.array([[0.0, 0.0, 9.8]]), ENU)
+    >>> {name: np.abs(values.round(9)).tolist() for name, values in angles.items()}
+    {'roll_deg': [180.0], 'pitch_deg': [0.0], 'heading_deg': [90.0]}
+    """
+    from scipy.spatial.transform import Rotation
+
+    known = np.isfinite(quat_wxyz).all(axis=1) & (np.linalg.norm(quat_wxyz, axis=1) > 0.5)
+    if not known.any():
+        return {}, "orientation left out: it is never known"
+    rotation = Rotation.from_quat(quat_wxyz[known], scalar_first=True)
+    if acceleration is None:
+        if axes != ENU:
+            return {}, "orientation left out: without an accelerometer its axes are not known"
+        inverse, down = False, False
+    else:
+        seen = _find_axes(rotation, acceleration[known])
+        if seen is None:
+            return {}, "orientation left out: the accelerometer does not show gravity along its z"
+        inverse, down = seen
+    world_from_sensor = rotation.inv() if inverse else rotation
+    ned_from_enu = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+    north = world_from_sensor if down else ned_from_enu * world_from_sensor
+    angles = np.full((len(quat_wxyz), 3), np.nan)
+    angles[known] = north.as_euler("ZYX", degrees=True)
+    found = {"roll_deg": angles[:, 2], "pitch_deg": angles[:, 1]}
+    if axes == ENU and not down and not inverse:
+        return found | {"heading_deg": angles[:, 0] % 360.0}, (
+            "roll, pitch and heading are those of the quaternion, which turns sensor axes x, y, z "
+            "into east, north, up"
+        )
+    return found, (
+        "roll and pitch are those of the quaternion, by gravity from "
+        f"{'world to sensor' if inverse else 'sensor to world'} axes with z "
+        f"{'down' if down else 'up'}; its heading counts from an unknown direction and is left out"
+    )
+
+
+def _find_axes(rotation: Rotation, acceleration: Array) -> tuple[bool, bool] | None:
+    """Whether the rotation is from world to sensor, and whether z of the world points down."""
+    size = np.linalg.norm(acceleration, axis=1)
+    usable = np.isfinite(size) & (size > 0)
+    if not usable.any():
+        return None
+    up = acceleration[usable] / size[usable, None]
+    turned = [turn.apply(up) for turn in (rotation[usable], rotation[usable].inv())]
+    tilts = [float(np.median(np.hypot(*seen[:, :2].T))) for seen in turned]
+    upward = [float(np.median(seen[:, 2])) for seen in turned]
+    inverse = tilts[1] < _CLEARLY * tilts[0]
+    if not inverse and not tilts[0] < _CLEARLY * tilts[1] and tilts[0] > _LEVEL:
+        return None
+    if abs(upward[inverse]) < _LEAST_SHARE:
+        return None
+    return inverse, upward[inverse] < 0
+
 
 AUXILIARY = tuple(name for name in COLUMNS if name not in ("time", "field"))
 _HEADING = ("heading_deg", "heading_sd_deg")
@@ -102,6 +184,8 @@ def read_columns(
             if column == "heading_deg" and _of_a_filter(group):
                 estimated = True
                 notes.append(YAW)
+        elif group and column == "target":
+            columns[column] = part.take(number_labels(part.table[group[""].header]))
         elif group:
             columns[column], remarks = convert_column(group, part.values(group), time, readings)
             notes.extend(remarks)
@@ -176,8 +260,6 @@ def _read_quaternion(
     readings: Mask,
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Roll, pitch and perhaps heading of the quaternion beside a magnetometer, and notes."""
-    from agonic.logs.rows.orientation import compute_attitude_deg
-
     if set(group) != set("wxyz"):
         return {}, ("orientation left out: it has not all of w, x, y and z",)
     angles, note = compute_attitude_deg(part.values(group), acceleration, group["w"].unit)

@@ -102,15 +102,21 @@ def _read_weeks(table: Table, found: Identified) -> tuple[Array | None, tuple[st
     return weeks, ()
 
 
-def _to_utc_s(gps: Array) -> Array:
-    """Unix seconds of GPS seconds since 1980, by the leap seconds at the first of them."""
+def gps_utc_s(unix_s: float) -> float:
+    """GPS − UTC, s, at a moment.
+
+    >>> gps_utc_s(1.5e9)
+    18.0
+    """
     from agonic.maths.earth.earth_rotation import tai_utc_s
 
+    return float(tai_utc_s([unix_s])[0]) - _GPS_TAI_S
+
+
+def _to_utc_s(gps: Array) -> Array:
+    """Unix seconds of GPS seconds since 1980, by the leap seconds at the first of them."""
     known = gps[np.isfinite(gps)]
-    if not len(known):
-        return gps
-    leap = float(tai_utc_s(known[:1] + _GPS_UNIX_S)[0]) - _GPS_TAI_S
-    return gps + _GPS_UNIX_S - leap
+    return gps + _GPS_UNIX_S - gps_utc_s(known[0] + _GPS_UNIX_S) if len(known) else gps
 
 
 _CENTURY = 2000.0

@@ -12,7 +12,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError, UnitError
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
-from agonic.logs.headers.patterns import FALLBACK
+from agonic.logs.headers.words import FALLBACK
 from agonic.logs.rows.auxiliary import Table
 from agonic.units import RAW, find_unit, nanotesla_per
 

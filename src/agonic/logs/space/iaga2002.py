@@ -20,7 +20,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.log import Log
-from agonic.logs.space import scalar
+from agonic.logs.space.products import compare_scalar
 from agonic.logs.table import build_log
 from agonic.provenance import Input
 
@@ -123,7 +123,7 @@ def _table(
         notes.append("F was restored from G, the magnitude of the vector less F")
     table: dict[str, NDArray[Any]] = {"frame": np.full(n, frame, dtype=object)}
     if reading is not None:
-        field, beside, said = scalar.compare_scalar(field, reading)
+        field, beside, said = compare_scalar(field, reading)
         table |= {} if beside is None else {"scalar_nT": beside}
         notes += said
     table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}

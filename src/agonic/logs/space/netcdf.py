@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.arrays.hdf5 import Budget, check_heaps, list_items
 from agonic.logs.arrays.stacked import is_sampling_rate
+from agonic.logs.arrays.stored import check_heaps, list_items, read_values
 from agonic.logs.child_process import call
-from agonic.logs.clocks.clock import read_clock
+from agonic.logs.clocks.clock import read_clock, to_moments
 from agonic.logs.headers.columns import refuse_many
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
@@ -80,7 +80,7 @@ def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
     found: dict[str, Found] = {}
     notes: list[str] = []
     with h5py.File(path, "r") as file:
-        items, budget = list_items(file), Budget()
+        items = list_items(file)
         for group in [name for name, item in items.items() if isinstance(item, h5py.Group)]:
             items |= {
                 f"{group}.{name}": item for name, item in list_items(items.pop(group)).items()
@@ -100,7 +100,7 @@ def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
             try:
                 wanted = (is_sampling_rate(name) and item.ndim == 0) or 1 <= item.ndim <= 2
                 if wanted and _is_variable(item):
-                    found[name] = budget.values(item), _attributes(item.attrs)
+                    found[name] = read_values(item), _attributes(item.attrs)
             except LogError as error:
                 notes.append(str(error))
             except Exception as error:
@@ -176,11 +176,7 @@ def _moments(numbers: Array, since: re.Match[str]) -> NDArray[Any]:
     if start is None or name not in _SECONDS:
         return numbers
     seconds = numbers * _SECONDS[name]
-    known = np.abs(seconds) < _MOST_EXTENT_S
-    steps = np.round(np.where(known, seconds, 0.0) * 1e6).astype("timedelta64[us]")
-    stamps = np.datetime64(start.replace(tzinfo=None), "us") + steps
-    stamps[~known] = np.datetime64("NaT", "us")
-    return np.asarray(stamps)
+    return to_moments(np.where(np.abs(seconds) < _MOST_EXTENT_S, seconds, np.nan) * 1e6, start)
 
 
 def _clean(moment: str) -> str:

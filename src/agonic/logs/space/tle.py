@@ -25,13 +25,6 @@ FRESH_DAYS = 7.0
 """So long the elements of a low orbit are good to some ten kilometres."""
 
 _UNIX_JULIAN_DATE = 2_440_587.5
-_ERRORS = {
-    1: "the eccentricity leaves 0…1",
-    2: "the mean motion is below zero",
-    3: "the eccentricity leaves 0…1",
-    4: "the semilatus rectum is below zero",
-    6: "the satellite has decayed",
-}
 
 
 def positions_from_tle(
@@ -131,18 +124,14 @@ def _pairs(text: str) -> list[tuple[str, str]]:
             "no two-line elements found; give two lines that begin with 1 and 2 and the same "
             "catalogue number"
         )
+    from sgp4.io import compute_checksum
+
     for line in (line for pair in pairs for line in pair):
-        if len(line) < LINE or not line[-1].isdigit() or _checksum(line) != int(line[-1]):
+        if len(line) < LINE or line[-1] != str(compute_checksum(line)):
             raise LogError(f"the checksum of {line!r} is wrong; copy the elements again")
-    for line in (line for pair in pairs for line in pair):
         if not _holds_numbers(line):
             raise LogError(f"{line!r} has letters where numbers belong; copy the elements again")
     return pairs
-
-
-def _checksum(line: str) -> int:
-    """The sum of the digits, a minus being one, modulo ten."""
-    return sum(int(c) if c.isdecimal() else c == "-" for c in line[: LINE - 1]) % 10
 
 
 def _choose(pairs: Sequence[tuple[str, str]], satellite: int | None) -> list[tuple[str, str]]:
@@ -161,7 +150,9 @@ def _propagate(elements: Any, unix: Array) -> Array:
         days + _UNIX_JULIAN_DATE, (unix - days * DAY_S) / DAY_S
     )
     if errors.any():
-        why = _ERRORS.get(int(errors[errors > 0][0]), "SGP4 failed")
+        from sgp4.api import SGP4_ERRORS
+
+        why = SGP4_ERRORS.get(int(errors[errors > 0][0]), "SGP4 failed")
         raise LogError(
             f"the elements do not hold at {int((errors > 0).sum())} of {len(unix)} times ({why}); "
             "take elements of the same week"

@@ -54,7 +54,7 @@ TableAndFacts = tuple[Table, dict[str, Any]]
 
 _HEAD = 100_000
 _MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[ T]|-?\d+ days )\+?\d\d:\d\d")
-_LABELS = ("date", "sensor", "frame", "unit")
+_LABELS = ("date", "sensor", "frame", "unit", "target")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
 _GYROFLOW = "GYROFLOW IMU LOG"
 _ABSOLUTES = "# MagPy Absolutes"
@@ -187,7 +187,7 @@ def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> Table
     if max(map(len, rows)) > LONGEST_LINE:
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if "---" in head:
-        from agonic.logs.text.json_text import is_echo, read_echo
+        from agonic.logs.text.labels import is_echo, read_echo
 
         if is_echo([line for line in head[:SAMPLE] if line.strip()]):
             from agonic.logs.text.json_text import make_table
@@ -215,8 +215,9 @@ def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> T
         every = map(layout.split, split_rows(data, start))
         table, others = make_table(gather_channels(channels, layout.header, every))
         return table, {"format": "long table", "others": others, "notes": layout.notes}
-    table, others, notes = _read_body(data, start, layout)
-    if above := [line for line in head[: max(layout.start - 1, 0)] if line.strip()]:
+    above = [line for line in head[: max(layout.start - 1, 0)] if line.strip()]
+    table, others, notes = _read_body(data, start, layout, "\n".join(above))
+    if above:
         from agonic.logs.text.sanity import check_title
 
         check_title(table, above)
@@ -246,13 +247,15 @@ def _skip_lines(data: Text, count: int) -> int:
     return at
 
 
-def _read_body(data: Text, start: int, layout: Layout) -> tuple[Table, list[str], tuple[str, ...]]:
+def _read_body(
+    data: Text, start: int, layout: Layout, title: str
+) -> tuple[Table, list[str], tuple[str, ...]]:
     """The columns that are understood, by header, the headers of the others, and notes."""
     begun = _split_head(data, start)
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
         raise LogError("there is a header and no row below it")
-    header = rename_headers(name_label(_name_index(layout.header, first), first))
+    header = rename_headers(name_label(_name_index(layout.header, first), first), title)
     vectors = _find_vectors(header, first)
     wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])
     texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}

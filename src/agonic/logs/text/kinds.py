@@ -13,6 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, zip_longest
+from typing import Any
 
 import numpy as np
 
@@ -197,9 +198,13 @@ def _read_cells(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
 def _read_pairs(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
     """The columns of cells that are named."""
     assert dialect.pair is not None
-    cells = [dict(found) for found in map(dialect.pair.findall, rows)]
+    return name_cells(kind, [dict(found) for found in map(dialect.pair.findall, rows)])
+
+
+def name_cells(kind: Kind, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """The columns of rows of a kind that name their cells; what none has is left out."""
     columns = {
-        cell.header: np.array([to_number(row.get(cell.theirs, "")) for row in cells]) / cell.counts
+        cell.header: np.array([to_number(row.get(cell.theirs, "")) for row in rows]) / cell.counts
         for cell in kind.cells
     }
     return {header: values for header, values in columns.items() if np.isfinite(values).any()}
@@ -207,7 +212,11 @@ def _read_pairs(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
 
 def build_dialect_log(dialect: Dialect, text: str, facts: Facts) -> Log:
     """The log that rows of a dialect are."""
-    tables = read_dialect(dialect, text)
+    return build_kinds_log(read_dialect(dialect, text), dialect.kinds, facts)
+
+
+def build_kinds_log(tables: Mapping[str, Table], kinds: Mapping[str, Kind], facts: Facts) -> Log:
+    """The log that tables of several kinds are, by their names; one without a name is alone."""
     if "" in tables:
         log = build_log(tables[""], **facts)
     else:
@@ -215,15 +224,15 @@ def build_dialect_log(dialect: Dialect, text: str, facts: Facts) -> Log:
         groups = {name.lstrip("$"): table for name, table in tables.items() if name not in others}
         facts["others"] = others
         log = build_groups_log(groups, **facts)
-    return replace(log, sensors=tuple(_mark(one, dialect) for one in log.sensors))
+    return replace(log, sensors=tuple(_mark(one, kinds) for one in log.sensors))
 
 
 def _holds_times_alone(table: Table) -> bool:
     return {*find_quantities(table).values()} <= {"time"}
 
 
-def _mark(samples: Samples, dialect: Dialect) -> Samples:
-    kind = dialect.kinds.get(samples.name.partition(" ")[0])
+def _mark(samples: Samples, kinds: Mapping[str, Kind]) -> Samples:
+    kind = kinds.get(samples.name.partition(" ")[0])
     return samples if kind is None else mark_corrected(samples, kind.corrected)
 
 
