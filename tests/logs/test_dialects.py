@@ -119,6 +119,32 @@ SAMPLES = {
         "raw",
         (0.5 * G, 0, G),
     ),
+    "MAVLink as JSON": Sample(
+        "".join(
+            f'{{"meta": {{"type": "RAW_IMU", "timestamp": 178000000{k}.5}}, "data": {{"time_usec": '
+            f'1{k}00000, "xacc": 0, "yacc": -5, "zacc": -999, "xgyro": -998, "ygyro": -1611, '
+            f'"zgyro": 937, "xmag": {339 + k}, "ymag": -68, "zmag": 649}}}}\n'
+            f'{{"meta": {{"type": "HEARTBEAT", "timestamp": 178000000{k}.7}}, '
+            '"data": {"type": 2}}\n'
+            for k in range(5)
+        ),
+        (33900, -6800, 64900),
+        "nT",
+        (0, -0.005 * G, -0.999 * G),
+        (-0.998, -1.611, 0.937),
+        corrected=True,
+    ),
+    "MAVLink": Sample(
+        "timestamp,"
+        + ",".join(f"RAW_IMU.{a}{n}" for n in ("acc", "gyro", "mag") for a in "xyz")
+        + "\n"
+        + "".join(f"178000000{k}.5,0,-5,-999,-998,-1611,937,{339 + k},-68,649\n" for k in range(5)),
+        (33900, -6800, 64900),
+        "nT",
+        (0, -0.005 * G, -0.999 * G),
+        (-0.998, -1.611, 0.937),
+        corrected=True,
+    ),
     "ActiGraph": Sample(
         "------- Data File Created By ActiGraph Link ActiLife v6.13.3 Firmware v1.7.2 -------\n"
         "Serial Number: TAS1H30182785\nStart Time 15:00:00\nStart Date 3/5/2026\n"

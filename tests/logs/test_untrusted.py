@@ -17,7 +17,7 @@ from scipy.io import loadmat, savemat
 
 from agonic.errors import LogError
 from agonic.logs import child_process
-from agonic.logs.arrays.matlab import read_version_5
+from agonic.logs.arrays.stored import read_version_5
 from agonic.logs.read import open_log, read
 from tests.logs.damage import damaged
 from tests.logs.workbook_writer import write_xlsx

@@ -6,16 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.headers.columns import identify_columns
+from agonic.logs.groups import read_beside
 from agonic.logs.read import open_log
-from agonic.logs.rows.auxiliary import set_angle_unit
-from agonic.logs.rows.beside import Part, read_columns
 from agonic.logs.rows.resample import resample
-from agonic.logs.rows.times import find_clocks
 from agonic.logs.text.csv_text import read_table
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
@@ -80,20 +75,5 @@ def _read_table(path: Path, error: LogError) -> tuple[Array | None, Any, Mapping
         table, _ = read_table(path)
     except LogError:
         raise error from None
-    found = set_angle_unit(identify_columns(table), table)
-    clocks = find_clocks(table, found, [""])
-    time, epoch, _ = clocks[""]
-    if time is None:
-        return None, None, {}
-    count = len(time)
-    part = Part(
-        table=table,
-        found=found,
-        rows=np.arange(count),
-        clocks=clocks,
-        unit=None,
-        source=Input(name=path.name, sha256="", count=count),
-        remarks=(),
-    )
-    columns, _, _ = read_columns(part, "", time, np.ones(count, dtype=bool))
-    return time, epoch, columns
+    beside = read_beside(path.stem, table, path)
+    return beside.time, beside.epoch, beside.columns

@@ -21,7 +21,7 @@ from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.conventions import apply_conventions
 from agonic.logs.headers.quantities import BY_COLUMN
 from agonic.logs.log import Log, Stream
-from agonic.logs.rows.auxiliary import PERIODS_DEG, Table, find_reach, set_angle_unit
+from agonic.logs.rows.auxiliary import PERIODS_DEG, Table, find_reach, measure_reach, set_angle_unit
 from agonic.logs.rows.beside import AUXILIARY, Part, read_columns, read_disturbers
 from agonic.logs.rows.resample import compute_rate_Hz, resample
 from agonic.logs.rows.times import find_clocks, find_time
@@ -34,7 +34,7 @@ _FEW = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Beside:
+class Beside:
     """A table without a magnetometer: its columns in our units, at times of its own."""
 
     name: str
@@ -72,7 +72,7 @@ def build_groups_log(
         own = (paths or {}).get(name, path)
         try:
             if not _holds_field(table):
-                beside.append(_read_beside(name, table, own))
+                beside.append(read_beside(name, table, own))
                 continue
             log = build_log(
                 table, path=own, source=source, format=format, unit=unit, remarks=remarks
@@ -104,7 +104,7 @@ def _holds_field(table: Table) -> bool:
     return any(len(axes) == 3 for axes in identify_columns(table).get("field", {}).values())
 
 
-def _read_beside(name: str, table: Table, path: Path) -> _Beside:
+def read_beside(name: str, table: Table, path: Path) -> Beside:
     """The columns of a table without a magnetometer; those of its first sensor."""
     found, documented = apply_conventions(identify_columns(table), table, path.stem)
     found = set_angle_unit(found, table)
@@ -119,7 +119,7 @@ def _read_beside(name: str, table: Table, path: Path) -> _Beside:
     time, epoch, notes = find_time(part.clock(number), np.zeros((rows, 3)), every)
     columns, estimated, remarks = read_columns(part, number, time, ~every)
     disturbers, told = read_disturbers(part, time, ~every)
-    return _Beside(
+    return Beside(
         name=name,
         time=time,
         epoch=epoch,
@@ -130,7 +130,7 @@ def _read_beside(name: str, table: Table, path: Path) -> _Beside:
     )
 
 
-def _complete(samples: Samples, group: str, beside: Iterable[_Beside]) -> Samples:
+def _complete(samples: Samples, group: str, beside: Iterable[Beside]) -> Samples:
     """The samples with the columns that they lack, of the tables named nearest to theirs first."""
     nearest = sorted(beside, key=lambda other: -_count_common(group, other.name))
     columns: dict[str, Any] = {}
@@ -171,7 +171,7 @@ def _count_common(one: str, other: str) -> int:
     return next(differ, min(len(one), len(other)))
 
 
-def _find_shift(samples: Samples, other: _Beside) -> float | str:
+def _find_shift(samples: Samples, other: Beside) -> float | str:
     """Seconds from the other's clock to that of the samples, or why they do not meet."""
     if samples.time is None or other.time is None:
         alike = samples.time is None and other.time is None and other.rows == len(samples)
@@ -183,7 +183,7 @@ def _find_shift(samples: Samples, other: _Beside) -> float | str:
     return (other.epoch - samples.epoch).total_seconds()
 
 
-def _carry(samples: Samples, other: _Beside, name: str, shift: float) -> Array | None:
+def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | None:
     """A column of another table at the readings; `None` where more than a few have none near."""
     values = other.columns[name]
     if samples.time is None or other.time is None:
@@ -192,17 +192,9 @@ def _carry(samples: Samples, other: _Beside, name: str, shift: float) -> Array |
     if not known.any():
         return None
     time = other.time[known] + shift
-    if np.mean(_measure_distance(time, samples.time) > find_reach(name)) > _FEW:
+    if np.mean(measure_reach(time, samples.time) > find_reach(name)) > _FEW:
         return None
     return resample(time, values[known], samples.time, period=PERIODS_DEG.get(name))
-
-
-def _measure_distance(known: Array, wanted: Array) -> Array:
-    """Seconds to the farther of the two known times around each wanted one; at an end, to one."""
-    order = np.sort(known)
-    after = np.searchsorted(order, wanted)
-    sides = [order[np.clip(after + k, 0, len(order) - 1)] for k in (-1, 0)]
-    return np.asarray(np.max([np.abs(wanted - side) for side in sides], axis=0))
 
 
 def _rename(samples: Samples, group: str, count: int) -> Samples:
@@ -225,7 +217,7 @@ def _with_own_names(sensors: Iterable[Samples]) -> list[Samples]:
     return named
 
 
-def _list_streams(beside: Iterable[_Beside], others: Iterable[str]) -> list[Stream]:
+def _list_streams(beside: Iterable[Beside], others: Iterable[str]) -> list[Stream]:
     """The tables without a magnetometer, and what was not read."""
     tables = [
         Stream(

@@ -101,7 +101,7 @@ def fill_short_gaps(quat_wxyz: Array, time: Array) -> Array:
     if known.sum() < 2:
         return quat_wxyz
     span = time[known][[0, -1]]
-    short = ~known & (measure_reach(time, known) <= SHORT_REACH_S)
+    short = ~known & (measure_reach(time[known], time) <= SHORT_REACH_S)
     short &= (time > span[0]) & (time < span[1])
     if not short.any():
         return quat_wxyz

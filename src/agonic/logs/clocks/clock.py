@@ -19,7 +19,7 @@ Clock = tuple[Array | None, datetime | None, tuple[str, ...]]
 
 UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
-_UNIX_SECONDS = (1e9, 4.1e9)
+UNIX_SECONDS = (1e9, 4.1e9)
 """2001 to 2099: a clock that reads this many seconds counts from 1970, not from power-on."""
 _LONGEST_STEP_S = 1000.0
 _ZONES_H = {
@@ -62,7 +62,7 @@ _TICKS = {"s": 1.0, "ms": 1e3, "µs": 1e6, "ns": 1e9}
 
 def _without_unit(numbers: Array) -> Clock:
     """Unix times by their size, otherwise seconds where the steps can be seconds."""
-    late = (numbers > _UNIX_SECONDS[0]).any()
+    late = (numbers > UNIX_SECONDS[0]).any()
     for name, per_second in _TICKS.items() if late else ():
         if _is_unix(numbers / per_second):
             note = f"times have no unit; by their size they are Unix times in {name}"
@@ -92,7 +92,7 @@ def _are_steps_whole(times: Array) -> bool:
 
 
 def _is_unix(seconds: Array) -> bool:
-    low, high = _UNIX_SECONDS
+    low, high = UNIX_SECONDS
     if not (seconds > low).any():
         return False
     finite = seconds[np.isfinite(seconds)]

@@ -74,6 +74,13 @@ CONVENTIONS = (
         source="ArduPilot/ardupilot: libraries/AP_Compass/LogStructure.h",
     ),
     Convention(
+        name="MAVLink",
+        marks=(r"IMU\d?\.xmag$",),
+        units={"field": "mG", "acceleration": "mg", "rotation_rate": "mrads"},
+        only=r"IMU\d?\.[xyz](mag|acc|gyro)$",
+        source="mavlink/mavlink: common.xml; columns of ArduPilot/pymavlink: tools/mavlogdump.py",
+    ),
+    Convention(
         name="ROS sensor_msgs/Imu",
         marks=(r"\blinear_acceleration[/._]x\b|_linear_acceleration[/._]x$",
                r"angular_velocity[/._]x$"),

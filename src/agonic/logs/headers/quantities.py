@@ -26,6 +26,7 @@ _RATE = _spell(
         1 / DEGREES_PER_RADIAN: "degs degps degsec degpers degpersec dps degreess degreessec "
         "degreespersecond deg degrees",
         1e-3 / DEGREES_PER_RADIAN: "mdps",
+        1e-3: "mrads mradsec",
     }
 )
 _ACCELERATION = _spell(

@@ -16,6 +16,7 @@ from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import Identified, identify_columns
 from agonic.logs.headers.header import Column, identify_column
+from agonic.logs.headers.words import squash
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 
@@ -64,26 +65,16 @@ def database_error_type() -> type[Exception]:
     return duckdb.Error
 
 
-SENSOR_COLUMNS = (
-    "sensor",
-    "sensor_id",
-    "sensor_name",
-    "device",
-    "device_id",
-    "device_name",
-    "board",
-    "board_id",
-    "serial",
-    "serial_number",
-    "serial_no",
-    "unit_id",
-    "node",
-    "node_id",
+SENSOR_COLUMNS = frozenset(
+    """
+    sensor sensorid sensorname device deviceid devicename board boardid serial serialnumber serialno
+    unitid node nodeid
+    """.split()  # noqa: SIM905
 )
 """Names of the column that tells sensors apart, where none is given; case, blanks and punctuation
 do not count."""
 
-_NUMBERS = ("TINYINT", "SMALLINT", "INTEGER", "BIGINT", "FLOAT", "DOUBLE", "DECIMAL", "U", "HUGE")
+NUMBERS = ("TINYINT", "SMALLINT", "INTEGER", "BIGINT", "FLOAT", "DOUBLE", "DECIMAL", "U", "HUGE")
 _SUFFIXES = (".parquet", ".parq", ".pq")
 
 
@@ -169,7 +160,7 @@ class Dataset:
         column, kind = identify_column(header), self.columns[header]
         if column is None:
             return False
-        return column.quantity.column != "field" or kind.startswith(_NUMBERS)
+        return column.quantity.column != "field" or kind.startswith(NUMBERS)
 
     def _unit(self, columns: dict[str, Column]) -> str:
         units = {column.unit for column in columns.values()}
@@ -290,18 +281,13 @@ def _sensor_column(columns: dict[str, str], given: str | None, path: Path) -> st
         if given not in columns:
             raise LogError(f"no column {given!r}; there are {', '.join(columns)}", path=path)
         return given
-    known = {_plain(name) for name in SENSOR_COLUMNS}
-    found = [name for name in columns if _plain(name) in known]
+    found = [name for name in columns if squash(name).lower() in SENSOR_COLUMNS]
     if len(found) > 1:
         raise AgonicError(
             f"{path}: {' and '.join(found)} could both tell the sensors apart; say which "
             "(--sensor-column)"
         )
     return found[0] if found else None
-
-
-def _plain(name: str) -> str:
-    return "".join(letter for letter in name.lower() if letter.isalnum())
 
 
 def _first_line(error: Exception) -> str:

@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.logs.clocks.clock import UNIX_SECONDS
 from agonic.logs.headers.header import Column
-from agonic.logs.large.dataset import Channel, Dataset, quote, select_table
+from agonic.logs.large.dataset import NUMBERS, Channel, Dataset, quote, select_table
 from agonic.maths.equation.moments import EXPONENTS
-
-_UNIX_SECONDS = (1e9, 4.1e9)
-_NUMERIC = ("FLOAT", "DOUBLE", "DECIMAL", "INTEGER", "BIGINT", "U", "SMALLINT", "TINYINT")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,7 +107,7 @@ def select_clock(dataset: Dataset) -> str:
     if column is None:
         return "file_row_number::double"
     kind = dataset.columns[column.header]
-    if kind.startswith(_NUMERIC):
+    if kind.startswith(NUMBERS):
         return f"{quote(column.header)}::double"
     if kind.startswith(("TIMESTAMP", "DATE")):
         return f"epoch({quote(column.header)})"
@@ -119,7 +117,7 @@ def select_clock(dataset: Dataset) -> str:
 def _first_pass(db: Any, dataset: Dataset, channel: Channel) -> None:
     """The table `sensors`: middle, spread, range, clock and temperature of each."""
     warm = dataset.column("temperature")
-    numeric = warm is not None and dataset.columns[warm.header].startswith(_NUMERIC)
+    numeric = warm is not None and dataset.columns[warm.header].startswith(NUMBERS)
     degrees = f"{quote(warm.header)}::double" if warm and numeric else "null::double"
     size = "sqrt(x * x + y * y + z * z)"
     ends = ", ".join(f"min({a}) as low_{a}, max({a}) as high_{a}" for a in "xyz")
@@ -203,19 +201,19 @@ def _clock(known: dict[str, Any], dataset: Dataset) -> tuple[Array, Array]:
         return np.full(len(first), np.nan), np.full(len(first), np.nan)
     per_second = _per_second(column, first, dataset)
     first, last = first / per_second, last / per_second
-    low, high = _UNIX_SECONDS
+    low, high = UNIX_SECONDS
     dated = (first > low) & (first < high)
     return np.where(dated, first, np.nan), last - first
 
 
 def _per_second(column: Column, first: Array, dataset: Dataset) -> float:
     """How many of the clock's units a second has; by their size where the header does not say."""
-    if not dataset.columns[column.header].startswith(_NUMERIC):
+    if not dataset.columns[column.header].startswith(NUMBERS):
         return 1.0
     if column.unit:
         return 1 / column.quantity.units[column.unit][0]
     middle = float(np.nanmedian(first)) if np.isfinite(first).any() else np.nan
-    low, high = _UNIX_SECONDS
+    low, high = UNIX_SECONDS
     for per_second in (1.0, 1e3, 1e6, 1e9):
         if low < middle / per_second < high:
             return per_second

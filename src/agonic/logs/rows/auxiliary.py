@@ -208,7 +208,7 @@ def fill_holes(
     if time is not None:
         known = known & np.isfinite(time)
     if time is not None and known.any():
-        near = holes & (measure_reach(time, known) <= find_reach(column))
+        near = holes & (measure_reach(time[known], time) <= find_reach(column))
         fresh = [
             resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
             for v in values.T
@@ -230,9 +230,13 @@ def _complete(time: Array) -> Array:
     return np.interp(rows, rows[known], time[known])
 
 
-def measure_reach(time: Array, known: Mask) -> Array:
-    """Seconds from each row to the farther of the known rows around it; at an end, to the one."""
-    at = np.flatnonzero(known)
-    after = np.searchsorted(at, np.arange(len(time)))
-    neighbours = [time[at[np.clip(after + k, 0, len(at) - 1)]] for k in (-1, 0)]
-    return np.asarray(np.max([np.abs(time - t) for t in neighbours], axis=0))
+def measure_reach(known: Array, wanted: Array) -> Array:
+    """Seconds to the farther of the two known times around each wanted one; at an end, to one.
+
+    >>> measure_reach(np.array([0.0, 10.0]), np.array([2.0, 10.0, 13.0]))
+    array([ 8., 10.,  3.])
+    """
+    order = np.sort(known)
+    after = np.searchsorted(order, wanted)
+    sides = [order[np.clip(after + k, 0, len(order) - 1)] for k in (-1, 0)]
+    return np.asarray(np.max([np.abs(wanted - side) for side in sides], axis=0))

@@ -70,11 +70,7 @@ def _bring(
     if settled.sum() < 2:
         return 0.0, {}
     at = one.time[settled]
-    both = np.concatenate([at, time])
-    order = np.argsort(both, kind="stable")
-    reach = np.empty(len(both))
-    reach[order] = measure_reach(both[order], order < len(at))
-    near = reach[len(at) :] <= REACH_S
+    near = measure_reach(at, time) <= REACH_S
     heading = resample(at, one.heading_deg[settled] % 360.0, time, period=360.0)
     sd = resample(at, np.maximum(one.sd_deg[settled], LEAST_SD_DEG), time)
     assert heading is not None

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.arrays.hdf5 import check_heaps, list_items, read_values
 from agonic.logs.arrays.stacked import is_sampling_rate
+from agonic.logs.arrays.stored import check_heaps, list_items, read_values
 from agonic.logs.child_process import call
 from agonic.logs.clocks.clock import read_clock
 from agonic.logs.headers.columns import refuse_many

@@ -187,7 +187,7 @@ def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> Table
     if max(map(len, rows)) > LONGEST_LINE:
         raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
     if "---" in head:
-        from agonic.logs.text.json_text import is_echo, read_echo
+        from agonic.logs.text.labels import is_echo, read_echo
 
         if is_echo([line for line in head[:SAMPLE] if line.strip()]):
             from agonic.logs.text.json_text import make_table

@@ -2,15 +2,12 @@
 
 Names within names are joined by dots (`mag.x`), a list of three numbers is a vector (`mag[0]`), and
 numbers may be written as texts. Otherwise columns are named as those of a text table are.
-
-So are messages as `rostopic echo` and `ros2 topic echo` print them: YAML, with `---` between them.
-A message that is cut off by the next one is kept as far as it goes.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,64 +20,14 @@ from agonic.logs.contents import to_number
 from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
+from agonic.logs.text.dialects import MAVLINK, Cell, Kind
+from agonic.logs.text.kinds import build_kinds_log, name_cells
 from agonic.logs.text.layout import SAMPLE
 from agonic.logs.text.long_table import build_tables_log, name_label
 from agonic.provenance import Input
 
-_LINE = re.compile(r"(?P<indent> *)(?P<key>[^\W\d]\w*):(?: +(?P<value>.*))?")
-_ITEM = re.compile(r" *- ?.*")
-_BETWEEN = ("---", "...")
-_MOST_WITHIN = 8
-
-
-def is_echo(rows: Sequence[str]) -> bool:
-    """Whether lines are such messages: names alone, values below them, and a mark between.
-
-    >>> is_echo(["header:", "  seq: 1", "magnetic_field:", "  x: 1.0e-05", "---"])
-    True
-    """
-    plain = [row.rstrip() for row in rows]
-    opened = any((line := _LINE.fullmatch(row)) and not line["value"] for row in plain)
-    known = (row in _BETWEEN or _LINE.fullmatch(row) or _ITEM.fullmatch(row) for row in plain)
-    return "---" in plain and opened and all(known)
-
-
-def read_echo(rows: Iterable[str]) -> Iterator[dict[str, object]]:
-    """The values of each message by dotted names.
-
-    >>> list(read_echo(["a:", "  x: 1", "  y: [1, 2, 3]", "---", "a:", "  x: 2"]))
-    [{'a.x': '1', 'a.y': ['1', '2', '3']}, {'a.x': '2'}]
-    """
-    message: dict[str, object] = {}
-    within: list[tuple[int, str]] = []
-    for row in rows:
-        if row.rstrip() in _BETWEEN:
-            if message:
-                yield message
-            message, within = {}, []
-            continue
-        line = _LINE.fullmatch(row.rstrip())
-        if line is None:
-            continue
-        indent = len(line["indent"])
-        while within and within[-1][0] >= indent:
-            within.pop()
-        value = (line["value"] or "").strip()
-        if not value:
-            within = [*within, (indent, line["key"])][:_MOST_WITHIN]
-            continue
-        name = ".".join([*(key for _, key in within), line["key"]])
-        message[name] = _read_list(value) if value.startswith("[") else value.strip("\"'")
-    if message:
-        yield message
-
-
-def _read_list(value: str) -> list[str]:
-    return [cell.strip() for cell in value[:1000].strip("[] ").split(",")]
-
-
-TEXTUAL = ("time", "date", "sensor", "frame", "unit")
+TEXTUAL = ("time", "date", "sensor", "frame", "unit", "target")
 _DEEPEST = 6
 _NO_NUMBER = re.compile(rb"(?<=[\[:,\s])[-+]?(?:NaN|nan|Infinity|inf)(?=\s*[,\]}])")
 """What Python's own writer puts for numbers that are none."""
@@ -89,15 +36,44 @@ _LARGEST = 1_000_000_000
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a JSON text is; `unit` is that of the field where no name tells one."""
-    table, facts = read_table(path)
-    return build_tables_log(table, path=path, source=source, unit=unit, **facts)
+    records, broken = _load_file(path)
+    if messages := _gather_messages(records):
+        facts = Facts(path=path, source=source, format="MAVLink as JSON", unit=unit)
+        return build_kinds_log(messages, MAVLINK, facts)
+    table, found = _make_table(records, broken)
+    return build_tables_log(table, path=path, source=source, unit=unit, **found)
+
+
+def _gather_messages(records: list[dict[str, Any]]) -> dict[str, dict[str, NDArray[Any]]]:
+    """The columns of MAVLink messages as `mavlogdump.py --format json` writes them, at the times of
+    their arrival; none where the objects are others.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for record in records:
+        meta, data = record.get("meta"), record.get("data")
+        if isinstance(meta, dict) and isinstance(data, dict) and meta.get("type") in MAVLINK:
+            found.setdefault(meta["type"], []).append({**data, "arrived": meta.get("timestamp")})
+    tables = {}
+    for kind, rows in found.items():
+        cells = tuple(c for c in MAVLINK[kind].cells if not c.header.startswith("time"))
+        tables[kind] = name_cells(Kind((Cell("time_s", theirs="arrived"), *cells)), rows)
+    return tables if any("mag_x_mG" in table for table in tables.values()) else {}
 
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The columns that are understood, by name, and what to tell of the file."""
+    return _make_table(*_load_file(path))
+
+
+def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
     if path.stat().st_size > _LARGEST:
         raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
-    records, broken = _load(path.read_bytes())
+    return _load(path.read_bytes())
+
+
+def _make_table(
+    records: list[dict[str, Any]], broken: int
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     table, others = make_table(records)
     notes = (f"{broken} lines or a torn end are no JSON and were left out",) * (broken > 0)
     return table, {"format": "JSON", "others": others, "notes": notes}

@@ -13,6 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, zip_longest
+from typing import Any
 
 import numpy as np
 
@@ -197,9 +198,13 @@ def _read_cells(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
 def _read_pairs(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
     """The columns of cells that are named."""
     assert dialect.pair is not None
-    cells = [dict(found) for found in map(dialect.pair.findall, rows)]
+    return name_cells(kind, [dict(found) for found in map(dialect.pair.findall, rows)])
+
+
+def name_cells(kind: Kind, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """The columns of rows of a kind that name their cells; what none has is left out."""
     columns = {
-        cell.header: np.array([to_number(row.get(cell.theirs, "")) for row in cells]) / cell.counts
+        cell.header: np.array([to_number(row.get(cell.theirs, "")) for row in rows]) / cell.counts
         for cell in kind.cells
     }
     return {header: values for header, values in columns.items() if np.isfinite(values).any()}

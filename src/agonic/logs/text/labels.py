@@ -4,13 +4,16 @@ A name may stand before three numbers (`Mag (uT) [1, 2, 3]`), or before axes tha
 (`Mag X: 1 Y: 2 Z: 3`, `Mag: X=1 Y=2 Z=3`). A record may take several lines, until a name comes
 again. A unit behind a number is that of the numbers before it in its line, and what a logger writes
 before a line is its time.
+
+So do messages as `rostopic echo` and `ros2 topic echo` print them: YAML, with `---` between them. A
+message that is cut off by the next one is kept as far as it goes.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from statistics import median
 from typing import Any, NamedTuple
@@ -18,10 +21,63 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.headers.columns import find_columns
+from agonic.logs.headers.columns import find_quantities
 from agonic.logs.headers.header import identify_column, is_unit
 from agonic.logs.headers.words import FALLBACK
+from agonic.logs.text.json_text import make_table
 from agonic.logs.text.layout import NUMBER, SAMPLE, STAMP
+
+_LINE = re.compile(r"(?P<indent> *)(?P<key>[^\W\d]\w*):(?: +(?P<value>.*))?")
+_ITEM = re.compile(r" *- ?.*")
+_BETWEEN = ("---", "...")
+_MOST_WITHIN = 8
+
+
+def is_echo(rows: Sequence[str]) -> bool:
+    """Whether lines are such messages: names alone, values below them, and a mark between.
+
+    >>> is_echo(["header:", "  seq: 1", "magnetic_field:", "  x: 1.0e-05", "---"])
+    True
+    """
+    plain = [row.rstrip() for row in rows]
+    opened = any((line := _LINE.fullmatch(row)) and not line["value"] for row in plain)
+    known = (row in _BETWEEN or _LINE.fullmatch(row) or _ITEM.fullmatch(row) for row in plain)
+    return "---" in plain and opened and all(known)
+
+
+def read_echo(rows: Iterable[str]) -> Iterator[dict[str, object]]:
+    """The values of each message by dotted names.
+
+    >>> list(read_echo(["a:", "  x: 1", "  y: [1, 2, 3]", "---", "a:", "  x: 2"]))
+    [{'a.x': '1', 'a.y': ['1', '2', '3']}, {'a.x': '2'}]
+    """
+    message: dict[str, object] = {}
+    within: list[tuple[int, str]] = []
+    for row in rows:
+        if row.rstrip() in _BETWEEN:
+            if message:
+                yield message
+            message, within = {}, []
+            continue
+        line = _LINE.fullmatch(row.rstrip())
+        if line is None:
+            continue
+        indent = len(line["indent"])
+        while within and within[-1][0] >= indent:
+            within.pop()
+        value = (line["value"] or "").strip()
+        if not value:
+            within = [*within, (indent, line["key"])][:_MOST_WITHIN]
+            continue
+        name = ".".join([*(key for _, key in within), line["key"]])
+        message[name] = _read_list(value) if value.startswith("[") else value.strip("\"'")
+    if message:
+        yield message
+
+
+def _read_list(value: str) -> list[str]:
+    return [cell.strip() for cell in value[:1000].strip("[] ").split(",")]
+
 
 _LABEL = re.compile(
     r"(?<![\w.])[\"']?([^\W\d][\w.\[\]/ ]{0,40}?)[\"']?\s*(?:\(([^\W\d][^()]{0,20})\)\s*)?"
@@ -170,17 +226,11 @@ def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[st
             stamps.append(stamp[1] if stamp else "")
     headers = _write_headers(lines)
     records, times = _gather(lines, stamps, headers)
-    names = list(dict.fromkeys(name for record in records[:SAMPLE] for name in record))
-    wanted = list(find_columns(names).values())
-    table: dict[str, NDArray[Any]] = {
-        header: np.array([float(record.get(header, "nan")) for record in records])
-        for header in wanted
-    }
-    timed = any((c := identify_column(h)) and c.quantity.column == "time" for h in table)
-    if not timed and 2 * sum(map(bool, times)) > len(times):
+    table, others = make_table(records)
+    if "time" not in find_quantities(table).values() and 2 * sum(map(bool, times)) > len(times):
         kind = object if clock == "time" else float
         table[clock] = np.array([time or "nan" for time in times]).astype(kind)
-    return table, [name for name in names if name not in wanted]
+    return table, others
 
 
 def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], str]:
@@ -230,9 +280,9 @@ def _find_unscaled(lines: Sequence[Sequence[Reading]]) -> set[tuple[str, str]]:
 
 def _gather(
     lines: Sequence[Sequence[Reading]], stamps: Sequence[str], headers: dict[tuple[str, str], str]
-) -> tuple[list[dict[str, str]], list[str]]:
+) -> tuple[list[dict[str, Any]], list[str]]:
     """The numbers by header, a record until one comes again, and the time before each."""
-    records: list[dict[str, str]] = []
+    records: list[dict[str, Any]] = []
     times: list[str] = []
     known = {header for header in headers.values() if header and identify_column(header)}
     for readings, stamp in zip(lines, stamps, strict=True):
