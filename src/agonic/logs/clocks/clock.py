@@ -109,6 +109,19 @@ def since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
     return unix - start, UNIX + timedelta(seconds=start), notes
 
 
+def to_moments(microseconds: Array, start: datetime = UNIX) -> NDArray[np.datetime64]:
+    """Moments that are so many microseconds after another; what is not finite is no time.
+
+    >>> to_moments(np.array([1e6, np.nan])).tolist()
+    [datetime.datetime(1970, 1, 1, 0, 0, 1), None]
+    """
+    known = np.isfinite(microseconds)
+    steps = np.round(np.where(known, microseconds, 0.0)).astype("timedelta64[us]")
+    stamps = np.datetime64(start.replace(tzinfo=None), "us") + steps
+    stamps[~known] = np.datetime64("NaT", "us")
+    return np.asarray(stamps)
+
+
 def _of_moments(values: NDArray[Any]) -> Clock:
     known = values[~np.isnat(values)]
     if not len(known):

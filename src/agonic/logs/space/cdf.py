@@ -1,4 +1,4 @@
-"""CDF files of space missions, with cdflib; what variables are called is told in `spacecraft`."""
+"""CDF files of space missions, with cdflib; what variables are called is told in `products`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.clocks.clock import to_moments
 from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
@@ -148,11 +149,7 @@ def decode_moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
 def _decode_epoch(milliseconds: Array) -> NDArray[Any]:
     """Milliseconds since year 0 as moments; what lies outside 0…9999 is no time."""
     known = (milliseconds > 0) & (milliseconds < _MILLISECONDS_10000)
-    since_1970 = np.where(known, milliseconds, np.nan) - _YEAR_0_MS
-    microseconds = np.round(np.where(known, since_1970, 0.0) * 1e3).astype(np.int64)
-    stamps = microseconds.astype("datetime64[us]")
-    stamps[~known] = np.datetime64("NaT", "us")
-    return stamps
+    return to_moments((np.where(known, milliseconds, np.nan) - _YEAR_0_MS) * 1e3)
 
 
 def _decode_tt2000(nanoseconds: NDArray[np.int64]) -> NDArray[np.datetime64]:

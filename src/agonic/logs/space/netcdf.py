@@ -21,7 +21,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.logs.arrays.stacked import is_sampling_rate
 from agonic.logs.arrays.stored import check_heaps, list_items, read_values
 from agonic.logs.child_process import call
-from agonic.logs.clocks.clock import read_clock
+from agonic.logs.clocks.clock import read_clock, to_moments
 from agonic.logs.headers.columns import refuse_many
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
@@ -176,11 +176,7 @@ def _moments(numbers: Array, since: re.Match[str]) -> NDArray[Any]:
     if start is None or name not in _SECONDS:
         return numbers
     seconds = numbers * _SECONDS[name]
-    known = np.abs(seconds) < _MOST_EXTENT_S
-    steps = np.round(np.where(known, seconds, 0.0) * 1e6).astype("timedelta64[us]")
-    stamps = np.datetime64(start.replace(tzinfo=None), "us") + steps
-    stamps[~known] = np.datetime64("NaT", "us")
-    return np.asarray(stamps)
+    return to_moments(np.where(np.abs(seconds) < _MOST_EXTENT_S, seconds, np.nan) * 1e6, start)
 
 
 def _clean(moment: str) -> str:

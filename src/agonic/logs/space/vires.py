@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.clocks.clock import UNIX, read_clock
+from agonic.logs.clocks.clock import UNIX, read_clock, to_moments
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import refuse_many
 from agonic.logs.log import Log
@@ -56,15 +55,8 @@ def _column(name: str, cells: tuple[str, ...]) -> NDArray[Any] | None:
         seconds, epoch, _ = read_clock(np.array(cells, dtype=object), None)
         if seconds is None or epoch is None:
             raise LogError(f"the time {cells[0][:40]!r} cannot be read; fetch the file again")
-        start = np.datetime64(UNIX.replace(tzinfo=None), "us")
-        return start + _microseconds(seconds + (epoch - UNIX).total_seconds())
+        return to_moments((seconds + (epoch - UNIX).total_seconds()) * 1e6)
     parts = [cell.strip("{} ").split(";") for cell in cells]
     width = max(set(map(len, parts)), key=[len(p) for p in parts].count)
     values = [[to_number(x) for x in p] if len(p) == width else [np.nan] * width for p in parts]
     return np.array(values)[:, 0] if width == 1 else np.array(values)
-
-
-def _microseconds(seconds: Array) -> NDArray[Any]:
-    steps = np.round(np.nan_to_num(seconds) * 1e6).astype("timedelta64[us]")
-    steps[~np.isfinite(seconds)] = np.timedelta64("NaT")
-    return np.asarray(steps)
