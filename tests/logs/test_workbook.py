@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs import contents
 from agonic.logs.read import open_log, read
 from tests.logs.damage import damaged
 from tests.logs.test_fuzz import assert_read_or_refused
@@ -102,20 +101,21 @@ def replace_member(path, member, content):
 
 
 @pytest.mark.slow
-def test_what_is_made_to_harm_is_refused(tmp_path, monkeypatch):
+def test_what_is_made_to_harm_is_refused(tmp_path):
     path = write_xlsx(tmp_path / "book.xlsx", {"A": [HEADER, *mag()]})
     entities = '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
     sheet = "xl/worksheets/sheet1.xml"
     replace_member(path, sheet, f"{HEAD}{entities}<worksheet>&x;</worksheet>")
-    with pytest.raises(LogError, match="declares a document type"):
+    with pytest.raises(LogError, match="no sheet in it holds a table") as refused:
         read(path)
+    assert "root:" not in str(refused.value)
     far = f'<worksheet xmlns="{MAIN}"><sheetData><row><c r="ZZZZZZ1"><v>1</v></c></row></sheetData>'
     replace_member(path, sheet, f"{far}</worksheet>")
     with pytest.raises(LogError, match="no sheet in it holds a table"):
         read(path)
-    monkeypatch.setattr(contents, "MOST_BYTES", 50_000_000)
-    replace_member(path, sheet, b" " * 60_000_000)
-    with pytest.raises(LogError, match="declares"):
+    last = f'<worksheet xmlns="{MAIN}"><sheetData><row><c r="XFD1048576"><v>1</v></c></row>'
+    replace_member(path, sheet, f"{last}</sheetData></worksheet>")
+    with pytest.raises(LogError, match=r"memory|no sheet in it holds a table"):
         read(path)
     write_xlsx(path, {"Contents": TITLE})
     with pytest.raises(LogError, match=r"no (sheet|magnetometer)"):

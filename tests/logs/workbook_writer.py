@@ -58,6 +58,10 @@ def write_xlsx(path: Path, sheets: Sheets, *, date1904: bool = False) -> Path:
     )
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
         archive.writestr("[Content_Types].xml", f"{HEAD}<Types/>")
+        root = f'<Relationship Id="r" Type="{OFFICE}/officeDocument" Target="xl/workbook.xml"/>'
+        archive.writestr(
+            "_rels/.rels", f'{HEAD}<Relationships xmlns="{PACKAGE}">{root}</Relationships>'
+        )
         archive.writestr(
             "xl/workbook.xml",
             f'{HEAD}<workbook xmlns="{MAIN}" xmlns:r="{OFFICE}"><workbookPr '
@@ -111,4 +115,10 @@ def write_ods(path: Path, sheets: Sheets) -> Path:
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
         archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet", 0)
         archive.writestr("content.xml", content)
+        kind = 'manifest:media-type="application/vnd.oasis.opendocument.spreadsheet"'
+        archive.writestr(
+            "META-INF/manifest.xml",
+            f'{HEAD}<manifest:manifest xmlns:manifest="{urn}:manifest:1.0"><manifest:file-entry '
+            f'manifest:full-path="/" {kind}/></manifest:manifest>',
+        )
     return path

@@ -167,7 +167,7 @@ def _is_json(head: bytes) -> bool:
 
 
 JSON = Format("JSON (.json, .jsonl)", "text.json_text", _is_json)
-WORKBOOK = Format("workbooks (.xlsx, .ods)", "office.workbook", _is_workbook)
+WORKBOOK = Format("workbooks (.xlsx, .ods)", "workbook", _is_workbook)
 ARROW = Format("Arrow and Feather", "arrow", _starts(b"ARROW1\0\0", b"\xff\xff\xff\xff"))
 DATABASE = Format("SQLite", "database", _starts(b"SQLite format 3\0"))
 FOLDER = Format("ZIP archives and folders of tables", "folder", _starts(b"PK\x03\x04"))

@@ -21,6 +21,7 @@ from agonic.logs.formats import (
     JSON,
     ROS,
     TEXT,
+    WORKBOOK,
     Format,
     find_packing,
     format_of,
@@ -243,7 +244,7 @@ def _read(
 
 def _may_be_huge(kind: Format, file: Path) -> bool:
     """Whether reading it may take far more memory than it is long, or more than is at hand."""
-    if kind in (FOLDER, ARROW):  # what is packed in them may be of any length
+    if kind in (FOLDER, ARROW, WORKBOOK):  # what is packed in them may be of any length
         return file.is_file()
     return kind in (TEXT, JSON) and file.stat().st_size > LONG_TEXT
 

@@ -1,1 +1,0 @@
-"""Workbooks of spreadsheets: Excel and OpenDocument; `workbook` is the reader."""
