@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from operator import attrgetter
 from pathlib import Path
@@ -33,12 +34,10 @@ from agonic.inflight.tracking.schema import (
     TrackFile,
 )
 from agonic.logs.contents import read_bytes
-from agonic.maths.estimation.filters.kalman import STATES, FilterState
-from agonic.maths.estimation.filters.ud_filter import WATCHED
+from agonic.maths.estimation.filters.jump_test import SCALE, TIME, USUAL, WATCHED
+from agonic.maths.estimation.filters.states import TABLES, FilterState
 from agonic.maths.estimation.noise import running_batch_means
 from agonic.maths.estimation.noise.running_batch_means import RunningBatchMeans
-from agonic.maths.estimation.turning import filter as turning
-from agonic.maths.estimation.turning import reading
 from agonic.maths.rotations.polar import split_rotation
 from agonic.provenance import Provenance
 
@@ -52,13 +51,15 @@ _RECORDS: dict[type, type[Struct]] = {
     Thermal: ThermalRecord,
     Interference: AboardRecord,
     FilterState: FilterRecord,
-    turning.TurnState: FilterRecord,
     RunningBatchMeans: BatchesRecord,
     Opening: OpeningRecord,
     Recent: RecentRecord,
     Jump: JumpRecord,
 }
-_ELSEWHERE = {
+_IN_FILES = (*range(SCALE + 1), TIME, USUAL)
+"""What a filter without a gyro watches, in the order of the file."""
+_ELSEWHERE: dict[str, Callable[[Any], Any]] = {
+    "watch": lambda one: one.watched if one.beside_gyro else [one.watched[k] for k in _IN_FILES],
     "parents": attrgetter("provenance.parents"),
     "temperature_C": attrgetter("validity.temperature_C"),
 }
@@ -177,23 +178,23 @@ def _restore_aboard(record: AboardRecord | None, base: Affine) -> Interference |
 
 
 def _restore_filter(record: FilterRecord) -> FilterState:
-    turned = len(record.state) == turning.STATES["full"]
-    watched = reading.WATCHED if turned else WATCHED
-    watch = [*record.watch, *[1.0] * (watched - len(record.watch))]  # of files before `USUAL`
-    kind: type[FilterState] = turning.TurnState if turned else FilterState
-    size = turning.STATES["full"] if turned else STATES["full"]
-    estimate = kind(
-        np.array(record.state),
-        np.array(record.columns),
-        np.array(record.diagonal),
-        np.array(watch),
-        _restore_batches(record.batches, 3 if turned else size),
+    size, m = len(record.state), len(record.diagonal)
+    if size not in TABLES or not 0 < m <= size or np.shape(record.columns) != (m, m):
+        raise LogError(f"an estimate has {size} numbers and {m} of its covariance")
+    watched = list(record.watch)
+    if size == min(TABLES) and len(_IN_FILES) - len(watched) in (0, 1):  # of files before `USUAL`
+        given = dict(zip(_IN_FILES, [*watched, 1.0], strict=False))
+        watched = [given.get(k, 0.0) for k in range(WATCHED)]
+    if len(watched) != WATCHED:
+        raise LogError(f"an estimate watches {len(watched)} sums")
+    batched = TABLES[size].batched
+    return FilterState(
+        list(record.state),
+        [list(line) for line in record.columns],
+        list(record.diagonal),
+        watched,
+        _restore_batches(record.batches, batched.stop - batched.start),
     )
-    m = len(record.diagonal)
-    shapes = [np.shape(part) for part in estimate[:4]]
-    if shapes != [(size,), (m, m), (m,), (watched,)] or m > size:
-        raise LogError(f"an estimate has parts of shapes {shapes}")
-    return estimate
 
 
 def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMeans:
@@ -217,5 +218,4 @@ def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMea
 
 
 def _restore_rows(rows: Rows, before: FilterRecord) -> Array:
-    turned = len(before.state) == turning.STATES["full"]
-    return np.array(rows, dtype=np.float64).reshape(-1, turning.ROW if turned else 6)
+    return np.array(rows, dtype=np.float64).reshape(-1, TABLES[len(before.state)].row)

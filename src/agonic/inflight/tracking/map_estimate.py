@@ -10,7 +10,7 @@ from agonic.arrays import Array
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis, split
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.filters import kalman
+from agonic.maths.estimation.filters.states import FilterState
 from agonic.maths.estimation.loss import cauchy, tukey
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
@@ -21,7 +21,7 @@ _ROUGH = 0.1  # standard errors to which a solution is found that only serves th
 
 
 def find_most_probable(
-    state: TrackerState, prior: kalman.FilterState, rows: Array, params: TrackerParams
+    state: TrackerState, prior: FilterState, rows: Array, params: TrackerParams
 ) -> tuple[Array, float, Array]:
     """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
     it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
@@ -86,7 +86,7 @@ def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array
     return max(robust_scale(residuals_at(rows, about), min(m, len(rows) - 1)), 1e-9)
 
 
-def _starts(state: TrackerState, prior: kalman.FilterState, rows: Array) -> Iterator[Array]:
+def _starts(state: TrackerState, prior: FilterState, rows: Array) -> Iterator[Array]:
     """Where to begin: the estimate, and, where little is known, the sphere that most lie on."""
     yield state.estimate.state
     magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
@@ -102,7 +102,7 @@ def _starts(state: TrackerState, prior: kalman.FilterState, rows: Array) -> Iter
 class GaussianPrior:
     """The prior on bias and matrix as residuals: D^(−1/2) U⁻¹ (x − x₀), without the field's g."""
 
-    def __init__(self, prior: kalman.FilterState) -> None:
+    def __init__(self, prior: FilterState) -> None:
         upper = prior.columns.T[1:, 1:]
         self.whiten = np.linalg.inv(upper) / np.sqrt(prior.diagonal[1:])[:, None]
         self.centre = prior.state[1 : len(prior.diagonal)]

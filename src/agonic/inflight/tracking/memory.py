@@ -15,8 +15,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.inflight.tracking.map_estimate import linearise
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.estimation.filters import kalman
-from agonic.maths.estimation.filters.kalman import FilterState, Model
+from agonic.maths.estimation.filters.states import FilterState, Model
 
 ROUNDING = 1e-14
 """Part of the largest prior variance below which the variance of a residual is lost in rounding."""
@@ -73,8 +72,8 @@ _FEWEST_MEMORIES = 4  # times in the readings: of longer ones nothing is seen
 
 
 def find_memory(
-    prior: kalman.FilterState, model: kalman.Model, rows: Array, about: Array, total: float
-) -> kalman.Model | None:
+    prior: FilterState, model: Model, rows: Array, about: Array, total: float
+) -> Model | None:
     """The noise model whose lasting part makes rows (k, 6) most probable; None where what is given
     does as well.
 
@@ -101,15 +100,14 @@ def find_memory(
     return tried[int(np.argmax(values))] if max(values) > without + _CERTAIN else None
 
 
-def widen_external(prior: kalman.FilterState, model: kalman.Model) -> kalman.FilterState:
+def widen_external(prior: FilterState, model: Model) -> FilterState:
     """The prior with what the lasting error may be at its start."""
-    diagonal = prior.diagonal.copy()
-    diagonal[0] = max(diagonal[0], model.external_sd**2)
-    return prior._replace(diagonal=diagonal)
+    first, *others = prior.scales
+    return prior._replace(scales=[max(first, model.external_sd**2), *others])
 
 
 def _compute_likelihoods(
-    prior: kalman.FilterState, models: list[kalman.Model], rows: Array, about: Array
+    prior: FilterState, models: list[Model], rows: Array, about: Array
 ) -> Array:
     """The log-likelihood of rows under each model; the residuals times |s|, in nT."""
     m, noise = len(prior.diagonal), np.array([model.noise for model in models])
