@@ -123,7 +123,7 @@ def _pose_scaled(
 ) -> Problem:
     shots = Shots(force / scale.gravity, (field - scale.centre) / scale.size, target)
     mounting = find_mounting(shots)
-    start = _begin(shots, mounting)
+    start = begin(shots, mounting, find_sight(force, target))
     return Problem(shots, scale, make_prior(start, mounting, settings, dip), start)
 
 
@@ -176,12 +176,12 @@ def find_mounting(shots: Shots) -> Array:
     return np.asarray(turns[best] if left[best] * CLEARLY_TURNED < left[0] else turns[0])
 
 
-def _begin(shots: Shots, mounting: Array) -> Array:
-    """Unknowns of two sensors without errors, with dip, sight and targets as they then are."""
+def begin(shots: Shots, mounting: Array, sight: Array) -> Array:
+    """Unknowns (q,) of two sensors without errors, with dip and targets as they then are."""
     start = np.zeros(TARGETS + 2 * shots.targets)
     start[SHAPE_A][:3] = 1.0
     start[MATRIX_M] = mounting.ravel()
-    start[SIGHT] = find_sight(shots.force, shots.target)
+    start[SIGHT] = sight
     values = observe(*calibrate(shots, start), start[SIGHT]).values
     start[DIP] = np.median(values[:, 2])
     for k in range(shots.targets):
