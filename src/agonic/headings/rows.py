@@ -123,9 +123,9 @@ def _explain(readings: Readings, steps: tuple[Step, ...], size: Array, good: Ind
     """The relative variance of the field's magnitude by noise and calibration."""
     even = np.linspace(0, len(good) - 1, min(len(good), SAMPLE)).round().astype(np.intp)
     rows = good[np.unique(even)]
-    columns = {name: values[rows] for name, values in readings.columns.items()}
-    values = apply_steps(steps, readings.raw[rows], columns)
-    systematic, noise = propagate(steps, values, columns, values[-1].T / size[rows])
+    readings = readings.subset(rows)
+    values = apply_steps(steps, readings.raw, readings.columns)
+    systematic, noise = propagate(steps, values, readings.columns, values[-1].T / size[rows])
     return float(np.mean((systematic + noise) / size[rows] ** 2))
 
 

@@ -46,9 +46,8 @@ def list_compass_errors(
     Each error is in units of its standard deviation. A field at rest turns in the sensor by −ω × b.
     """
     steps = list_steps(one.compass.calibration)
-    columns = {name: values[rows] for name, values in one.readings.columns.items()}
-    values = apply_steps(steps, one.readings.raw[rows], columns)
-    tilt = kernel.Tilt(*(part if len(part) == 1 else part[rows] for part in attitude.tilt))
+    readings, tilt = one.readings.subset(rows), attitude.select_tilt(rows)
+    values = apply_steps(steps, readings.raw, readings.columns)
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
     gradient = turned.by_field
@@ -56,7 +55,7 @@ def list_compass_errors(
         level = np.append(one.compass.deviation.coefficients, np.zeros(4))
         gradient = gradient * (1 + slope(level, turned.heading_deg, 0.0, 0.0))
     gradient = np.where(np.isfinite(gradient), gradient, 0.0)
-    parts, _ = propagate_parts(steps, values, columns, gradient)
+    parts, _ = propagate_parts(steps, values, readings.columns, gradient)
     late = np.einsum("in,ni->n", gradient, np.cross(rate[rows], values[-1]))[:, None]
     late *= find_latency_sd(one.compass)
     return np.concatenate([np.zeros((0, len(rows))), *parts]).T, late
