@@ -7,8 +7,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.attitude.problem import Scale, normalise
 from agonic.inertial.attitude import UNKNOWNS, Inertial, find_parts
-from agonic.inertial.maths.factors import GRAVITY_SD, Log
-from agonic.inertial.maths.headings import Headings
+from agonic.inertial.maths.factors import GRAVITY_SD, Headings, Log
 from agonic.inertial.settings import Settings
 from agonic.maths.equation.affine import FREE, correct, split
 from agonic.maths.equation.channels import Problem, field_of_terms

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.inflight.tracking.memory import compute_likelihoods
+from agonic.inflight.tracking.map_estimate import compute_likelihoods
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis
 from agonic.maths.estimation.filters import kalman, states
 

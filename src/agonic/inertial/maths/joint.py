@@ -18,11 +18,11 @@ from agonic.inertial.maths.factors import (
     Felt,
     Log,
     sum_force,
+    sum_headings,
     sum_rate,
     sum_readings,
     take_out,
 )
-from agonic.inertial.maths.headings import sum_headings
 from agonic.inertial.maths.noise import (
     SETTLED,
     expect_noise,

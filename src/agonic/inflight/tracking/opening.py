@@ -15,13 +15,15 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.inflight.tracking.map_estimate import (
+    MEMORY_FROM,
     GaussianPrior,
     compute_total_sd,
+    find_memory,
     find_most_probable,
     linearise,
     residuals_at,
+    widen_external,
 )
-from agonic.inflight.tracking.memory import MEMORY_FROM, find_memory, widen_external
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters import kalman, states
 from agonic.maths.estimation.loss import cauchy
