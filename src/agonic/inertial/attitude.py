@@ -70,15 +70,8 @@ class Inertial(NamedTuple):
 
     def subset(self, rows: Index) -> Inertial:
         """The same of some rows."""
-        return Inertial(
-            self.down[rows],
-            self.down_by[rows],
-            self.part[rows],
-            None if self.ahead is None else self.ahead[rows],
-            None if self.azimuth_by is None else self.azimuth_by[rows],
-            self.force_sd,
-            self.rate_sd,
-        )
+        columns = (None if one is None else one[rows] for one in self[:5])
+        return Inertial._make((*columns, *self[5:]))
 
 
 def feel_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:

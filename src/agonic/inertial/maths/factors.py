@@ -19,13 +19,13 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem, field_of_terms
+from agonic.maths.estimation.filters.smoother import Sums
 from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.batch_means import FEWEST_BATCHES, compute_scatter
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.low_pass import low_pass
 from agonic.maths.rotations.track import (
-    Sums,
     Track,
     find_slips,
     integrate_over_steps,

@@ -67,13 +67,25 @@ def reopen(state: TrackerState, params: TrackerParams) -> TrackerState:
     return openings.solve_opening(opened, given) if len(since) >= openings.MOMENTS[0] else opened
 
 
+def find_onset(seen: kalman.Predictions) -> int:
+    """The row at which a jump began: where the test over all rows after it is largest.
+
+    Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
+    """
+    w, z = seen.shown[::-1, 1:4], seen.innovation[::-1]
+    information = np.cumsum(w[:, :, None] * w[:, None, :], axis=0) + 1e-12 * np.eye(3)
+    score = np.cumsum(w * z[:, None], axis=0)
+    statistic = np.einsum("ki,kij,kj->k", score, np.linalg.pinv(information), score)
+    return len(z) - 1 - int(np.argmax(statistic))
+
+
 def _find_onset(
     state: TrackerState, params: TrackerParams, model: states.Model, seen: kalman.Predictions
 ) -> int:
     """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
     assert state.recent is not None, "only a settled state has recent readings"
     rows = state.recent.rows
-    guesses = [kalman.find_onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
+    guesses = [find_onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
     tried: dict[int, float] = {}
     while guesses and len(tried) < _DATINGS:
         guess = guesses.pop(0)

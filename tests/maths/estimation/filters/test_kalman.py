@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from agonic.inflight.tracking.jump import find_onset
 from agonic.maths.equation.affine import magnitude_residual, model_basis
 from agonic.maths.estimation.filters import kalman, reading, states
 
@@ -145,7 +146,7 @@ def test_the_onset_of_a_step_is_found() -> None:
     innovation[60:] += toward[60:] @ [9.0, -6.0, 3.0]
     nothing, none = np.zeros(100), np.empty((0, 3))
     jacobian = np.pad(toward, ((0, 0), (1, 6)))
-    found = kalman.find_onset(
+    found = find_onset(
         kalman.Predictions(nothing, nothing, nothing > 0, innovation, jacobian, none)
     )
     assert abs(found - 60) <= 2

@@ -6,10 +6,7 @@ has the columns of U, `room` is a place for as many numbers.
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 
 def add_variance(i: int, variance: float, columns: Any, diagonal: Any, a: Any) -> None:
@@ -69,36 +66,3 @@ def variance_of(i: int, columns: Any, diagonal: Any) -> float:
     for j in range(i + 1, len(diagonal)):
         total += columns[j][i] * columns[j][i] * diagonal[j]
     return total
-
-
-PARTS = (add_variance, predict, absorb, variance_of)
-"""What numba has to compile, each after what it calls."""
-
-
-def compile_parts(
-    whole: Callable[..., tuple[int, bool]], parts: Sequence[Callable[..., Any]]
-) -> Callable[..., tuple[int, bool]] | None:
-    """A function and those that it calls compiled by numba, or `None` without it.
-
-    What numba keeps on the disk it compiles anew where the file of `whole` has changed; a change of
-    any other part has to be seen here.
-    """
-    try:
-        numba = importlib.import_module("numba")
-        extending = importlib.import_module("numba.extending")
-    except ImportError:
-        return None
-    for part in parts:
-        extending.register_jitable(part)
-    kernel: Any
-    try:
-        kernel = numba.njit(cache=True)(whole)
-    except RuntimeError:  # no folder that numba may write to
-        kernel = numba.njit(whole)
-        return cast(Callable[..., tuple[int, bool]], kernel)
-    files = {Path(part.__code__.co_filename) for part in parts}
-    changed = max((file.stat().st_mtime for file in files if file.is_file()), default=0.0)
-    for index in Path(kernel.stats.cache_path).glob(f"*.{whole.__name__}-*.nbi"):
-        if index.stat().st_mtime < changed:
-            index.unlink(missing_ok=True)
-    return cast(Callable[..., tuple[int, bool]], kernel)

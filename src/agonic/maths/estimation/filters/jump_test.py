@@ -64,7 +64,3 @@ def compute_statistic(watch: Any, jump_sd: float) -> float:
     determinant = a * xx + d * xy + e * xz
     inner = xx * x * x + yy * y * y + zz * q * q + 2.0 * (xy * x * y + xz * x * q + yz * y * q)
     return float(inner / determinant)
-
-
-PARTS = (forget, add_shown, compute_statistic, is_jump)
-"""What numba has to compile, each after what it calls."""

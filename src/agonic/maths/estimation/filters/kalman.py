@@ -32,8 +32,11 @@ Guidance, Control, and Dynamics 28(1), 115–120, and M. Kok, T. B. Schön (2016
 from __future__ import annotations
 
 import functools
+import importlib
+import inspect
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -175,9 +178,33 @@ def run(
 
 @functools.cache
 def compile_filter() -> Callable[..., tuple[int, bool]] | None:
-    """`run` compiled by numba, or `None` without it."""
-    parts = (*factors.PARTS, *jump_test.PARTS, *motion.PARTS, *reading.PARTS)
-    return factors.compile_parts(run, parts)
+    """`run` and what it calls compiled by numba, or `None` without it.
+
+    What numba keeps on the disk it compiles anew where this file has changed; a change of another
+    one has to be seen here.
+    """
+    try:
+        numba = importlib.import_module("numba")
+        extending = importlib.import_module("numba.extending")
+    except ImportError:
+        return None
+    modules = (factors, jump_test, motion, reading)
+    for module in modules:
+        for part in vars(module).values():
+            if inspect.isfunction(part) and part.__module__ == module.__name__:
+                extending.register_jitable(part)
+    kernel: Any
+    try:
+        kernel = numba.njit(cache=True)(run)
+    except RuntimeError:  # no folder that numba may write to
+        kernel = numba.njit(run)
+        return cast(Callable[..., tuple[int, bool]], kernel)
+    files = [Path(str(module.__file__)) for module in modules]
+    changed = max((file.stat().st_mtime for file in files if file.is_file()), default=0.0)
+    for index in Path(kernel.stats.cache_path).glob("*.run-*.nbi"):
+        if index.stat().st_mtime < changed:
+            index.unlink(missing_ok=True)
+    return cast(Callable[..., tuple[int, bool]], kernel)
 
 
 def is_worth_compiling(rows: int) -> bool:
@@ -188,15 +215,3 @@ def is_worth_compiling(rows: int) -> bool:
 def join_predictions(parts: Sequence[Predictions]) -> Predictions:
     """What was seen of consecutive pieces."""
     return Predictions(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def find_onset(seen: Predictions) -> int:
-    """The row at which a jump began: where the test over all rows after it is largest.
-
-    Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
-    """
-    w, z = seen.shown[::-1, 1:4], seen.innovation[::-1]
-    information = np.cumsum(w[:, :, None] * w[:, None, :], axis=0) + 1e-12 * np.eye(3)
-    score = np.cumsum(w * z[:, None], axis=0)
-    statistic = np.einsum("ki,kij,kj->k", score, np.linalg.pinv(information), score)
-    return len(z) - 1 - int(np.argmax(statistic))

@@ -195,16 +195,3 @@ def _triangulate(
             columns[j][i] = shared
             for k in range(9):
                 line[k] -= shared * last[k]
-
-
-PARTS = (
-    walk,
-    decay,
-    find_mean_rate,
-    find_unseen_turn,
-    _find_rotation,
-    _rotate,
-    _triangulate,
-    turn,
-)
-"""What numba has to compile, each after what it calls."""

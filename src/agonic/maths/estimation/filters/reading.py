@@ -346,17 +346,3 @@ def _watch(seen: Any, size: float, model: Any, watch: Any) -> bool:
     add_shown(seen[10], seen[11], seen[12], part * seen[15], watch)
     square = part * part * size / FREEDOM
     return is_jump(square, model.jump_level, model.jump_sd, _SURE, watch)
-
-
-PARTS = (
-    find_distance,
-    take_magnitude,
-    _find_residual,
-    _whiten,
-    _find_gain,
-    _find_bend,
-    _take_length,
-    _watch,
-    take_vector,
-)
-"""What numba has to compile, each after what it calls."""
