@@ -113,22 +113,18 @@ def compute_dip_residuals(
     tilt = attitude.select_tilt(rows)
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
-        size = np.hypot(turned.horizontal, turned.vertical)
         gradient = _gradient(values[-1], kernel.compute_down(tilt, attitude.order), turned)
     calibration, noise = propagate(steps, values, readings.columns, gradient)
     if readings.averaged is not None:
         noise = noise * readings.averaged
-    dip = np.arctan2(turned.vertical, turned.horizontal)
-    kept = np.isfinite(dip) & np.isfinite(gradient).all(axis=0)
-    if around.horizontal is not None and around.vertical is not None:
-        h, z = (select_rows(part, rows) for part in (around.horizontal, around.vertical))
-        dip = dip - np.arctan2(z, h)
-        if compass.calibration.unit_out != RAW:
-            kept &= np.abs(size / np.hypot(h, z) - 1) <= setup.magnitude_limit
+    kept = np.asarray(np.isfinite(gradient).all(axis=0))
     if kept.sum() < FEWEST:
         return None
-    if around.horizontal is None or around.vertical is None:
-        dip = dip - np.median(dip[kept])
+    share, dip = around.compare(turned.horizontal, turned.vertical, kept, rows)
+    if around.horizontal is not None and compass.calibration.unit_out != RAW:
+        kept &= np.abs(share - 1) <= setup.magnitude_limit
+    if kept.sum() < FEWEST:
+        return None
     north = np.cos(np.radians(turned.heading_deg[kept])) ** 2
     return DipResiduals(rows[kept], dip[kept], noise[kept], calibration[kept], north)
 

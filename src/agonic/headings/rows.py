@@ -55,13 +55,8 @@ def add_disturbance(
     good = np.flatnonzero(sound if distance is None else sound & (distance <= 1.0))
     if attitude.source == LEVEL or not len(good):
         return indicated, distance
-    dip, share = np.arctan2(below, level), size
-    if around.horizontal is not None and around.vertical is not None:
-        wanted = np.arctan2(around.vertical, around.horizontal)
-        share = size / np.hypot(around.vertical, around.horizontal)
-    else:
-        wanted = np.median(dip[good])
-    off = (share / np.median(share[good]) - 1.0) ** 2 + (dip - wanted) ** 2
+    share, steeper = around.compare(level, below, good)
+    off = (share / np.median(share[good]) - 1.0) ** 2 + steeper**2
     seen = np.where(sound, off, 0.0) / 2
     if time is not None:
         short, long = (count_rows(time, duration) for duration in SEEN_S)

@@ -93,20 +93,6 @@ def _low_pass(values: Array, time: Array, settling_s: float) -> Array:
     return low_pass(values, float(np.median(np.diff(time))), settling_s)
 
 
-def compute_dip_errors(
-    horizontal: Array, vertical: Array, around: Surroundings, moments: Moments
-) -> Array:
-    """The dip at each moment (N,) less the expected one, or less its median, rad."""
-    rows = moments.rows[moments.middle]
-    dip = np.arctan2(vertical[rows], horizontal[rows])
-    if around.horizontal is None or around.vertical is None:
-        return np.asarray(dip - np.nanmedian(dip))
-    level, below = (
-        np.broadcast_to(v, len(horizontal))[rows] for v in (around.horizontal, around.vertical)
-    )
-    return np.asarray(dip - np.arctan2(below, level))
-
-
 def find_sensor_lean(
     columns: Array,
     lean: Array,
@@ -122,7 +108,9 @@ def find_sensor_lean(
     `follow_axes`; the compass's `variance` (N,), infinite where it tells nothing; level and
     vertical `parts` of the field (n,).
     """
-    off = compute_dip_errors(*parts, around, moments)
+    rows = moments.rows[moments.middle]
+    level, below = (part[rows] for part in parts)
+    _, off = around.compare(level, below, np.isfinite(level + below), rows)
     steep = np.nanmedian(np.abs(parts[1] / np.maximum(parts[0], 1e-9)))
     other = float(np.sqrt(np.mean((columns**2).sum(axis=1))) / np.hypot(1.0, steep))
     good = np.isfinite(variance) & np.isfinite(off)
@@ -144,18 +132,10 @@ def measure_disturbance(
     """
     h, z = horizontal[moments.rows], vertical[moments.rows]
     good = sound[moments.rows]
-    size, dip = np.hypot(h, z), np.arctan2(z, h)
-    wanted, steep = np.median(size[good]), np.median(dip[good])
-    if around.horizontal is not None and around.vertical is not None:
-        n = len(horizontal)
-        level, below = (
-            np.broadcast_to(v, n)[moments.rows] for v in (around.horizontal, around.vertical)
-        )
-        steep = np.arctan2(below, level)
-        total = np.hypot(level, below)
-        if abs(float(np.median((size / total)[good])) - 1.0) < 0.5:  # else in another unit
-            wanted = total
-    off = np.stack([size / wanted - 1.0, dip - steep], axis=1)
+    share, steeper = around.compare(h, z, good, moments.rows)
+    usual = np.median(share[good])
+    share = share if abs(float(usual) - 1.0) < 0.5 else share / usual  # else in another unit
+    off = np.stack([share - 1.0, steeper], axis=1)
     told = moments.add(good.astype(np.float64))
     mean = moments.add(np.where(good[:, None], off, 0.0)) / np.maximum(told, 1.0)[:, None]
     square = (mean**2).sum(axis=1)

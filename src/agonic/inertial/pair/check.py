@@ -12,7 +12,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import require_covariance
 from agonic.calibration.setup import Setup
-from agonic.errors import AgonicError, CoverageError, LogError, UnitError
+from agonic.errors import AgonicError, CoverageError, UnitError
 from agonic.health import Finding, Judged, figure
 from agonic.inertial.maths.shots import BIAS_A, BIAS_M, DIP, TARGETS, Shots, linearise
 from agonic.inertial.pair.changes import (
@@ -22,7 +22,7 @@ from agonic.inertial.pair.changes import (
     find_seen_deg,
     list_suspects,
 )
-from agonic.inertial.pair.problem import begin, find_shots, number_targets
+from agonic.inertial.pair.problem import average_shots, begin, number_targets
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import correction_jacobian, model_basis
 from agonic.samples import Samples
@@ -155,16 +155,12 @@ def _pose(
     samples: Samples, accelerometer: Affine, magnetometer: Affine, pointing_sd_deg: float
 ) -> tuple[_Linear, Index]:
     """The residuals of the shots, and their numbers."""
-    if samples.acceleration is None:
-        raise LogError(f"{samples.name} was logged without acceleration; record it with each shot")
-    rows = find_shots(samples)
+    rows, force, reading = average_shots(samples)
     if len(rows) < FEWEST:
         raise CoverageError(
             f"{len(rows)} shots at rest were given and {FEWEST} are needed, better eight",
             turns="level towards four directions, and the same upside down",
         )
-    force = np.array([samples.acceleration[own].mean(axis=0) for own in rows])
-    reading = np.array([samples.field[own].mean(axis=0) for own in rows])
     up = accelerometer.correct(force) / STANDARD_GRAVITY_M_S2
     seen = magnetometer.correct(reading)
     size = float(np.median(np.linalg.norm(seen, axis=1)))

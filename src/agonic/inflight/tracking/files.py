@@ -228,44 +228,33 @@ def _plain(value: Any) -> Any:
 
 
 def _restore_state(record: StateRecord) -> TrackerState:
+    values = msgspec.structs.asdict(record)
     base = _restore_base(record.base)
-    opening, recent = record.opening, record.recent
-    return TrackerState(
-        base=base,
-        ground=_restore_ground(record.ground, base),
-        aboard=_restore_aboard(record.aboard, base),
-        turned=split_rotation(base.matrix, base.covariance, base.gauge)[1],
-        estimate=_restore_filter(record.estimate),
-        noise=record.noise,
-        noise_known=record.noise_known,
-        opening=None
-        if opening is None
-        else Opening(
-            prior=_restore_filter(opening.prior),
-            rows=_restore_rows(opening.rows, opening.prior),
-            before=None if opening.before is None else _restore_filter(opening.before),
-            outliers=opening.outliers,
-            learns=opening.learns,
-        ),
-        recent=None
-        if recent is None
-        else Recent(
-            before=_restore_filter(recent.before),
-            middle=_restore_filter(recent.middle),
-            rows=_restore_rows(recent.rows, recent.before),
-        ),
-        n=record.n,
-        refused=record.refused,
-        jumps=tuple(
-            Jump(time=j.time, seen=j.seen, shift=np.array(j.shift), shift_sd=np.array(j.shift_sd))
-            for j in record.jumps
-        ),
-        epoch=record.epoch,
-        magnitude=record.magnitude,
-        external_sd=record.external_sd,
-        external_time_s=record.external_time_s,
-        gyro_unused=record.gyro_unused,
-    )
+    parts = {
+        "base": base,
+        "ground": _restore_ground(record.ground, base),
+        "aboard": _restore_aboard(record.aboard, base),
+        "estimate": _restore_filter(record.estimate),
+        "opening": None if record.opening is None else Opening(**_restore_parts(record.opening)),
+        "recent": None if record.recent is None else Recent(**_restore_parts(record.recent)),
+        "jumps": tuple(Jump(**_restore_parts(jump)) for jump in record.jumps),
+    }
+    turned = split_rotation(base.matrix, base.covariance, base.gauge)[1]
+    return TrackerState(**values | parts, turned=turned)
+
+
+def _restore_parts(record: Struct) -> dict[str, Any]:
+    """The fields of a record: filters, rows, arrays, and what is plain."""
+    values = msgspec.structs.asdict(record)
+    for name, value in values.items():
+        if isinstance(value, FilterRecord):
+            values[name] = _restore_filter(value)
+        elif name == "rows":
+            filters = (one for one in values.values() if isinstance(one, FilterState))
+            values[name] = np.array(value, dtype=np.float64).reshape(-1, next(filters).table.row)
+        elif isinstance(value, tuple):
+            values[name] = np.array(value)
+    return values
 
 
 def _restore_base(record: BaseRecord) -> Affine:
@@ -315,20 +304,11 @@ def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMea
     nothing = running_batch_means.start(size)
     if record is None:
         return nothing
-    restored = RunningBatchMeans(
-        np.array(record.score),
-        np.array(record.pending),
-        record.rows,
-        record.total,
-        np.array(record.information),
-        np.array(record.number),
-        np.array(record.square),
-        np.array(record.waiting),
-    )
+    values = msgspec.structs.asdict(record)
+    sums: dict[str, Any] = {
+        name: np.array(one) if isinstance(one, tuple) else one for name, one in values.items()
+    }
+    restored = RunningBatchMeans(**sums)
     if [np.shape(a) for a in restored] != [np.shape(b) for b in nothing]:
         raise LogError("the sums over batches have other shapes")
     return restored
-
-
-def _restore_rows(rows: Rows, before: FilterRecord) -> Array:
-    return np.array(rows, dtype=np.float64).reshape(-1, TABLES[len(before.state)].row)

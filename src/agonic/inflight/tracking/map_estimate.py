@@ -64,7 +64,7 @@ def compute_likelihoods(
 
 MEMORY_FROM = 192
 """Readings that can show a memory."""
-_CERTAIN = 10.0  # log-likelihood by which a memory must explain the readings better than none
+_SHOWN = 10.0  # log-likelihood by which a memory must explain the readings better than none
 _TIMES = (1.5, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)  # readings
 _SHARES = (0.15, 0.5, 0.8, 0.97)  # of the variance that lasts
 _FEWEST_MEMORIES = 4  # times in the readings: of longer ones nothing is seen
@@ -100,7 +100,7 @@ def find_memory(
     if total**2 < ROUNDING * prior.covariance.diagonal()[1:].max():
         return None
     without, *values = _compute_likelihoods(prior, [plain, *tried], rows[rows[:, 5] > 0], about)
-    return tried[int(np.argmax(values))] if max(values) > without + _CERTAIN else None
+    return tried[int(np.argmax(values))] if max(values) > without + _SHOWN else None
 
 
 def widen_external(prior: FilterState, model: Model) -> FilterState:
