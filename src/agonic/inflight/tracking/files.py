@@ -172,7 +172,7 @@ _RECORDS: dict[type, type[Struct]] = {
 _IN_FILES = (*range(SCALE + 1), TIME, USUAL)
 """What a filter without a gyro watches, in the order of the file."""
 _ELSEWHERE: dict[str, Callable[[Any], Any]] = {
-    "watch": lambda one: one.watched if one.beside_gyro else [one.watched[k] for k in _IN_FILES],
+    "watch": lambda one: one.watch if one.beside_gyro else one.watch[list(_IN_FILES)],
     "parents": attrgetter("provenance.parents"),
     "temperature_C": attrgetter("validity.temperature_C"),
 }

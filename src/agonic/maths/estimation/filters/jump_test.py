@@ -10,6 +10,7 @@ from typing import Any
 
 MEMORY_ROWS = 50
 """Readings over which innovations are gathered to see a jump."""
+KEEP = 1.0 - 1.0 / MEMORY_ROWS
 SCALE, USUAL, LOST, TIME, WATCHED = 9, 10, 11, 12, 21
 """Places in `watch`, after nine sums of the jump test, and how many there are: mean square of the
 clipped innovations, what the jump test usually comes to, seconds since a reading fitted, and time
@@ -22,23 +23,17 @@ FREEDOM = 3.0
 """Mean of the jump test where nothing jumps."""
 
 
-def forget(watch: Any) -> None:
-    """The sums a reading later."""
-    for k in range(9):
-        watch[k] *= 1.0 - 1.0 / MEMORY_ROWS
-
-
-def add_shown(wx: float, wy: float, wz: float, z: float, watch: Any) -> None:
-    """The sums with an innovation more."""
-    watch[0] += wx * wx
-    watch[1] += wy * wy
-    watch[2] += wz * wz
-    watch[3] += wx * wy
-    watch[4] += wx * wz
-    watch[5] += wy * wz
-    watch[6] += wx * z
-    watch[7] += wy * z
-    watch[8] += wz * z
+def gather(wx: float, wy: float, wz: float, z: float, keep: float, watch: Any) -> None:
+    """The sums with an innovation more; `KEEP` of them is kept from reading to reading."""
+    watch[0] = keep * watch[0] + wx * wx
+    watch[1] = keep * watch[1] + wy * wy
+    watch[2] = keep * watch[2] + wz * wz
+    watch[3] = keep * watch[3] + wx * wy
+    watch[4] = keep * watch[4] + wx * wz
+    watch[5] = keep * watch[5] + wy * wz
+    watch[6] = keep * watch[6] + wx * z
+    watch[7] = keep * watch[7] + wy * z
+    watch[8] = keep * watch[8] + wz * z
 
 
 def is_jump(square: float, level: float, jump_sd: float, surely: float, watch: Any) -> bool:

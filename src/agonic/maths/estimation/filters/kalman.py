@@ -86,30 +86,28 @@ def advance(
     n, table = len(rows), before.table
     wanted = is_worth_compiling(n) if compiled is None else compiled
     kernel = compile_filter() if wanted else None
-    about: Any = before.numbers if linearised is None else linearised.tolist()
-    x, diagonal, watch = before.numbers.copy(), before.scales.copy(), before.watched.copy()
-    columns, fixed = [line.copy() for line in before.upper], linearised is not None
+    about, fixed = before.state if linearised is None else linearised, linearised is not None
     seen: Any
+    x: Any
+    columns: Any
     if kernel is None:
-        seen = [[0.0] * table.seen for _ in range(n)]
-        room = [[0.0] * 16 for _ in range(reading.ROOM)]
-        done, jump = run(
-            rows.tolist(), x, columns, diagonal, watch, model, about, fixed, seen, room
+        x, lines, diagonal, watch = (
+            part.tolist() if isinstance(part, np.ndarray) else part.copy() for part in before[:4]
         )
+        columns = [line.copy() for line in lines]
+        seen, room = [[0.0] * table.seen for _ in rows], [[0.0] * 16 for _ in range(reading.ROOM)]
+        given = (rows.tolist(), x, columns, diagonal, watch, model, about.tolist())
+        done, jump = run(*given, fixed, seen, room)
     else:
-        parts = [np.array(part) for part in (x, columns, diagonal, watch)]
+        x, columns, diagonal, watch = map(np.array, before[:4])
         seen, space = np.zeros((n, table.seen)), np.zeros((reading.ROOM, 16))
-        about = np.array(about)
-        done, jump = kernel(np.ascontiguousarray(rows), *parts, model, about, fixed, seen, space)
-        x, columns, diagonal, watch = (part.tolist() for part in parts)
+        known = (np.ascontiguousarray(rows), x, columns, diagonal, watch, model, about)
+        done, jump = kernel(*known, fixed, seen, space)
     kept = np.array(seen[:done]).reshape(-1, table.seen)
-    found = Predictions(*(kept[:, place] for place in table.kept))
-    found = found._replace(used=found.used > 0.0)
-    return (
-        FilterState(x, columns, diagonal, watch, _sum_batches(before.batches, found)),
-        found,
-        jump,
-    )
+    residual, sd, used, *others = [kept[:, place] for place in table.kept]
+    found = Predictions(residual, sd, used > 0.0, *others)
+    batches = _sum_batches(before.batches, found)
+    return FilterState(x, columns, diagonal, watch, batches), found, bool(jump)
 
 
 def _sum_batches(

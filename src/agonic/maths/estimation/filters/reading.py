@@ -12,11 +12,11 @@ from agonic.maths.estimation.filters import factors
 from agonic.maths.estimation.filters.jump_test import (
     CLIP,
     FREEDOM,
+    KEEP,
     LOST,
     MEMORY_ROWS,
     SCALE,
-    add_shown,
-    forget,
+    gather,
     is_jump,
 )
 
@@ -64,8 +64,7 @@ def take_magnitude(
             x[i] -= gain[i] * r
     if not (model.jump_level > 0.0 and row[5] > 0.0):
         return False
-    forget(watch)
-    add_shown(seen[5], seen[6], seen[7], clipped, watch)
+    gather(seen[5], seen[6], seen[7], clipped, KEEP, watch)
     return is_jump(clipped * clipped, model.jump_level, model.jump_sd, 1e300, watch)
 
 
@@ -340,9 +339,8 @@ def _take_length(
 def _watch(seen: Any, size: float, model: Any, watch: Any) -> bool:
     """The jump test with the three innovations of a reading, clipped together."""
     part = min(1.0, CLIP / sqrt(size)) if size > 0.0 else 1.0
-    forget(watch)
-    add_shown(seen[7], 0.0, 0.0, part * seen[13], watch)
-    add_shown(seen[8], seen[9], 0.0, part * seen[14], watch)
-    add_shown(seen[10], seen[11], seen[12], part * seen[15], watch)
+    gather(seen[7], 0.0, 0.0, part * seen[13], KEEP, watch)
+    gather(seen[8], seen[9], 0.0, part * seen[14], 1.0, watch)
+    gather(seen[10], seen[11], seen[12], part * seen[15], 1.0, watch)
     square = part * part * size / FREEDOM
     return is_jump(square, model.jump_level, model.jump_sd, _SURE, watch)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,17 +87,18 @@ class Model(NamedTuple):
 
 
 class FilterState(NamedTuple):
-    """What the filter holds, in lists, on which Python is faster than NumPy on arrays this small.
+    """What the filter holds, in lists, on which Python is faster than NumPy on arrays this small,
+    or in the arrays of the compiled filter.
 
     `numbers` of the state; U D Uᵀ of its first m as `upper`, which has the columns of U as its
     lines, and `scales`, which is D; `watched` the sums of the jump test and what else is averaged
     (the places are in `jump_test`); `batches` the sums by which errors that last show.
     """
 
-    numbers: list[float]
-    upper: list[list[float]]
-    scales: list[float]
-    watched: list[float]
+    numbers: Any
+    upper: Any
+    scales: Any
+    watched: Any
     batches: running_batch_means.RunningBatchMeans
 
     @property
@@ -108,7 +109,7 @@ class FilterState(NamedTuple):
     @property
     def beside_gyro(self) -> bool:
         """Whether the field is carried along by a gyro."""
-        return len(self.numbers) == BESIDE_GYRO.sizes["full"]
+        return self.table is BESIDE_GYRO
 
     @property
     def state(self) -> Array:
@@ -124,6 +125,11 @@ class FilterState(NamedTuple):
     def diagonal(self) -> Array:
         """D, (m,)."""
         return np.array(self.scales)
+
+    @property
+    def watch(self) -> Array:
+        """What is watched."""
+        return np.array(self.watched)
 
     @property
     def bias(self) -> Array:
@@ -234,7 +240,7 @@ def start_filter(state: ArrayLike, covariance: Array, time: float) -> FilterStat
 def add_variance(before: FilterState, sd: ArrayLike, name: str = "bias") -> FilterState:
     """The filter with standard deviations, one or one for each, added to those of a state."""
     place, room = before.table.places[name], [0.0] * len(before.scales)
-    columns, diagonal = [line.copy() for line in before.upper], before.scales.copy()
+    columns, diagonal = before.columns.tolist(), before.diagonal.tolist()
     sds = np.broadcast_to(np.asarray(sd, dtype=np.float64), place.stop - place.start)
     for i, variance in enumerate(np.square(sds).tolist(), start=place.start):
         factors.add_variance(i, variance, columns, diagonal, room)
