@@ -58,7 +58,8 @@ def find_felt_tilt(
         followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
         if speed.taken:
             reckoned = f"turns are reckoned at {figure(speed.taken)} m/s"
-            why = (*why, f"{reckoned}: {_name_source(samples)}")
+            track = "" if samples.latitude_deg is None else ", and the track"
+            why = (*why, f"{reckoned}: what the accelerometer feels in them{track}")
         return _make_attitude(followed, setup, source, speed, why, felt)
     if are_shots(samples, setup):
         still = np.zeros(len(force))
@@ -144,11 +145,6 @@ def _measure_speed(samples: Samples, force: Array, rate: Array) -> Speed:
     assert samples.time is not None
     turn = compute_turn_rate(samples.time, force, rate)
     return estimate_speed(samples.time, force, rate, compute_track_square(samples, turn))
-
-
-def _name_source(samples: Samples) -> str:
-    there = samples.latitude_deg is not None
-    return "what the accelerometer feels in them" + (", and the track" if there else "")
 
 
 def _measure_shaking(

@@ -135,7 +135,8 @@ def update(
     while done < len(rows):
         piece = rows[done : done + _length(state, params, rows[done:, 0])]
         last = state.time
-        if _due(params.history_s, last, piece[0, 0]) and state.n:
+        every = params.history_s
+        if every > 0 and isfinite(last) and piece[0, 0] // every > last // every:
             history.append(np.concatenate([[state.time], state.bias, state.bias_sd]))
         if state.turn is None:
             state, predicted = _step(state, params, piece, fast)
@@ -185,11 +186,6 @@ def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
         opening=None if ready else opened,
         recent=recent if ready else None,
     )
-
-
-def _due(every: float, last: float, now: float) -> bool:
-    """Whether a moment of the history lies between two readings."""
-    return every > 0 and isfinite(last) and now // every > last // every
 
 
 def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:

@@ -254,7 +254,9 @@ def _find_noise(rows: Array, state: TrackerState) -> float:
     """
     step = float(np.median(np.diff(rows[:, 0])))
     apart = [n for n in _APART if n == 1 or n * step < _APART_S]
-    return max(_find_least(state), *(_measure_noise(rows, state, n) for n in apart))
+    gain = float(np.mean(state.estimate.matrix[:3]))
+    least = _FINEST * (state.magnitude or 1.0) / gain
+    return max(least, *(_measure_noise(rows, state, n) for n in apart))
 
 
 def _measure_noise(rows: Array, state: TrackerState, apart: int) -> float:
@@ -294,8 +296,3 @@ def _turn_into_later(earlier: Array, later: Array, turns: Array) -> tuple[float,
     found = np.linalg.lstsq(by_all / size, change, rcond=1e-3)[0]
     left = float(robust_scale(change - by_all @ (found / size)) / np.sqrt(2.0))
     return left, unpack_symmetric((found / size)[3:])
-
-
-def _find_least(state: TrackerState) -> float:
-    gain = float(np.mean(state.estimate.matrix[:3]))
-    return _FINEST * (state.magnitude or 1.0) / gain
