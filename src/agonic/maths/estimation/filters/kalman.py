@@ -87,6 +87,7 @@ def advance(
     wanted = is_worth_compiling(n) if compiled is None else compiled
     kernel = compile_filter() if wanted else None
     about, fixed = before.state if linearised is None else linearised, linearised is not None
+    turning = True if before.beside_gyro else None
     seen: Any
     x: Any
     columns: Any
@@ -97,12 +98,12 @@ def advance(
         columns = [line.copy() for line in lines]
         seen, room = [[0.0] * table.seen for _ in rows], [[0.0] * 16 for _ in range(reading.ROOM)]
         given = (rows.tolist(), x, columns, diagonal, watch, model, about.tolist())
-        done, jump = run(*given, fixed, seen, room)
+        done, jump = run(*given, fixed, turning, seen, room)
     else:
         x, columns, diagonal, watch = map(np.array, before[:4])
         seen, space = np.zeros((n, table.seen)), np.zeros((reading.ROOM, 16))
         known = (np.ascontiguousarray(rows), x, columns, diagonal, watch, model, about)
-        done, jump = kernel(*known, fixed, seen, space)
+        done, jump = kernel(*known, fixed, turning, seen, space)
     kept = np.array(seen[:done]).reshape(-1, table.seen)
     residual, sd, used, *others = [kept[:, place] for place in table.kept]
     found = Predictions(residual, sd, used > 0.0, *others)
@@ -147,27 +148,28 @@ def run(
     model: Any,
     about: Any,
     linearised: bool,
+    turning: Any,
     seen: Any,
     room: Any,
 ) -> tuple[int, bool]:
     """`advance` in place, on lists or arrays; gives the rows done and whether a jump was seen.
 
-    `seen` takes a line a row; `room` is eight lines of sixteen numbers to work in.
+    `turning` is `None` without a gyro, which numba then compiles nothing for; `seen` takes a line a
+    row; `room` is eight lines of sixteen numbers to work in.
     """
-    beside_gyro = len(x) > 10
     for done in range(len(rows)):
         row = rows[done]
         elapsed = row[0] - watch[jump_test.TIME]
         watch[jump_test.TIME] = row[0]
-        if beside_gyro:
-            motion.turn(row, elapsed, model, x, columns, diagonal, watch, room)
-            jump = reading.take_vector(
-                row, elapsed, model, x, columns, diagonal, watch, seen[done], room
-            )
-        else:
+        if turning is None:
             motion.decay(elapsed, model, x, columns, diagonal, room[0])
             jump = reading.take_magnitude(
                 row, model, x, columns, diagonal, watch, about, linearised, seen[done], room
+            )
+        else:
+            motion.turn(row, elapsed, model, x, columns, diagonal, watch, room)
+            jump = reading.take_vector(
+                row, elapsed, model, x, columns, diagonal, watch, seen[done], room
             )
         if jump:
             return done + 1, True
