@@ -11,6 +11,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.maths.one_pass import median
 from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.vectors import interpolate
 from agonic.samples import Samples
 
 HELD = 1 / 3
@@ -67,8 +68,7 @@ def without_held(samples: Samples) -> Samples:
             continue
         fresh = find_fresh(values)
         if not fresh.all():
-            axes = [np.interp(time, time[fresh], axis[fresh]) for axis in values.T]
-            found[name] = np.stack(axes, axis=1)
+            found[name] = interpolate(time, time[fresh], values[fresh])
     for names in (("roll_deg", "pitch_deg"), ("heading_deg",)):
         angles = {name: angle for name in names if (angle := getattr(samples, name)) is not None}
         if not angles:

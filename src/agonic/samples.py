@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.moments_of_time import count_seconds, has_moments
+from agonic.maths.rotations.vectors import interpolate
 from agonic.provenance import Input
 from agonic.readable import Readable
 from agonic.units import RAW, find_unit, nanotesla_per
@@ -292,8 +293,8 @@ class Samples(Readable):
             raise LogError(f"{self.name} and {other.name} were never recorded at the same time")
         within = self.select(rows)
         assert within.time is not None
-        seen = [np.interp(within.time, other.time, axis) for axis in other.field.T]
-        return within.with_columns(second=np.stack(seen, axis=1), second_sensor=other.name)
+        seen = interpolate(within.time, other.time, other.field)
+        return within.with_columns(second=seen, second_sensor=other.name)
 
     def with_source(self, source: Input) -> Samples:
         """The same samples from another input.

@@ -15,8 +15,8 @@ from agonic.headings.deviation.card import (
     make_coefficient_rows,
     make_rows,
 )
+from agonic.headings.deviation.document import card_page
 from agonic.headings.deviation.figures import LEFT, RIGHT, WIDTH, draw_chart, draw_picture
-from agonic.headings.deviation.printed_card import card_page
 
 ROSE = np.arange(0, 360, 45.0)
 HANDBOOK = np.array([10.5, 20.0, 11.5, -1.2, -5.5, -8.0, -12.5, -6.8])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.headings.document import describe_headings
-from agonic.headings.figures import list_flags
+from agonic.headings.document import describe_headings, list_flags
 from agonic.simulation import simulate
 
 MADE = simulate("circle", n=600, seed=2)

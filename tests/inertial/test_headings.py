@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.inertial.maths.headings import Headings, sum_headings
+from agonic.inertial.maths.factors import Headings, sum_headings
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.track import find_attitudes, lay_track
 from tests.inertial.drives import drive

@@ -26,7 +26,9 @@ def test_blocks_of_the_inverse_are_those_of_the_whole() -> None:
     np.testing.assert_allclose(found.below[2], inverse[9:12, 6:9])
     right = rng.normal(size=(6, 3, 2))
     solved = np.linalg.solve(whole, right.reshape(18, 2)).reshape(6, 3, 2)
-    np.testing.assert_allclose(block_tridiagonal.solve(matrix, right), solved)
+    found_right, log_determinant = block_tridiagonal.solve(matrix, right)
+    np.testing.assert_allclose(found_right, solved)
+    assert log_determinant == pytest.approx(np.linalg.slogdet(whole)[1])
 
 
 @pytest.fixture

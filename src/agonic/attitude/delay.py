@@ -17,6 +17,7 @@ from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
+from agonic.maths.rotations.vectors import interpolate
 from agonic.model.posterior import LEAST_SHARE
 from agonic.model.verdict import check_coverage
 from agonic.reference import Reference
@@ -61,7 +62,7 @@ def undelayed(samples: Samples, latency_s: float) -> Samples:
         )
     at = np.clip(moments[kept], time[0], time[-1])
     columns = {
-        name: _at(at, time, column)
+        name: interpolate(at, time, column)
         for name, column in samples.columns().items()
         if name not in ("time", *_READ, "station", *_ANGLES)
     }
@@ -122,7 +123,9 @@ def bring_forward(samples: Samples, late_s: float) -> tuple[Samples, Mask]:
     for run in runs(time):
         unknown[run] = time[run] + late_s > time[run[-1]] + 1e-9
     at = np.clip(time + late_s, time[0], time[-1])
-    felt = {name: _at(at, time, c) for name, c in samples.columns().items() if name in _FELT}
+    felt = {
+        name: interpolate(at, time, c) for name, c in samples.columns().items() if name in _FELT
+    }
     return samples.with_columns(**felt, **_turn_angles(samples, time, at)), unknown
 
 
@@ -138,7 +141,7 @@ def advance(field: Array, samples: Samples, calibration: Calibration) -> Array:
     latency_s = getattr(calibration, "latency_s", 0.0)
     if not latency_s or samples.time is None:
         return field
-    return _at(samples.time + latency_s, samples.time, field)
+    return interpolate(samples.time + latency_s, samples.time, field)
 
 
 def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _Found:
@@ -221,10 +224,3 @@ def _turn_angles(samples: Samples, time: Array, at: Array) -> dict[str, Array]:
     turned = Slerp(time, yaw_pitch_roll(heading, pitch, roll))(at)
     angles = zip(_ANGLES, angles_deg(turned.as_matrix()), strict=True)
     return {name: angle for name, angle in angles if getattr(samples, name) is not None}
-
-
-def _at(at: Array, time: Array, column: Array) -> Array:
-    """A column (n,) or (n, 3) interpolated linearly."""
-    if column.ndim == 1:
-        return np.interp(at, time, column)
-    return np.stack([np.interp(at, time, axis) for axis in column.T], axis=1)

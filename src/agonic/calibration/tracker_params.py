@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from agonic.errors import AgonicError, check_choice
-from agonic.maths.estimation.filters.kalman import STATES, Model
-from agonic.maths.estimation.turning.filter import TurnModel
+from agonic.maths.estimation.filters.states import BY_MAGNITUDE, Model
 
 Solve = Literal["bias", "gains", "full"]
 
@@ -73,7 +73,7 @@ class TrackerParams:
     field_walk: float = 50.0
 
     def __post_init__(self) -> None:
-        check_choice("solve", self.solve, tuple(STATES))
+        check_choice("solve", self.solve, tuple(BY_MAGNITUDE.sizes))
         for name in (*_NOT_NEGATIVE, *_POSITIVE):
             value = getattr(self, name)
             low = value is not None and (value < 0 or (value == 0 and name in _POSITIVE))
@@ -83,29 +83,10 @@ class TrackerParams:
 
     def model(self, noise: float) -> Model:
         """What the kernel takes."""
-        return Model(
-            noise,
-            self.external_sd or 0.0,
-            self.external_time_s,
-            self.walk,
-            self.matrix_walk,
-            self.gate,
-            self.jump_level,
-            self.jump_sd,
-        )
+        return self._model._replace(noise=noise)
 
-    def turn_model(self, noise: float) -> TurnModel:
-        """What the kernel beside a gyro takes."""
-        return TurnModel(
-            noise,
-            self.gyro_noise,
-            self.field_walk,
-            self.walk,
-            self.gyro_walk,
-            self.matrix_walk,
-            self.external_sd or 0.0,
-            self.external_time_s,
-            self.gate,
-            self.jump_level,
-            self.jump_sd,
-        )
+    @cached_property
+    def _model(self) -> Model:
+        names = set(Model._fields) & set(self.__dataclass_fields__)
+        known = {name: getattr(self, name) for name in names}
+        return Model(**known | {"noise": self.noise or 0.0, "external_sd": self.external_sd or 0.0})

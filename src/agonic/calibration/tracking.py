@@ -16,8 +16,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracker_params import TrackerParams as TrackerParams
 from agonic.maths.equation import gauge
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.estimation.filters.kalman import FilterState
-from agonic.maths.estimation.turning.filter import TurnState
+from agonic.maths.estimation.filters.states import FilterState
 from agonic.maths.rotations.polar import RotationPart
 from agonic.provenance import Provenance
 
@@ -132,9 +131,9 @@ class TrackerState:
         return np.asarray(sd[self.estimate.coefficients[:3]])
 
     @property
-    def turn(self) -> TurnState | None:
+    def turn(self) -> FilterState | None:
         """The filter beside a gyro, with the field, gyro bias and delay; `None` without one."""
-        return self.estimate if isinstance(self.estimate, TurnState) else None
+        return self.estimate if self.estimate.beside_gyro else None
 
     @property
     def settled(self) -> bool:
@@ -144,8 +143,8 @@ class TrackerState:
         if self.turn is None:
             return True
         size = np.sqrt((self.turn.field**2).sum()) / float(np.mean(self.turn.matrix[:3]))
-        sd = np.sqrt(np.diag(self.turn.covariance)[3:6])
-        return self.recent is None and bool(sd.max() < SETTLED * size)
+        largest = float(self.turn.find_sd("bias").max())
+        return self.recent is None and largest < SETTLED * size
 
     @property
     def consistency(self) -> float:

@@ -14,6 +14,6 @@ from agonic.headings.deviation import SwingPlan as SwingPlan
 from agonic.headings.deviation import fit_deviation as fit_deviation
 from agonic.headings.deviation import plan_swing as plan_swing
 from agonic.headings.deviation.card import card_text as card_text
-from agonic.headings.deviation.printed_card import card_page as card_page
+from agonic.headings.deviation.document import card_page as card_page
 from agonic.headings.files.swing import read_swing as read_swing
 from agonic.headings.result import Heading as Heading

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
 from agonic.maths.rotations import tilt as kernel
@@ -50,6 +50,10 @@ class Attitude:
         upright = self.tilt.cos_pitch if self.order == "roll-pitch" else 1.0
         return np.asarray(((self.roll_sd * upright) ** 2 + self.pitch_sd**2) / 2)
 
+    def select_tilt(self, rows: slice | Index) -> kernel.Tilt:
+        """The tilt of some rows."""
+        return kernel.Tilt(*(select_rows(part, rows) for part in self.tilt))
+
     @property
     def sd_deg(self) -> Array:
         """The standard deviation of the tilt about a level axis."""
@@ -59,6 +63,11 @@ class Attitude:
     def unsure(self) -> Mask:
         """The rows whose tilt is not known to `UNSURE_DEG`."""
         return np.asarray(self.sd_deg > UNSURE_DEG)
+
+
+def select_rows(values: Array, rows: slice | Index) -> Array:
+    """The rows of a column, or the one value that holds for all."""
+    return values if len(values) == 1 else values[rows]
 
 
 def find_stated_sd(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.base import check_axes, has_two_axes, select_columns
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import LATENCY_SD_S, Compass
 from agonic.errors import FrameError, LogError, UnitError
-from agonic.headings.attitude import LEVEL, Attitude
+from agonic.headings.attitude import LEVEL, Attitude, select_rows
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
+from agonic.maths.rotations.vectors import interpolate
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 from agonic.usable_rows import VECTORS
@@ -48,6 +50,12 @@ class Readings(NamedTuple):
     missing: Mask | None = None
     change: Array | None = None
 
+    def subset(self, rows: slice | Index) -> Readings:
+        """Some of the rows."""
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        rest: list[Any] = [None if one is None else one[rows] for one in self[2:]]
+        return Readings(self.raw[rows], columns, *rest)
+
 
 class Indication(NamedTuple):
     """Headings of one compass in degrees, (n,); variances in degrees²; measured intensities, nT."""
@@ -78,14 +86,16 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
             f"readings of {samples.name} have to be brought to other times and have none of their "
             "own; give the log a time column"
         )
+    if len(samples) < 2:
+        raise LogError("a single reading cannot be brought to other times; give a longer log")
     late = time + compass.latency_s  # when these moments show in the readings
     own = samples.time[fresh]
-    field = _interpolate(late, own, samples.field[fresh])
+    field = interpolate(late, own, samples.field[fresh])
     moved = {
         name: (
-            _interpolate(late, own, values[fresh])
+            interpolate(late, own, values[fresh])
             if name in VECTORS
-            else _interpolate(time, samples.time, values)
+            else interpolate(time, samples.time, values)
         )
         for name, values in columns.items()
     }
@@ -133,14 +143,6 @@ def _check(samples: Samples, compass: Compass) -> None:
     check_axes(calibration, samples)
 
 
-def _interpolate(wanted: Array, time: Array, values: Array) -> Array:
-    if len(time) < 2:
-        raise LogError("a single reading cannot be brought to other times; give a longer log")
-    if values.ndim == 1:
-        return np.interp(wanted, time, values)
-    return np.stack([np.interp(wanted, time, axis) for axis in values.T], axis=1)
-
-
 def compute_indication(
     readings: Readings, compass: Compass, attitude: Attitude, around: Surroundings
 ) -> tuple[Indication, tuple[str, ...]]:
@@ -179,9 +181,9 @@ def _piece(
     attitude: Attitude,
     around: Surroundings,
 ) -> Indication:
-    columns = {name: values[rows] for name, values in readings.columns.items()}
-    values = apply_steps(steps, readings.raw[rows], columns)
-    tilt = kernel.Tilt(*(select_rows(part, rows) for part in attitude.tilt))
+    readings = readings.subset(rows)
+    values = apply_steps(steps, readings.raw, readings.columns)
+    tilt = attitude.select_tilt(rows)
     field = np.ascontiguousarray(values[-1].T)
     if has_two_axes(compass.calibration):
         field[2] = np.hypot(field[0], field[1]) * _find_dip_tangent(around, rows)
@@ -189,11 +191,11 @@ def _piece(
         field[2] = select_rows(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
         turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
-        systematic, random = propagate(steps, values, columns, turned.by_field)
+        systematic, random = propagate(steps, values, readings.columns, turned.by_field)
         systematic += _by_tilt(turned, attitude, around, rows)
-        systematic += _by_delay(readings, rows, steps, compass, values[-1], turned.by_field)
+        systematic += _by_delay(readings, steps, compass, values[-1], turned.by_field)
     if readings.averaged is not None:
-        random *= readings.averaged[rows]
+        random *= readings.averaged
     systematic, random = np.degrees(np.degrees(systematic)), np.degrees(np.degrees(random))
     magnetic = turned.heading_deg
     if compass.deviation is not None:
@@ -208,7 +210,6 @@ def _piece(
 
 def _by_delay(
     readings: Readings,
-    rows: slice,
     steps: tuple[Step, ...],
     compass: Compass,
     field: Array,
@@ -219,8 +220,7 @@ def _by_delay(
     sd = find_latency_sd(compass)
     if readings.change is None or sd == 0.0:
         return 0.0
-    columns = {name: values[rows] for name, values in readings.columns.items()}
-    later = apply_steps(steps, readings.raw[rows] + sd * readings.change[rows], columns)[-1]
+    later = apply_steps(steps, readings.raw + sd * readings.change, readings.columns)[-1]
     return np.asarray(np.einsum("in,ni->n", gradient, later - field) ** 2)
 
 
@@ -267,6 +267,6 @@ def _add_deviation(
     return magnetic, gain, card.sd_at(heading_deg, roll_deg, pitch_deg) ** 2
 
 
-def select_rows(values: Array, rows: slice) -> Array:
-    """The rows of a column, or the one value that holds for all."""
-    return values if len(values) == 1 else values[rows]
+def pick_used(used: Index, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Row by row, the value of the compass that is used."""
+    return values[0] if len(values) == 1 else np.take_along_axis(np.stack(values), used[None], 0)[0]

@@ -6,10 +6,8 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.arrays import Index, Mask
 from agonic.attitude.delay import bring_forward
@@ -21,6 +19,7 @@ from agonic.headings.compass_heading import (
     Indication,
     Readings,
     interpolate_readings,
+    pick_used,
 )
 from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
 from agonic.headings.expected_field import Surroundings, find_surroundings
@@ -158,7 +157,7 @@ def _make_heading(
     n = len(first)
     tilt, compasses, used = by_row.tilt, by_row.compasses, by_row.used
     each = zip(*(one.indicated for one in compasses), strict=True)
-    found = Indication(*(_of(used, values) for values in each))
+    found = Indication(*(pick_used(used, values) for values in each))
     total = found.systematic + found.random + around.declination_sd_deg**2
     sd, random_sd = (np.fmin(np.sqrt(v), UNKNOWN_SD_DEG) for v in (total, found.random))
     magnetic = found.magnetic_deg
@@ -196,11 +195,6 @@ def _make_heading(
     )
 
 
-def _of(used: Index, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Row by row, the value of the compass that is used."""
-    return values[0] if len(values) == 1 else np.take_along_axis(np.stack(values), used[None], 0)[0]
-
-
 def _flags(
     setup: Setup,
     tilt: Attitude,
@@ -217,11 +211,11 @@ def _flags(
     scaled = [np.full(len(used), one.compass.calibration.unit_out != RAW) for one in compasses]
     upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
     marked = (
-        _of(used, unread),
+        pick_used(used, unread),
         tilt.missing,
         upright < np.cos(np.radians(setup.tilt_limit_deg)),
-        (found.horizontal < WEAKEST_HORIZONTAL) & _of(used, scaled),
-        _of(used, far),
+        (found.horizontal < WEAKEST_HORIZONTAL) & pick_used(used, scaled),
+        pick_used(used, far),
         tilt.unsure,
         find_disagreement(
             [one.indicated for one in compasses],

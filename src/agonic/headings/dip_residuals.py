@@ -20,7 +20,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.setup import Compass, Setup
-from agonic.headings.attitude import LEVEL, Attitude
+from agonic.headings.attitude import LEVEL, Attitude, select_rows
 from agonic.headings.compass_heading import Readings
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import apply_steps, list_steps, propagate
@@ -108,29 +108,23 @@ def compute_dip_residuals(
     rows = np.unique(np.linspace(0, n - 1, min(n, ROWS)).round().astype(np.intp))
     if readings.missing is not None:
         rows = rows[~readings.missing[rows]]
-    columns = {name: values[rows] for name, values in readings.columns.items()}
-    steps = list_steps(compass.calibration)
-    values = apply_steps(steps, readings.raw[rows], columns)
-    tilt = kernel.Tilt(*(_at(part, rows) for part in attitude.tilt))
+    readings, steps = readings.subset(rows), list_steps(compass.calibration)
+    values = apply_steps(steps, readings.raw, readings.columns)
+    tilt = attitude.select_tilt(rows)
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
-        size = np.hypot(turned.horizontal, turned.vertical)
         gradient = _gradient(values[-1], kernel.compute_down(tilt, attitude.order), turned)
-    calibration, noise = propagate(steps, values, columns, gradient)
+    calibration, noise = propagate(steps, values, readings.columns, gradient)
     if readings.averaged is not None:
-        noise = noise * readings.averaged[rows]
-    dip = np.arctan2(turned.vertical, turned.horizontal)
-    kept = np.isfinite(dip) & np.isfinite(gradient).all(axis=0)
-    known = around.horizontal is not None and around.vertical is not None
-    if known:
-        h, z = (_at(part, rows) for part in (around.horizontal, around.vertical))
-        dip = dip - np.arctan2(z, h)
-        if compass.calibration.unit_out != RAW:
-            kept &= np.abs(size / np.hypot(h, z) - 1) <= setup.magnitude_limit
+        noise = noise * readings.averaged
+    kept = np.asarray(np.isfinite(gradient).all(axis=0))
     if kept.sum() < FEWEST:
         return None
-    if not known:
-        dip = dip - np.median(dip[kept])
+    share, dip = around.compare(turned.horizontal, turned.vertical, kept, rows)
+    if around.horizontal is not None and compass.calibration.unit_out != RAW:
+        kept &= np.abs(share - 1) <= setup.magnitude_limit
+    if kept.sum() < FEWEST:
+        return None
     north = np.cos(np.radians(turned.heading_deg[kept])) ** 2
     return DipResiduals(rows[kept], dip[kept], noise[kept], calibration[kept], north)
 
@@ -162,7 +156,7 @@ def _follow(
     less lowers it, by what is left without the noise and as far as the headings show both axes of
     the vehicle: an error along one of them hides on half of all headings.
     """
-    tilt = _at(attitude.variance, seen.rows)
+    tilt = select_rows(attitude.variance, seen.rows)
     total = tilt + seen.noise + seen.calibration + 1e-12
     z = seen.residual / np.sqrt(total)
     square = np.minimum(z**2, (CLIP * MAD_TO_SD * np.median(np.abs(z))) ** 2)
@@ -219,9 +213,3 @@ def _count_independent(values: Array) -> float:
     """How many independent residuals these stand for."""
     limit = CLIP * MAD_TO_SD * float(np.median(np.abs(values)))
     return len(values) / correlation_length(np.clip(values, -limit, limit), np.ones(len(values)))
-
-
-def _at(values: Array | None, rows: Index) -> Array:
-    """The rows of a column, or the one value that holds for all."""
-    assert values is not None
-    return values if len(values) == 1 else values[rows]

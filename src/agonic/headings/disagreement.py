@@ -57,15 +57,14 @@ def compare_with_expected(
         if has_two_axes(compass.calibration) and size is not None:
             off = np.minimum(off, _over(h / size - 1, setup.magnitude_limit))
         return Comparison(off)
-    dip = np.degrees(np.arctan2(z, h) - np.arctan2(around.vertical, around.horizontal))
+    share, steeper = around.compare(h, z, np.isfinite(h))
+    dip = np.degrees(steeper)
     distance = _over(dip, setup.dip_limit_deg)
     opposite = () if tilt == "log" else _tell_opposite_sign(compass, dip, around)
     if not raw:
         expected = np.hypot(around.horizontal, around.vertical)
-        share = np.sqrt(h * h + z * z) / expected - 1
-        distance = np.maximum(distance, _over(share, setup.magnitude_limit))
-        there = expected * (1 + share)
-        other = _tell_other_magnitude(compass, share, there, setup)
+        distance = np.maximum(distance, _over(share - 1, setup.magnitude_limit))
+        other = _tell_other_magnitude(compass, share - 1, expected * share, setup)
         return Comparison(distance, (*opposite, *other))
     return Comparison(distance, opposite)
 

@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError, ValidityError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model
+from agonic.headings.attitude import select_rows
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
 
@@ -19,6 +20,9 @@ NODES = 257
 """Rows at which the world model is asked; between them it is linear in time."""
 JUMP_M = 1000.0
 """Rows further apart than this are asked both, so that nothing is interpolated between them."""
+
+
+_ALL = slice(None)
 
 
 class Surroundings(NamedTuple):
@@ -29,6 +33,17 @@ class Surroundings(NamedTuple):
     horizontal: Array | None
     vertical: Array | None
     notes: tuple[str, ...] = ()
+
+    def compare(
+        self, horizontal: Array, vertical: Array, good: Mask | Index, rows: slice | Index = _ALL
+    ) -> tuple[Array, Array]:
+        """Strength over the expected one, and dip less the expected one, rad, of the field of some
+        rows; where none is expected, over and less the medians of the `good` ones among them."""
+        size, dip = np.hypot(horizontal, vertical), np.arctan2(vertical, horizontal)
+        if self.horizontal is None or self.vertical is None:
+            return size / np.median(size[good]), dip - np.median(dip[good])
+        level, below = (select_rows(one, rows) for one in (self.horizontal, self.vertical))
+        return size / np.hypot(level, below), dip - np.arctan2(below, level)
 
 
 _GIVEN = {"position": "the place (--at LAT,LON)", "date": "the date (--date 2026-05-01)"}

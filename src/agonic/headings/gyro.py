@@ -11,6 +11,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.headings.acceleration import SMOOTHED_S, Speed, compute_turn_axis, smooth
 from agonic.maths.rotations.low_pass import filter_both_ways
+from agonic.maths.rotations.vectors import interpolate
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 GAP_S = 1.0
@@ -100,7 +101,7 @@ def filter_down(
     nowhere = np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan)
     found = FilteredDown(*nowhere, longest.bias, longest.bias_sd)
     for part, stretch in zip(parts, ran, strict=True):
-        up = _at(time[part], stretch.time, stretch.turn.as_matrix()[:, 2])
+        up = interpolate(time[part], stretch.time, stretch.turn.as_matrix()[:, 2])
         found.down[part] = -up / np.sqrt((up**2).sum(axis=1, keepdims=True))
         sds = _doubt(stretch, settling_s, speed)
         for whole, sd in zip(found[1:3], sds, strict=True):
@@ -118,7 +119,7 @@ def _ran(time: Array, specific_force: Array, rotation_rate: Array, settling_s: f
     finer = int(np.ceil(period / LONGEST_STEP_S))
     step = period / finer
     even = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step)) + 1)
-    force, rate = _at(even, time, specific_force), _at(even, time, rotation_rate)
+    force, rate = interpolate(even, time, specific_force), interpolate(even, time, rotation_rate)
     found = offlineVQF(rate, force, None, step, {"tauAcc": settling_s})
     kept = slice(None, None, finer)
     turn = Rotation.from_quat(np.roll(found["quat6D"][kept], -1, axis=1))
@@ -150,10 +151,6 @@ def _limit(speed: Speed, shown: float, sd: float) -> Speed:
     """A speed that does not stand out, no larger than the left-over acceleration allows."""
     limited = Speed(shown**2, (ALLOWED * sd) ** 2, speed.gravity, trusted=False)
     return limited if limited.doubt < speed.doubt else speed
-
-
-def _at(wanted: Array, time: Array, vectors: Array) -> Array:
-    return np.stack([np.interp(wanted, time, axis) for axis in vectors.T], axis=1)
 
 
 def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Array]:

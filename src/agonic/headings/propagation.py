@@ -130,7 +130,7 @@ def _row(
 ) -> Array:
     """∂(g · field)/∂parameters of a step, (p, n)."""
     if isinstance(step, Alignment):
-        return _turn_row(made, gradient)
+        return np.cross(made.T, gradient, axis=0)  # ∂(g · R f)/∂(rotation vector) = R f × g
     if isinstance(step, Thermal):
         return _thermal_row(step, given, columns, gradient, before)
     return _affine_row(step, given, columns, gradient, before)
@@ -149,11 +149,6 @@ def _thermal_row(
     local = np.concatenate([-before, (gradient[:, None] * reach[None]).reshape(9, -1)])
     phi = temperature_model.build_covariates(x, 0.0, step.degree, rate)
     return np.asarray(expand_covariates(local.T, phi).T)
-
-
-def _turn_row(made: Array, gradient: Array) -> Array:
-    """∂(g · R f)/∂(rotation vector) = R f × g, (3, n)."""
-    return np.cross(made.T, gradient, axis=0)
 
 
 def _affine_row(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 
 import numpy as np
@@ -92,20 +92,8 @@ class Heading(Readable):
 
     def columns(self) -> dict[str, Array]:
         """The columns of numbers that are there, by name, in writing order."""
-        names = (
-            "time",
-            "compass_deg",
-            "magnetic_deg",
-            "true_deg",
-            "sd_deg",
-            "random_sd_deg",
-            "disagreement_deg",
-            "roll_deg",
-            "pitch_deg",
-            "tilt_sd_deg",
-            "declination_deg",
-        )
-        return {name: c for name in names if (c := getattr(self, name)) is not None}
+        named = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "used"}
+        return {name: column for name, column in named.items() if isinstance(column, np.ndarray)}
 
     def flag_names(self) -> list[str]:
         """The flags of each row as text, joined by "+"; "" for a row to trust."""

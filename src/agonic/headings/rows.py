@@ -55,13 +55,8 @@ def add_disturbance(
     good = np.flatnonzero(sound if distance is None else sound & (distance <= 1.0))
     if attitude.source == LEVEL or not len(good):
         return indicated, distance
-    dip, share = np.arctan2(below, level), size
-    if around.horizontal is not None and around.vertical is not None:
-        wanted = np.arctan2(around.vertical, around.horizontal)
-        share = size / np.hypot(around.vertical, around.horizontal)
-    else:
-        wanted = np.median(dip[good])
-    off = (share / np.median(share[good]) - 1.0) ** 2 + (dip - wanted) ** 2
+    share, steeper = around.compare(level, below, good)
+    off = (share / np.median(share[good]) - 1.0) ** 2 + steeper**2
     seen = np.where(sound, off, 0.0) / 2
     if time is not None:
         short, long = (count_rows(time, duration) for duration in SEEN_S)
@@ -123,9 +118,9 @@ def _explain(readings: Readings, steps: tuple[Step, ...], size: Array, good: Ind
     """The relative variance of the field's magnitude by noise and calibration."""
     even = np.linspace(0, len(good) - 1, min(len(good), SAMPLE)).round().astype(np.intp)
     rows = good[np.unique(even)]
-    columns = {name: values[rows] for name, values in readings.columns.items()}
-    values = apply_steps(steps, readings.raw[rows], columns)
-    systematic, noise = propagate(steps, values, columns, values[-1].T / size[rows])
+    readings = readings.subset(rows)
+    values = apply_steps(steps, readings.raw, readings.columns)
+    systematic, noise = propagate(steps, values, readings.columns, values[-1].T / size[rows])
     return float(np.mean((systematic + noise) / size[rows] ** 2))
 
 

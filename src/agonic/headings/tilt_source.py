@@ -7,11 +7,20 @@ from importlib.util import find_spec
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, has_two_axes
 from agonic.calibration.setup import Setup
 from agonic.calibration.steps import steps_of
 from agonic.errors import LogError
+from agonic.headings.acceleration import (
+    AT_REST,
+    Speed,
+    compute_track_square,
+    compute_turn_rate,
+    estimate_shaking,
+    estimate_speed,
+)
 from agonic.headings.attitude import (
     LEVEL,
     LEVEL_SD_DEG,
@@ -20,11 +29,136 @@ from agonic.headings.attitude import (
     find_stated_sd,
     require_column,
 )
-from agonic.headings.felt_tilt import calibrate_acceleration, find_felt_tilt
+from agonic.headings.gyro import FilteredDown, filter_down
 from agonic.health.finding import figure
 from agonic.maths.rotations import tilt as kernel
 from agonic.new_rows import without_held
 from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+
+def find_felt_tilt(
+    samples: Samples,
+    setup: Setup,
+    source: str,
+    why: tuple[str, ...],
+    turn: Array,
+    felt: tuple[Array, Array] | None,
+) -> Attitude:
+    """The tilt from the accelerometer, followed by the gyro where that is the `source`.
+
+    `turn` (3, 3) leads from the sensor's axes to those of the body, `felt` is what the errors of
+    the accelerometer's calibration do.
+    """
+    force = require_column(samples, "acceleration", source) @ turn.T
+    if source == "gyro":
+        time = require_column(samples, "time", source)
+        rate = require_column(samples, "rotation_rate", source) @ turn.T
+        speed = _measure_speed(samples, force, rate)
+        followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
+        if speed.taken:
+            reckoned = f"turns are reckoned at {figure(speed.taken)} m/s"
+            track = "" if samples.latitude_deg is None else ", and the track"
+            why = (*why, f"{reckoned}: what the accelerometer feels in them{track}")
+        return _make_attitude(followed, setup, source, speed, why, felt)
+    if are_shots(samples, setup):
+        still = np.zeros(len(force))
+        found = FilteredDown(kernel.down_from_force(force), still, still)
+        why = (*why, "each row is taken as a shot at rest")
+        return _make_attitude(found, setup, source, AT_REST, why, felt)
+    speed, sds = _measure_shaking(samples, setup, force, turn)
+    found = FilteredDown(kernel.down_from_force(force), *sds)
+    return _make_attitude(found, setup, source, speed, why, felt)
+
+
+def are_shots(samples: Samples, setup: Setup) -> bool:
+    """Whether the rows are attitudes at rest: without times, from an instrument whose accelerometer
+    was calibrated by such shots."""
+    return samples.time is None and setup.accelerometer is not None
+
+
+def calibrate_acceleration(
+    samples: Samples, accelerometer: Affine
+) -> tuple[Samples, tuple[Array, Array] | None]:
+    """The samples with acceleration and rates in body axes, and what the calibration's own errors
+    do to the tilt about the level axes ahead and across: variances (n,), rad².
+    """
+    raw = samples.acceleration
+    assert raw is not None
+    force = accelerometer.correct(raw)
+    changed = {"acceleration": force}
+    if samples.rotation_rate is not None:
+        left, _, right = np.linalg.svd(accelerometer.matrix)
+        changed["rotation_rate"] = samples.rotation_rate @ (left @ right).T
+    if accelerometer.covariance is None:
+        return samples.with_columns(**changed), None
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    down = kernel.down_from_force(force)
+    right_axis = np.cross(down, [1.0, 0.0, 0.0])
+    length = np.linalg.norm(right_axis, axis=1, keepdims=True)
+    right_axis = np.where(length > 1e-9, right_axis / np.maximum(length, 1e-9), [0.0, 1.0, 0.0])
+    spread = accelerometer.uncertainty(raw) / (size**2)[:, :, None]
+    axes = right_axis, np.cross(right_axis, down)
+    about = tuple(np.einsum("ni,nij,nj->n", axis, spread, axis) for axis in axes)
+    return samples.with_columns(**changed), (about[0], about[1])
+
+
+def _make_attitude(
+    found: FilteredDown,
+    setup: Setup,
+    source: str,
+    speed: Speed,
+    notes: tuple[str, ...],
+    felt: tuple[Array, Array] | None,
+) -> Attitude:
+    """The tilt of a measured down; its sd holds the accelerometer's own errors too.
+
+    Those of a calibrated one are `felt`; one that feels a share more or less than gravity at rest
+    is off by as much across.
+    """
+    tilt = kernel.tilt_from_down(found.down)
+    scale = speed.gravity / STANDARD_GRAVITY_M_S2 - 1.0
+    own = find_stated_sd(setup) ** 2 + scale**2
+    ahead, across = (0.0, 0.0) if felt is None else felt
+    # about the level axis ahead, roll turns by 1/cos pitch as much
+    roll_sd = np.sqrt(found.roll_sd**2 + own + ahead) / np.maximum(tilt.cos_pitch, 1e-3)
+    pitch_sd = np.sqrt(found.pitch_sd**2 + own + across)
+    missing = np.asarray(~np.isfinite(found.down).all(axis=1))
+    roll, pitch = kernel.roll_pitch_deg(tilt)
+    return Attitude(
+        tilt=tilt,
+        roll_deg=roll,
+        pitch_deg=pitch,
+        order="roll-pitch",
+        source=source,
+        roll_sd=roll_sd,
+        pitch_sd=pitch_sd,
+        stated_sd=float(np.radians(setup.tilt_sd_deg or 0.0)),
+        gyro_bias=found.bias,
+        gyro_bias_sd=found.bias_sd,
+        missing=missing,
+        notes=notes,
+    )
+
+
+def _measure_speed(samples: Samples, force: Array, rate: Array) -> Speed:
+    assert samples.time is not None
+    turn = compute_turn_rate(samples.time, force, rate)
+    return estimate_speed(samples.time, force, rate, compute_track_square(samples, turn))
+
+
+def _measure_shaking(
+    samples: Samples, setup: Setup, force: Array, turn: Array
+) -> tuple[Speed, tuple[Array, Array]]:
+    """What shakes the accelerometer, for a tilt from it alone: sds of roll and pitch, rad."""
+    time, rate = samples.time, samples.rotation_rate
+    speed = AT_REST
+    if rate is not None:
+        rate = rate @ turn.T
+        speed = speed if time is None else _measure_speed(samples, force, rate)
+    if time is None:  # each row for itself
+        return speed, estimate_shaking(np.arange(float(len(force))), force, None, AT_REST, 1.0)
+    return speed, estimate_shaking(time, force, rate, speed, setup.settling_s)
 
 
 def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> Attitude:

@@ -29,7 +29,7 @@ from agonic.maths.rotations.low_pass import (
     measure_rate_variance,
 )
 from agonic.maths.rotations.tilt import down_from_force
-from agonic.maths.rotations.vectors import skew
+from agonic.maths.rotations.vectors import interpolate, skew
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -70,15 +70,8 @@ class Inertial(NamedTuple):
 
     def subset(self, rows: Index) -> Inertial:
         """The same of some rows."""
-        return Inertial(
-            self.down[rows],
-            self.down_by[rows],
-            self.part[rows],
-            None if self.ahead is None else self.ahead[rows],
-            None if self.azimuth_by is None else self.azimuth_by[rows],
-            self.force_sd,
-            self.rate_sd,
-        )
+        columns = (None if one is None else one[rows] for one in self[:5])
+        return Inertial._make((*columns, *self[5:]))
 
 
 def feel_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
@@ -133,7 +126,7 @@ def _feel_part(
     rate_variance, rotation = measure_rate_variance(rate), rate
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step)) + 1)
-    force, rate = _interpolate(even, time, force), _interpolate(even, time, rate)
+    force, rate = interpolate(even, time, force), interpolate(even, time, rate)
     axes = integrate_rates(rate, even).as_matrix()
 
     def lasting(values: Array) -> Array:
@@ -157,20 +150,20 @@ def _feel_part(
     by_errors = np.concatenate([by_force, by_rate, by_speed, by_late], axis=2)
     moved = np.einsum("nib,niq->nbq", axes, by_errors)
     ahead = np.einsum("nib,ni->nb", axes, _carry(up, step))
-    down = -_interpolate(time, even, rest)
+    down = -interpolate(time, even, rest)
     down /= np.sqrt((down**2).sum(axis=1, keepdims=True))
-    ahead = _interpolate(time, even, ahead)
+    ahead = interpolate(time, even, ahead)
     ahead -= down * (ahead * down).sum(axis=1, keepdims=True)
     azimuth = -np.cumsum(np.einsum("ni,niq->nq", up, turned), axis=0) * step
     assert felt.ahead is not None
     assert felt.azimuth_by is not None
     felt.down[rows] = down
-    by_unit = -_interpolate(time, even, moved.reshape(len(even), -1)).reshape(len(rows), 3, -1)
+    by_unit = -interpolate(time, even, moved.reshape(len(even), -1)).reshape(len(rows), 3, -1)
     felt.down_by[rows, :, :12], felt.down_by[rows, :, 13] = by_unit[:, :, :12], by_unit[:, :, 12]
     felt.down_by[rows, :, 12] = np.cross(down, rotation)
     felt.azimuth_by[rows, 12] = (down * rotation).sum(axis=1)
     felt.ahead[rows] = ahead / np.sqrt((ahead**2).sum(axis=1, keepdims=True))
-    felt.azimuth_by[rows, 3:9] = _interpolate(time, even, azimuth)
+    felt.azimuth_by[rows, 3:9] = interpolate(time, even, azimuth)
     return force_variance, rate_variance
 
 
@@ -183,7 +176,3 @@ def _carry(up: Array, step: float) -> Array:
     first = np.eye(3)[np.argmin(np.abs(up[0]))]
     first = first - up[0] * (first @ up[0])
     return np.asarray(turn.apply(first / np.sqrt(first @ first)))
-
-
-def _interpolate(wanted: Array, time: Array, vectors: Array) -> Array:
-    return np.stack([np.interp(wanted, time, axis) for axis in vectors.T], axis=1)

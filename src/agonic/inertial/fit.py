@@ -27,12 +27,11 @@ from agonic.inertial.evidence import (
     check_speed,
     without_scale,
 )
-from agonic.inertial.level import keep_level
-from agonic.inertial.maths.headings import Headings
+from agonic.inertial.maths.factors import Headings
 from agonic.inertial.problem import orient
 from agonic.inertial.result import InertialFit
 from agonic.inertial.settings import Settings
-from agonic.inertial.solve import join_headings, solve, solve_part
+from agonic.inertial.solve import join_headings, keep_level, solve, solve_part
 from agonic.inertial.start import Solved
 from agonic.new_rows import without_held
 from agonic.reference import Reference

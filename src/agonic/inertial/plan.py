@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -116,11 +116,7 @@ def _join(past: Samples, drive: Samples) -> Samples:
         first, second = getattr(past, name), getattr(drive, name)
         return None if first is None or second is None else np.concatenate([first, second])
 
-    return Samples(
-        time=both("time"),
-        field=np.concatenate([past.field, drive.field]),
-        acceleration=both("acceleration"),
-        rotation_rate=both("rotation_rate"),
-        unit=past.unit,
-        name=past.name,
-    )
+    columns: dict[str, Any] = {
+        name: both(name) for name in ("time", "field", "acceleration", "rotation_rate")
+    }
+    return Samples(**columns, unit=past.unit, name=past.name)

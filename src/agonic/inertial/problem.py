@@ -7,8 +7,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.attitude.problem import Scale, normalise
 from agonic.inertial.attitude import UNKNOWNS, Inertial, find_parts
-from agonic.inertial.maths.factors import GRAVITY_SD, Log
-from agonic.inertial.maths.headings import Headings
+from agonic.inertial.maths.factors import GRAVITY_SD, Headings, Log
 from agonic.inertial.settings import Settings
 from agonic.maths.equation.affine import FREE, correct, split
 from agonic.maths.equation.channels import Problem, field_of_terms
@@ -59,14 +58,9 @@ def share(felt: Inertial, settings: Settings, taken_out: Array) -> Shared:
         dip_by[-1] = sds[-1]
         down_by = np.pad(down_by, ((0, 0), (0, 0), (0, 1)))
         azimuth_by = np.pad(azimuth_by, ((0, 0), (0, 1)))
-    return Shared.of(down_by, azimuth_by, dip_by, _without_delay(taken_out))
-
-
-def _without_delay(taken_out: Array) -> Array:
-    """What is taken out of acceleration and rates: a delay of the readings stays."""
     kept = taken_out.copy()
-    kept[12 : UNKNOWNS - 1] = 0.0
-    return kept
+    kept[12 : UNKNOWNS - 1] = 0.0  # a delay of the readings stays
+    return Shared.of(down_by, azimuth_by, dip_by, kept)
 
 
 def standard_deviations(felt: Inertial, settings: Settings) -> Array:

@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from agonic.attitude.settings import Settings as AttitudeSettings
 from agonic.calibration.setup import LATENCY_SD_S
 from agonic.errors import AgonicError
-
-_POSITIVE = (
-    "accelerometer_sd_m_s2",
-    "gyro_bias_sd_deg_s",
-    "gyro_scale_sd",
-    "speed_sd_m_s",
-    "stretch_s",
-    "heading_offset_sd_deg",
-    "accelerometer_scale_sd",
-)
-
 
 INCLINATION_SD = 0.5
 """Prior of a dip that is not known, rad, about the one that was found first."""
@@ -43,10 +32,10 @@ class Settings(AttitudeSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in _POSITIVE:
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise AgonicError(f"{name} is {value}; it has to be above zero")
+        for one in fields(self)[len(fields(AttitudeSettings)) :]:
+            value = getattr(self, one.name)
+            if value is not None and not value > 0 and one.name != "inclination_sd":
+                raise AgonicError(f"{one.name} is {value}; it has to be above zero")
 
     @property
     def inclination_free(self) -> bool:

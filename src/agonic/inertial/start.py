@@ -13,7 +13,7 @@ from agonic.attitude.problem import Scale, estimate_usable, refine_usable
 from agonic.errors import CoverageError
 from agonic.health import FEWEST
 from agonic.inertial.attitude import Inertial, feel_attitude
-from agonic.inertial.maths.headings import Headings
+from agonic.inertial.maths.factors import Headings
 from agonic.inertial.maths.joint import Joint
 from agonic.inertial.problem import (
     pose,

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError
+from agonic.maths.rotations.vectors import interpolate
 from agonic.samples import Samples
 from agonic.simulation.defects import Defect
 from agonic.simulation.draws import draw_smooth
@@ -54,10 +55,7 @@ def with_inertial_unit(
         turned = Rotation.from_rotvec(np.radians(turn)).as_matrix().T
         if late_s:
             then = time - late_s
-            force, rate = (
-                np.stack([np.interp(then, time, axis) for axis in values.T], axis=1)
-                for values in (force, rate)
-            )
+            force, rate = (interpolate(then, time, values) for values in (force, rate))
         if push:
             pace = [draw_smooth(push_rng, time[-1], sd=push, pace_s=1.0) for _ in range(3)]
             force = force + np.stack([one(time) for one in pace], axis=1)

@@ -55,7 +55,7 @@ def test_gyro_and_accelerometer_are_turned_into_the_same_axes() -> None:
     made = ag.inertial.simulate_shots(seed=2)
     setup = ag.fit_pair(made.samples).make_setup(declination_deg=0.0)
     samples, _ = look_around(made, 2)
-    from agonic.headings.felt_tilt import calibrate_acceleration
+    from agonic.headings.tilt_source import calibrate_acceleration
 
     turned, felt = calibrate_acceleration(
         samples.with_columns(rotation_rate=samples.acceleration), setup.accelerometer

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from agonic.inflight.tracking.memory import compute_likelihoods
+from agonic.inflight.tracking.map_estimate import compute_likelihoods
 from agonic.maths.equation.affine import SYMMETRIC, magnitude_residual, model_basis
-from agonic.maths.estimation.filters import kalman
+from agonic.maths.estimation.filters import kalman, states
 
 
 @pytest.mark.parametrize("m", [4, 10])
@@ -17,15 +17,15 @@ def test_all_models_at_once_are_as_probable_as_each_by_the_filter(m: int) -> Non
     rows = np.column_stack([times, raw, np.full(150, 5e4), np.ones(150)])
     about = np.array([0.0, 30.0, -40.0, 50.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     spread = np.array([0.0, *[5e4**2] * 3, *[0.01] * 6])[:m]
-    prior = kalman.start_filter(about, np.diag(spread), times[0])
-    base = kalman.Model(noise=80.0, walk=0.7, matrix_walk=1e-6, gate=np.inf, jump_level=0.0)
+    prior = states.start_filter(about, np.diag(spread), times[0])
+    base = states.Model(noise=80.0, walk=0.7, matrix_walk=1e-6, gate=np.inf, jump_level=0.0)
     models = [base] + [
         base._replace(external_sd=sd, external_time_s=time)
         for sd, time in ((20.0, 3.0), (90.0, 40.0), (200.0, 900.0))
     ]
     each = []
     for model in models:
-        wide = prior._replace(diagonal=np.array([model.external_sd**2, *prior.diagonal[1:]]))
+        wide = prior._replace(scales=[model.external_sd**2, *prior.scales[1:]])
         _, seen, _ = kalman.advance(wide, model, rows, linearised=about)
         each.append(-(np.log(seen.sd) + 0.5 * (seen.residual / seen.sd) ** 2).sum())
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
@@ -22,12 +23,16 @@ from agonic.exports.firmware.c_text import (
     write_literal,
 )
 from agonic.exports.firmware.size import measure_sizes
-from agonic.exports.firmware.turning import SHARE, TESTS, describe_turn
 from agonic.exports.firmware.writer import Firmware
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.estimation.filters import kalman
+from agonic.maths.estimation.filters import jump_test, kalman, motion
+from agonic.maths.estimation.filters.states import FilterState, Model, forget_sums
 
-ELAPSED_S = 0.5
+TESTS = 24
+ELAPSED_S, TURNING_S = 0.5, 0.05
+"""Between the readings of a self-test, by the magnitude and beside a gyro."""
+SHARE = 0.02
+"""Of a standard error: what the self-test allows the bias and the standard error itself."""
 _BY_MAGNITUDE = ("start", "algebra", "magnitude", "jump_test", "jump", "calls", "results", "save")
 _BESIDE_GYRO = (
     "turning/start",
@@ -39,16 +44,7 @@ _BESIDE_GYRO = (
     "results",
     "save",
 )
-UNKNOWNS = {
-    4: "external field, bias",
-    7: "external field, bias, diagonal of the matrix",
-    10: "external field, bias, matrix",
-}
-BESIDE_GYRO = {
-    10: "field, bias, gyro bias, delay",
-    13: "field, bias, gyro bias, delay, diagonal of the matrix",
-    16: "field, bias, gyro bias, delay, matrix",
-}
+_LABELS = {"external": "external field", "gyro_bias": "gyro bias"}
 
 
 def write_tracker(
@@ -88,12 +84,10 @@ def write_tracker(
     _require_settled(state)
     prefix = make_c_name(state.base.sensor) if name is None else require_identifier(name)
     settled = state.settle_params(params)
+    model = settled.model(state.noise)
     values = _common(state, prefix) | _numbers(state)
-    if state.turn is None:
-        model = settled.model(state.noise)
-        values |= _model(model) | _known(state, model)
-    else:
-        values |= describe_turn(state.turn, settled.turn_model(state.noise), state.turned.rotation)
+    values |= {name: write_literal(value) for name, value in model._asdict().items()}
+    values |= _make_test(state, model)
     values["identity"] = str(crc32(repr(sorted(values.items())).encode()))
     parts = _BY_MAGNITUDE if state.turn is None else _BESIDE_GYRO
     folded = "" if state.turn is None else "turning/"
@@ -155,68 +149,95 @@ def _write_turn(state: TrackerState) -> str:
     return fill_template(f"tracker/turn_{state.base.gauge}.c.in", rotation)
 
 
-def _model(model: kalman.Model) -> dict[str, str]:
-    names = {
-        "noise": model.noise,
-        "external": model.external_sd,
-        "external_time": model.external_time_s,
-        "walk": model.walk,
-        "matrix_walk": model.matrix_walk,
-        "gate": model.gate,
-        "jump_level": model.jump_level,
-        "jump_sd": model.jump_sd,
-    }
-    return {name: write_literal(value) for name, value in names.items()}
-
-
 def _numbers(state: TrackerState) -> dict[str, str]:
     """What the filter holds, with the columns of U above its diagonal one after the other."""
     estimate = state.estimate
-    m = len(estimate.diagonal)
-    packed = [estimate.columns[j, i] for j in range(m) for i in range(j)]
-    return {
+    m = len(estimate.scales)
+    packed = [estimate.upper[j][i] for j in range(m) for i in range(j)]
+    numbers = {
         "states": str(m),
-        "unknowns": UNKNOWNS[m] if state.turn is None else BESIDE_GYRO[m],
+        "unknowns": _name_unknowns(estimate),
         "packed": str(len(packed)),
         "x": write_array(estimate.state),
         "columns": write_array(packed),
         "diagonal": write_array(estimate.diagonal),
     }
+    if state.turn is None:
+        return numbers
+    rate = np.array(estimate.watched[motion.RATE : motion.UNSEEN])
+    return numbers | {
+        "rate": write_array(rate[:3]),
+        "change": write_array(rate[3:6]),
+        "bent": write_literal(rate[6]),
+        "axes": write_array(state.turned.rotation),
+    }
 
 
-def _known(state: TrackerState, model: kalman.Model) -> dict[str, str]:
-    """Readings all around, and what the filter in double precision makes of them."""
-    rng = np.random.default_rng(0)
-    rows = _make_readings(state, model, rng)
-    model = model._replace(jump_level=0.0)
-    watch = np.array([*[0.0] * 9, 1.0, 0.0])
-    begun = state.estimate._replace(watch=watch)
-    after, _, _ = kalman.advance(begun, model, rows, compiled=False)
-    sd = np.sqrt(np.diag(after.covariance)[1:4])
+def _name_unknowns(estimate: FilterState) -> str:
+    """The states of which some numbers are estimated, in words."""
+    places, m = estimate.table.places, len(estimate.scales)
+    named = [_LABELS.get(name, name) for name, place in places.items() if place.stop <= m]
+    diagonal = places["matrix"].start < m < places["matrix"].stop
+    return ", ".join([*named, "diagonal of the matrix"] if diagonal else named)
+
+
+def _make_test(state: TrackerState, model: Model) -> dict[str, str]:
+    """Readings, and what the filter in double precision makes of them."""
+    estimate = state.estimate
+    if state.turn is None:
+        rows, elapsed = _make_readings(state, model), ELAPSED_S
+        known = rows[:, 1:5]
+        words = {"columns_known": "raw, magnitude", "passed": "row, row[3]"}
+    else:
+        rows, elapsed = _make_turned(state.turn, model), TURNING_S
+        rates = rows[:, 4:7] @ state.turned.rotation.T
+        known = np.column_stack([rows[:, 1:4], rates, rows[:, 7]])
+        words = {"columns_known": "raw, rate, magnitude", "passed": "row, row + 3, row[6]"}
+    begun = forget_sums(estimate).watching(
+        {jump_test.TIME: 0.0, jump_test.SCALE: 1.0, jump_test.USUAL: 1.0}
+    )
+    after, _, _ = kalman.advance(begun, model._replace(jump_level=0.0), rows, compiled=False)
     largest = float(np.abs(rows[:, 1:4]).max())
-    return {
+    return words | {
         "tests": str(len(rows)),
-        "elapsed": write_literal(ELAPSED_S),
-        "width": "4",
-        "columns_known": "raw, magnitude",
-        "passed": "row, row[3]",
-        "bias_at": "1",
-        "known": write_array(rows[:, 1:5]),
-        "bias": write_array([after.state[1:4], sd]),
+        "elapsed": write_literal(elapsed),
+        "width": str(known.shape[1]),
+        "bias_at": str(estimate.table.places["bias"].start),
+        "known": write_array(known),
+        "bias": write_array([after.bias, after.find_sd("bias")]),
         "share": write_literal(SHARE),
         "least": write_literal(8 * float(np.finfo(np.float32).eps) * largest),
     }
 
 
-def _make_readings(state: TrackerState, model: kalman.Model, rng: np.random.Generator) -> Array:
-    """Rows (n, 6) of a field as long as the last one, half the noise off."""
+def _make_readings(state: TrackerState, model: Model) -> Array:
+    """Rows (n, 6) all around of a field as long as the last one, half the noise off."""
+    rng = np.random.default_rng(0)
     magnitude = float(np.float32(state.magnitude))
     direction = rng.normal(size=(TESTS, 3))
     field = magnitude * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    matrix = unpack_symmetric(state.estimate.state[4:])
-    raw = np.linalg.solve(matrix, field.T).T + state.estimate.state[1:4]
+    matrix = unpack_symmetric(state.estimate.matrix)
+    raw = np.linalg.solve(matrix, field.T).T + state.estimate.bias
     raw += 0.5 * model.noise * rng.uniform(-1, 1, raw.shape)
     rows = np.column_stack([np.zeros(TESTS), raw, np.full(TESTS, magnitude), np.ones(TESTS)])
     rows = rows.astype(np.float32).astype(np.float64)
     rows[:, 0] = ELAPSED_S * np.arange(1, TESTS + 1)
     return np.asarray(rows)
+
+
+def _make_turned(turn: FilterState, model: Model) -> Array:
+    """Rows (n, 9) of the field as the sensor turns about one axis after the other."""
+    rng = np.random.default_rng(0)
+    rate = np.repeat(1.5 * np.eye(3), TESTS // 3, axis=0) + turn.gyro_bias
+    last, field = np.array(turn.watched[motion.RATE : motion.RATE + 3]), turn.field
+    inverse = np.linalg.inv(unpack_symmetric(turn.matrix))
+    rows = np.empty((TESTS, turn.table.row))
+    for k, now in enumerate(rate):
+        mean = 0.5 * (now + last) - turn.gyro_bias
+        field, last = Rotation.from_rotvec(-TURNING_S * mean).apply(field), now
+        true = now - turn.gyro_bias
+        shown = field + turn.delay_s * np.cross(true, field)
+        raw = turn.bias + inverse @ shown + 0.3 * model.noise * rng.uniform(-1, 1, 3)
+        size = float(np.linalg.norm(field))
+        rows[k] = [TURNING_S * (k + 1), *raw, *now, size, 1.0]
+    return rows

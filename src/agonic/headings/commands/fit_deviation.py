@@ -135,27 +135,13 @@ def _of_log(
     from agonic.console.sensors import add_second, select_between
     from agonic.files.setup import load_setup
     from agonic.headings.deviation.swing_of_log import find_swing
-    from agonic.headings.files.swing import Swing
     from agonic.logs.read import open_log
 
     compasses = load_setup(setup)
     first, recording = compasses.compasses[0], open_log(log, unit=unit)
     samples = recording.sensor(sensor or first.sensor)
     samples = add_second(first.calibration, samples, recording)
-    found = find_swing(select_between(samples, between), compasses)
-    remarks = {"power_state": found.power_state, "compass": samples.name}
-    if found.current_A is not None:
-        remarks["current_A"] = repr(found.current_A)
-    return Swing(
-        compass_deg=found.compass_deg,
-        reference_deg=found.true_deg - found.declination_deg,
-        reference="magnetic",
-        roll_deg=found.heel[:, 0],
-        pitch_deg=found.heel[:, 1],
-        estimated=found.estimated,
-        remarks=remarks,
-        source=samples.origin,
-    )
+    return find_swing(select_between(samples, between), compasses)
 
 
 def _heel(read: Swing, wanted: bool | None) -> Any:

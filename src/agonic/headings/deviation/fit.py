@@ -222,15 +222,11 @@ def _solve(
         return kernel.solve(rows, difference, robust=robust, noise_deg=assumed), noise_deg
     solved = kernel.solve(rows, difference, robust=robust)
     known = readings.rounding_deg if noise_deg is None else noise_deg
-    within = 1.0 if noise_deg is None else _likely(freedom)
+    # the scatter over a stated noise that chance exceeds once in a hundred swings
+    within = 1.0 if noise_deg is None else float(np.sqrt(chdtri(freedom, 0.01) / freedom))
     if solved.noise > known * within:
         return solved, None
     return kernel.solve(rows, difference, robust=robust, noise_deg=known), known
-
-
-def _likely(freedom: int) -> float:
-    """The scatter over a stated noise that chance exceeds once in a hundred swings."""
-    return float(np.sqrt(chdtri(freedom, 0.01) / freedom))
 
 
 def _noise(solved: kernel.DeviationSolution) -> float | None:

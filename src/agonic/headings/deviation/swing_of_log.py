@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,31 +10,14 @@ from agonic.arrays import Array
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
 from agonic.headings.compute import heading
+from agonic.headings.files.swing import Swing
 from agonic.health.finding import figure
 from agonic.samples import Samples
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LoggedSwing:
-    """What `fit_deviation` takes, out of a log, (n,) each, degrees; rows that can be trusted.
-
-    `compass_deg` by the calibration alone, without a card; `true_deg` as logged;
-    `declination_deg`; `heel` (n, 2) roll and pitch; `power_state` the current that was drawn, in
-    words, and `current_A` its median, where it was logged; `estimated` where the logged heading is
-    an autopilot's own.
-    """
-
-    compass_deg: Array
-    true_deg: Array
-    declination_deg: Array
-    heel: Array
-    power_state: str
-    current_A: float | None
-    estimated: bool
-
-
-def find_swing(samples: Samples, setup: Setup) -> LoggedSwing:
-    """The swing that a log with a heading of its own is.
+def find_swing(samples: Samples, setup: Setup) -> Swing:
+    """The swing that a log with a heading of its own is, of the rows that can be trusted: what the
+    calibration alone makes of the compass, and the logged heading from magnetic north.
 
     Parameters: samples with `heading_deg`; the setup's one compass, whose card is left out.
     Raises `LogError` where no heading was logged, and as `heading` does.
@@ -49,15 +32,21 @@ def find_swing(samples: Samples, setup: Setup) -> LoggedSwing:
     rows = found.trusted & samples.heading_known
     if not rows.any():
         raise LogError(f"{samples.name}: no heading of this log can be trusted (tilted, disturbed)")
-    current = None if samples.current_A is None else samples.current_A[rows]
-    return LoggedSwing(
+    remarks = {"compass": samples.name}
+    if samples.current_A is not None:
+        current = samples.current_A[rows]
+        remarks["power_state"] = describe_current(current)
+        remarks["current_A"] = repr(float(figure(float(np.median(current)))))
+    declination = np.broadcast_to(found.declination_deg, len(samples))
+    return Swing(
         compass_deg=found.compass_deg[rows],
-        true_deg=samples.heading_deg[rows],
-        declination_deg=np.broadcast_to(found.declination_deg, len(samples))[rows],
-        heel=np.stack([found.roll_deg, found.pitch_deg], axis=1)[rows],
-        power_state="" if current is None else describe_current(current),
-        current_A=None if current is None else float(figure(float(np.median(current)))),
+        reference_deg=(samples.heading_deg - declination)[rows],
+        reference="magnetic",
+        roll_deg=found.roll_deg[rows],
+        pitch_deg=found.pitch_deg[rows],
         estimated=samples.heading_estimated,
+        remarks=remarks,
+        source=samples.origin,
     )
 
 

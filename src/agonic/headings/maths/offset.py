@@ -21,13 +21,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.headings.maths.rest import NO_REST, Rest
-from agonic.maths.estimation.filters import block_tridiagonal as blocks
-from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
+from agonic.maths.estimation.filters.block_tridiagonal import invert
+from agonic.maths.estimation.filters.smoother import Sums, eliminate, sum_residuals
 
 BIAS_SD = float(np.radians(1.0))
 """rad/s: of a gyro's bias on each axis, at the start, where nothing tells more."""
@@ -102,21 +101,16 @@ class Observed(NamedTuple):
 
 
 class System(NamedTuple):
-    """Normal equations of states and shared errors with their right sides, and what of twice the
-    negative logarithm of the likelihood does not depend on either; the first `found` of the shared
-    errors are found."""
+    """Normal equations of states and shared errors, and what of twice the negative logarithm of the
+    likelihood does not depend on either; the first `found` of the shared errors are found."""
 
-    states: Tridiagonal
-    mixed: Array
-    shared: Array
-    right: Array
-    right_shared: Array
-    constant: Array
+    sums: Sums
+    constant: float
     found: int
 
 
 class Solution(NamedTuple):
-    """States (N, 5), shared errors (p,), −∂states/∂shared (N, 5, p), covariance of the shared."""
+    """States (N, 5), shared errors (p,), ∂states/∂shared (N, 5, p), covariance of the shared."""
 
     states: Array
     shared: Array
@@ -124,23 +118,58 @@ class Solution(NamedTuple):
     covariance: Array
 
 
+class State(NamedTuple):
+    """Numbers of the state that go on alike: which, the share (N − 1,) of them that is kept from a
+    moment to the next, the weights (N − 1,) of what comes new, and that of the first moment."""
+
+    numbers: Index
+    kept: Array
+    weight: Array
+    first: float
+
+
+def list_states(seen: Observed, sizes: Sizes) -> tuple[State, ...]:
+    """How the gyro's bias and what disturbs the compass go on by themselves."""
+    span = np.maximum(np.diff(seen.time), 1e-9)
+    kept = np.where(seen.joined, np.exp(-span / sizes.field_s), 0.0)
+    fresh = 1.0 / np.maximum(1.0 - kept**2, 1e-9)
+    drift = 1.0 / (BIAS_WALK**2 * span)
+    return (
+        State(np.array([_FIELD]), kept, fresh, 1.0),
+        State(_BIAS, np.ones(len(span)), drift, seen.bias_sd**-2),
+    )
+
+
 def assemble(seen: Observed, sizes: Sizes, weights: Array) -> System:
     """The equations; `weights` (N,) of the compass."""
     n, p = seen.by_shared.shape
-    system = System(
-        Tridiagonal(np.tile(_OPEN * np.eye(STATES), (n, 1, 1)), np.zeros((n - 1, STATES, STATES))),
-        np.zeros((n, STATES, p)),
-        np.eye(p),
-        np.zeros((n, STATES)),
-        np.zeros(p),
-        np.zeros(1),
-        seen.found,
-    )
-    _add_compass(system, seen, sizes, weights)
-    _add_gyro(system, seen, sizes)
-    _add_rest(system, seen)
-    _add_memory(system, seen, sizes)
-    return system
+    told, rows = np.isfinite(seen.variance), _list_rows(seen, sizes)
+    weight = weights / (np.where(told, seen.variance, 1.0) + sizes.noise**2)
+    span = np.maximum(np.diff(seen.time), 1e-9)
+    walk = seen.joined / (sizes.walk**2 * span)
+    by_gain = np.zeros((n - 1, 1, p))
+    by_gain[:, 0, :GYRO] = sizes.gain * seen.by_gain
+    before, after = np.zeros((2, n - 1, 1, STATES))
+    before[:, 0, 0], after[:, 0, 0], before[:, 0, _BIAS] = -1.0, 1.0, seen.by_bias
+    weight = np.where(told, weight, 0.0)
+    compass = sum_residuals(-seen.offset[:, None], weight, seen.by_shared[:, None], rows[:, None])
+    total = compass.add(sum_residuals(np.zeros((n - 1, 1)), walk, by_gain, before, after))
+    constant = total.cost - np.log(weight[told]).sum() - np.log(walk[seen.joined]).sum()
+    total.params[range(p), range(p)] += 1.0
+    total.diagonal[:, range(STATES), range(STATES)] += _OPEN
+    at, read, precision = seen.rest.at, seen.rest.bias, 1.0 / seen.rest.variance[:, None]
+    total.diagonal[at[:, None], _BIAS, _BIAS] += precision
+    total.before[at[:, None], _BIAS] -= precision * read
+    constant += (precision * read**2).sum()
+    states = list_states(seen, sizes)
+    for state in states:
+        number, fresh = state.numbers, state.weight[:, None]
+        total.diagonal[0, number, number] += state.first
+        total.diagonal[:-1, number, number] += state.kept[:, None] ** 2 * fresh
+        total.diagonal[1:, number, number] += fresh
+        total.below[:, number, number] -= state.kept[:, None] * fresh
+    constant -= np.log(states[0].weight).sum()  # of the sizes; the bias's drift is known
+    return System(total, float(constant), seen.found)
 
 
 def _list_rows(seen: Observed, sizes: Sizes) -> Array:
@@ -150,87 +179,22 @@ def _list_rows(seen: Observed, sizes: Sizes) -> Array:
     return rows
 
 
-def _add_compass(system: System, seen: Observed, sizes: Sizes, weights: Array) -> None:
-    told = np.isfinite(seen.variance)
-    noise = np.where(told, seen.variance, 1.0) + sizes.noise**2
-    weight = np.where(told, weights / noise, 0.0)
-    rows = _list_rows(seen, sizes)
-    turned = rows * weight[:, None]
-    system.states.diagonal[...] += turned[:, :, None] * rows[:, None, :]
-    system.mixed[...] += turned[:, :, None] * seen.by_shared[:, None, :]
-    system.right[...] += turned * seen.offset[:, None]
-    flat = seen.by_shared * weight[:, None]
-    system.shared[...] += flat.T @ seen.by_shared
-    system.right_shared[...] += flat.T @ seen.offset
-    system.constant[...] += weight @ seen.offset**2 - np.log(weight[told]).sum()
-
-
-def _add_gyro(system: System, seen: Observed, sizes: Sizes) -> None:
-    span = np.maximum(np.diff(seen.time), 1e-9)
-    weight = seen.joined / (sizes.walk**2 * span)
-    before, after = np.zeros((2, len(span), STATES))
-    before[:, 0], after[:, 0] = -1.0, 1.0
-    before[:, _BIAS] = seen.by_bias
-    by = np.zeros((len(span), len(system.shared)))
-    by[:, :GYRO] = sizes.gain * seen.by_gain
-    back, forth = weight[:, None] * before, weight[:, None] * after
-    diagonal, below = system.states
-    diagonal[:-1] += back[:, :, None] * before[:, None, :]
-    diagonal[1:] += forth[:, :, None] * after[:, None, :]
-    below += forth[:, :, None] * before[:, None, :]
-    system.mixed[:-1] += back[:, :, None] * by[:, None, :]
-    system.mixed[1:] += forth[:, :, None] * by[:, None, :]
-    system.shared[...] += (weight[:, None] * by).T @ by
-    system.constant[...] -= np.log(weight[seen.joined]).sum()
-
-
-def _add_rest(system: System, seen: Observed) -> None:
-    at, read = seen.rest.at, seen.rest.bias
-    weight = 1.0 / seen.rest.variance[:, None]
-    system.states.diagonal[at[:, None], _BIAS, _BIAS] += weight
-    system.right[at[:, None], _BIAS] += weight * read
-    system.constant[...] += (weight * read**2).sum()
-
-
-def _add_memory(system: System, seen: Observed, sizes: Sizes) -> None:
-    """How bias and disturbances go on."""
-    diagonal, below = system.states
-    span = np.maximum(np.diff(seen.time), 1e-9)
-    drift = (1.0 / (BIAS_WALK**2 * span))[:, None]
-    diagonal[0, _BIAS, _BIAS] += seen.bias_sd**-2
-    diagonal[:-1, _BIAS, _BIAS] += drift
-    diagonal[1:, _BIAS, _BIAS] += drift
-    below[:, _BIAS, _BIAS] -= drift
-    kept = np.where(seen.joined, np.exp(-span / sizes.field_s), 0.0)
-    fresh = 1.0 / np.maximum(1.0 - kept**2, 1e-9)
-    diagonal[0, _FIELD, _FIELD] += 1.0
-    diagonal[:-1, _FIELD, _FIELD] += kept**2 * fresh
-    diagonal[1:, _FIELD, _FIELD] += fresh
-    below[:, _FIELD, _FIELD] -= kept * fresh
-    system.constant[...] -= np.log(fresh).sum()
-
-
 def solve(system: System) -> Solution:
     """States and shared errors."""
-    found = blocks.solve(
-        system.states, np.concatenate([system.mixed, system.right[:, :, None]], axis=2)
-    )
-    by_shared, alone = found[:, :, :-1], found[:, :, -1]
-    schur = system.shared - np.tensordot(system.mixed, by_shared, axes=([0, 1], [0, 1]))
-    pull = system.right_shared - np.einsum("nip,ni->p", system.mixed, alone)
-    inverse = np.linalg.inv(schur)
-    shared, k = np.zeros(len(pull)), system.found
-    shared[:k] = (inverse @ pull)[:k]
+    by_shared, alone, information, gradient, *_ = eliminate(system.sums)
+    inverse = np.linalg.inv(information)
+    shared, k = np.zeros(len(gradient)), system.found
+    shared[:k] = -(inverse @ gradient)[:k]
     # these are found beside all errors; those that are left at zero err by what they are
-    covariance = np.eye(len(pull))
+    covariance = np.eye(len(gradient))
     covariance[:k], covariance[:, :k] = inverse[:k], inverse[:, :k]
-    return Solution(alone - by_shared @ shared, shared, by_shared, covariance)
+    return Solution(alone + by_shared @ shared, shared, by_shared, covariance)
 
 
 def find_variances(system: System, solution: Solution, doubt: float = 1.0) -> Array:
     """Of the offset at each moment, (N,); `doubt` multiplies what depends on the sizes."""
     moved = solution.by_shared[:, 0]
-    own = blocks.invert(system.states).diagonal[:, 0, 0]
+    own = invert(system.sums.states).diagonal[:, 0, 0]
     return np.asarray(doubt * own + np.einsum("np,pq,nq->n", moved, solution.covariance, moved))
 
 
@@ -248,19 +212,15 @@ def find_left(seen: Observed, sizes: Sizes, solution: Solution) -> Array:
 
 def compute_cost(system: System) -> float:
     """Twice the negative logarithm of the likelihood, all that is found integrated out."""
-    band = blocks.stack_band(system.states)
-    factor = cholesky_banded(band, lower=True, check_finite=False)
-    n, size, _ = system.mixed.shape
-    p = system.found
-    right = np.concatenate([system.mixed[:, :, :p], system.right[:, :, None]], axis=2)
-    right = right.reshape(n * size, -1)
-    both = right.T @ cho_solve_banded((factor, True), right, check_finite=False)
-    schur = system.shared[:p, :p] - both[:p, :p]
-    pull = system.right_shared[:p] - both[:p, p]
-    root = np.linalg.cholesky(schur)
-    spread = 2 * float(np.log(factor[0]).sum() + np.log(np.diag(root)).sum())
-    gained = float(both[p, p] + pull @ np.linalg.solve(schur, pull))
-    return float(system.constant[0]) + spread - gained
+    k, sums = system.found, system.sums
+    part = sums._replace(
+        mixed=sums.mixed[:, :, :k], params=sums.params[:k, :k], own=sums.own[:, :k]
+    )
+    found = eliminate(part)
+    root = np.linalg.cholesky(found.information)
+    spread = found.log_determinant + 2 * float(np.log(np.diag(root)).sum())
+    gained = float(found.gradient @ np.linalg.solve(found.information, found.gradient))
+    return system.constant + spread - gained - found.gained
 
 
 def find_sizes(seen: Observed, weights: Array, start: Sizes, field: float = 0.0) -> Sizes:

@@ -46,9 +46,8 @@ def list_compass_errors(
     Each error is in units of its standard deviation. A field at rest turns in the sensor by −ω × b.
     """
     steps = list_steps(one.compass.calibration)
-    columns = {name: values[rows] for name, values in one.readings.columns.items()}
-    values = apply_steps(steps, one.readings.raw[rows], columns)
-    tilt = kernel.Tilt(*(part if len(part) == 1 else part[rows] for part in attitude.tilt))
+    readings, tilt = one.readings.subset(rows), attitude.select_tilt(rows)
+    values = apply_steps(steps, readings.raw, readings.columns)
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
     gradient = turned.by_field
@@ -56,7 +55,7 @@ def list_compass_errors(
         level = np.append(one.compass.deviation.coefficients, np.zeros(4))
         gradient = gradient * (1 + slope(level, turned.heading_deg, 0.0, 0.0))
     gradient = np.where(np.isfinite(gradient), gradient, 0.0)
-    parts, _ = propagate_parts(steps, values, columns, gradient)
+    parts, _ = propagate_parts(steps, values, readings.columns, gradient)
     late = np.einsum("in,ni->n", gradient, np.cross(rate[rows], values[-1]))[:, None]
     late *= find_latency_sd(one.compass)
     return np.concatenate([np.zeros((0, len(rows))), *parts]).T, late
@@ -94,20 +93,6 @@ def _low_pass(values: Array, time: Array, settling_s: float) -> Array:
     return low_pass(values, float(np.median(np.diff(time))), settling_s)
 
 
-def compute_dip_errors(
-    horizontal: Array, vertical: Array, around: Surroundings, moments: Moments
-) -> Array:
-    """The dip at each moment (N,) less the expected one, or less its median, rad."""
-    rows = moments.rows[moments.middle]
-    dip = np.arctan2(vertical[rows], horizontal[rows])
-    if around.horizontal is None or around.vertical is None:
-        return np.asarray(dip - np.nanmedian(dip))
-    level, below = (
-        np.broadcast_to(v, len(horizontal))[rows] for v in (around.horizontal, around.vertical)
-    )
-    return np.asarray(dip - np.arctan2(below, level))
-
-
 def find_sensor_lean(
     columns: Array,
     lean: Array,
@@ -123,7 +108,9 @@ def find_sensor_lean(
     `follow_axes`; the compass's `variance` (N,), infinite where it tells nothing; level and
     vertical `parts` of the field (n,).
     """
-    off = compute_dip_errors(*parts, around, moments)
+    rows = moments.rows[moments.middle]
+    level, below = (part[rows] for part in parts)
+    _, off = around.compare(level, below, np.isfinite(level + below), rows)
     steep = np.nanmedian(np.abs(parts[1] / np.maximum(parts[0], 1e-9)))
     other = float(np.sqrt(np.mean((columns**2).sum(axis=1))) / np.hypot(1.0, steep))
     good = np.isfinite(variance) & np.isfinite(off)
@@ -145,18 +132,10 @@ def measure_disturbance(
     """
     h, z = horizontal[moments.rows], vertical[moments.rows]
     good = sound[moments.rows]
-    size, dip = np.hypot(h, z), np.arctan2(z, h)
-    wanted, steep = np.median(size[good]), np.median(dip[good])
-    if around.horizontal is not None and around.vertical is not None:
-        n = len(horizontal)
-        level, below = (
-            np.broadcast_to(v, n)[moments.rows] for v in (around.horizontal, around.vertical)
-        )
-        steep = np.arctan2(below, level)
-        total = np.hypot(level, below)
-        if abs(float(np.median((size / total)[good])) - 1.0) < 0.5:  # else in another unit
-            wanted = total
-    off = np.stack([size / wanted - 1.0, dip - steep], axis=1)
+    share, steeper = around.compare(h, z, good, moments.rows)
+    usual = np.median(share[good])
+    share = share if abs(float(usual) - 1.0) < 0.5 else share / usual  # else in another unit
+    off = np.stack([share - 1.0, steeper], axis=1)
     told = moments.add(good.astype(np.float64))
     mean = moments.add(np.where(good[:, None], off, 0.0)) / np.maximum(told, 1.0)[:, None]
     square = (mean**2).sum(axis=1)

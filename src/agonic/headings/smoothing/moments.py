@@ -10,6 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from agonic.arrays import Array, Index, Mask
 from agonic.headings.gyro import LONGEST_STEP_S
 from agonic.headings.maths.gyro_heading import GyroHeading, carry_heading
+from agonic.maths.rotations.vectors import interpolate
 
 SPACING_S = 0.1
 """Between the moments at which compass and gyro are compared, at least."""
@@ -97,7 +98,7 @@ def carry(time: Array, rate: Array, level: Array, moments: Moments) -> GyroHeadi
     step = float(np.median(np.diff(time)))
     if step <= LONGEST_STEP_S:
         # a fast unit tells the mean over the step up to its row, as the filter of the tilt has it
-        rate = np.stack([np.interp(time + step / 2, time, axis) for axis in rate.T], axis=1)
+        rate = interpolate(time + step / 2, time, rate)
     for rows in np.split(moments.rows, moments.start[moments.cuts]):
         if len(rows) > 1:
             found.append(carry_heading(time[rows], rate[rows], level[rows]))

@@ -127,14 +127,11 @@ def _smooth(
     )
     if found is None:
         return None
-    more = by_row.tilt.variance * (by_row.tilt.tilt.sin_pitch / _upright(by_row)) ** 2
+    # a nose that points up turns its heading by a tilt aside, over cos pitch
+    upright = np.maximum(by_row.tilt.tilt.cos_pitch, 0.05)
+    more = by_row.tilt.variance * (by_row.tilt.tilt.sin_pitch / upright) ** 2
     more = np.degrees(np.degrees(more)) + _by_deviation(by_row)
     return found._replace(variance=found.variance + more)
-
-
-def _upright(by_row: RowHeadings) -> Array:
-    """cos pitch: a nose that points up turns its heading by a tilt aside, over this."""
-    return np.maximum(by_row.tilt.tilt.cos_pitch, 0.05)
 
 
 def _by_deviation(by_row: RowHeadings) -> Array:

@@ -16,6 +16,7 @@ from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index, Mask
 from agonic.headings.attitude import Attitude
+from agonic.headings.compass_heading import pick_used
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
 from agonic.headings.maths.offset import (
@@ -44,6 +45,7 @@ from agonic.headings.smoothing.errors import (
     turn_by_tilt,
 )
 from agonic.headings.smoothing.moments import FEWEST, Moments, carry, put_together
+from agonic.maths.rotations.vectors import interpolate
 
 GAIN_SD = np.repeat([0.01, 0.004], 3)
 """Of a common gyro: the scale of each axis, and what goes into another."""
@@ -111,7 +113,7 @@ def smooth_headings(
     carried = carry(time, rate - known, level, moments)
     each = [(s.indicated.magnetic_deg, s.sound, *s.indicated[2:3], *s.indicated[4:]) for s in seen]
     magnetic, sound, random, horizontal, vertical = (
-        _pick(used, values) for values in zip(*each, strict=True)
+        pick_used(used, values) for values in zip(*each, strict=True)
     )
     sound = sound & np.isfinite(magnetic) & np.isfinite(random)
     noise = np.radians(np.radians(random))
@@ -144,7 +146,7 @@ def smooth_headings(
     whole = np.full((n, 2), np.nan)
     whole[moments.rows, 0] = carried.heading + moments.interpolate(time, offset)
     whole[moments.rows, 1] = moments.interpolate(time, variance)
-    biases = np.stack([np.interp(time, moments.time, axis) for axis in (bias + known).T], axis=1)
+    biases = interpolate(time, moments.time, bias + known)
     return SmoothedHeading(
         np.degrees(whole[:, 0]) % 360.0,
         np.degrees(np.degrees(whole[:, 1])),
@@ -189,11 +191,6 @@ def find_shown_axes(down: Array) -> Array:
     """
     shown, axes = np.linalg.eigh(down.T @ down / len(down))
     return np.asarray(axes[:, shown > SHOWN])
-
-
-def _pick(used: Index, values: Sequence[Array]) -> Array:
-    """Row by row, the value of the compass that is used."""
-    return values[0] if len(values) == 1 else np.take_along_axis(np.stack(values), used[None], 0)[0]
 
 
 def _observe(

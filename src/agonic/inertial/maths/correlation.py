@@ -21,7 +21,8 @@ from agonic.inertial.maths.factors import Felt, choose_free, compare_readings
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import TOLD
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal, invert, solve
+from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal, invert
+from agonic.maths.estimation.filters.smoother import Sums, eliminate
 from agonic.maths.estimation.noise.batch_means import measure_correlation
 from agonic.maths.estimation.noise.noise_with_memory import (
     STRETCHES,
@@ -29,7 +30,6 @@ from agonic.maths.estimation.noise.noise_with_memory import (
     find_memory,
     sum_scatter,
 )
-from agonic.maths.rotations.track import Sums
 
 _FAR = 0.05  # rad: the square of a turn is no longer small
 _FARTHEST = 1e3  # of the size of a parameter
@@ -64,13 +64,9 @@ def solve_step(
     total = first
     for group in others:
         total = total.add(group)
-    states = Tridiagonal(total.states.diagonal + _LOOSE * np.eye(3), total.states.below)
-    gradient = total.gradient
-    found = solve(states, np.concatenate([total.mixed, gradient[:, :, None]], axis=2))
-    by_params, alone = -found[:, :, :-1], -found[:, :, -1]
+    total = total._replace(diagonal=total.diagonal + _LOOSE * np.eye(3))
+    by_params, alone, information, pull, *_ = eliminate(total)
     residuals, jacobian = prior(params)
-    information = total.params + np.tensordot(total.mixed, by_params, axes=([0, 1], [0, 1]))
-    pull = total.own.sum(axis=0) + np.einsum("nip,ni->p", total.mixed, alone)
     covariance = leastsq.inverse(information + jacobian.T @ jacobian)
     step = -covariance @ (pull + jacobian.T @ residuals)
     if not np.abs(step).max() < _FARTHEST:
@@ -79,7 +75,7 @@ def solve_step(
     after = np.einsum("nip,ni->np", np.roll(by_params, -1, axis=0), total.after)
     scores = total.own + before + after
     move = alone + by_params @ step
-    return Step(step, move, covariance, information, invert(states), scores, by_params)
+    return Step(step, move, covariance, information, invert(total.states), scores, by_params)
 
 
 def reduce_to_params(group: Sums, by_params: Array) -> Array:

@@ -18,11 +18,11 @@ from agonic.inertial.maths.factors import (
     Felt,
     Log,
     sum_force,
+    sum_headings,
     sum_rate,
     sum_readings,
     take_out,
 )
-from agonic.inertial.maths.headings import sum_headings
 from agonic.inertial.maths.noise import (
     SETTLED,
     expect_noise,
@@ -35,9 +35,10 @@ from agonic.inertial.maths.noise import (
 from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
+from agonic.maths.estimation.filters.smoother import Sums
 from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.rotations.attitude import make_rotation
-from agonic.maths.rotations.track import Sums, Track, find_attitudes
+from agonic.maths.rotations.track import Track, find_attitudes
 
 _ROUNDS = 15
 _NEAR = 5  # after so many what is left tells the noise, not the way
@@ -117,19 +118,11 @@ def estimate_jointly(
             if done and near:
                 break
             near = near or done or turn == _NEAR
+    at = (problem, felt, attitudes, params, weights, readings, variances[0], step)
+    covariance = allow_for_correlation(*at, prior(params)[1])
     return Joint(
         params,
-        allow_for_correlation(
-            problem,
-            felt,
-            attitudes,
-            params,
-            weights,
-            readings,
-            variances[0],
-            step,
-            prior(params)[1],
-        ),
+        covariance,
         step.information,
         states,
         felt.track,

@@ -16,10 +16,10 @@ from agonic.inertial.maths.correlation import (
 )
 from agonic.inertial.maths.factors import UP_AT_REST, Felt, Log, steady_force
 from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.filters.smoother import Sums
 from agonic.maths.estimation.loss import cauchy
 from agonic.maths.estimation.noise.batch_means import measure_correlation
 from agonic.maths.rotations.low_pass import find_passed
-from agonic.maths.rotations.track import Sums
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 SETTLED = 0.02

@@ -12,9 +12,9 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import require_covariance
 from agonic.calibration.setup import Setup
-from agonic.errors import AgonicError, CoverageError, LogError, UnitError
+from agonic.errors import AgonicError, CoverageError, UnitError
 from agonic.health import Finding, Judged, figure
-from agonic.inertial.maths.shots import Channels, observe
+from agonic.inertial.maths.shots import BIAS_A, BIAS_M, DIP, TARGETS, Shots, linearise
 from agonic.inertial.pair.changes import (
     AHEAD,
     Change,
@@ -22,7 +22,7 @@ from agonic.inertial.pair.changes import (
     find_seen_deg,
     list_suspects,
 )
-from agonic.inertial.pair.problem import find_shots, number_targets
+from agonic.inertial.pair.problem import average_shots, begin, number_targets
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import correction_jacobian, model_basis
 from agonic.samples import Samples
@@ -155,55 +155,49 @@ def _pose(
     samples: Samples, accelerometer: Affine, magnetometer: Affine, pointing_sd_deg: float
 ) -> tuple[_Linear, Index]:
     """The residuals of the shots, and their numbers."""
-    if samples.acceleration is None:
-        raise LogError(f"{samples.name} was logged without acceleration; record it with each shot")
-    rows = find_shots(samples)
+    rows, force, reading = average_shots(samples)
     if len(rows) < FEWEST:
         raise CoverageError(
             f"{len(rows)} shots at rest were given and {FEWEST} are needed, better eight",
             turns="level towards four directions, and the same upside down",
         )
-    force = np.array([samples.acceleration[own].mean(axis=0) for own in rows])
-    reading = np.array([samples.field[own].mean(axis=0) for own in rows])
     up = accelerometer.correct(force) / STANDARD_GRAVITY_M_S2
     seen = magnetometer.correct(reading)
     size = float(np.median(np.linalg.norm(seen, axis=1)))
-    field = seen / size
     sighted = bool(accelerometer.provenance.settings.get("sight"))
     target = number_targets(samples, rows)[0] if sighted else np.full(len(rows), -1)
-    channels = observe(up, field, AHEAD)
+    shots = Shots(up, seen / size, target)
+    start = begin(shots, np.eye(3), AHEAD)
+    found = linearise(shots, start)
+    by_up, by_field = (-found.jacobian[:, :, sensor] for sensor in (BIAS_A, BIAS_M))
     by_setup = np.concatenate(
         [
-            channels.by_up @ _local(force, accelerometer) / STANDARD_GRAVITY_M_S2,
-            channels.by_field @ _local(reading, magnetometer) / size,
+            by_up @ _local(force, accelerometer) / STANDARD_GRAVITY_M_S2,
+            by_field @ _local(reading, magnetometer) / size,
         ],
         axis=2,
     )
     scatter = (
-        channels.by_up @ accelerometer.matrix * (_noise(accelerometer) / STANDARD_GRAVITY_M_S2),
-        channels.by_field @ magnetometer.matrix * (_noise(magnetometer) / size),
+        by_up @ accelerometer.matrix * (_noise(accelerometer) / STANDARD_GRAVITY_M_S2),
+        by_field @ magnetometer.matrix * (_noise(magnetometer) / size),
     )
     noise = sum(by @ np.swapaxes(by, 1, 2) for by in scatter)
-    noise += np.diag([0.0, 0.0, 0.0, 1.0, 1.0]) * np.radians(pointing_sd_deg) ** 2
-    dip = float(np.median(channels.values[:, 2]))
-    linear = _stack(_compare(channels, target, dip), by_setup, noise, dip)
-    return linear, np.arange(len(rows)) + 1
-
-
-def _stack(compared: _Compared, by_setup: Array, noise: Array, dip: float) -> _Linear:
-    """The residuals that are there, one after the other."""
-    residuals, free, there, weight = compared
-    n, keep, scaled = len(residuals), there.ravel(), weight[:, :, None]
+    noise = noise + found.variances[2] * np.radians(pointing_sd_deg) ** 2
+    longer = np.zeros((len(rows), 5, 1))
+    longer[:, 1] = 1.0
+    free = np.concatenate([longer, found.jacobian[:, :, [DIP]], found.jacobian[:, :, TARGETS:]], 2)
+    n, keep = len(rows), found.there.ravel()
     whole = np.zeros((n, 5, n, 5))
-    whole[range(n), :, range(n), :] = scaled * noise * weight[:, None, :]
-    return _Linear(
-        residuals=(weight * residuals).ravel()[keep],
-        by_setup=(scaled * by_setup).reshape(5 * n, -1)[keep],
-        by_free=(scaled * free).reshape(5 * n, -1)[keep],
+    whole[range(n), :, range(n), :] = noise
+    linear = _Linear(
+        residuals=found.residuals.ravel()[keep],
+        by_setup=by_setup.reshape(5 * n, -1)[keep],
+        by_free=free.reshape(5 * n, -1)[keep],
         noise=whole.reshape(5 * n, 5 * n)[np.ix_(keep, keep)],
         shot=np.repeat(np.arange(n), 5)[keep],
-        dip=dip,
+        dip=float(start[DIP]),
     )
+    return linear, np.arange(n) + 1
 
 
 def _local(raw: Array, calibration: Affine) -> Array:
@@ -216,34 +210,6 @@ def _noise(calibration: Affine) -> float:
     if calibration.noise is None:
         raise AgonicError(f"the calibration of {calibration.sensor} does not say its noise")
     return calibration.noise
-
-
-class _Compared(NamedTuple):
-    residuals: Array
-    by_free: Array
-    there: Array
-    weight: Array
-
-
-def _compare(channels: Channels, target: Index, dip: float) -> _Compared:
-    """Residuals (n, 5) about the first guess of what is free, by what is free (n, 5, f), what is
-    there, and weights: size of the field, dip, and two angles a target."""
-    values, n = channels.values, len(channels.values)
-    targets = int(target.max(initial=-1)) + 1
-    free = np.zeros((n, 5, 2 + 2 * targets))
-    free[:, 1, 0] = free[:, 2, 1] = 1.0
-    residuals = values - 1.0
-    residuals[:, 2] = values[:, 2] - dip
-    weight, there = np.ones((n, 5)), np.ones((n, 5), dtype=bool)
-    there[:, 3:] = (target >= 0)[:, None]
-    for k in range(targets):
-        own = target == k
-        middle = np.angle(np.median(np.exp(1j * values[own, 4])))
-        residuals[own, 3] = values[own, 3] - np.median(values[own, 3])
-        residuals[own, 4] = np.angle(np.exp(1j * (values[own, 4] - middle)))
-        weight[own, 4] = np.cos(values[own, 3])
-        free[own, 3, 2 + 2 * k] = free[own, 4, 3 + 2 * k] = 1.0
-    return _Compared(residuals, free, there, weight)
 
 
 def _test(linear: _Linear, covariance: Array) -> tuple[Array, float, int]:

@@ -189,7 +189,7 @@ def _make_fit(
         slope_sd_deg=_rms_deg(covariance, slope),
         residuals=compare_shots(problem, solution),
         shot=_number_shots(samples, problem),
-        target=_name_targets(problem),
+        target=np.array([0, *problem.names]).astype(np.intp)[problem.shots.target + 1],
         left_out=np.setdiff1d(np.arange(len(problem.rows)), solution.kept),
         prior_only=prior_only,
         to_add=tuple(dict.fromkeys(describe_attitude(*map(float, one)) for one in add)),
@@ -241,9 +241,3 @@ def _number_shots(samples: Samples, problem: Problem) -> Index:
         return np.asarray(samples.station[first].astype(np.intp))
     one_each = all(len(own) == 1 for own in problem.rows)
     return np.asarray(first + 1 if one_each else np.arange(1, len(first) + 1))
-
-
-def _name_targets(problem: Problem) -> Index:
-    """The log's number of each shot's target, 0 for none."""
-    names = np.array([0, *problem.names]).astype(np.intp)
-    return np.array(names[problem.shots.target + 1])

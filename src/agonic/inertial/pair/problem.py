@@ -90,20 +90,13 @@ def pose(samples: Samples, reference: Reference | None, settings: Settings) -> P
 
     Raises `LogError` without acceleration, `CoverageError` with too few attitudes.
     """
-    if samples.acceleration is None:
-        raise LogError(
-            f"{samples.name} was logged without acceleration; record the accelerometer with every "
-            "shot (acc_x_m_s2 …)"
-        )
-    rows = find_shots(samples)
+    rows, force, field = average_shots(samples)
     if len(rows) < FEWEST:
         raise CoverageError(
             f"{len(rows)} attitudes at rest were found and {FEWEST} are needed, better 24",
             undetermined="the matrices of both sensors",
             turns=ATTITUDES,
         )
-    force = np.array([samples.acceleration[own].mean(axis=0) for own in rows])
-    field = np.array([samples.field[own].mean(axis=0) for own in rows])
     target, names, missed = leave_out_targets(force, *number_targets(samples, rows))
     dip = _dip(reference, len(samples))
     problem = _pose_scaled(force, field, target, _find_scale(force, field), settings, dip)
@@ -123,8 +116,23 @@ def _pose_scaled(
 ) -> Problem:
     shots = Shots(force / scale.gravity, (field - scale.centre) / scale.size, target)
     mounting = find_mounting(shots)
-    start = _begin(shots, mounting)
+    start = begin(shots, mounting, find_sight(force, target))
     return Problem(shots, scale, make_prior(start, mounting, settings, dip), start)
+
+
+def average_shots(samples: Samples) -> tuple[tuple[Index, ...], Array, Array]:
+    """The rows of each attitude at rest, and the mean force and field (n, 3) in it.
+
+    Raises `LogError` without acceleration.
+    """
+    if samples.acceleration is None:
+        raise LogError(
+            f"{samples.name} was logged without acceleration; record the accelerometer with every "
+            "shot (acc_x_m_s2 …)"
+        )
+    rows, columns = find_shots(samples), (samples.acceleration, samples.field)
+    force, field = (np.array([one[own].mean(axis=0) for own in rows]) for one in columns)
+    return rows, force, field
 
 
 def find_shots(samples: Samples) -> tuple[Index, ...]:
@@ -176,12 +184,12 @@ def find_mounting(shots: Shots) -> Array:
     return np.asarray(turns[best] if left[best] * CLEARLY_TURNED < left[0] else turns[0])
 
 
-def _begin(shots: Shots, mounting: Array) -> Array:
-    """Unknowns of two sensors without errors, with dip, sight and targets as they then are."""
+def begin(shots: Shots, mounting: Array, sight: Array) -> Array:
+    """Unknowns (q,) of two sensors without errors, with dip and targets as they then are."""
     start = np.zeros(TARGETS + 2 * shots.targets)
     start[SHAPE_A][:3] = 1.0
     start[MATRIX_M] = mounting.ravel()
-    start[SIGHT] = find_sight(shots.force, shots.target)
+    start[SIGHT] = sight
     values = observe(*calibrate(shots, start), start[SIGHT]).values
     start[DIP] = np.median(values[:, 2])
     for k in range(shots.targets):

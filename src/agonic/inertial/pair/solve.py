@@ -9,7 +9,7 @@ from scipy.special import chdtrc, fdtrc
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import ConvergenceError
-from agonic.inertial.maths.shots import SIGHT, Shots, linearise
+from agonic.inertial.maths.shots import SIGHT, linearise
 from agonic.inertial.maths.variance_components import (
     Linear,
     Weighted,
@@ -53,9 +53,11 @@ def solve(problem: Problem) -> Solution:
 
 def _iterate(problem: Problem, kept: Index, unknowns: Array, theta: Array) -> Solution:
     """Gauss–Newton, with the noise estimated anew at each step."""
-    shots, size = problem.shots.select(kept), 1.0
+    shots, prior, size = problem.shots.select(kept), problem.prior, 1.0
     for _ in range(_ROUNDS):
-        linear = _pose(problem, shots, unknowns)
+        pull = prior.information @ (unknowns - prior.mean)
+        known = prior.information + hold_sight(unknowns)
+        linear = Linear(*linearise(shots, unknowns), known, pull)
         few = {"rounds": _FEW} if size > _NEAR else {}
         theta = estimate_variances(linear, theta, EXPECTED_NOISE**2, **few)
         weighted = weigh(linear, theta)
@@ -68,13 +70,6 @@ def _iterate(problem: Problem, kept: Index, unknowns: Array, theta: Array) -> So
         "the two calibrations did not settle; are all shots of one instrument, at rest, in one "
         "place?"
     )
-
-
-def _pose(problem: Problem, shots: Shots, unknowns: Array) -> Linear:
-    prior = problem.prior
-    pull = prior.information @ (unknowns - prior.mean)
-    known = prior.information + hold_sight(unknowns)
-    return Linear(*linearise(shots, unknowns), known, pull)
 
 
 def find_outlier(solution: Solution) -> int | None:

@@ -8,7 +8,7 @@ from agonic.inflight.report.document import add_figures
 from agonic.inflight.report.flight import flight_of_log
 from agonic.inflight.tracking.result import Coefficients
 from agonic.inflight.tracking.tracker import Tracker
-from agonic.maths.estimation.turning.filter import TurnState
+from agonic.maths.estimation.filters.states import FilterState
 from agonic.report.digits import group_digits, quantity, with_sd
 from agonic.report.document import Document
 from agonic.samples import Samples
@@ -106,7 +106,7 @@ def _tracking_entries(
     }
 
 
-def _describe_gyro(turn: TurnState) -> str:
+def _describe_gyro(turn: FilterState) -> str:
     bias = ", ".join(
         f"{axis} {np.degrees(b):.3f}" for axis, b in zip("xyz", turn.gyro_bias, strict=True)
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
+from datetime import datetime
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -19,28 +21,138 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
-from agonic.inflight.tracking.schema import (
-    AboardRecord,
-    BaseRecord,
-    BatchesRecord,
-    FilterRecord,
-    JumpRecord,
-    OpeningRecord,
-    RecentRecord,
-    Rows,
-    StateRecord,
-    ThermalRecord,
-    TrackFile,
-)
 from agonic.logs.contents import read_bytes
-from agonic.maths.estimation.filters.kalman import STATES, FilterState
-from agonic.maths.estimation.filters.ud_filter import WATCHED
+from agonic.maths.estimation.filters.jump_test import SCALE, TIME, USUAL, WATCHED
+from agonic.maths.estimation.filters.states import TABLES, FilterState
 from agonic.maths.estimation.noise import running_batch_means
 from agonic.maths.estimation.noise.running_batch_means import RunningBatchMeans
-from agonic.maths.estimation.turning import filter as turning
-from agonic.maths.estimation.turning import reading
 from agonic.maths.rotations.polar import split_rotation
 from agonic.provenance import Provenance
+
+Row = tuple[float, ...]
+Rows = tuple[Row, ...]
+
+
+class BaseRecord(Struct, frozen=True, kw_only=True):
+    """The calibration that was started from."""
+
+    bias: Row
+    matrix: Rows
+    covariance: Rows | None
+    unit_in: str
+    gauge: str
+    model: str
+    noise: float | None
+    sensor: str
+    device_id: int | None
+    frame_in: str
+    frame_out: str
+    parents: tuple[str, ...]
+
+
+class ThermalRecord(Struct, frozen=True, kw_only=True):
+    """How the calibration that was started from changes with temperature."""
+
+    bias: Rows
+    matrix: tuple[Rows, ...]
+    centre_C: float
+    half_range_C: float
+    rate: Row | None
+    covariance: Rows | None
+    temperature_C: tuple[float, float] | None
+
+
+class AboardRecord(Struct, frozen=True, kw_only=True):
+    """What the calibration that was started from takes out of what disturbs on board."""
+
+    bias: Row
+    matrix: Rows
+    covariance: Rows | None
+    sources: tuple[str, ...]
+    coefficients: Rows
+    typical: Row | None
+    second_sensor: str | None
+
+
+class BatchesRecord(Struct, frozen=True):
+    """Sums over batches of readings, by which errors that last show; lengths that were reached."""
+
+    score: Row
+    pending: Rows
+    rows: int
+    total: int
+    information: Rows
+    number: Row
+    square: tuple[Rows, ...]
+    waiting: Rows
+
+
+class FilterRecord(Struct, frozen=True):
+    """State, factors of its covariance, and what the filter watches."""
+
+    state: Row
+    columns: Rows
+    diagonal: Row
+    watch: Row
+    batches: BatchesRecord | None = None
+
+
+class OpeningRecord(Struct, frozen=True, rename={"outliers": "strays"}):
+    """First readings, not yet settled."""
+
+    prior: FilterRecord
+    rows: Rows
+    before: FilterRecord | None
+    outliers: int | None
+    learns: bool
+
+
+class RecentRecord(Struct, frozen=True):
+    """The last readings, to go back to the beginning of a jump."""
+
+    before: FilterRecord
+    middle: FilterRecord
+    rows: Rows
+
+
+class JumpRecord(Struct, frozen=True):
+    """A jump of the bias."""
+
+    time: float
+    seen: float
+    shift: Row
+    shift_sd: Row
+
+
+class StateRecord(Struct, frozen=True, kw_only=True, rename={"estimate": "belief"}):
+    """Where it stands."""
+
+    base: BaseRecord
+    ground: ThermalRecord | None
+    estimate: FilterRecord
+    noise: float
+    noise_known: bool
+    opening: OpeningRecord | None
+    recent: RecentRecord | None
+    n: int
+    refused: int
+    jumps: tuple[JumpRecord, ...]
+    epoch: datetime | None
+    magnitude: float
+    external_sd: float = 0.0
+    external_time_s: float = 600.0
+    gyro_unused: str = ""
+    aboard: AboardRecord | None = None
+
+
+class TrackFile(Struct, frozen=True):
+    """A calibration followed in time, made with agonic."""
+
+    schema: str
+    params: dict[str, Any]
+    state: StateRecord
+    history: Rows
+
 
 SCHEMA = "agonic/track-state@1"
 
@@ -52,13 +164,15 @@ _RECORDS: dict[type, type[Struct]] = {
     Thermal: ThermalRecord,
     Interference: AboardRecord,
     FilterState: FilterRecord,
-    turning.TurnState: FilterRecord,
     RunningBatchMeans: BatchesRecord,
     Opening: OpeningRecord,
     Recent: RecentRecord,
     Jump: JumpRecord,
 }
-_ELSEWHERE = {
+_IN_FILES = (*range(SCALE + 1), TIME, USUAL)
+"""What a filter without a gyro watches, in the order of the file."""
+_ELSEWHERE: dict[str, Callable[[Any], Any]] = {
+    "watch": lambda one: one.watch if one.beside_gyro else one.watch[list(_IN_FILES)],
     "parents": attrgetter("provenance.parents"),
     "temperature_C": attrgetter("validity.temperature_C"),
 }
@@ -114,44 +228,33 @@ def _plain(value: Any) -> Any:
 
 
 def _restore_state(record: StateRecord) -> TrackerState:
+    values = msgspec.structs.asdict(record)
     base = _restore_base(record.base)
-    opening, recent = record.opening, record.recent
-    return TrackerState(
-        base=base,
-        ground=_restore_ground(record.ground, base),
-        aboard=_restore_aboard(record.aboard, base),
-        turned=split_rotation(base.matrix, base.covariance, base.gauge)[1],
-        estimate=_restore_filter(record.estimate),
-        noise=record.noise,
-        noise_known=record.noise_known,
-        opening=None
-        if opening is None
-        else Opening(
-            prior=_restore_filter(opening.prior),
-            rows=_restore_rows(opening.rows, opening.prior),
-            before=None if opening.before is None else _restore_filter(opening.before),
-            outliers=opening.outliers,
-            learns=opening.learns,
-        ),
-        recent=None
-        if recent is None
-        else Recent(
-            before=_restore_filter(recent.before),
-            middle=_restore_filter(recent.middle),
-            rows=_restore_rows(recent.rows, recent.before),
-        ),
-        n=record.n,
-        refused=record.refused,
-        jumps=tuple(
-            Jump(time=j.time, seen=j.seen, shift=np.array(j.shift), shift_sd=np.array(j.shift_sd))
-            for j in record.jumps
-        ),
-        epoch=record.epoch,
-        magnitude=record.magnitude,
-        external_sd=record.external_sd,
-        external_time_s=record.external_time_s,
-        gyro_unused=record.gyro_unused,
-    )
+    parts = {
+        "base": base,
+        "ground": _restore_ground(record.ground, base),
+        "aboard": _restore_aboard(record.aboard, base),
+        "estimate": _restore_filter(record.estimate),
+        "opening": None if record.opening is None else Opening(**_restore_parts(record.opening)),
+        "recent": None if record.recent is None else Recent(**_restore_parts(record.recent)),
+        "jumps": tuple(Jump(**_restore_parts(jump)) for jump in record.jumps),
+    }
+    turned = split_rotation(base.matrix, base.covariance, base.gauge)[1]
+    return TrackerState(**values | parts, turned=turned)
+
+
+def _restore_parts(record: Struct) -> dict[str, Any]:
+    """The fields of a record: filters, rows, arrays, and what is plain."""
+    values = msgspec.structs.asdict(record)
+    for name, value in values.items():
+        if isinstance(value, FilterRecord):
+            values[name] = _restore_filter(value)
+        elif name == "rows":
+            filters = (one for one in values.values() if isinstance(one, FilterState))
+            values[name] = np.array(value, dtype=np.float64).reshape(-1, next(filters).table.row)
+        elif isinstance(value, tuple):
+            values[name] = np.array(value)
+    return values
 
 
 def _restore_base(record: BaseRecord) -> Affine:
@@ -177,23 +280,23 @@ def _restore_aboard(record: AboardRecord | None, base: Affine) -> Interference |
 
 
 def _restore_filter(record: FilterRecord) -> FilterState:
-    turned = len(record.state) == turning.STATES["full"]
-    watched = reading.WATCHED if turned else WATCHED
-    watch = [*record.watch, *[1.0] * (watched - len(record.watch))]  # of files before `USUAL`
-    kind: type[FilterState] = turning.TurnState if turned else FilterState
-    size = turning.STATES["full"] if turned else STATES["full"]
-    estimate = kind(
-        np.array(record.state),
-        np.array(record.columns),
-        np.array(record.diagonal),
-        np.array(watch),
-        _restore_batches(record.batches, 3 if turned else size),
+    size, m = len(record.state), len(record.diagonal)
+    if size not in TABLES or not 0 < m <= size or np.shape(record.columns) != (m, m):
+        raise LogError(f"an estimate has {size} numbers and {m} of its covariance")
+    watched = list(record.watch)
+    if size == min(TABLES) and len(_IN_FILES) - len(watched) in (0, 1):  # of files before `USUAL`
+        given = dict(zip(_IN_FILES, [*watched, 1.0], strict=False))
+        watched = [given.get(k, 0.0) for k in range(WATCHED)]
+    if len(watched) != WATCHED:
+        raise LogError(f"an estimate watches {len(watched)} sums")
+    batched = TABLES[size].batched
+    return FilterState(
+        list(record.state),
+        [list(line) for line in record.columns],
+        list(record.diagonal),
+        watched,
+        _restore_batches(record.batches, batched.stop - batched.start),
     )
-    m = len(record.diagonal)
-    shapes = [np.shape(part) for part in estimate[:4]]
-    if shapes != [(size,), (m, m), (m,), (watched,)] or m > size:
-        raise LogError(f"an estimate has parts of shapes {shapes}")
-    return estimate
 
 
 def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMeans:
@@ -201,21 +304,11 @@ def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMea
     nothing = running_batch_means.start(size)
     if record is None:
         return nothing
-    restored = RunningBatchMeans(
-        np.array(record.score),
-        np.array(record.pending),
-        record.rows,
-        record.total,
-        np.array(record.information),
-        np.array(record.number),
-        np.array(record.square),
-        np.array(record.waiting),
-    )
+    values = msgspec.structs.asdict(record)
+    sums: dict[str, Any] = {
+        name: np.array(one) if isinstance(one, tuple) else one for name, one in values.items()
+    }
+    restored = RunningBatchMeans(**sums)
     if [np.shape(a) for a in restored] != [np.shape(b) for b in nothing]:
         raise LogError("the sums over batches have other shapes")
     return restored
-
-
-def _restore_rows(rows: Rows, before: FilterRecord) -> Array:
-    turned = len(before.state) == turning.STATES["full"]
-    return np.array(rows, dtype=np.float64).reshape(-1, turning.ROW if turned else 6)

@@ -13,14 +13,14 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
-from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
+from agonic.calibration.tracking import Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, UnitError
 from agonic.inflight.tracking import gyro
 from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
 from agonic.inflight.tracking.result import Coefficients
 from agonic.maths.estimation.filters import kalman
-from agonic.maths.estimation.turning import filter as turning
+from agonic.maths.estimation.filters.states import BESIDE_GYRO, BY_MAGNITUDE, start_filter
 from agonic.maths.rotations.polar import split_rotation
 
 _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
@@ -67,17 +67,13 @@ def start(
         )
     six, rest = split_rotation(base.matrix, base.covariance, base.gauge)
     noise = params.noise or base.noise
-    nothing = np.zeros((1, 1))
-    if gyro:
-        known = np.concatenate([np.zeros(3), base.bias, np.zeros(4), six])
-        estimate: kalman.FilterState = turning.start_filter(known, nothing, -np.inf)
-    else:
-        known = np.concatenate([[0.0], base.bias, six])
-        estimate = kalman.start_filter(known, nothing, -np.inf)
+    table = BESIDE_GYRO if gyro else BY_MAGNITUDE
+    known = np.zeros(table.sizes["full"])
+    known[table.places["bias"]], known[table.places["matrix"]] = base.bias, six
     return TrackerState(
         base=base,
         turned=rest,
-        estimate=estimate,
+        estimate=start_filter(known, np.zeros((1, 1)), -np.inf),
         noise=noise or 0.0,
         noise_known=noise is not None,
         epoch=epoch,
@@ -134,54 +130,39 @@ def update(
         state = begin(state, state.settle_params(params), rows[0])
     before, done = state, 0
     seen: list[kalman.Predictions] = []
-    turned: list[turning.TurnSeen] = []
     history: list[Array] = []
     fast = kalman.is_worth_compiling(len(rows)) if compiled is None else compiled
     while done < len(rows):
         piece = rows[done : done + _length(state, params, rows[done:, 0])]
         last = state.time
-        if _due(params.history_s, last, piece[0, 0]) and state.n:
+        every = params.history_s
+        if every > 0 and isfinite(last) and piece[0, 0] // every > last // every:
             history.append(np.concatenate([[state.time], state.bias, state.bias_sd]))
         if state.turn is None:
             state, predicted = _step(state, params, piece, fast)
-            seen.append(predicted)
         else:
-            state, found = gyro.step(state, state.settle_params(params), piece, fast)
-            turned.append(found)
+            state, predicted = gyro.step(state, state.settle_params(params), piece, fast)
+        seen.append(predicted)
         done = state.n - before.n
-    jumps, kept = state.jumps[len(before.jumps) :], np.array(history).reshape(-1, 7)
-    if turned:
-        return state, _describe_turned(state, turned, jumps, kept)
     whole = seen[0] if len(seen) == 1 else kalman.join_predictions(seen)
+    residual, sd, field = whole.residual, whole.sd, None
+    if state.turn is not None:
+        residual, sd = (np.sqrt((one**2).mean(axis=1)) for one in (residual, sd))
+        field = whole.field @ state.turned.rotation.T
     return state, Coefficients(
         state=state,
-        residual=whole.residual,
-        residual_sd=whole.sd,
+        residual=residual,
+        residual_sd=sd,
         used=whole.used,
-        jumps=jumps,
-        history=kept,
-    )
-
-
-def _describe_turned(
-    state: TrackerState, parts: list[turning.TurnSeen], jumps: tuple[Jump, ...], history: Array
-) -> Coefficients:
-    """What an update beside a gyro found."""
-    whole = turning.TurnSeen(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    return Coefficients(
-        state=state,
-        residual=np.sqrt((whole.residual**2).mean(axis=1)),
-        residual_sd=np.sqrt((whole.sd**2).mean(axis=1)),
-        used=whole.used,
-        jumps=jumps,
-        history=history,
-        field=whole.field @ state.turned.rotation.T,
+        jumps=state.jumps[len(before.jumps) :],
+        history=np.array(history).reshape(-1, 7),
+        field=field,
     )
 
 
 def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
     """The state with its prior, now that the field is known; opened where it is not yet linear."""
-    m = kalman.STATES[params.solve]
+    m = BY_MAGNITUDE.sizes[params.solve]
     six = state.estimate.state[4:]
     gain = float(np.mean(six[:3]))
     size = float(row[4]) / gain
@@ -194,7 +175,7 @@ def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
     covariance += np.diag(spread) + np.diag(least)
     noise = state.noise if state.noise_known else 0.01 * size
-    prior = kalman.start_filter(state.estimate.state, covariance[:m, :m], float(row[0]))
+    prior = start_filter(state.estimate.state, covariance[:m, :m], float(row[0]))
     opened = Opening(prior=prior, rows=np.empty((0, 6)))
     recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
     ready = state.noise_known and openings.is_nearly_linear(prior, float(row[4]), noise)
@@ -205,11 +186,6 @@ def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
         opening=None if ready else opened,
         recent=recent if ready else None,
     )
-
-
-def _due(every: float, last: float, now: float) -> bool:
-    """Whether a moment of the history lies between two readings."""
-    return every > 0 and isfinite(last) and now // every > last // every
 
 
 def _length(state: TrackerState, params: TrackerParams, times: Array) -> int:
@@ -296,7 +272,7 @@ def make_rows_with_rate(
         raise AgonicError("what is followed beside a gyro needs its rates with every reading")
     known = np.asarray(magnitude, dtype=np.float64)
     plain = make_rows(time, raw, np.where(known == 0, 1.0, known))
-    rows = np.empty((len(plain), turning.ROW))
+    rows = np.empty((len(plain), BESIDE_GYRO.row))
     rows[:, :4], rows[:, 7], rows[:, 8] = plain[:, :4], known, plain[:, 5]
     try:
         rows[:, 4:7] = np.atleast_2d(np.asarray(rate, dtype=np.float64)) @ state.turned.rotation

@@ -22,8 +22,16 @@ from agonic.calibration.tracking import (
     TrackerState,
 )
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
+from agonic.maths.estimation.filters import kalman
+from agonic.maths.estimation.filters.states import (
+    BESIDE_GYRO,
+    FilterState,
+    Model,
+    forget_sums,
+    start_filter,
+    widen_for_jump,
+)
 from agonic.maths.estimation.noise.residuals import robust_scale
-from agonic.maths.estimation.turning import filter as turning
 
 OPENING = 128
 """Readings by which a noise that was not given is found."""
@@ -50,7 +58,7 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
 
     Also once more, from nothing but the calibration, where all was lost on the way.
     """
-    m = turning.STATES[params.solve]
+    m = BESIDE_GYRO.sizes[params.solve]
     symmetric = state.turned.rotation.T @ state.base.matrix
     gain = float(np.mean(np.diag(symmetric)))
     size = max(float(row[7]) / gain or float(np.sqrt((row[1:4] ** 2).sum())), 1e-6)
@@ -67,9 +75,9 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
         covariance -= np.outer(along, along) / max(along[10:13].sum(), 1e-300)
     bias = state.bias if lost else state.base.bias
     known = np.concatenate([np.zeros(3), bias, np.zeros(4), pack_symmetric(symmetric)])
-    prior = turning.start_filter(known, covariance[:m, :m], float(row[0]))
+    prior = start_filter(known, covariance[:m, :m], float(row[0]))
     learns = bool(np.sqrt(covariance.diagonal()[3:6].max()) < SETTLED * size)
-    opened = Opening(prior=prior, rows=np.empty((0, turning.ROW)), learns=learns)
+    opened = Opening(prior=prior, rows=np.empty((0, BESIDE_GYRO.row)), learns=learns)
     return replace(
         state,
         estimate=prior if learns else _fix_all_but_bias(prior),
@@ -80,11 +88,11 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
     )
 
 
-def _fix_all_but_bias(prior: turning.TurnState) -> turning.TurnState:
+def _fix_all_but_bias(prior: FilterState) -> FilterState:
     """A filter of field and bias alone, which are linear."""
     covariance = prior.covariance
     covariance[6:] = covariance[:, 6:] = 0.0
-    return turning.start_filter(prior.state, covariance, prior.time)
+    return start_filter(prior.state, covariance, prior.time)
 
 
 def count_at_once(state: TrackerState, times: Array) -> int:
@@ -99,12 +107,12 @@ def count_at_once(state: TrackerState, times: Array) -> int:
 
 def step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
-) -> tuple[TrackerState, turning.TurnSeen]:
+) -> tuple[TrackerState, kalman.Predictions]:
     """The state after a few readings (n, 9), and what was predicted of them."""
     before, opening = state.turn, state.opening
     assert before is not None, "the caller asks for a gyro"
     model = _find_model(state, params)
-    estimate, seen, jumped = turning.advance(before, model, rows, compiled=fast)
+    estimate, seen, jumped = kalman.advance(before, model, rows, compiled=fast)
     taken = rows[: len(seen.used)]
     after = state.moved(
         estimate=estimate,
@@ -125,9 +133,9 @@ def step(
     return (after if after.n % _LOOK else _look(after, params, fast)), seen
 
 
-def _find_model(state: TrackerState, params: TrackerParams) -> turning.TurnModel:
+def _find_model(state: TrackerState, params: TrackerParams) -> Model:
     """The noise model; in an opening what is not estimated yet is noise of gyro and readings."""
-    model, opening = params.turn_model(state.noise), state.opening
+    model, opening = params.model(state.noise), state.opening
     if opening is None:
         return model
     if opening.learns:
@@ -150,11 +158,11 @@ def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: flo
     size = max(params.jump_sd, 2.0 * size)
     if state.opening is not None:  # nothing that was known has jumped
         gain = float(np.mean(estimate.matrix[:3]))
-        return replace(state, estimate=turning.widen_for_jump(estimate, size, gain * size))
+        return replace(state, estimate=widen_for_jump(estimate, size, gain * size))
     if recent is None and not state.settled:
         return _keep_watch(begin(state, params, row), estimate)
     if recent is None:
-        recent = Recent(before=estimate, middle=estimate, rows=np.empty((0, turning.ROW)))
+        recent = Recent(before=estimate, middle=estimate, rows=np.empty((0, BESIDE_GYRO.row)))
         began, unknown = estimate.time - estimate.lost_s, np.full(3, params.jump_sd)
         jumps.append(Jump(time=began, seen=began, shift=np.zeros(3), shift_sd=unknown))
     jumps[-1] = replace(jumps[-1], seen=estimate.time)
@@ -162,15 +170,15 @@ def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: flo
         last = replace(jumps[-1], shift=estimate.bias - recent.before.bias)
         state = replace(state, jumps=(*jumps[:-1], last))
         return _keep_watch(begin(state, params, row), estimate)
-    wide = turning.widen_for_jump(estimate, size)
+    wide = widen_for_jump(estimate, size)
     return replace(state, estimate=wide, recent=recent, jumps=tuple(jumps))
 
 
-def _keep_watch(state: TrackerState, before: turning.TurnState) -> TrackerState:
+def _keep_watch(state: TrackerState, before: FilterState) -> TrackerState:
     """The state with what its filter watched, but for the jump test."""
     estimate = state.turn
     assert estimate is not None, "the caller has a gyro"
-    return replace(state, estimate=turning.forget_sums(estimate._replace(watch=before.watch)))
+    return replace(state, estimate=forget_sums(estimate._replace(watched=before.watched)))
 
 
 def _measure_jump(state: TrackerState) -> TrackerState:
@@ -202,11 +210,10 @@ def _repeat(state: TrackerState, params: TrackerParams, fast: bool) -> TrackerSt
     """The first readings once more, with the noise that they show."""
     opening = state.opening
     assert opening is not None, "the caller has one"
-    assert isinstance(opening.prior, turning.TurnState), "it was begun beside a gyro"
     noise = _find_noise(opening.rows, state)
     prior = opening.prior if opening.learns else _fix_all_but_bias(opening.prior)
     model = _find_model(replace(state, noise=noise), params)._replace(jump_level=0.0)
-    estimate, seen, _ = turning.advance(prior, model, opening.rows, compiled=fast)
+    estimate, seen, _ = kalman.advance(prior, model, opening.rows, compiled=fast)
     return replace(
         state,
         estimate=estimate,
@@ -236,7 +243,7 @@ def _release(state: TrackerState) -> TrackerState:
     covariance[:6] = covariance[:, :6] = 0.0
     covariance[range(6), range(6)] = [(gain * loose) ** 2] * 3 + [loose**2] * 3
     state_now = np.concatenate([found.state[:6], opening.prior.state[6:]])
-    begun = turning.start_filter(state_now, covariance, found.time)
+    begun = start_filter(state_now, covariance, found.time)
     return _keep_watch(replace(state, estimate=begun, opening=None), found)
 
 
@@ -247,7 +254,9 @@ def _find_noise(rows: Array, state: TrackerState) -> float:
     """
     step = float(np.median(np.diff(rows[:, 0])))
     apart = [n for n in _APART if n == 1 or n * step < _APART_S]
-    return max(_find_least(state), *(_measure_noise(rows, state, n) for n in apart))
+    gain = float(np.mean(state.estimate.matrix[:3]))
+    least = _FINEST * (state.magnitude or 1.0) / gain
+    return max(least, *(_measure_noise(rows, state, n) for n in apart))
 
 
 def _measure_noise(rows: Array, state: TrackerState, apart: int) -> float:
@@ -287,8 +296,3 @@ def _turn_into_later(earlier: Array, later: Array, turns: Array) -> tuple[float,
     found = np.linalg.lstsq(by_all / size, change, rcond=1e-3)[0]
     left = float(robust_scale(change - by_all @ (found / size)) / np.sqrt(2.0))
     return left, unpack_symmetric((found / size)[3:])
-
-
-def _find_least(state: TrackerState) -> float:
-    gain = float(np.mean(state.estimate.matrix[:3]))
-    return _FINEST * (state.magnitude or 1.0) / gain

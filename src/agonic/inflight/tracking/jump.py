@@ -9,12 +9,12 @@ import numpy as np
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.opening import STRIDE
-from agonic.maths.estimation.filters import kalman
+from agonic.maths.estimation.filters import kalman, states
 
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 
 
-def keep_recent(recent: Recent, estimate: kalman.FilterState) -> Recent:
+def keep_recent(recent: Recent, estimate: states.FilterState) -> Recent:
     """The recent readings, the first half of them forgotten once there are two strides of them."""
     if len(recent.rows) == STRIDE:
         return replace(recent, middle=estimate)
@@ -67,13 +67,25 @@ def reopen(state: TrackerState, params: TrackerParams) -> TrackerState:
     return openings.solve_opening(opened, given) if len(since) >= openings.MOMENTS[0] else opened
 
 
+def find_onset(seen: kalman.Predictions) -> int:
+    """The row at which a jump began: where the test over all rows after it is largest.
+
+    Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
+    """
+    w, z = seen.shown[::-1, 1:4], seen.innovation[::-1]
+    information = np.cumsum(w[:, :, None] * w[:, None, :], axis=0) + 1e-12 * np.eye(3)
+    score = np.cumsum(w * z[:, None], axis=0)
+    statistic = np.einsum("ki,kij,kj->k", score, np.linalg.pinv(information), score)
+    return len(z) - 1 - int(np.argmax(statistic))
+
+
 def _find_onset(
-    state: TrackerState, params: TrackerParams, model: kalman.Model, seen: kalman.Predictions
+    state: TrackerState, params: TrackerParams, model: states.Model, seen: kalman.Predictions
 ) -> int:
     """The row at which a jump began: by the test, or among the last rows, whichever fits better."""
     assert state.recent is not None, "only a settled state has recent readings"
     rows = state.recent.rows
-    guesses = [kalman.find_onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
+    guesses = [find_onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
     tried: dict[int, float] = {}
     while guesses and len(tried) < _DATINGS:
         guess = guesses.pop(0)
@@ -86,7 +98,7 @@ def _find_onset(
 
 
 def _open(
-    state: TrackerState, params: TrackerParams, model: kalman.Model, first: int
+    state: TrackerState, params: TrackerParams, model: states.Model, first: int
 ) -> TrackerState:
     """The state opened at one of its recent readings, with what the bias may have jumped by."""
     recent = state.recent
@@ -96,7 +108,7 @@ def _open(
     _, seen, _ = kalman.advance(estimate, model, since)
     gain = float(np.mean(estimate.state[4:7]))
     size = 2 * float(np.median(np.abs(seen.residual))) / gain
-    prior = kalman.widen_for_jump(estimate, max(params.jump_sd, size))
+    prior = states.widen_for_jump(estimate, max(params.jump_sd, size))
     return replace(
         state,
         estimate=kalman.advance(prior, model, since)[0],

@@ -15,15 +15,17 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.inflight.tracking.map_estimate import (
+    MEMORY_FROM,
     GaussianPrior,
     compute_total_sd,
+    find_memory,
     find_most_probable,
     linearise,
     residuals_at,
+    widen_external,
 )
-from agonic.inflight.tracking.memory import MEMORY_FROM, find_memory, widen_external
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.filters import kalman
+from agonic.maths.estimation.filters import kalman, states
 from agonic.maths.estimation.loss import cauchy
 from agonic.maths.estimation.noise.residuals import robust_scale
 
@@ -71,7 +73,7 @@ def count_since_jump(
     return len(new) if far or robust_scale(new) > 2 * then else 0
 
 
-def compute_nonlinearity(estimate: kalman.FilterState, magnitude: float) -> float:
+def compute_nonlinearity(estimate: states.FilterState, magnitude: float) -> float:
     """How far residuals are from linear within the standard errors, δ²/2F, in their unit.
 
     δ² = tr P over bias and matrix, the matrix times the field.
@@ -83,18 +85,18 @@ def compute_nonlinearity(estimate: kalman.FilterState, magnitude: float) -> floa
     return float(spread / (2 * field))
 
 
-def is_nearly_linear(estimate: kalman.FilterState, magnitude: float, noise: float) -> bool:
+def is_nearly_linear(estimate: states.FilterState, magnitude: float, noise: float) -> bool:
     """Whether the filter may run on its own."""
     return compute_nonlinearity(estimate, magnitude) < _CURVED * noise
 
 
 def widen_for_nonlinearity(
-    estimate: kalman.FilterState,
-    prior: kalman.FilterState,
+    estimate: states.FilterState,
+    prior: states.FilterState,
     apart: Array,
     magnitude: float,
     noise: float,
-) -> kalman.FilterState:
+) -> states.FilterState:
     """An estimate with wider standard errors, as residuals may not be linear within its own.
 
     Linear standard errors hold about one solution; while δ²/2F is above the noise σ there are
@@ -110,14 +112,14 @@ def widen_for_nonlinearity(
     information = share * leastsq.inverse(covariance[block])
     information += (1.0 - share) * leastsq.inverse(prior.covariance[block])
     covariance[block] = leastsq.inverse(information)
-    wide = kalman.start_filter(estimate.state, covariance, 0.0)
-    wide = wide._replace(watch=estimate.watch, batches=estimate.batches)
-    return kalman.add_variance(wide, np.hypot(compute_nonlinearity(wide, magnitude), apart))
+    wide = states.start_filter(estimate.state, covariance, 0.0)
+    wide = wide._replace(watched=estimate.watched, batches=estimate.batches)
+    return states.add_variance(wide, np.hypot(compute_nonlinearity(wide, magnitude), apart))
 
 
 def predict(
-    estimate: kalman.FilterState, model: kalman.Model, rows: Array, learns: bool, compiled: bool
-) -> tuple[kalman.FilterState, kalman.Predictions]:
+    estimate: states.FilterState, model: states.Model, rows: Array, learns: bool, compiled: bool
+) -> tuple[states.FilterState, kalman.Predictions]:
     """The estimate after rows that come before the next solution, and what it predicted of them.
 
     A wide estimate learns nothing from them: linearised at one reading after the other it would
@@ -179,7 +181,7 @@ def _find_model(
     total: float,
     rows: Array,
     about: Array,
-) -> kalman.Model:
+) -> states.Model:
     """The noise model of an opening: as given, or with the memory that its rows (k, 6) show."""
     opening, model = state.opening, state.settle_params(given).model(noise)
     if given.external_sd is not None or opening is None or len(rows) < MEMORY_FROM:
@@ -223,20 +225,20 @@ def date_jump(
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
 
 
-def _keep_recent(before: kalman.FilterState, now: kalman.FilterState, rows: Array) -> Recent:
+def _keep_recent(before: states.FilterState, now: states.FilterState, rows: Array) -> Recent:
     """What to go back to after an opening: a jump may hide in its last readings."""
     if len(rows) < STRIDE:
         return Recent(before=now, middle=now, rows=np.empty((0, 6)))
     return Recent(before=before, middle=now, rows=rows)
 
 
-def _has_walked(estimate: kalman.FilterState, rows: Array, params: TrackerParams) -> bool:
+def _has_walked(estimate: states.FilterState, rows: Array, params: TrackerParams) -> bool:
     """Whether the bias walked further during these rows than it is unknown."""
     variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
     return bool(variance > np.trace(estimate.covariance[1:4, 1:4]))
 
 
-def _measure_jump(state: TrackerState, before: kalman.FilterState | None) -> tuple[Jump, ...]:
+def _measure_jump(state: TrackerState, before: states.FilterState | None) -> tuple[Jump, ...]:
     """The jumps so far, the last one measured by what its opening made of the bias."""
     if before is None:
         return state.jumps

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
+from agonic.maths.rotations.vectors import interpolate
 
 ESTIMATED_ATTITUDE = (
     "roll, pitch and heading are the autopilot's own estimate, which itself follows its compasses"
@@ -40,9 +41,7 @@ def resample(
         lowest = 0.0 if (v >= 0).all() else -period / 2
         turned = np.interp(wanted, t, np.unwrap(v, period=period))
         return np.asarray(lowest + (turned - lowest) % period)
-    if v.ndim == 1:
-        return np.interp(wanted, t, v)
-    return np.stack([np.interp(wanted, t, component) for component in v.T], axis=1)
+    return interpolate(wanted, t, v)
 
 
 def find_misplaced(time: ArrayLike) -> Mask:

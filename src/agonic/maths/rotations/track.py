@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
+from agonic.maths.estimation.filters.smoother import Sums, sum_residuals
 from agonic.maths.rotations.attitude import integrate_rates, make_rotation
 
 SPACING_S = 0.5
@@ -84,57 +84,6 @@ def find_attitudes(track: Track, states: Array) -> Array:
     return np.asarray(spread @ states[track.interval] @ track.turned)
 
 
-class Sums(NamedTuple):
-    """What residuals r of rows or intervals add to the normal equations of states and p parameters.
-
-    `states` H of the states; `mixed` (N, 3, p); `params` (p, p); the gradient of each interval for
-    the states before and after it, `before` and `after` (N, 3), and the parameters, `own` (N, p);
-    `cost` Σ w r², of `size` numbers.
-    """
-
-    states: Tridiagonal
-    mixed: Array
-    params: Array
-    before: Array
-    after: Array
-    own: Array
-    cost: float
-    size: float
-
-    @property
-    def gradient(self) -> Array:
-        """Of the states, (N, 3)."""
-        return np.asarray(self.before + np.roll(self.after, 1, axis=0))
-
-    def add(self, other: Sums) -> Sums:
-        """The sums of both."""
-        return Sums(
-            Tridiagonal(
-                self.states.diagonal + other.states.diagonal, self.states.below + other.states.below
-            ),
-            self.mixed + other.mixed,
-            self.params + other.params,
-            self.before + other.before,
-            self.after + other.after,
-            self.own + other.own,
-            self.cost + other.cost,
-            self.size + other.size,
-        )
-
-    def scale(self, by: float) -> Sums:
-        """The sums of residuals over their standard deviation: `by` is its inverse square."""
-        return Sums(
-            Tridiagonal(by * self.states.diagonal, by * self.states.below),
-            by * self.mixed,
-            by * self.params,
-            by * self.before,
-            by * self.after,
-            by * self.own,
-            by * self.cost,
-            self.size,
-        )
-
-
 def sum_rows(
     track: Track, residuals: Array, by_state: Array, by_params: Array, weights: Array
 ) -> Sums:
@@ -161,7 +110,8 @@ def sum_rows(
     mixed[1:] += gather(cross * last[:, None, None])[:-1]
     weighted = by_params * weights[:, None, None]
     return Sums(
-        Tridiagonal(diagonal, gather(square * (first * last)[:, None, None])[:-1]),
+        diagonal,
+        gather(square * (first * last)[:, None, None])[:-1],
         mixed,
         np.tensordot(weighted, by_params, axes=([0, 1], [0, 1])),
         gather(pull * first[:, None]),
@@ -184,24 +134,9 @@ def sum_slips(
     span = np.diff(time[track.nodes])
     weights = np.where(track.joined, 1.0 / np.maximum(span, 1e-9), 0.0)
     squares = weights * (slips**2).sum(axis=1)
-    weights = weights * counts
-    square = weights[:, None, None] * np.eye(3)
-    last = np.zeros((1, 3, 3))
-    diagonal = np.concatenate([square, last]) + np.concatenate([last, square])
-    moved, end = by_params * weights[:, None, None], np.zeros((1, 3, by_params.shape[2]))
-    pull = np.concatenate([slips * weights[:, None], np.zeros((1, 3))])
-    own = np.einsum("kip,ki->kp", moved, slips)
-    sums = Sums(
-        Tridiagonal(diagonal, -square),
-        np.concatenate([end, moved]) - np.concatenate([moved, end]),
-        np.tensordot(moved, by_params, axes=([0, 1], [0, 1])),
-        -pull,
-        pull,
-        np.concatenate([own, np.zeros((1, own.shape[1]))]),
-        float(counts @ squares),
-        3.0 * float(counts[track.joined].sum()),
-    )
-    return sums, squares
+    turn = np.broadcast_to(np.eye(3), (len(span), 3, 3))
+    sums = sum_residuals(slips, weights * counts, by_params, -turn, turn)
+    return sums._replace(size=3.0 * float(counts[track.joined].sum())), squares
 
 
 def integrate_over_steps(track: Track, values: Array, time: Array, parts: list[Index]) -> Array:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from agonic.inflight.tracking.jump import find_onset
 from agonic.maths.equation.affine import magnitude_residual, model_basis
-from agonic.maths.estimation.filters import kalman, ud_filter
+from agonic.maths.estimation.filters import kalman, reading, states
 
 MATRIX = np.array([1.03, 0.98, 1.01, 0.02, -0.015, 0.01])
 STATE = np.array([25.0, 3000.0, -2000.0, 500.0, *MATRIX])
@@ -21,14 +22,14 @@ def rows_of(n: int, *, seed: int = 0, noise: float = 100.0, cone: float = 0.0) -
     return np.column_stack([np.arange(1.0, n + 1), raw, np.full(n, 40_000.0), np.ones(n)])
 
 
-def prior(m: int = 10, bias_sd: float = 500.0, external: float = 20.0) -> kalman.FilterState:
+def prior(m: int = 10, bias_sd: float = 500.0, external: float = 20.0) -> states.FilterState:
     covariance = np.diag([external**2, *[bias_sd**2] * 3, *[0.02**2] * 6])[:m, :m]
-    return kalman.start_filter(np.array([0, *STATE[1:4] + 300.0, *MATRIX]), covariance, 0.0)
+    return states.start_filter(np.array([0, *STATE[1:4] + 300.0, *MATRIX]), covariance, 0.0)
 
 
 def test_the_jacobian_is_that_of_the_distance_residual() -> None:
     row, h = rows_of(1)[0], [0.0] * 10
-    r, steepness = ud_filter._residual(STATE.tolist(), row.tolist(), 100.0, h, 10)
+    r, steepness = reading.find_distance(STATE.tolist(), row.tolist(), 100.0, h, 10)
     expected, jacobian = magnitude_residual(
         row[None, 1:4], WHOLE[:3], WHOLE[3:].reshape(3, 3), row[4] + STATE[0], 100.0
     )
@@ -38,9 +39,9 @@ def test_the_jacobian_is_that_of_the_distance_residual() -> None:
         step = np.zeros(10)
         step[k] = 1e-3 if k < 4 else 1e-7
         ahead, behind = (
-            ud_filter._residual((STATE + sign * step).tolist(), row.tolist(), 0.0, [0.0] * 10, 10)[
-                0
-            ]
+            reading.find_distance(
+                (STATE + sign * step).tolist(), row.tolist(), 0.0, [0.0] * 10, 10
+            )[0]
             for sign in (1, -1)
         )
         assert h[k] == pytest.approx((ahead - behind) / (2 * step[k]), rel=1e-5, abs=1e-5)
@@ -50,7 +51,7 @@ def test_the_jacobian_is_that_of_the_distance_residual() -> None:
 @pytest.mark.parametrize("m", [4, 7, 10])
 def test_updates_are_those_of_the_textbook(m: int) -> None:
     """The plain Kalman equations, in the covariance itself, give the same for every size."""
-    model = kalman.Model(100.0, 20.0, 600.0, 3.0, 1e-5 if m == 10 else 0.0)
+    model = states.Model(100.0, 20.0, 600.0, 3.0, 1e-5 if m == 10 else 0.0)
     rows = rows_of(40)
     before = prior(m)
     after, _, _ = kalman.advance(before, model, rows, compiled=False)
@@ -62,7 +63,7 @@ def test_updates_are_those_of_the_textbook(m: int) -> None:
         walked = [400 * (1 - decay[0, 0] ** 2), *[9.0] * 3, *[model.matrix_walk**2] * 6][:m]
         p = decay @ p @ decay.T + np.diag(walked)
         last, h = row[0], [0.0] * 10
-        r, _ = ud_filter._residual(x.tolist(), row.tolist(), 100.0, h, 10)
+        r, _ = reading.find_distance(x.tolist(), row.tolist(), 100.0, h, 10)
         jacobian = np.array(h[:m])
         gain = p @ jacobian / (jacobian @ p @ jacobian + 1e4)
         x[:m] -= gain * r
@@ -73,7 +74,7 @@ def test_updates_are_those_of_the_textbook(m: int) -> None:
 
 def test_numba_gives_the_same_to_rounding() -> None:
     pytest.importorskip("numba")
-    model = kalman.Model(100.0, 20.0, 600.0, 3.0, 1e-6)
+    model = states.Model(100.0, 20.0, 600.0, 3.0, 1e-6)
     plain, seen, _ = kalman.advance(prior(), model, rows_of(500), compiled=False)
     fast, also, _ = kalman.advance(prior(), model, rows_of(500), compiled=True)
     assert fast.state == pytest.approx(plain.state, rel=1e-12)
@@ -82,23 +83,23 @@ def test_numba_gives_the_same_to_rounding() -> None:
 
 
 def test_without_numba_the_plain_source_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = kalman.Model(100.0)
+    model = states.Model(100.0)
     plain, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=False)
-    monkeypatch.setattr(ud_filter, "compile_filter", lambda: None)
+    monkeypatch.setattr(kalman, "compile_filter", lambda: None)
     without, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=True)
     assert np.array_equal(without.state, plain.state)
 
 
 def test_a_belief_gives_its_covariance_back() -> None:
     root = np.random.default_rng(0).standard_normal((10, 10))
-    assert kalman.start_filter(STATE, root @ root.T, 0.0).covariance == pytest.approx(root @ root.T)
+    assert states.start_filter(STATE, root @ root.T, 0.0).covariance == pytest.approx(root @ root.T)
     singular = np.outer(root[0], root[0])
-    assert kalman.start_filter(STATE, singular, 0.0).covariance == pytest.approx(singular, abs=1e-9)
+    assert states.start_filter(STATE, singular, 0.0).covariance == pytest.approx(singular, abs=1e-9)
 
 
 def test_a_possible_jump_widens_the_bias_and_nothing_else() -> None:
     before = prior()
-    after = kalman.widen_for_jump(before, 2000.0)
+    after = states.widen_for_jump(before, 2000.0)
     added = np.diag([0, *[2000.0**2] * 3, *[0] * 6])
     assert after.covariance == pytest.approx(before.covariance + added, rel=1e-12)
 
@@ -109,7 +110,7 @@ def test_it_stays_a_covariance_over_many_updates() -> None:
     pytest.importorskip("numba")
     n = 200_000
     belief = prior(bias_sd=50_000.0, external=0.0)
-    model = kalman.Model(0.1, jump_level=0.0, gate=np.inf)
+    model = states.Model(0.1, jump_level=0.0, gate=np.inf)
     rows = rows_of(n, noise=0.1, cone=20.0)
     for _ in range(10):  # 2·10⁶ updates
         belief, seen, _ = kalman.advance(belief, model, rows, linearised=STATE)
@@ -129,11 +130,11 @@ def test_it_stays_a_covariance_over_many_updates() -> None:
 
 def test_an_outlier_is_refused_and_moves_nothing() -> None:
     rows = rows_of(300)
-    belief, _, _ = kalman.advance(prior(), kalman.Model(100.0), rows)
+    belief, _, _ = kalman.advance(prior(), states.Model(100.0), rows)
     stray = rows[-1:].copy()
     stray[0, 0] += 1.0
     stray[0, 1:4] *= 1.1
-    after, seen, _ = kalman.advance(belief, kalman.Model(100.0), stray)
+    after, seen, _ = kalman.advance(belief, states.Model(100.0), stray)
     assert not seen.used[0]
     assert np.array_equal(after.state, belief.state)
 
@@ -143,9 +144,9 @@ def test_the_onset_of_a_step_is_found() -> None:
     toward = rng.standard_normal((100, 3)) / 3
     innovation = rng.standard_normal(100)
     innovation[60:] += toward[60:] @ [9.0, -6.0, 3.0]
-    nothing = np.zeros(100)
+    nothing, none = np.zeros(100), np.empty((0, 3))
     jacobian = np.pad(toward, ((0, 0), (1, 6)))
-    found = kalman.find_onset(
-        kalman.Predictions(nothing, nothing, nothing > 0, innovation, jacobian)
+    found = find_onset(
+        kalman.Predictions(nothing, nothing, nothing > 0, innovation, jacobian, none)
     )
     assert abs(found - 60) <= 2

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from agonic.arrays import Array
 
@@ -20,16 +20,18 @@ class Tridiagonal(NamedTuple):
     below: Array
 
 
-def solve(matrix: Tridiagonal, right: Array) -> Array:
-    """H⁻¹ right of right sides (N, b, c).
+def solve(matrix: Tridiagonal, right: Array) -> tuple[Array, float]:
+    """H⁻¹ right of right sides (N, b, c), and log det H.
 
     >>> one = Tridiagonal(np.tile(2 * np.eye(1), (3, 1, 1)), np.tile(-np.eye(1), (2, 1, 1)))
-    >>> solve(one, np.ones((3, 1, 1))).ravel().round(9).tolist()
-    [1.5, 2.0, 1.5]
+    >>> found, log_determinant = solve(one, np.ones((3, 1, 1)))
+    >>> found.ravel().round(9).tolist(), round(float(np.exp(log_determinant)), 9)
+    ([1.5, 2.0, 1.5], 4.0)
     """
     flat = right.reshape(len(matrix.diagonal) * matrix.diagonal.shape[1], -1)
-    found = solveh_banded(stack_band(matrix), flat, lower=True, check_finite=False)
-    return np.asarray(found.reshape(right.shape))
+    factor = cholesky_banded(stack_band(matrix), lower=True, check_finite=False)
+    found = cho_solve_banded((factor, True), flat, check_finite=False)
+    return np.asarray(found.reshape(right.shape)), 2 * float(np.log(factor[0]).sum())
 
 
 def stack_band(matrix: Tridiagonal) -> Array:

@@ -1,167 +1,69 @@
-"""Sequential estimation of bias and matrix from magnitudes: a Kalman filter in U D Uᵀ factors.
+"""Sequential estimation of bias and matrix: one Kalman filter, two tables of states.
 
-The state is x = (g, bias x y z, matrix xx yy zz xy xz yz) with a symmetric matrix W; the covariance
-is that of its first m numbers, the others are fixed. g is what the reference magnitude leaves out
-(crust, ring current), a first-order Gauss–Markov process; bias and matrix walk at random. A reading
-measures
+What is estimated stands in a table: how many numbers each state has, how it goes on in time, and
+what a reading says of it. The covariance is that of the first m numbers; the others are fixed.
 
-    r(x) = (|W (raw − bias)| − F − g)/|s| = noise,    s = W û,
+By the magnitude, with W symmetric and g what the reference leaves out (crust, ring current),
 
-the distance residual of `affine.magnitude_residual` with its exact Jacobian. The covariance
-is kept as U D Uᵀ, U unit upper triangular: with D not negative it stays a covariance, whatever
-the rounding. Bierman's measurement update, and Agee and Turner's rank-one update for what the
-unknowns walk; g is first so that its decay scales one row. They are in `ud_filter`.
+    x = (g, bias, W xx yy zz xy xz yz),    r(x) = (|W (raw − bias)| − F − g)/|s| = noise,  s = W û,
+
+the distance residual of `affine.magnitude_residual`; g is a first-order Gauss–Markov process.
+
+Beside a gyro the field h itself is carried along. A field that stands still turns in the sensor at
+the rates ω less the gyro's bias β, and a reading that is late by τ shows what it was,
+
+    x = (h, bias, β, τ, W),    dh/dt = −(ω − β) × h,    raw = bias + W⁻¹ (h + τ (ω − β) × h).
+
+In field and bias alone all is linear, so nothing has to be known to begin with. Bias, gyro bias and
+matrix walk at random.
+
+The covariance is kept as U D Uᵀ, U unit upper triangular: with D not negative it stays a
+covariance, whatever the rounding. What decays or turns stands first, so that U stays triangular but
+for few rows (`factors`, `motion`, `reading`).
 
 Source: G. J. Bierman (1977), Factorization Methods for Discrete Sequential Estimation, Academic
-Press, chapters III and V. Jumps: A. S. Willsky, H. L. Jones (1976), IEEE Transactions on Automatic
-Control 21(1), 108–112, doi 10.1109/TAC.1976.1101146.
+Press, chapters III and V; C. L. Thornton (1976), JPL Technical Memorandum 33-798, the propagation.
+Jumps: A. S. Willsky, H. L. Jones (1976), IEEE Transactions on Automatic Control 21(1), 108–112, doi
+10.1109/TAC.1976.1101146. Beside a gyro: J. L. Crassidis, K.-L. Lai, R. R. Harman (2005), Journal of
+Guidance, Control, and Dynamics 28(1), 115–120, and M. Kok, T. B. Schön (2016), IEEE Sensors Journal
+16(14), 5679–5689, with the field itself in the place of an attitude.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+import functools
+import importlib
+import inspect
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from agonic.arrays import Array, Index, Mask
-from agonic.maths.estimation.filters import ud_filter
+from agonic.arrays import Array, Mask
+from agonic.maths.estimation.filters import factors, jump_test, motion, reading
+from agonic.maths.estimation.filters.states import FilterState, Model
 from agonic.maths.estimation.noise import running_batch_means
-
-STATES = {"bias": 4, "gains": 7, "full": 10}
-"""How many numbers of the state are estimated; the external field is one of them."""
 
 COMPILE_FROM = 3000
 """Rows for which numba is worth loading."""
 
 
-class Model(NamedTuple):
-    """The noise model: all in the unit of the readings but for the external field, nT.
-
-    `noise` sd of one reading on one axis; `external_sd` and `external_time_s` of g; `walk` sd of
-    the change of each bias, `matrix_walk` of each entry of the matrix, in one second (they grow
-    with √t); `gate` standard deviations beyond which a reading is refused; `jump_level` the
-    statistic (χ² with three degrees of freedom) above which a jump is announced, 0 for never;
-    `jump_sd` the expected size of a jump.
-    """
-
-    noise: float
-    external_sd: float = 0.0
-    external_time_s: float = 600.0
-    walk: float = 0.0
-    matrix_walk: float = 0.0
-    gate: float = 5.0
-    jump_level: float = 50.0
-    jump_sd: float = 2000.0
-
-
-class FilterState(NamedTuple):
-    """What the filter holds: `state` (10,), U D Uᵀ of its first m numbers, `watch` (12,).
-
-    `columns` (m, m) has the columns of U as its rows, `diagonal` (m,) is D; `watch` the sums of
-    the jump test, the mean square of normalised innovations, the time of the last reading, and what
-    the jump test usually comes to; `batches` the sums by which errors that last show.
-    """
-
-    state: Array
-    columns: Array
-    diagonal: Array
-    watch: Array
-    batches: running_batch_means.RunningBatchMeans
-
-    @property
-    def places(self) -> tuple[int, int]:
-        """Where bias and matrix begin in the state."""
-        return 1, 4
-
-    @property
-    def bias(self) -> Array:
-        """Bias x y z, (3,)."""
-        first, _ = self.places
-        return self.state[first : first + 3]
-
-    @property
-    def matrix(self) -> Array:
-        """Matrix xx yy zz xy xz yz, (6,)."""
-        return self.state[self.places[1] :]
-
-    @property
-    def coefficients(self) -> Index:
-        """Which numbers of the state bias and matrix are, those that are estimated, (k,)."""
-        bias, matrix = self.places
-        return np.concatenate(
-            [np.arange(bias, bias + 3), np.arange(matrix, max(len(self.diagonal), matrix))]
-        )
-
-    @property
-    def time(self) -> float:
-        """That of the last reading, s."""
-        return float(self.watch[ud_filter.TIME])
-
-    @property
-    def consistency(self) -> float:
-        """Innovations over their stated sd, rms of the last thousand; about 1."""
-        return float(np.sqrt(self.watch[ud_filter.SCALE] / ud_filter.CLIPPED_SQUARE))
-
-    @property
-    def covariance(self) -> Array:
-        """U D Uᵀ, (m, m)."""
-        return np.asarray((self.columns.T * self.diagonal) @ self.columns)
-
-    @property
-    def inflation(self) -> running_batch_means.Inflation:
-        """By how much each standard error is too small, because errors last."""
-        return running_batch_means.compute_inflation(self.batches, self.covariance)
-
-
 class Predictions(NamedTuple):
     """What was predicted of each reading before it was used, a row a reading.
 
-    `residual` (n,) |W (raw − bias)| − F − g, and its sd, nT; `used` (n,) whether it passed the
-    gate; `innovation` (n,) normalised and clipped, as the jump test sees it; `jacobian` (n, 10)
-    by the state, normalised.
+    `residual` and its `sd`: (n,) |W (raw − bias)| − F − g, nT; beside a gyro (n, 3) raw less its
+    prediction, in the unit of the readings. `used` (n,) whether it passed the gate; `innovation`
+    (n,) or (n, 3), normalised, and `shown`, (n, 10) or (n, 3, 3), what each says of the states of
+    which batch means are kept. Beside a gyro `field` (n, 3) after the reading.
     """
 
     residual: Array
     sd: Array
     used: Mask
     innovation: Array
-    jacobian: Array
-
-
-def start_filter(state: Array, covariance: Array, time: float) -> FilterState:
-    """A filter from a covariance (m, m); `time` is that of the reading before the first.
-
-    >>> b = start_filter(np.zeros(10), np.diag([1.0, 4, 4, 4]), 0.0)
-    >>> b.diagonal.tolist(), np.allclose(b.covariance, np.diag([1.0, 4, 4, 4]))
-    ([1.0, 4.0, 4.0, 4.0], True)
-    """
-    m = len(covariance)
-    columns, diagonal, rest = np.eye(m), np.zeros(m), np.array(covariance, dtype=np.float64)
-    for j in range(m - 1, -1, -1):
-        diagonal[j] = max(rest[j, j], 0.0)
-        if diagonal[j] > 0.0:
-            columns[j, :j] = rest[:j, j] / diagonal[j]
-            rest[:j, :j] -= diagonal[j] * np.outer(columns[j, :j], columns[j, :j])
-    watch = np.zeros(ud_filter.WATCHED)
-    watch[ud_filter.SCALE], watch[ud_filter.USUAL], watch[ud_filter.TIME] = 1.0, 1.0, time
-    batches = running_batch_means.start(len(state))
-    return FilterState(np.array(state, dtype=np.float64), columns, diagonal, watch, batches)
-
-
-def add_variance(before: FilterState, sd: ArrayLike) -> FilterState:
-    """The filter with standard deviations, one or (3,), added to those of the bias."""
-    columns, diagonal = before.columns.tolist(), before.diagonal.tolist()
-    for i, variance in enumerate(np.broadcast_to(np.square(sd), 3).tolist(), start=1):
-        ud_filter.add_variance(i, variance, columns, diagonal, [0.0] * 10)
-    return before._replace(columns=np.array(columns), diagonal=np.array(diagonal))
-
-
-def widen_for_jump(before: FilterState, jump_sd: float) -> FilterState:
-    """The filter after a possible jump: `jump_sd` added to each bias, the test restarted."""
-    watch = np.array([*[0.0] * ud_filter.SCALE, *before.watch[ud_filter.SCALE :]])
-    return add_variance(before, jump_sd)._replace(watch=watch)
+    shown: Array
+    field: Array
 
 
 def advance(
@@ -176,59 +78,140 @@ def advance(
 
     Stops after the reading at which a jump shows, so `Predictions` may be shorter than the rows.
 
-    Parameters: rows (n, 6) of time (s), raw x y z, reference magnitude (nT), and 1 for a reading
-    that may be used, 0 for one that must not be; linearised (10,) takes every residual as linear
-    about that state: with it and without walk the result is a Gauss–Newton step of the batch fit
-    from there; compiled asks for numba (`None`: for many rows), used where it is installed.
+    Parameters: rows (n, 6) or (n, 9) as the table says; linearised (10,) takes every residual by
+    the magnitude as linear about that state: with it and without walk the result is a Gauss–Newton
+    step of the batch fit from there; compiled asks for numba (`None`: for many rows), used where it
+    is installed.
     """
-    n = len(rows)
+    n, table = len(rows), before.table
     wanted = is_worth_compiling(n) if compiled is None else compiled
-    run = ud_filter.compile_filter() if wanted else None
-    sums = before.batches
-    parts: Any
-    fixed = linearised is not None
-    about = before.state if linearised is None else linearised
-    if run is None:
-        parts = lists = _to_lists(before)
-        seen: Any = [[0.0] * ud_filter.SEEN for _ in range(n)]
-        room: Any = [[0.0] * 10 for _ in range(3)]
-        about = about.tolist()
-        done, jump = ud_filter.run(rows.tolist(), *lists, tuple(model), about, fixed, seen, room)
+    kernel = compile_filter() if wanted else None
+    about, fixed = before.state if linearised is None else linearised, linearised is not None
+    turning = True if before.beside_gyro else None
+    seen: Any
+    x: Any
+    columns: Any
+    if kernel is None:
+        x, lines, diagonal, watch = (
+            part.tolist() if isinstance(part, np.ndarray) else part.copy() for part in before[:4]
+        )
+        columns = [line.copy() for line in lines]
+        seen, room = [[0.0] * table.seen for _ in rows], [[0.0] * 16 for _ in range(reading.ROOM)]
+        given = (rows.tolist(), x, columns, diagonal, watch, model, about.tolist())
+        done, jump = run(*given, fixed, turning, seen, room)
     else:
-        parts = tuple(map(np.array, before[:4]))
-        seen, room = np.zeros((n, ud_filter.SEEN)), np.zeros((3, 10))
-        done, jump = run(np.ascontiguousarray(rows), *parts, tuple(model), about, fixed, seen, room)
-    table = np.array(seen[:done]).reshape(-1, ud_filter.SEEN)
-    found = Predictions(table[:, 0], table[:, 1], table[:, 2] > 0.0, table[:, 3], table[:, 4:])
-    taken = table if np.logical_and.reduce(found.used) else table[found.used]
-    sums = running_batch_means.add(sums, taken[:, 4:], taken[:, 0] / taken[:, 1])
-    x, columns, diagonal, watch = (np.asarray(part) for part in parts)
-    return FilterState(x, columns, diagonal, watch, sums), found, bool(jump)
+        x, columns, diagonal, watch = map(np.array, before[:4])
+        seen, space = np.zeros((n, table.seen)), np.zeros((reading.ROOM, 16))
+        known = (np.ascontiguousarray(rows), x, columns, diagonal, watch, model, about)
+        done, jump = kernel(*known, fixed, turning, seen, space)
+    kept = np.array(seen[:done]).reshape(-1, table.seen)
+    residual, sd, used, *others = [kept[:, place] for place in table.kept]
+    found = Predictions(residual, sd, used > 0.0, *others)
+    batches = _sum_batches(before.batches, found)
+    return FilterState(x, columns, diagonal, watch, batches), found, bool(jump)
 
 
-def _to_lists(before: FilterState) -> tuple[Any, Any, Any, Any]:
-    """State, factors and sums of the jump test as the kernel takes them without numba."""
-    x, columns, diagonal, watch, _ = before
-    return x.tolist(), columns.tolist(), diagonal.tolist(), watch.tolist()
+def _sum_batches(
+    before: running_batch_means.RunningBatchMeans, found: Predictions
+) -> running_batch_means.RunningBatchMeans:
+    """The sums with what the readings that were used show."""
+    shown, innovation = found.shown, found.innovation
+    if not np.logical_and.reduce(found.used):
+        shown, innovation = shown[found.used], innovation[found.used]
+    if innovation.ndim == 1:
+        innovation = (found.residual / found.sd)[found.used]
+    else:
+        shown, innovation = _find_shown(shown).reshape(-1, 3), innovation.ravel()
+    return running_batch_means.add(before, shown, innovation)
+
+
+def _find_shown(table: Array) -> Array:
+    """What each innovation beside a gyro shows of the bias, all else being unknown as it is,
+    (n, 3, 3).
+
+    P⁻¹ G, with P the covariance of the bias and G by how much it follows: a row an innovation.
+    """
+    gain = table[:, :9].reshape(-1, 3, 3)
+    covariance = np.empty((len(table), 3, 3))
+    low = np.tril_indices(3)
+    covariance[:, *low] = table[:, 9:]
+    covariance[:, *low[::-1]] = table[:, 9:]
+    return np.asarray(np.linalg.solve(covariance, gain).swapaxes(1, 2))
+
+
+def run(
+    rows: Any,
+    x: Any,
+    columns: Any,
+    diagonal: Any,
+    watch: Any,
+    model: Any,
+    about: Any,
+    linearised: bool,
+    turning: Any,
+    seen: Any,
+    room: Any,
+) -> tuple[int, bool]:
+    """`advance` in place, on lists or arrays; gives the rows done and whether a jump was seen.
+
+    `turning` is `None` without a gyro, which numba then compiles nothing for; `seen` takes a line a
+    row; `room` is eight lines of sixteen numbers to work in.
+    """
+    for done in range(len(rows)):
+        row = rows[done]
+        elapsed = row[0] - watch[jump_test.TIME]
+        watch[jump_test.TIME] = row[0]
+        if turning is None:
+            motion.decay(elapsed, model, x, columns, diagonal, room[0])
+            jump = reading.take_magnitude(
+                row, model, x, columns, diagonal, watch, about, linearised, seen[done], room
+            )
+        else:
+            motion.turn(row, elapsed, model, x, columns, diagonal, watch, room)
+            jump = reading.take_vector(
+                row, elapsed, model, x, columns, diagonal, watch, seen[done], room
+            )
+        if jump:
+            return done + 1, True
+    return len(rows), False
+
+
+@functools.cache
+def compile_filter() -> Callable[..., tuple[int, bool]] | None:
+    """`run` and what it calls compiled by numba, or `None` without it.
+
+    What numba keeps on the disk it compiles anew where this file has changed; a change of another
+    one has to be seen here.
+    """
+    try:
+        numba = importlib.import_module("numba")
+        extending = importlib.import_module("numba.extending")
+    except ImportError:
+        return None
+    modules = (factors, jump_test, motion, reading)
+    for module in modules:
+        for part in vars(module).values():
+            if inspect.isfunction(part) and part.__module__ == module.__name__:
+                extending.register_jitable(part)
+    kernel: Any
+    try:
+        kernel = numba.njit(cache=True)(run)
+    except RuntimeError:  # no folder that numba may write to
+        kernel = numba.njit(run)
+        return cast(Callable[..., tuple[int, bool]], kernel)
+    files = [Path(str(module.__file__)) for module in modules]
+    changed = max((file.stat().st_mtime for file in files if file.is_file()), default=0.0)
+    for index in Path(kernel.stats.cache_path).glob("*.run-*.nbi"):
+        if index.stat().st_mtime < changed:
+            index.unlink(missing_ok=True)
+    return cast(Callable[..., tuple[int, bool]], kernel)
 
 
 def is_worth_compiling(rows: int) -> bool:
     """Whether numba is to be used for so many rows: for many, and for few once it is loaded."""
-    return rows >= COMPILE_FROM or ud_filter.compile_filter.cache_info().currsize > 0
+    return rows >= COMPILE_FROM or compile_filter.cache_info().currsize > 0
 
 
 def join_predictions(parts: Sequence[Predictions]) -> Predictions:
     """What was seen of consecutive pieces."""
     return Predictions(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def find_onset(seen: Predictions) -> int:
-    """The row at which a jump began: where the test over all rows after it is largest.
-
-    Source: the generalised likelihood ratio of Willsky and Jones (1976), over the onset.
-    """
-    w, z = seen.jacobian[::-1, 1:4], seen.innovation[::-1]
-    information = np.cumsum(w[:, :, None] * w[:, None, :], axis=0) + 1e-12 * np.eye(3)
-    score = np.cumsum(w * z[:, None], axis=0)
-    statistic = np.einsum("ki,kij,kj->k", score, np.linalg.pinv(information), score)
-    return len(z) - 1 - int(np.argmax(statistic))

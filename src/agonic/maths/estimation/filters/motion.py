@@ -1,11 +1,15 @@
-"""What turning does to the filter: the field turns in the sensor, and unknowns walk; in place."""
+"""What time does to the filter: states decay, turn in the sensor, or walk; in place."""
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, exp, sin, sqrt
 from typing import Any
 
-from agonic.maths.estimation.filters import ud_filter
+from agonic.maths.estimation.filters import factors
+
+RATE, UNSEEN = 13, 20
+"""Places in `watch`: the last rate x y z, how that changed x y z, the mean square of its second
+difference; and the mean variance of what turns unseen between two readings."""
 
 _RATES = 16.0  # readings over which what the rates leave unseen is averaged
 _TURNS = 256.0  # readings over which what turns unseen is averaged, to be told
@@ -13,16 +17,29 @@ _UNRELATED = 12.0  # (Δ²)² of rates σ over the variance of the mean of two, 
 _ANYWHERE = 4.0  # rad²: nothing is known of a direction
 
 
-def find_mean_rate(
-    row: Any, elapsed: float, watch: Any, at: int, x: Any
-) -> tuple[float, float, float]:
+def decay(elapsed: float, model: Any, x: Any, columns: Any, diagonal: Any, room: Any) -> None:
+    """What `elapsed` seconds do by the magnitude: the error of the reference decays and is stirred,
+    bias and matrix walk."""
+    m = len(diagonal)
+    if model.external_sd > 0.0:
+        kept = exp(-elapsed / model.external_time_s)
+        x[0] *= kept
+        for j in range(1, m):
+            columns[j][0] *= kept
+        kept *= kept
+        diagonal[0] = kept * diagonal[0] + (1.0 - kept) * model.external_sd * model.external_sd
+    walk(model.walk, elapsed, 1, 4, columns, diagonal, room)
+    walk(model.matrix_walk, elapsed, 4, m, columns, diagonal, room)
+
+
+def find_mean_rate(row: Any, elapsed: float, watch: Any, x: Any) -> tuple[float, float, float]:
     """The rate at which the sensor turned as a whole from the last reading to this one.
 
     (ω₀ + ω₁)/2 + Δt (ω₀ − β) × (ω₁ − β)/12: about an axis that moves the mean alone is not enough,
     and what it leaves out would be taken for a delay (J. E. Bortz 1971, IEEE Transactions on
     Aerospace and Electronic Systems AES-7(1), 61–66, for a rate that is a straight line in time).
     """
-    ax, ay, az = watch[at], watch[at + 1], watch[at + 2]
+    ax, ay, az = watch[RATE], watch[RATE + 1], watch[RATE + 2]
     bx, by, bz = row[4], row[5], row[6]
     px, py, pz = ax - x[6], ay - x[7], az - x[8]
     qx, qy, qz = bx - x[6], by - x[7], bz - x[8]
@@ -34,44 +51,45 @@ def find_mean_rate(
     )
 
 
-def find_unseen_turn(row: Any, elapsed: float, watch: Any, at: int) -> float:
+def find_unseen_turn(row: Any, elapsed: float, watch: Any) -> float:
     """Variance about each axis, rad², of what turns between two readings beside the mean rate.
 
     The rate is known at the readings alone. Between them it is taken to be a straight line, and
     what it does beside is as large as the second difference Δ² of the rates shows: Δt² E(Δ²)²/12
     where successive rates have nothing to do with one another, half of that in a random walk, and
-    Δt² (Δ²)²/144 where they are smooth. The largest is taken. In `watch` from `at` on stand the
-    last rate, its last change, a mean of (Δ²)² and one of the variance; all are moved on.
+    Δt² (Δ²)²/144 where they are smooth. The largest is taken. The last
+    rate, its last change, a mean of (Δ²)² and one of the variance in `watch` are moved on.
     """
     total = 0.0
     for i in range(3):
-        change = row[4 + i] - watch[at + i] if elapsed > 0.0 else 0.0
-        beyond = change - watch[at + 3 + i]
+        change = row[4 + i] - watch[RATE + i] if elapsed > 0.0 else 0.0
+        beyond = change - watch[RATE + 3 + i]
         total += beyond * beyond
-        watch[at + i], watch[at + 3 + i] = row[4 + i], change
+        watch[RATE + i], watch[RATE + 3 + i] = row[4 + i], change
     now = total / 3.0
-    watch[at + 6] += (now - watch[at + 6]) / _RATES
-    unseen = elapsed * elapsed * max(now, watch[at + 6]) / _UNRELATED
+    watch[RATE + 6] += (now - watch[RATE + 6]) / _RATES
+    unseen = elapsed * elapsed * max(now, watch[RATE + 6]) / _UNRELATED
     unseen = min(unseen, _ANYWHERE)
-    watch[at + 7] += (unseen - watch[at + 7]) / _TURNS
+    watch[UNSEEN] += (unseen - watch[UNSEEN]) / _TURNS
     return float(unseen)
 
 
 def turn(
-    rate: tuple[float, float, float],
+    row: Any,
     elapsed: float,
-    unseen: float,
     model: Any,
     x: Any,
     columns: Any,
     diagonal: Any,
+    watch: Any,
     room: Any,
 ) -> None:
-    """What `elapsed` seconds at a rate do: the field turns in the sensor, and all of it walks.
-
-    `unseen` is the variance about each axis of what turned beside it, rad².
-    """
+    """What `elapsed` seconds do beside a gyro: the field turns in the sensor, as a whole, at the
+    mean of the rates at both readings, and takes up the gyro's noise, what the rates may leave
+    unseen and what it changes on the way; bias, gyro bias and matrix walk."""
     m = len(diagonal)
+    rate = find_mean_rate(row, elapsed, watch, x)
+    unseen = find_unseen_turn(row, elapsed, watch)
     # the field turns against the sensor
     ax, ay, az = x[6] - rate[0], x[7] - rate[1], x[8] - rate[2]
     _find_rotation(ax * elapsed, ay * elapsed, az * elapsed, room[0])
@@ -92,14 +110,14 @@ def turn(
             column[1] += bz * hx - bx * hz
             column[2] += bx * hy - by * hx
     # an error e of the matrix turns the field by e ω more or less while it turns about: for 1/ω
-    lasting = model[12] * model[12] * sqrt(ax * ax + ay * ay + az * az)
-    gyro = (model[1] * model[1] + lasting) * elapsed + unseen
+    lasting = model.away * model.away * sqrt(ax * ax + ay * ay + az * az)
+    gyro = (model.gyro_noise * model.gyro_noise + lasting) * elapsed + unseen
     bend = 2.0 * unseen * unseen * (hx * hx + hy * hy + hz * hz)  # of an arc beside its tangent
-    field = model[2] * model[2] * elapsed + bend
+    field = model.field_walk * model.field_walk * elapsed + bend
     _triangulate(columns, diagonal, gyro, field, hx, hy, hz, room)
-    walk(model[3], elapsed, 3, 6, columns, diagonal, room[0])
-    walk(model[4], elapsed, 6, 9, columns, diagonal, room[0])
-    walk(model[5], elapsed, 10, m, columns, diagonal, room[0])
+    walk(model.walk, elapsed, 3, 6, columns, diagonal, room[0])
+    walk(model.gyro_walk, elapsed, 6, 9, columns, diagonal, room[0])
+    walk(model.matrix_walk, elapsed, 10, m, columns, diagonal, room[0])
 
 
 def _find_rotation(ax: float, ay: float, az: float, turned: Any) -> None:
@@ -126,7 +144,7 @@ def walk(
     """Numbers from first to before last walk at random."""
     if rate > 0.0:
         for i in range(first, last):
-            ud_filter.add_variance(i, rate * rate * elapsed, columns, diagonal, room)
+            factors.add_variance(i, rate * rate * elapsed, columns, diagonal, room)
 
 
 def _rotate(turned: Any, vector: Any) -> None:
@@ -177,7 +195,3 @@ def _triangulate(
             columns[j][i] = shared
             for k in range(9):
                 line[k] -= shared * last[k]
-
-
-PARTS = (find_mean_rate, find_unseen_turn, _find_rotation, walk, _rotate, _triangulate, turn)
-"""What numba has to compile, each after what it calls."""

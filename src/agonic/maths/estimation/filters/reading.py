@@ -1,6 +1,6 @@
 """What a reading does to the filter: its prediction, the gate, the update and the jump test.
 
-As in `ud_filter` every function works in place on lists or arrays.
+As in `factors` every function works in place on lists or arrays.
 """
 
 from __future__ import annotations
@@ -8,26 +8,113 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from agonic.maths.estimation.filters import ud_filter
-from agonic.maths.estimation.filters.ud_filter import CLIP, FREEDOM, MEMORY_ROWS, SCALE_ROWS
+from agonic.maths.estimation.filters import factors
+from agonic.maths.estimation.filters.jump_test import (
+    CLIP,
+    FREEDOM,
+    KEEP,
+    LOST,
+    MEMORY_ROWS,
+    SCALE,
+    gather,
+    is_jump,
+)
 
-SEEN = 37
-"""Numbers kept of each reading: residual x y z, its sd x y z, whether it was used, L⁻¹ of the
-residual's covariance L Lᵀ (six), innovation L⁻¹ r x y z, field x y z, bias x y z, what each
-innovation moves the bias by (nine, those of x first), covariance of the bias (six)."""
-SCALE, USUAL, LOST, TIME, RATE, UNSEEN, WATCHED = 9, 10, 11, 12, 13, 20, 21
-"""Places in `watch`, after the nine sums of the jump test, and how many there are: mean square of
-the clipped innovations, what the test usually comes to, seconds since a reading fitted, time of the
-last reading, its rate x y z, how that changed x y z, the mean square of its second difference, and
-the mean variance of what turns unseen between two readings."""
-CLIPPED_SQUARE = 0.9258
-"""Mean of min(χ², 2.5²)/3, χ² of three degrees of freedom."""
+ROOM = 8
+"""Lines that are worked in."""
 
 _CURVED = 0.3  # of the noise of a magnitude: what the curvature of a length may come to
 _SURE = 0.5 * MEMORY_ROWS * CLIP * CLIP  # of what the jump test can come to at all
 
 
-def take(
+def take_magnitude(
+    row: Any,
+    model: Any,
+    x: Any,
+    columns: Any,
+    diagonal: Any,
+    watch: Any,
+    about: Any,
+    linearised: bool,
+    seen: Any,
+    room: Any,
+) -> bool:
+    """The filter after a reading by its magnitude; whether a jump of the bias shows.
+
+    `seen` takes residual, sd, whether it was used, clipped innovation, and the Jacobian.
+    """
+    noise = model.noise
+    h, f, gain = room[0], room[1], room[2]
+    m = len(diagonal)
+    r, steepness = find_distance(about if linearised else x, row, noise, h, m)
+    if linearised:
+        for i in range(m):
+            r += h[i] * (x[i] - about[i])
+    sd = sqrt(factors.predict(h, noise, columns, diagonal, f))
+    z = -r / sd
+    used = row[5] > 0.0 and z * z <= model.gate * model.gate * max(1.0, watch[SCALE])
+    seen[0], seen[1], seen[2] = r * steepness, sd * steepness, 1.0 if used else 0.0
+    clipped = min(max(z, -CLIP), CLIP)
+    seen[3] = clipped
+    for i in range(m):
+        seen[4 + i] = h[i] / sd
+    if used:
+        factors.absorb(noise, columns, diagonal, f, gain)
+        for i in range(m):
+            x[i] -= gain[i] * r
+    if not (model.jump_level > 0.0 and row[5] > 0.0):
+        return False
+    gather(seen[5], seen[6], seen[7], clipped, KEEP, watch)
+    return is_jump(clipped * clipped, model.jump_level, model.jump_sd, 1e300, watch)
+
+
+def find_distance(x: Any, row: Any, noise: float, h: Any, m: int) -> tuple[float, float]:
+    """r and its Jacobian by the first m numbers (into h), and |s|; see `magnitude_residual`."""
+    xx, yy, zz, xy, xz, yz = x[4], x[5], x[6], x[7], x[8], x[9]
+    dx, dy, dz = row[1] - x[1], row[2] - x[2], row[3] - x[3]
+    ux, uy, uz = (
+        xx * dx + xy * dy + xz * dz,
+        xy * dx + yy * dy + yz * dz,
+        xz * dx + yz * dy + zz * dz,
+    )
+    size = max(sqrt(ux * ux + uy * uy + uz * uz), 1e-300)
+    ex, ey, ez = ux / size, uy / size, uz / size
+    sx, sy, sz = (
+        xx * ex + xy * ey + xz * ez,
+        xy * ex + yy * ey + yz * ez,
+        xz * ex + yz * ey + zz * ez,
+    )
+    square = sx * sx + sy * sy + sz * sz
+    steep = max(sqrt(square), 1e-300)
+    nx, ny, nz = sx / steep, sy / steep, sz / steep
+    tx, ty, tz = (
+        xx * nx + xy * ny + xz * nz,
+        xy * nx + yy * ny + yz * nz,
+        xz * nx + yz * ny + zz * nz,
+    )
+    along = ex * tx + ey * ty + ez * tz
+    px, py, pz = (tx - ex * along) / size, (ty - ey * along) / size, (tz - ez * along) / size
+    r = (size - row[4] - x[0]) / steep
+    ax, ay, az = (ex - px * r) / steep, (ey - py * r) / steep, (ez - pz * r) / steep
+    h[0] = -1.0 / steep
+    h[1] = -(xx * ax + xy * ay + xz * az)
+    h[2] = -(xy * ax + yy * ay + yz * az)
+    h[3] = -(xz * ax + yz * ay + zz * az)
+    if m > 4:
+        q = r / steep
+        ex, ey, ez = ex * q, ey * q, ez * q
+        h[4] = ax * dx - ex * nx
+        h[5] = ay * dy - ey * ny
+        h[6] = az * dz - ez * nz
+        h[7] = ax * dy + ay * dx - ex * ny - ey * nx
+        h[8] = ax * dz + az * dx - ex * nz - ez * nx
+        h[9] = ay * dz + az * dy - ey * nz - ez * ny
+    whole = xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz)
+    bend = (whole - square) / size - 4.0 * (tx * px + ty * py + tz * pz)
+    return r - noise * noise * 0.5 * bend / steep, steep
+
+
+def take_vector(
     row: Any,
     elapsed: float,
     model: Any,
@@ -38,14 +125,21 @@ def take(
     seen: Any,
     room: Any,
 ) -> bool:
-    """The filter after a reading; whether a jump of the bias shows."""
-    noise, gate, level, jump_sd = model[0], model[8], model[9], model[10]
+    """The filter after a reading beside a gyro; whether a jump of the bias shows.
+
+    `seen` takes residual x y z, its sd x y z, whether it was used, L⁻¹ of the residual's covariance
+    L Lᵀ (six), innovation L⁻¹ r x y z, field x y z, what each innovation moves the bias by (nine,
+    those of x first), covariance of the bias (six).
+    """
+    noise, gate = model.noise, model.gate
     m = len(diagonal)
     for j in range(m):
         room[6][j] = x[j]
     gain = (x[10] + x[11] + x[12]) / 3.0
-    if model[11] > 0.0:
-        late = model[11] * model[11] * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) / (gain * gain)
+    if model.late_s > 0.0:
+        late = (
+            model.late_s * model.late_s * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) / (gain * gain)
+        )
         noise = sqrt(noise * noise + late * (row[4] * row[4] + row[5] * row[5] + row[6] * row[6]))
     least = noise * gain
     noise = sqrt(noise * noise + _find_bend(row, gain, x, columns, diagonal))
@@ -63,16 +157,16 @@ def take(
             left = room[3][i]
             for j in range(m):
                 left += h[j] * (x[j] - room[6][j])
-            ud_filter.predict(h, noise, columns, diagonal, f)
-            ud_filter.absorb(noise, columns, diagonal, f, share)
+            factors.predict(h, noise, columns, diagonal, f)
+            factors.absorb(noise, columns, diagonal, f, share)
             for j in range(m):
                 x[j] -= share[j] * left
     if row[7] > 0.0 and elapsed > 0.0:
-        lasting = model[6] * sqrt(2.0 * model[7] / elapsed)
-        _take_magnitude(row[7], least, lasting, model[6], x, columns, diagonal, room)
+        lasting = model.external_sd * sqrt(2.0 * model.external_time_s / elapsed)
+        _take_length(row[7], least, lasting, model.external_sd, x, columns, diagonal, room)
     for i in range(3):
-        seen[16 + i], seen[19 + i] = x[i], x[3 + i]
-    return level > 0.0 and row[8] > 0.0 and _is_jump(seen, size, watch, level, jump_sd)
+        seen[16 + i] = x[i]
+    return model.jump_level > 0.0 and row[8] > 0.0 and _watch(seen, size, model, watch)
 
 
 def _find_residual(x: Any, row: Any, m: int, jacobian: Any, residual: Any) -> None:
@@ -162,7 +256,7 @@ def _find_gain(columns: Any, diagonal: Any, room: Any, seen: Any) -> None:
     the Uᵀ h of the three residuals."""
     m = len(diagonal)
     f, g, h = room
-    at = 31
+    at = 28
     for i in range(3, 6):
         a, b, c = diagonal[i] * f[i], diagonal[i] * g[i], diagonal[i] * h[i]
         for j in range(i + 1, m):
@@ -170,7 +264,7 @@ def _find_gain(columns: Any, diagonal: Any, room: Any, seen: Any) -> None:
             a += part * f[j]
             b += part * g[j]
             c += part * h[j]
-        first = 22 + 3 * (i - 3)
+        first = 19 + 3 * (i - 3)
         seen[first] = seen[7] * a
         seen[first + 1] = seen[8] * a + seen[9] * b
         seen[first + 2] = seen[10] * a + seen[11] * b + seen[12] * c
@@ -180,14 +274,6 @@ def _find_gain(columns: Any, diagonal: Any, room: Any, seen: Any) -> None:
                 total += columns[j][i] * columns[j][k] * diagonal[j]
             seen[at] = total
             at += 1
-
-
-def variance_of(i: int, columns: Any, diagonal: Any) -> float:
-    """The variance of number i."""
-    total = float(diagonal[i])
-    for j in range(i + 1, len(diagonal)):
-        total += columns[j][i] * columns[j][i] * diagonal[j]
-    return total
 
 
 def _find_bend(row: Any, gain: float, x: Any, columns: Any, diagonal: Any) -> float:
@@ -202,18 +288,18 @@ def _find_bend(row: Any, gain: float, x: Any, columns: Any, diagonal: Any) -> fl
     m = len(diagonal)
     unsure = 0.0
     for i in range(10, m):
-        unsure += variance_of(i, columns, diagonal)
+        unsure += factors.variance_of(i, columns, diagonal)
     unsure = 3.0 * unsure / ((m - 10) * gain * gain) if m > 10 else 0.0
     wx, wy, wz = row[4] - x[6], row[5] - x[7], row[6] - x[8]
-    unsure += variance_of(9, columns, diagonal) * (wx * wx + wy * wy + wz * wz)
+    unsure += factors.variance_of(9, columns, diagonal) * (wx * wx + wy * wy + wz * wz)
     spread = 0.0
     for i in range(3):
-        spread += variance_of(i, columns, diagonal) / 3.0
+        spread += factors.variance_of(i, columns, diagonal) / 3.0
     size = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
     return float(unsure * (spread + 0.5 * unsure * size) / (gain * gain))
 
 
-def _take_magnitude(
+def _take_length(
     magnitude: float,
     noise: float,
     lasting: float,
@@ -238,50 +324,23 @@ def _take_magnitude(
         h[j] = x[j] / size if j < 3 else 0.0
     spread = 0.0
     for i in range(3):
-        spread += variance_of(i, columns, diagonal)
-    bend = 0.5 * (spread - ud_filter.predict(h, 0.0, columns, diagonal, f)) / size
+        spread += factors.variance_of(i, columns, diagonal)
+    bend = 0.5 * (spread - factors.predict(h, 0.0, columns, diagonal, f)) / size
     if bend > _CURVED * max(noise, error):
         return
     noise = sqrt(noise * noise + lasting * lasting)
     r = size + bend - magnitude
-    ud_filter.predict(h, noise, columns, diagonal, f)
-    ud_filter.absorb(noise, columns, diagonal, f, gain)
+    factors.predict(h, noise, columns, diagonal, f)
+    factors.absorb(noise, columns, diagonal, f, gain)
     for j in range(m):
         x[j] -= gain[j] * r
 
 
-def _is_jump(seen: Any, size: float, watch: Any, level: float, jump_sd: float) -> bool:
-    """Whether the jump test of `ud_filter` tells one, with three innovations more."""
-    keep = 1.0 - 1.0 / ud_filter.MEMORY_ROWS
+def _watch(seen: Any, size: float, model: Any, watch: Any) -> bool:
+    """The jump test with the three innovations of a reading, clipped together."""
     part = min(1.0, CLIP / sqrt(size)) if size > 0.0 else 1.0
-    a, b, c, d, e, f = seen[7], seen[8], seen[9], seen[10], seen[11], seen[12]
-    x, y, z = part * seen[13], part * seen[14], part * seen[15]
-    watch[0] = keep * watch[0] + a * a + b * b + d * d
-    watch[1] = keep * watch[1] + c * c + e * e
-    watch[2] = keep * watch[2] + f * f
-    watch[3] = keep * watch[3] + b * c + d * e
-    watch[4] = keep * watch[4] + d * f
-    watch[5] = keep * watch[5] + e * f
-    watch[6] = keep * watch[6] + a * x + b * y + d * z
-    watch[7] = keep * watch[7] + c * y + e * z
-    watch[8] = keep * watch[8] + f * z
-    watch[SCALE] += (part * part * size / FREEDOM - watch[SCALE]) / SCALE_ROWS
-    shown = ud_filter.compute_statistic(watch, jump_sd)
-    limit = level * max(1.0, watch[SCALE]) * max(1.0, watch[USUAL])
-    if shown > min(limit, max(level, _SURE)):
-        return True
-    watch[USUAL] += (min(shown, level) / FREEDOM - watch[USUAL]) / SCALE_ROWS
-    return False
-
-
-PARTS = (
-    _find_residual,
-    _whiten,
-    _find_gain,
-    variance_of,
-    _find_bend,
-    _take_magnitude,
-    _is_jump,
-    take,
-)
-"""What numba has to compile, each after what it calls."""
+    gather(seen[7], 0.0, 0.0, part * seen[13], KEEP, watch)
+    gather(seen[8], seen[9], 0.0, part * seen[14], 1.0, watch)
+    gather(seen[10], seen[11], seen[12], part * seen[15], 1.0, watch)
+    square = part * part * size / FREEDOM
+    return is_jump(square, model.jump_level, model.jump_sd, _SURE, watch)

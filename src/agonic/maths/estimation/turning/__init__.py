@@ -1,1 +1,0 @@
-"""Sequential estimation of a bias by how a gyro says that the field turns in the sensor."""
