@@ -10,6 +10,7 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
 from agonic.inflight.fit.covariance import OF_EARTH, Clock, compute_covariance
+from agonic.inflight.fit.drift import DEGREE
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
@@ -72,7 +73,6 @@ EXTERNAL_NT, EXTERNAL_S = 15.0, 7200.0
 """Currents outside the Earth on a quiet day, each Earth-fixed axis, and how long they keep."""
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
-_PATIENCE = 30  # steps of a fit that only foretells
 _ROUNDS = 5
 
 
@@ -104,12 +104,10 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     """The estimate, and the problem with the rows and the rotation that were settled on the way."""
     first = find_start(problem)
     plain = replace(problem, direction=None)
-    intervals, held_out = choose_intervals(
-        problem.settings.drift_knots,
-        problem.used,
-        lambda used, k: fit_held_out(plain, first, used, k),
+    estimate, held_out = choose_intervals(
+        plain, lambda intervals: fit_rows(plain, first, problem.used, intervals)
     )
-    estimate = fit_rows(plain, first, problem.used, intervals)
+    intervals = max(estimate.terms.splines - DEGREE + 1, 0)
     limit = problem.settings.residual_limit
     for _ in range(_ROUNDS if limit is not None else 0):
         assert limit is not None
@@ -189,25 +187,13 @@ def find_start(problem: Problem) -> Array:
     return found.solution.params
 
 
-def fit_rows(
-    problem: Problem, first: Array, used: Mask, intervals: int, patience: int = 60
-) -> Estimate:
+def fit_rows(problem: Problem, first: Array, used: Mask, intervals: int) -> Estimate:
     """The estimate from some of the rows with so many intervals of the bias in time."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
     layout = Layout(gauge, terms.bias_count, terms.matrix_count)
     start = _start_params(layout, first)
-    return refine(problem, problem.rows(terms).select(used), layout, terms, start, patience)
-
-
-def fit_held_out(problem: Problem, first: Array, used: Mask, intervals: int) -> Array:
-    """The magnitude's residuals (n,) of every row, nT, about a fit to some of them.
-
-    Many intervals leave directions so open that their numbers creep along for a hundred steps,
-    long after what they foretell has settled.
-    """
-    estimate = fit_rows(problem, first, used, intervals, _PATIENCE)
-    return compute_residuals_of(problem, estimate, "magnitude") * problem.magnitude
+    return refine(problem, problem.rows(terms).select(used), layout, terms, start)
 
 
 def _start_params(layout: Layout, first: Array) -> Array:
@@ -225,10 +211,8 @@ def refine(
     layout: Layout,
     terms: Terms,
     params: Array,
-    patience: int = 60,
 ) -> Estimate:
-    """The minimum from a near start, noise and correlation of each kind from its residuals, in as
-    many steps as patience lasts."""
+    """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
     kinds = KINDS if problem.direction is not None else KINDS[:1]
     prior = build_prior(problem, terms, layout)
@@ -253,9 +237,7 @@ def refine(
             )
             for kind, of in noise.items()
         ]
-        solution = leastsq.solve_together(
-            channels, params, prior=prior, tolerance=1e-2, max_iterations=patience
-        )
+        solution = leastsq.solve_together(channels, params, prior=prior, tolerance=1e-2)
         params = solution.params
         parts = np.split(solution.residuals, len(noise))
         seen = dict(zip(noise, parts, strict=True))
