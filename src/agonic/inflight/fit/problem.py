@@ -11,6 +11,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.steps import find_step
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import FEWEST, find_usable_rows
+from agonic.inflight.fit.ground_errors import find_order
 from agonic.inflight.fit.terms import Terms, build_terms
 from agonic.inflight.fit.torquers import Torquers
 from agonic.inflight.maths.residuals import Rows
@@ -76,11 +77,12 @@ class Problem:
     def terms(self, intervals: int) -> Terms:
         """The terms with so many intervals of the bias in time."""
         asked = self.settings
+        order = find_order(self.ground)
         return build_terms(
             self.samples,
             intervals,
-            degree=asked.temperature_degree,
-            of_matrix=asked.solve != "bias",
+            degree=max(asked.temperature_degree, order),
+            of_matrix=order > 0 or asked.solve != "bias",
             rate=asked.matrix_rate,
             sources=asked.sources,
         )
