@@ -12,7 +12,8 @@ from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.short_errors import allow_for_short_errors, judge_short_errors
 from agonic.inflight.fit.solve import Estimate, find_start, fit_rows, state_errors
 from agonic.inflight.fit.sunlight import allow_for_sunlight
-from agonic.maths.estimation.inference.model_averaging import average_over_term
+from agonic.model.average import Group, average_estimate
+from agonic.model.terms.time import BIAS_DRIFT
 
 
 def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, tuple[Finding, ...]]:
@@ -31,21 +32,31 @@ DRIFTING = 0.1
 
 
 def allow_for_unseen_drift(problem: Problem, estimate: Estimate) -> Estimate:
-    """The estimate of a bias that was chosen to be constant, grown by the drift that it may have.
+    """The estimate averaged over how large its drift is; that of a bias that was chosen to be
+    constant grown by the drift that it may have.
 
     The calibration is that at the end of the record, and so is what the drift adds to it. Nothing
-    changes where a drift was found, or the number of intervals was given.
+    changes where a number of no intervals was given.
     """
-    if estimate.terms.splines or 1 not in estimate.held_out:
+    if estimate.terms.splines:
+        solution, layout = estimate.solution, estimate.layout
+        own = layout.biases(np.arange(layout.parameters))[:, : estimate.terms.splines]
+        term = Group(
+            "drift", own.ravel().astype(np.intp), BIAS_DRIFT.scale, 1 - 1e-9, BIAS_DRIFT.most
+        )
+        params, covariance, *_ = average_estimate(solution.params, solution.covariance, term)
+        return estimate._replace(solution=solution._replace(params=params, covariance=covariance))
+    if 1 not in estimate.held_out:
         return estimate
     fitted = fit_rows(problem, find_start(problem), problem.used, 1)
     other = state_errors(problem, fitted, alternative=True)
     drift = build_drift(other, problem.magnitude)
-    params = np.concatenate([drift.constant, drift.coefficients.ravel()])
-    found = average_over_term(params, drift.covariance, slice(3, None), DRIFTING)
+    params = np.concatenate([drift.constant, drift.coefficients.ravel()]) / problem.magnitude
+    term = Group("drift", np.arange(3, len(params)), BIAS_DRIFT.scale, DRIFTING, BIAS_DRIFT.most)
+    mean, spread, *_ = average_estimate(params, drift.covariance / problem.magnitude**2, term)
     end = evaluate_spline(np.array([drift.stop]), drift.knots) - drift.middle
-    by = np.kron(np.eye(3), end) / problem.magnitude
-    moved = by @ found.params[3:]
+    by = np.kron(np.eye(3), end)
+    moved = by @ mean[3:]
     covariance = estimate.solution.covariance.copy()
-    covariance[:3, :3] += np.outer(moved, moved) + by @ found.covariance[3:, 3:] @ by.T
+    covariance[:3, :3] += np.outer(moved, moved) + by @ spread[3:, 3:] @ by.T
     return estimate._replace(solution=estimate.solution._replace(covariance=covariance))

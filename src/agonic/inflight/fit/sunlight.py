@@ -10,15 +10,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, expit
 
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError
 from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import Estimate, find_start, fit_rows, state_errors
-from agonic.maths.estimation.inference.model_averaging import average_over_term
-from agonic.maths.estimation.leastsq import inverse
+from agonic.model.average import Group, average_estimate
+from agonic.model.terms.time import BIAS_DRIFT
 from agonic.samples import Samples
 
 LIKELY = 0.1
@@ -81,15 +81,15 @@ def _average(
     params, covariance = other.solution.params, other.solution.covariance
     at = other.layout.biases(np.arange(len(params), dtype=np.float64))[:, -count:]
     own = at.ravel().astype(np.intp)
-    term = params[own]
-    p_value = float(chdtrc(len(own), term @ inverse(covariance[np.ix_(own, own)]) @ term))
-    found = average_over_term(params, covariance, own, LIKELY)
-    seen = found.params[own].reshape(3, count)
+    term = Group("sunlight", own, BIAS_DRIFT.scale, LIKELY, BIAS_DRIFT.most)
+    mean, _, odds, chi2 = average_estimate(params, covariance, term)
+    p_value = float(chdtrc(len(own), chi2))
+    seen = mean[own].reshape(3, count)
     columns = _evaluate(problem, other, count)
     swing = seen @ (columns.T @ columns / len(columns)) @ seen.T
-    moved = found.params[:3] - estimate.solution.params[:3]
+    moved = mean[:3] - estimate.solution.params[:3]
     grown = estimate.solution.covariance.copy()
-    grown[:3, :3] += swing + found.probability * np.outer(moved, moved)
+    grown[:3, :3] += swing + expit(odds) * np.outer(moved, moved)
     size = float(np.sqrt(np.trace(swing))) * problem.magnitude
     solution = estimate.solution._replace(covariance=grown)
     sd = float(np.sqrt(np.diag(estimate.solution.covariance)[:3].max())) * problem.magnitude
