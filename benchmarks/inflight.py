@@ -45,7 +45,7 @@ do so alike on the same draws."""
 CHAMBER = """Twelve stations in a chamber (−10…50 °C, cubics, 20 nT noise), then iron of 2 µT
 beside the sensor, then a day in orbit: 8640 readings of 20 nT of noise, tumbling, {swing:.0f} °C of
 swing in every orbit, 5 nT of field from outside the Earth; {draws} draws. The bias at the middle
-temperature and, as the field that is left where there is none, at nine temperatures of the swing."""
+temperature and, as the field that is left where there is none, at nine temperatures of it."""
 CHAMBER_DRAWS = 10
 """As many for each of those of the precise case: they take a hundredth of its time."""
 OUT_OF_CORE = """A mission of {n} readings at 10 Hz in Parquet files of 2·10⁶ rows ({size:.0f} MB):
