@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 import numpy as np
-from msgspec import Struct
 
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
@@ -19,19 +19,6 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
-from agonic.inflight.tracking.schema import (
-    AboardRecord,
-    BaseRecord,
-    BatchesRecord,
-    FilterRecord,
-    JumpRecord,
-    OpeningRecord,
-    RecentRecord,
-    Rows,
-    StateRecord,
-    ThermalRecord,
-    TrackFile,
-)
 from agonic.logs.contents import read_bytes
 from agonic.maths.estimation.filters.kalman import STATES, FilterState
 from agonic.maths.estimation.filters.ud_filter import WATCHED
@@ -44,20 +31,25 @@ from agonic.provenance import Provenance
 
 SCHEMA = "agonic/track-state@1"
 
-_NAMES = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame_out", "provenance")
-
-
-_RECORDS: dict[type, type[Struct]] = {
-    Affine: BaseRecord,
-    Thermal: ThermalRecord,
-    Interference: AboardRecord,
-    FilterState: FilterRecord,
-    turning.TurnState: FilterRecord,
-    RunningBatchMeans: BatchesRecord,
-    Opening: OpeningRecord,
-    Recent: RecentRecord,
-    Jump: JumpRecord,
+_COMMON = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame_out")
+"""What the ground calibration has of the one that was started from, beside its provenance."""
+_FIELDS: dict[type, tuple[str, ...]] = {
+    Affine: ("bias", "matrix", "covariance", "model", *_COMMON, "parents"),
+    Thermal: (
+        *("bias", "matrix", "centre_C", "half_range_C", "rate", "covariance", "temperature_C"),
+    ),
+    Interference: (
+        *("bias", "matrix", "covariance", "sources", "coefficients", "typical", "second_sensor"),
+    ),
+    FilterState: FilterState._fields,
+    turning.TurnState: FilterState._fields,
+    RunningBatchMeans: RunningBatchMeans._fields,
+    **{kind: tuple(one.name for one in fields(kind)) for kind in (Jump, Opening, Recent)},
+    TrackerState: tuple(one.name for one in fields(TrackerState) if one.name != "turned"),
 }
+"""What is written of each part of the state."""
+_WRITTEN = {"outliers": "strays", "estimate": "belief"}
+"""Names that the file has for others, from its first version."""
 _ELSEWHERE = {
     "parents": attrgetter("provenance.parents"),
     "temperature_C": attrgetter("validity.temperature_C"),
@@ -74,7 +66,12 @@ def save_track(
     """
     if state.n == 0:
         raise AgonicError("nothing has been followed yet; update the tracker before saving it")
-    record = TrackFile(SCHEMA, asdict(params), _record(StateRecord, state), history.tolist())
+    record = {
+        "schema": SCHEMA,
+        "params": asdict(params),
+        "state": _record(state),
+        "history": history.tolist(),
+    }
     return write_atomically(path, msgspec.json.encode(record) + b"\n", updates=True)
 
 
@@ -85,137 +82,103 @@ def load_track(path: Path | str) -> tuple[TrackerParams, TrackerState, Array]:
     """
     data = read_bytes(path)
     try:
-        record = msgspec.json.decode(data, type=TrackFile)
-        if record.schema != SCHEMA:
-            raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
-        params = msgspec.convert(record.params, TrackerParams)
-        return params, _restore_state(record.state), np.array(record.history).reshape(-1, 7)
+        record = msgspec.json.decode(data, type=dict[str, Any])
+        if record["schema"] != SCHEMA:
+            raise LogError(f'it needs "schema": "{SCHEMA}" and has {record["schema"]!r}')
+        params = msgspec.convert(record["params"], TrackerParams)
+        return params, _restore_state(record["state"]), _array(record["history"]).reshape(-1, 7)
+    except KeyError as error:
+        raise LogError(f"not a usable track file: it lacks {error}", path=path) from None
     except (AgonicError, ValueError, TypeError, RecursionError) as error:
         raise LogError(f"not a usable track file: {error}", path=path) from None
 
 
-def _record(kind: type[Struct], value: Any) -> Any:
-    """A part of the state as its record, by the names that both have."""
-    return kind(
-        **{
-            name: _plain(_ELSEWHERE.get(name, attrgetter(name))(value))
-            for name in kind.__struct_fields__
+def _record(value: Any) -> Any:
+    """A part of the state as JSON holds it."""
+    if type(value) in _FIELDS:
+        return {
+            _WRITTEN.get(name, name): _record(_ELSEWHERE.get(name, attrgetter(name))(value))
+            for name in _FIELDS[type(value)]
         }
-    )
-
-
-def _plain(value: Any) -> Any:
-    """Arrays as lists, and parts of the state as their records."""
-    if type(value) in _RECORDS:
-        return _record(_RECORDS[type(value)], value)
     if isinstance(value, tuple):
-        return tuple(map(_plain, value))
+        return [_record(one) for one in value]
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _restore_state(record: StateRecord) -> TrackerState:
-    base = _restore_base(record.base)
-    opening, recent = record.opening, record.recent
-    return TrackerState(
-        base=base,
-        ground=_restore_ground(record.ground, base),
-        aboard=_restore_aboard(record.aboard, base),
-        turned=split_rotation(base.matrix, base.covariance, base.gauge)[1],
-        estimate=_restore_filter(record.estimate),
-        noise=record.noise,
-        noise_known=record.noise_known,
-        opening=None
-        if opening is None
-        else Opening(
-            prior=_restore_filter(opening.prior),
-            rows=_restore_rows(opening.rows, opening.prior),
-            before=None if opening.before is None else _restore_filter(opening.before),
-            outliers=opening.outliers,
-            learns=opening.learns,
-        ),
-        recent=None
-        if recent is None
-        else Recent(
-            before=_restore_filter(recent.before),
-            middle=_restore_filter(recent.middle),
-            rows=_restore_rows(recent.rows, recent.before),
-        ),
-        n=record.n,
-        refused=record.refused,
-        jumps=tuple(
-            Jump(time=j.time, seen=j.seen, shift=np.array(j.shift), shift_sd=np.array(j.shift_sd))
-            for j in record.jumps
-        ),
-        epoch=record.epoch,
-        magnitude=record.magnitude,
-        external_sd=record.external_sd,
-        external_time_s=record.external_time_s,
-        gyro_unused=record.gyro_unused,
+def _array(value: Any) -> Array:
+    return np.array(value, dtype=np.float64)
+
+
+def _restore_state(record: Mapping[str, Any]) -> TrackerState:
+    base = _restore(
+        Affine, record["base"], provenance=Provenance(parents=record["base"]["parents"])
     )
+    common = {name: getattr(base, name) for name in (*_COMMON, "provenance")}
+    ground, aboard = record["ground"], record.get("aboard")
+    if ground is not None:
+        validity = Validity(temperature_C=msgspec.convert(ground["temperature_C"], _RANGE))
+        ground = _restore(Thermal, ground, **common, validity=validity)
+    if aboard is not None:
+        aboard = _restore(Interference, aboard, **common)
+    turned = split_rotation(base.matrix, base.covariance, base.gauge)[1]
+    return _restore(TrackerState, record, base=base, ground=ground, aboard=aboard, turned=turned)
 
 
-def _restore_base(record: BaseRecord) -> Affine:
-    values = msgspec.structs.asdict(record)
-    parents = values.pop("parents")
-    return Affine(**values, provenance=Provenance(parents=parents))
+_RANGE: Any = tuple[float, float] | None
 
 
-def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | None:
-    if record is None:
-        return None
-    values = msgspec.structs.asdict(record)
-    validity = Validity(temperature_C=values.pop("temperature_C"))
-    named = {name: getattr(base, name) for name in _NAMES}
-    return Thermal(**values, **named, validity=validity)
+def _restore(kind: Any, record: Mapping[str, Any], **known: Any) -> Any:
+    """A part of the state from its record, by the types of its fields; `known` are given."""
+    hints = get_type_hints(kind)
+    for name in _FIELDS[kind]:
+        written = _WRITTEN.get(name, name)
+        if name in hints and name not in known and written in record:
+            known[name] = _restore_field(hints[name], record[written])
+    made = kind(**known)
+    if isinstance(made, (Opening, Recent)):
+        before = made.prior if isinstance(made, Opening) else made.before
+        width = turning.ROW if isinstance(before, turning.TurnState) else 6
+        return replace(made, rows=made.rows.reshape(-1, width))
+    return made
 
 
-def _restore_aboard(record: AboardRecord | None, base: Affine) -> Interference | None:
-    if record is None:
-        return None
-    named = {name: getattr(base, name) for name in _NAMES}
-    return Interference(**msgspec.structs.asdict(record), **named)
+def _restore_field(hint: Any, value: Any) -> Any:
+    for one in (hint, *get_args(hint)):
+        if value is not None and one == Array:
+            return _array(value)
+        if value is not None and one is FilterState:
+            return _restore_filter(value)
+        if value is not None and one in (Opening, Recent):
+            return _restore(one, value)
+        if one is Jump:
+            return tuple(_restore(Jump, jump) for jump in value)
+    return msgspec.convert(value, hint)
 
 
-def _restore_filter(record: FilterRecord) -> FilterState:
-    turned = len(record.state) == turning.STATES["full"]
+def _restore_filter(record: Mapping[str, Any]) -> FilterState:
+    turned = len(record["state"]) == turning.STATES["full"]
     watched = reading.WATCHED if turned else WATCHED
-    watch = [*record.watch, *[1.0] * (watched - len(record.watch))]  # of files before `USUAL`
+    watch = [*record["watch"], *[1.0] * (watched - len(record["watch"]))]  # before `USUAL`
     kind: type[FilterState] = turning.TurnState if turned else FilterState
     size = turning.STATES["full"] if turned else STATES["full"]
     estimate = kind(
-        np.array(record.state),
-        np.array(record.columns),
-        np.array(record.diagonal),
-        np.array(watch),
-        _restore_batches(record.batches, 3 if turned else size),
+        *(_array(record[name]) for name in ("state", "columns", "diagonal")),
+        _array(watch),
+        _restore_batches(record.get("batches"), 3 if turned else size),
     )
-    m = len(record.diagonal)
+    m = len(estimate.diagonal)
     shapes = [np.shape(part) for part in estimate[:4]]
     if shapes != [(size,), (m, m), (m,), (watched,)] or m > size:
         raise LogError(f"an estimate has parts of shapes {shapes}")
     return estimate
 
 
-def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMeans:
+def _restore_batches(record: Mapping[str, Any] | None, size: int) -> RunningBatchMeans:
     """The sums over batches; none yet in files from before they were kept."""
     nothing = running_batch_means.start(size)
     if record is None:
         return nothing
-    restored = RunningBatchMeans(
-        np.array(record.score),
-        np.array(record.pending),
-        record.rows,
-        record.total,
-        np.array(record.information),
-        np.array(record.number),
-        np.array(record.square),
-        np.array(record.waiting),
-    )
+    restored: RunningBatchMeans = _restore(RunningBatchMeans, record)
     if [np.shape(a) for a in restored] != [np.shape(b) for b in nothing]:
         raise LogError("the sums over batches have other shapes")
     return restored
-
-
-def _restore_rows(rows: Rows, before: FilterRecord) -> Array:
-    turned = len(before.state) == turning.STATES["full"]
-    return np.array(rows, dtype=np.float64).reshape(-1, turning.ROW if turned else 6)
