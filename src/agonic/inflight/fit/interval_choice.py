@@ -14,8 +14,8 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
-from agonic.inflight.fit.drift import DEGREE, evaluate_spline, place_knots
 from agonic.inflight.fit.prior import TERM_SD, build_prior
+from agonic.inflight.fit.terms import DEGREE, evaluate_spline, place_knots
 from agonic.inflight.maths.residuals import residual_pieces
 from agonic.maths.estimation.leastsq import inverse
 

@@ -10,11 +10,10 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
 from agonic.inflight.fit.covariance import OF_EARTH, Clock, compute_covariance
-from agonic.inflight.fit.drift import DEGREE
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
-from agonic.inflight.fit.terms import Terms
+from agonic.inflight.fit.terms import DEGREE, Terms
 from agonic.inflight.maths.correlated_errors import CorrelatedError
 from agonic.inflight.maths.residuals import (
     KINDS,
