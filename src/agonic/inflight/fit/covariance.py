@@ -134,7 +134,7 @@ def _sum_stretches(
         clock.count, len(params), (1, 3, 3) if earth_fixed or not magnitude else (1, 3)
     )
 
-    def watch(rows: Rows, residuals: Array, jacobian: Array) -> None:
+    def watch(rows: Rows, residuals: Array, jacobian: Array, onto: Array) -> None:
         weights = noise.loss.weight((residuals / noise.sd) ** 2)
         directions = [np.ones((len(residuals), 1)), jacobian[:, :3]]
         if earth_fixed:
@@ -143,8 +143,8 @@ def _sum_stretches(
         if not magnitude:
             directions.append(turn_directions(rows, kind))
         scored = jacobian * (weights * residuals)[:, None]
-        squares[:] += scored.T @ scored
-        sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions)
+        squares[:] += onto.T @ (scored.T @ scored) @ onto
+        sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions, onto)
 
     seen = residual_pieces(source, kind, layout, sd, watch)
     normal = leastsq.accumulate(seen, params, noise.loss, noise.sd, keep=False)

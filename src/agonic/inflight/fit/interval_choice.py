@@ -100,7 +100,8 @@ def sum_stretches(problem: Problem, estimate: Estimate, blocks: int) -> Stretche
     gram = np.zeros((count, m + 1, m + 1))
     rows = problem.rows(terms).select(problem.used)
     done, square = 0, 0.0
-    for r, jacobian in residual_pieces(lambda: [rows], "magnitude", layout)(params):
+    for r, few, onto in residual_pieces(lambda: [rows], "magnitude", layout)(params):
+        jacobian = few @ onto
         at = stretch[done : done + len(r)]
         done += len(r)
         weight = noise.loss.weight((r / noise.sd) ** 2)

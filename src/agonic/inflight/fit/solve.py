@@ -20,8 +20,8 @@ from agonic.inflight.maths.residuals import (
     Layout,
     Rows,
     Source,
-    compute_residuals,
     correct,
+    find_residuals,
     residual_pieces,
 )
 from agonic.maths.equation import maximum_likelihood
@@ -219,7 +219,7 @@ def refine(
     def source() -> list[Rows]:
         return [rows]
 
-    seen = {kind: compute_residuals(rows, kind, params, layout)[0] for kind in kinds}
+    seen = {kind: find_residuals(rows, kind, params, layout) for kind in kinds}
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
@@ -254,8 +254,7 @@ def compute_residuals_of(problem: Problem, estimate: Estimate, kind: str) -> Arr
     """The residuals of every row, (n,)."""
     rows = problem.rows(estimate.terms)
     sd = 0.0 if kind == "magnitude" else estimate.sds[kind]
-    parts = residual_pieces(lambda: [rows], kind, estimate.layout, sd)(estimate.solution.params)
-    return np.concatenate([r for r, _ in parts])
+    return find_residuals(rows, kind, estimate.solution.params, estimate.layout, sd)
 
 
 def rotation_of(estimate: Estimate) -> Array:

@@ -14,7 +14,9 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.estimation.loss import Loss, squares
 
-Pieces = Callable[[Array], Iterable[tuple[Array, Array]]]
+Pieces = Callable[[Array], Iterable[tuple[Array, ...]]]
+"""From parameters to residuals (n,) and Jacobians (n, m); or (n, l), with a matrix (l, m) that
+makes them the Jacobian, where only few columns differ within a piece."""
 Prior = Callable[[Array], tuple[Array, Array]]
 
 _TINY = float(np.finfo(float).tiny)
@@ -74,13 +76,16 @@ def accumulate(
     m = len(params)
     cost, weight, curvature, scatter, count = 0.0, 0.0, 0.0, 0.0, 0
     gradient, information, kept = np.zeros(m), np.zeros((m, m)), [np.empty(0)]
-    for residuals, jacobian in pieces(params):
+    for residuals, jacobian, *onto in pieces(params):
         z = residuals / scale
         q = z * z
         w = loss.weight(q)
         weighted = jacobian.T * w
-        gradient += weighted @ z
-        information += weighted @ jacobian
+        slope, square = weighted @ z, weighted @ jacobian
+        for by in onto:
+            slope, square = slope @ by, by.T @ square @ by
+        gradient += slope
+        information += square
         cost += float(loss.value(q).sum())
         weight += float(w.sum())
         curvature += float(loss.curvature(q).sum())
