@@ -13,7 +13,6 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump
-from agonic.health import Finding
 from agonic.inflight.fit import InflightFit, prior
 from agonic.inflight.fit.pointing import find_eclipse
 from agonic.inflight.maths.correlated_errors import STRETCHES, Sums, find_correlated_errors
@@ -167,9 +166,6 @@ class Flight:
     """
 
     sensor: str
-    verdict: str
-    status: str
-    findings: tuple[Finding, ...]
     calibration: Calibration
     samples: Samples | None
     time: Array
@@ -194,11 +190,6 @@ class Flight:
     fit: InflightFit | None = None
 
     @property
-    def step_s(self) -> float:
-        """Seconds from reading to reading."""
-        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
-
-    @property
     def begun(self) -> str:
         """When the first reading was taken and how long the record is."""
         lasted = timedelta(seconds=round(float(self.time[-1] - self.time[0])))
@@ -210,39 +201,33 @@ class Flight:
 
 def flight_of_fit(fit: InflightFit, samples: Samples | None = None) -> Flight:
     """A fit in flight as the page takes it; with the samples, which know where each row was."""
-    time = fit.time
     if samples is not None and len(samples) != len(fit.residuals):
         samples = None
     moments = np.linspace(fit.drift.start, fit.drift.stop, CURVE)
     bias, sd = fit.bias_at(moments)
+    located = fit if samples is None else samples
     return Flight(
+        **{name: getattr(fit, name) for name in _OF_FIT},
         sensor=fit.change.sensor,
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
-        calibration=fit.calibration,
         samples=samples,
-        time=time,
-        epoch=fit.epoch,
-        residuals=fit.residuals,
         used=fit.weights > 0,
         predicted=False,
-        latitude_deg=fit.latitude_deg if samples is None else samples.latitude_deg,
+        latitude_deg=located.latitude_deg,
         longitude_deg=None if samples is None else samples.longitude_deg,
-        temperature=fit.temperature if samples is None else samples.temperature,
-        eclipse=fit.eclipse,
-        noise=fit.noise,
-        correlation=fit.correlation,
-        lasting_nT=fit.lasting_nT,
-        lasting_s=fit.lasting_s,
+        temperature=located.temperature,
         course=Course(time=moments, bias=bias, sd=sd, unit=fit.change.unit_in),
         numbers=compare_fit(fit),
         left_out=_count_left_out(fit, samples),
-        held_out=fit.held_out,
         chosen=fit.drift.intervals,
-        thinned=fit.thinned,
         fit=fit,
     )
+
+
+_OF_FIT = (
+    *("calibration", "time", "epoch", "residuals", "eclipse", "noise", "correlation"),
+    *("lasting_nT", "lasting_s", "held_out", "thinned"),
+)
+"""What a fit has under the same names."""
 
 
 def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Flight:
@@ -260,9 +245,6 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
     refused = int(np.count_nonzero(~found.used))
     return Flight(
         sensor=state.base.sensor,
-        verdict="good" if tracker.ok else "check",
-        status=tracker.status,
-        findings=tracker.findings,
         calibration=tracker.calibration if state.thermal is None else state.thermal,
         samples=samples,
         time=time,
