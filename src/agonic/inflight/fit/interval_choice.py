@@ -162,7 +162,7 @@ def _squares_unseen(stretches: Stretches, intervals: int) -> Array:
     for half in (stretches.block % 2 == 0, stretches.block % 2 == 1):
         moved = _solve(stretches, basis, ~half)
         left[half] = np.einsum("si,sij,sj->s", moved, stretches.gram, moved, optimize=True)[half]
-    return np.bincount(stretches.block, left)
+    return np.asarray(np.bincount(stretches.block, left), dtype=np.float64)
 
 
 def _solve(stretches: Stretches, basis: Array, seen: Array) -> Array:

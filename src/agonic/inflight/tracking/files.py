@@ -121,7 +121,9 @@ def _restore_state(record: Mapping[str, Any]) -> TrackerState:
     if aboard is not None:
         aboard = _restore(Interference, aboard, **common)
     turned = split_rotation(base.matrix, base.covariance, base.gauge)[1]
-    return _restore(TrackerState, record, base=base, ground=ground, aboard=aboard, turned=turned)
+    known = {"base": base, "ground": ground, "aboard": aboard, "turned": turned}
+    state: TrackerState = _restore(TrackerState, record, **known)
+    return state
 
 
 _RANGE: Any = tuple[float, float] | None
@@ -162,7 +164,9 @@ def _restore_filter(record: Mapping[str, Any]) -> FilterState:
     kind: type[FilterState] = turning.TurnState if turned else FilterState
     size = turning.STATES["full"] if turned else STATES["full"]
     estimate = kind(
-        *(_array(record[name]) for name in ("state", "columns", "diagonal")),
+        _array(record["state"]),
+        _array(record["columns"]),
+        _array(record["diagonal"]),
         _array(watch),
         _restore_batches(record.get("batches"), 3 if turned else size),
     )
