@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.leastsq import inverse
 
 GRID = np.geomspace(0.03, 100.0, 18)
 """Sizes that are tried, over the scale of nature: a step is half a decade, a likelihood's width."""
@@ -120,33 +119,7 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
     moved = base.inverse @ across
     own = gram[np.ix_(group.columns, group.columns)]
     score = gram[group.columns, -1] - across.T @ base.estimate
-    return _average_sizes(*_turn(own - across.T @ moved, score, np.trace(own)), group, moved)
-
-
-def average_estimate(
-    params: Array, covariance: Array, group: Group
-) -> tuple[Array, Array, float, float]:
-    """Parameters (p,) and covariance (p, p), estimated beside a term of any size, averaged over its
-    size; with the log-odds that it is there, and its χ² against none.
-
-    Of the block P of the covariance and its estimate u, information is P⁻¹ and the score P⁻¹ u; the
-    other parameters follow u along C P⁻¹.
-    """
-    own = group.columns
-    whole = inverse(covariance[np.ix_(own, own)])
-    by = covariance[:, own] @ whole
-    known = _turn(whole, whole @ params[own], np.trace(whole))
-    sized = _average_sizes(*known, group, by)
-    return (
-        params + by @ (sized.mean - params[own]),
-        covariance + by @ (sized.covariance - covariance[np.ix_(own, own)]) @ by.T,
-        sized.odds,
-        float(params[own] @ whole @ params[own]),
-    )
-
-
-def _average_sizes(values: Array, axes: Array, seen: Array, group: Group, alias: Array) -> Sized:
-    """A term with the information values Λ along axes U, and the score q along them."""
+    values, axes, seen = _turn(own - across.T @ moved, score, np.trace(own))
     sizes, chance = _grid(group)
     square = sizes[:, None] ** 2
     joint = _weigh_sizes(values, seen, square, chance)
@@ -162,7 +135,7 @@ def _average_sizes(values: Array, axes: Array, seen: Array, group: Group, alias:
         size=float(sizes[1 + int(np.argmax(joint[1:]))]),
         mean=axes @ mean,
         covariance=axes @ covariance @ axes.T,
-        alias=alias,
+        alias=moved,
     )
 
 

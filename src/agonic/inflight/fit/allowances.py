@@ -22,7 +22,8 @@ from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import Estimate, find_start, fit_rows, state_errors
 from agonic.inflight.fit.terms import DEGREE
-from agonic.model.average import Group, average_estimate
+from agonic.maths.estimation.leastsq import Solution, inverse
+from agonic.model.average import Base, Group, average
 from agonic.model.terms.time import TIME
 from agonic.samples import Samples
 
@@ -73,21 +74,18 @@ def allow_for_drift(problem: Problem, estimate: Estimate) -> Estimate:
     changes where a number of no intervals was given.
     """
     if estimate.terms.splines:
-        term = _group("drift", _find_columns(estimate, 0, estimate.terms.splines), 1 - 1e-9)
-        solution = estimate.solution
-        params, covariance, *_ = average_estimate(solution.params, solution.covariance, term)
-        return estimate._replace(solution=solution._replace(params=params, covariance=covariance))
+        drift = _find_columns(estimate, 0, estimate.terms.splines)
+        averaged, _ = average_over_size(estimate.solution, drift, 1 - 1e-9)
+        return estimate._replace(solution=averaged)
     if 1 not in estimate.held_out:
         return estimate
     fitted = fit_rows(problem, find_start(problem), problem.used, 1)
     other = state_errors(problem, fitted, alternative=True)
     own = _find_columns(other, 0, other.terms.splines)
-    found = average_estimate(
-        other.solution.params, other.solution.covariance, _group("drift", own, LIKELY)
-    )
+    found, _ = average_over_size(other.solution, own, LIKELY)
     by = np.kron(np.eye(3), other.terms.last[: other.terms.splines])
-    moved = by @ found[0][own]
-    return _grow(estimate, np.outer(moved, moved) + by @ found[1][np.ix_(own, own)] @ by.T)
+    moved = by @ found.params[own]
+    return _grow(estimate, np.outer(moved, moved) + by @ found.covariance[np.ix_(own, own)] @ by.T)
 
 
 def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, list[Finding]]:
@@ -109,17 +107,17 @@ def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, 
         return estimate, []
     count, before = len(terms), estimate.solution
     own = _find_columns(other, other.layout.bias_terms - count, other.layout.bias_terms)
-    mean, _, odds, chi2 = average_estimate(
-        other.solution.params, other.solution.covariance, _group("sunlight", own, LIKELY)
-    )
+    found, odds = average_over_size(other.solution, own, LIKELY)
+    term, mean = other.solution.params[own], found.params
+    chi2 = term @ inverse(other.solution.covariance[np.ix_(own, own)]) @ term
     columns = np.stack(list(terms.values()), axis=1)[problem.used] / other.terms.spread[-count:]
     seen = mean[own].reshape(3, count)
     swing = seen @ (columns.T @ columns / len(columns)) @ seen.T
     moved = mean[:3] - before.params[:3]
     size, sd = np.sqrt(np.trace(swing)), np.sqrt(np.diag(before.covariance)[:3].max())
-    found = []
+    said = []
     if chdtrc(len(own), chi2) < SIGNIFICANT and size > sd:
-        found.append(
+        said.append(
             Finding(
                 "sunlight",
                 "check",
@@ -129,7 +127,7 @@ def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, 
                 "and fit with them (--with, --temperature); beside an attitude, check that as well",
             )
         )
-    return _grow(estimate, swing + expit(odds) * np.outer(moved, moved)), found
+    return _grow(estimate, swing + expit(odds) * np.outer(moved, moved)), said
 
 
 def measure_short_error(estimate: Estimate) -> float:
@@ -160,9 +158,22 @@ def _find_columns(estimate: Estimate, first: int, last: int) -> Index:
     return estimate.layout.biases(numbers)[:, first:last].ravel().astype(np.intp)
 
 
-def _group(name: str, columns: Index, odds: float) -> Group:
-    """A term of the bias at the scale that a drift has by nature."""
-    return Group(name, columns, BIAS_DRIFT.scale, odds, BIAS_DRIFT.most)
+def average_over_size(solution: Solution, own: Index, odds: float) -> tuple[Solution, float]:
+    """A solution averaged over the size of the term whose coefficients are `own`, at the scale that
+    a drift has by nature, and the log-odds that it is there; `odds` those before."""
+    information = inverse(solution.covariance)
+    right = information @ solution.params
+    gram = np.block([[information, right[:, None]], [right, solution.params @ right]])
+    others = np.setdiff1d(np.arange(len(right)), own)
+    known = inverse(information[np.ix_(others, others)])
+    base = Base(others, known, known @ right[others], 0.0)
+    term = average(gram, base, Group("", own, BIAS_DRIFT.scale, odds, BIAS_DRIFT.most))
+    onto = np.zeros((len(right), len(own)))
+    onto[own], onto[others] = np.eye(len(own)), -term.alias
+    params, covariance = onto @ term.mean, onto @ term.covariance @ onto.T
+    params[others] += base.estimate
+    covariance[np.ix_(others, others)] += known
+    return solution._replace(params=params, covariance=covariance), term.odds
 
 
 def _grow(estimate: Estimate, added: Array) -> Estimate:
