@@ -17,10 +17,10 @@ from scipy.special import chdtrc, expit
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
-from agonic.inflight.fit.covariance import OF_SENSOR
+from agonic.inflight.fit.covariance import OF_SENSOR, Estimate
 from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
 from agonic.inflight.fit.problem import Problem
-from agonic.inflight.fit.solve import Estimate, find_start, fit_rows, state_errors
+from agonic.inflight.fit.solve import find_start, fit_rows, state_errors
 from agonic.inflight.fit.terms import DEGREE
 from agonic.maths.estimation.leastsq import Solution, inverse
 from agonic.model.average import Base, Group, average

@@ -16,9 +16,10 @@ from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
+from agonic.inflight.fit.covariance import Estimate
 from agonic.inflight.fit.ground_errors import compute_ground_covariance
 from agonic.inflight.fit.problem import Problem
-from agonic.inflight.fit.solve import Estimate, rotation_of
+from agonic.inflight.fit.solve import rotation_of
 from agonic.inflight.fit.terms import Drift
 from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.rotations.polar import split_rotation

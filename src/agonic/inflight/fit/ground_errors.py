@@ -87,7 +87,7 @@ def compute_ground_covariance(ground: Calibration, temperatures_C: Array) -> Arr
         if isinstance(step, (Affine, Thermal)) and step.covariance is not None:
             own = _differentiate(step, temperatures_C, matrices)
             whole += own @ step.covariance[: own.shape[1], : own.shape[1]] @ own.T
-    onto = np.kron(np.eye(t), _SHAPE)
+    onto = np.kron(np.eye(t), SHAPE)
     return np.asarray(onto @ whole @ onto.T)
 
 
@@ -125,4 +125,5 @@ def _split_shape() -> Array:
     return onto
 
 
-_SHAPE = _split_shape()
+SHAPE = _split_shape()
+"""The same for all."""

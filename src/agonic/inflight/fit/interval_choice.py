@@ -20,8 +20,8 @@ from agonic.inflight.maths.residuals import residual_pieces
 from agonic.maths.estimation.leastsq import inverse
 
 if TYPE_CHECKING:
+    from agonic.inflight.fit.covariance import Estimate
     from agonic.inflight.fit.problem import Problem
-    from agonic.inflight.fit.solve import Estimate
 
 MOST_INTERVALS = 64
 CERTAIN = 2.5

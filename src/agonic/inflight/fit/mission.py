@@ -14,7 +14,7 @@ from agonic.calibration.timing import find_timing
 from agonic.errors import AgonicError
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.allowances import allow_for_unseen
-from agonic.inflight.fit.covariance import Clock
+from agonic.inflight.fit.covariance import Clock, Estimate
 from agonic.inflight.fit.decay import leave_out_settling
 from agonic.inflight.fit.large_scan import (
     Known,
@@ -27,12 +27,7 @@ from agonic.inflight.fit.large_scan import (
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, Solve, make_settings, pose_problem
 from agonic.inflight.fit.result import InflightFit, build_result
-from agonic.inflight.fit.solve import (
-    Estimate,
-    add_covariance,
-    compute_residuals_of,
-    find_estimate,
-)
+from agonic.inflight.fit.solve import add_covariance, compute_residuals_of, find_estimate
 from agonic.inflight.fit.torquers import (
     Switches,
     is_on,

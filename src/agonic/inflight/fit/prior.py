@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.inflight.fit.ground_errors import compute_ground_covariance, find_order
+from agonic.inflight.fit.ground_errors import SHAPE, compute_ground_covariance, find_order
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.terms import Terms
 from agonic.inflight.maths.residuals import Layout
@@ -69,7 +69,7 @@ def build_prior(problem: Problem, terms: Terms, layout: Layout) -> leastsq.Prior
     """
     m, c = layout.parameters, layout.constants
     shape = np.zeros((6, m))
-    shape[:, :c] = _symmetric() @ model_basis("full", layout.gauge)
+    shape[:, :c] = SHAPE[:6, :9] @ model_basis("full", layout.gauge)[3:]
     mean = shape[:3].mean(axis=0)
     whiten = np.linalg.inv(np.linalg.cholesky(compute_prior_covariance(problem, terms, layout)))
 
@@ -83,12 +83,3 @@ def build_prior(problem: Problem, terms: Terms, layout: Layout) -> leastsq.Prior
         return whiten @ np.concatenate([entries - UNIT, params[c:]]), whiten @ jacobian
 
     return residuals
-
-
-def _symmetric() -> Array:
-    """From the twelve local numbers to xx yy zz xy xz yz of the symmetric part, (6, 12)."""
-    onto = np.zeros((6, 12))
-    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-        onto[k, 3 + 3 * i + j] += 0.5
-        onto[k, 3 + 3 * j + i] += 0.5
-    return onto

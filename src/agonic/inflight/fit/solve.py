@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
-from agonic.inflight.fit.covariance import OF_EARTH, Clock, compute_covariance
+from agonic.inflight.fit.covariance import OF_EARTH, Clock, Estimate, compute_covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
@@ -73,30 +72,6 @@ EXTERNAL_NT, EXTERNAL_S = 15.0, 7200.0
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
 _ROUNDS = 5
-
-
-class Estimate(NamedTuple):
-    """The solution, and of each kind the noise, the residuals, and the correlated errors, in units
-    of the magnitude; `sds` as `compute_residuals` takes them; `held_out` the held-out error, nT, by
-    the number of intervals tried."""
-
-    solution: leastsq.Solution
-    layout: Layout
-    terms: Terms
-    noise: dict[str, Noise]
-    sds: dict[str, float]
-    residuals: dict[str, Array]
-    errors: dict[str, tuple[CorrelatedError, ...]]
-    held_out: dict[int, float]
-
-    @property
-    def weight(self) -> Array:
-        """What the robust losses left of each reading, the least of its kinds."""
-        weights = [
-            noise.loss.weight((self.residuals[kind] / noise.sd) ** 2)
-            for kind, noise in self.noise.items()
-        ]
-        return np.asarray(np.minimum.reduce(weights))
 
 
 def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
