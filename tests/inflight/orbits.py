@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from agonic.calibration.thermal import Thermal
 from agonic.inflight.fit import fit_inflight
 from agonic.inflight.simulation.orbit import SimulatedOrbit, simulate_orbit
 from agonic.maths.rotations.attitude import rot_nb
+from agonic.simulation.draws import draw_directions
+from agonic.thermal.fit.fit import fit_thermal
+from tests.thermal.chambers import KNOWN, campaign
 
 Array = NDArray[np.float64]
 
@@ -34,6 +38,45 @@ def precise(seed: int, n: int, days: float) -> tuple[SimulatedOrbit, ag.inflight
     scalar = ag.Reference.magnitude(made.samples.scalar)
     fit = fit_inflight(made.samples, scalar, attitude="logged", drift_knots=0, temperature_degree=3)
     return made, fit
+
+
+class FromChamber(NamedTuple):
+    """A fit in orbit on top of one in a chamber: error of the bias over its standard error and in
+    nT, at the middle temperature (3,) and over the swing (t, 3), and that swing, °C."""
+
+    fit: ag.inflight.InflightFit
+    z: Array
+    error: Array
+    over_swing: Array
+    swing_C: float
+
+
+def from_chamber(seed: int, *, magnitude_known: bool, iron: float = 2000.0) -> FromChamber:
+    """Twelve stations in a chamber, then iron beside the sensor, then a day in orbit at 0.1 Hz.
+
+    raw = W(T)⁻¹ (field + iron) + bias(T) + noise
+    """
+    made = campaign(seed, n=150)
+    ground = fit_thermal(made.samples, KNOWN if magnitude_known else None).calibration
+    flown = simulate_orbit(
+        n=8640, rate_Hz=0.1, noise=20.0, external=5.0, sensor=made.truth, pointing="tumble",
+        equilibrium_C=(-18.0, 43.0), seed=seed,
+    )  # fmt: skip
+    added = iron * draw_directions(np.random.default_rng((seed, 1)), 1)[0]
+
+    def true_bias(temperature: Array) -> Array:
+        return made.truth.bias_at(temperature) + np.linalg.solve(
+            made.truth.matrix_at(temperature), added
+        )
+
+    temperature = flown.samples.temperature
+    raw = flown.samples.field + true_bias(temperature) - made.truth.bias_at(temperature)
+    fit = fit_inflight(flown.samples.with_columns(field=raw), ground=ground)
+    low, high = temperature.min(), temperature.max()
+    error = fit.after.bias - true_bias(np.array([(low + high) / 2]))[0]
+    at = np.linspace(low, high, 9)
+    over_swing = fit.calibration.correct(true_bias(at), temperature=at)
+    return FromChamber(fit, error / fit.after.sd[:3], error, over_swing, float(high - low))
 
 
 def _sensor() -> Thermal:

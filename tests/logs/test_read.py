@@ -78,7 +78,7 @@ def test_well_known_files_are_named(tmp_path):
     assert len(open_log(path).sensors[0]) == len(TWO.splitlines()) - 1
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("[Content_Types].xml", "<Types/>")
-    with pytest.raises(LogError, match="workbook cannot be unpacked.*save the sheet as CSV"):
+    with pytest.raises(LogError, match=r"workbook cannot be unpacked.*save the sheet as CSV"):
         open_log(path)
     path.write_text('{"mag": 1}')
     with pytest.raises(LogError, match="no magnetometer columns"):

@@ -117,7 +117,7 @@ def orbit(
 def train_on_ground(made: SimulatedOrbit, noise: float, seed: int) -> Network:
     """A network of the readings and their temperature on an affine base, from a coil, into body
     axes: where the attitude of the satellite and the world model meet it."""
-    from agonic.inflight.simulation.ground import simulate_ground
+    from agonic.inflight.simulation.orbit import simulate_ground
     from agonic.network.fit import fit_network
     from agonic.reference import Reference
 

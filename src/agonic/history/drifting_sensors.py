@@ -44,18 +44,16 @@ def find_drifting(history: History, progress: Callable[[int, int], None] | None 
     bounds = np.concatenate([[0], np.cumsum(keep)])
     kept = {name: values[keep] for name, values in columns.items()}
     first, last = bounds[first], bounds[last]
-    known = np.flatnonzero(last - first >= FEWEST)
-    suspects = known[_fit_plain_lines(kept, first[known], last[known]) < _SCREEN]
     found: set[str] = set()
-    done = 0
-    for n in np.unique(last[suspects] - first[suspects]):
-        of_length = suspects[last[suspects] - first[suspects] == n]
+    known, done = last - first >= FEWEST, 0
+    for n in np.unique((last - first)[known]):
+        of_length = np.flatnonzero(last - first == n)
         for start in range(0, len(of_length), _AT_ONCE):
             rows = first[of_length[start : start + _AT_ONCE], None] + np.arange(n)
             found.update(kept["sensor"][rows[_test_drift(kept, rows), 0]])
             done += len(rows)
             if progress:
-                progress(done, len(suspects))
+                progress(done, int(known.sum()))
     return found
 
 
@@ -77,36 +75,6 @@ def _select_like_last(columns: dict[str, NDArray[Any]], first: Index, last: Inde
     return np.asarray(keep, dtype=bool)
 
 
-def _fit_plain_lines(columns: dict[str, NDArray[Any]], first: Index, last: Index) -> Array:
-    """The least p-value (s,) of the slopes of plain lines through the three biases."""
-    if not len(first):
-        return np.ones(0)
-    n = (last - first).astype(float)
-    edges = np.stack([first, last], axis=1).ravel()
-    size = len(columns["time"])
-
-    def total(values: Array) -> Array:
-        return np.asarray(np.add.reduceat(np.append(values, 0.0), np.minimum(edges, size))[::2])
-
-    of = np.repeat(np.arange(len(first)), last - first)
-    rows = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])
-
-    def centre(values: Array) -> Array:
-        out = np.zeros(size)
-        out[rows] = values[rows] - (total(values) / n)[of]
-        return out
-
-    time = centre(columns["time"])
-    span = np.maximum(total(time**2), 1e-300)
-    least = np.ones(len(first))
-    for axis in "xyz":
-        value = centre(columns[f"bias_{axis}"])
-        slope = total(time * value) / span
-        left = np.maximum(total(value**2) - slope**2 * span, 1e-300) / (n - 2)
-        least = np.minimum(least, 2 * stdtr(n - 2, -np.abs(slope) / np.sqrt(left / span)))
-    return least
-
-
 def _test_drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
     """Which of sensors with rows (s, n) drift on one axis or another."""
     time = columns["time"][rows]
@@ -117,11 +85,21 @@ def _test_drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
     found = np.zeros(len(rows), dtype=bool)
     for axis in "xyz":
         value = columns[f"bias_{axis}"][rows]
+        value = value - value.mean(axis=1, keepdims=True)
         moves = spread & (np.ptp(value, axis=1) > 0)
+        moves[moves] = _test_plain_lines(scaled[moves], value[moves]) < _SCREEN
         if not moves.any():
             continue
         sd = np.nan_to_num(columns[f"bias_{axis}_sd"][rows[moves]])
-        value = value[moves] - value[moves].mean(axis=1, keepdims=True)
-        p_value = compute_posterior(Series(scaled[moves], value, sd**2, line[moves])).p_value(1)
-        found[moves] |= p_value * len(NAMES) < DRIFTING
+        series = Series(scaled[moves], value[moves], sd**2, line[moves])
+        found[moves] |= compute_posterior(series).p_value(1) * len(NAMES) < DRIFTING
     return found
+
+
+def _test_plain_lines(time: Array, value: Array) -> Array:
+    """p-values (s,) of the slopes of plain lines through values (s, n) about their means."""
+    about = time - time.mean(axis=1, keepdims=True)
+    span, free = (about**2).sum(axis=1), time.shape[1] - 2
+    slope = (about * value).sum(axis=1) / span
+    left = np.maximum((value**2).sum(axis=1) - slope**2 * span, 1e-300) / free
+    return np.asarray(2 * stdtr(free, -np.abs(slope) / np.sqrt(left / span)))

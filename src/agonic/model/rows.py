@@ -50,10 +50,9 @@ def join_pieces(
     problem: Problem, channel: str, params: Array, noise_sd: float = 0.0
 ) -> tuple[Array, Array]:
     """Residuals (n,) and Jacobian (n, m) of a channel in one piece."""
-    parts = list(pieces(problem, channel, noise_sd)(params))
-    if len(parts) == 1:
-        return parts[0]
-    return np.concatenate([r for r, _ in parts]), np.concatenate([j for _, j in parts])
+    parts = zip(*pieces(problem, channel, noise_sd)(params), strict=True)
+    residuals, jacobian = map(np.concatenate, parts)
+    return residuals, jacobian
 
 
 def _turn(problem: Problem, bias: Array, matrix: Array) -> Problem:

@@ -242,38 +242,16 @@ def predict(of: Series, posterior: Posterior, at: Array, design: Array) -> tuple
 
     Parameters: at, in order, not before the first value; design (p, k) there.
     """
-    n, k = len(of.time), len(at)
-    order = np.argsort(np.concatenate([of.time, at]), kind="stable")
-    time = np.concatenate([of.time, at])[order]
-    variance = np.concatenate([of.variance, np.full(k, np.inf)])[order]
-    rows = np.concatenate([of.value[None], of.design])
-    columns = np.concatenate([rows, np.zeros((len(rows), k))], axis=1)[:, order]
-    walked, sd2 = _smooth(time, variance, columns, posterior)
-    place = np.argsort(order, kind="stable")[n:]
-    left, spread = walked[place], sd2[place]  # (k, m, 1+p), (k, m)
-    lean = design.T[:, None, :] - left[..., 1:]
-    mean = left[..., 0] + np.einsum("kmp,mp->km", lean, posterior.beta)
-    var = spread + np.einsum("kmp,mpq,kmq->km", lean, posterior.covariance, lean)
-    return mean.T, var.T
-
-
-def _smooth(
-    time: Array, variance: Array, columns: Array, posterior: Posterior
-) -> tuple[Array, Array]:
-    """The walk (n, m, c) behind each column (c, n), and its variance (n, m), after all rows."""
-    n, m = len(time), len(posterior.walk)
-    mean, var = np.zeros((n, m, len(columns))), np.zeros((n, m))
-    ahead, steps = np.zeros((n, m)), np.diff(time, prepend=time[0])
-    state, doubt = np.zeros((m, len(columns))), np.zeros(m)
-    for k in range(n):
-        ahead[k] = doubt = doubt + posterior.walk**2 * steps[k]
-        gain = doubt / (doubt + variance[k] + posterior.scatter**2)
-        state = state + gain[:, None] * (columns[:, k] - state)
-        doubt = doubt * (1 - gain)
-        mean[k], var[k] = state, doubt
-    for k in range(n - 2, -1, -1):
-        moved = ahead[k + 1] > 0
-        back = np.where(moved, var[k] / np.where(moved, ahead[k + 1], 1.0), 1.0)
-        mean[k] += back[:, None] * (mean[k + 1] - mean[k])
-        var[k] += back**2 * (var[k + 1] - ahead[k + 1])
-    return mean, np.maximum(var, 0.0)
+    rows = np.concatenate([of.value[None], of.design]).T
+    shared, apart = np.minimum.outer(of.time, of.time), np.minimum.outer(at, of.time)
+    mean, variance = np.empty((2, len(posterior.walk), len(at)))
+    for node, (walk, scatter) in enumerate(zip(posterior.walk, posterior.scatter, strict=True)):
+        across = walk**2 * apart
+        whole = walk**2 * shared + np.diag(of.variance + scatter**2)
+        solved = np.linalg.solve(whole, np.column_stack([rows, across.T]))
+        left, reduced = across @ solved[:, : rows.shape[1]], across @ solved[:, rows.shape[1] :]
+        lean = design.T - left[:, 1:]
+        mean[node] = left[:, 0] + lean @ posterior.beta[node]
+        spread = walk**2 * at - np.diag(reduced)
+        variance[node] = spread + np.einsum("kp,pq,kq->k", lean, posterior.covariance[node], lean)
+    return mean, np.maximum(variance, 0.0)

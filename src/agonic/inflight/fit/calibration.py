@@ -16,10 +16,11 @@ from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
-from agonic.inflight.fit.drift import Drift
-from agonic.inflight.fit.ground_errors import compute_shape_covariance
+from agonic.inflight.fit.covariance import Estimate
+from agonic.inflight.fit.ground_errors import compute_ground_covariance
 from agonic.inflight.fit.problem import Problem
-from agonic.inflight.fit.solve import Estimate, rotation_of
+from agonic.inflight.fit.solve import rotation_of
+from agonic.inflight.fit.terms import Drift
 from agonic.maths.equation.affine import FREE, model_basis, split
 from agonic.maths.rotations.polar import split_rotation
 from agonic.maths.rotations.vectors import skew
@@ -150,7 +151,8 @@ def find_rotation_covariance(problem: Problem, estimate: Estimate) -> Array:
     the rotation, which is then the alignment's."""
     if problem.ground is None or problem.direction is not None:
         return np.zeros((3, 3))
-    return compute_shape_covariance(problem.ground, estimate.terms.centre_C)[6:, 6:]
+    at = np.array([estimate.terms.centre_C])
+    return compute_ground_covariance(problem.ground, at)[6:9, 6:9]
 
 
 def _join_covariance(ground: Affine, change: Affine, rotation_covariance: Array) -> Array:
@@ -280,7 +282,7 @@ def _settings(problem: Problem, estimate: Estimate) -> Mapping[str, Any]:
         "reference": problem.source,
         "solve": asked.solve,
         "drift_intervals": max(terms.splines - 2, 0),
-        "temperature_degree": terms.degree,
+        "temperature_degree": asked.temperature_degree,
         "matrix_rate": terms.rate,
         "sources": list(terms.sources),
         "attitude": asked.attitude,

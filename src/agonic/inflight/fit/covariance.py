@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.inflight.fit.terms import Terms
 from agonic.inflight.maths.correlated_errors import (
     STRETCHES,
     CorrelatedError,
@@ -26,6 +27,30 @@ OF_EARTH = 2
 """Number of the geometry of errors of the magnitude that stand in Earth-fixed axes."""
 TURN = 2
 """Number of the geometry of a kind across the field that is a turn of the attitude."""
+
+
+class Estimate(NamedTuple):
+    """The solution, and of each kind the noise, the residuals, and the correlated errors, in units
+    of the magnitude; `sds` as `compute_residuals` takes them; `held_out` the held-out error, nT, by
+    the number of intervals tried."""
+
+    solution: leastsq.Solution
+    layout: Layout
+    terms: Terms
+    noise: dict[str, Noise]
+    sds: dict[str, float]
+    residuals: dict[str, Array]
+    errors: dict[str, tuple[CorrelatedError, ...]]
+    held_out: dict[int, float]
+
+    @property
+    def weight(self) -> Array:
+        """What the robust losses left of each reading, the least of its kinds."""
+        weights = [
+            noise.loss.weight((self.residuals[kind] / noise.sd) ** 2)
+            for kind, noise in self.noise.items()
+        ]
+        return np.asarray(np.minimum.reduce(weights))
 
 
 class RobustCovariance(NamedTuple):
@@ -134,7 +159,7 @@ def _sum_stretches(
         clock.count, len(params), (1, 3, 3) if earth_fixed or not magnitude else (1, 3)
     )
 
-    def watch(rows: Rows, residuals: Array, jacobian: Array) -> None:
+    def watch(rows: Rows, residuals: Array, jacobian: Array, onto: Array) -> None:
         weights = noise.loss.weight((residuals / noise.sd) ** 2)
         directions = [np.ones((len(residuals), 1)), jacobian[:, :3]]
         if earth_fixed:
@@ -143,8 +168,8 @@ def _sum_stretches(
         if not magnitude:
             directions.append(turn_directions(rows, kind))
         scored = jacobian * (weights * residuals)[:, None]
-        squares[:] += scored.T @ scored
-        sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions)
+        squares[:] += onto.T @ (scored.T @ scored) @ onto
+        sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions, onto)
 
     seen = residual_pieces(source, kind, layout, sd, watch)
     normal = leastsq.accumulate(seen, params, noise.loss, noise.sd, keep=False)

@@ -11,8 +11,9 @@ from agonic.arrays import Array
 from agonic.calibration.sources import parse_source, spell_source
 from agonic.calibration.timing import Timing, restore
 from agonic.errors import AgonicError
+from agonic.inflight.fit.covariance import Estimate
 from agonic.inflight.fit.problem import Problem, require_enough
-from agonic.inflight.fit.solve import Estimate, find_estimate
+from agonic.inflight.fit.solve import find_estimate
 from agonic.inflight.fit.torquers import find_settling_s, is_settling, measure_since_switch
 from agonic.maths.estimation.shape import find_move
 

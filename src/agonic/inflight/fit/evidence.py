@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
-from agonic.inflight.fit.bias_step import judge_step
-from agonic.inflight.fit.gain_change import find_other_gain, judge_gains, may_be_heights
+from agonic.inflight.fit.bias_step import MANY, judge_step
 from agonic.inflight.fit.ground_axes import judge_ground_axes
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
-from agonic.inflight.fit.orbit_errors import (
-    judge_swing_with_orbit,
-    swings_with_orbit,
-)
 from agonic.inflight.fit.result import InflightFit
+from agonic.inflight.fit.solve import find_start, fit_rows
+from agonic.inflight.fit.terms import DEGREE
 from agonic.inflight.fit.torquers import list_torquer_findings
 from agonic.maths.equation.coverage import find_nearest_axis
 from agonic.maths.equation.gauge import mean_gain
@@ -26,6 +23,107 @@ from agonic.samples import Samples
 
 if TYPE_CHECKING:
     from agonic.inflight.fit.problem import Problem
+
+
+from typing import TYPE_CHECKING
+
+from agonic.inflight.fit.likely_causes import EARTH_RADIUS_M, LOWEST_ORBIT_M
+
+GRAVITY_M3_S2 = 3.986004418e14
+WITHIN = 1 / 3
+"""Share of an orbit below which an interval of the bias follows the orbit: a spline needs four for
+what goes round once, and two hold slow heat too."""
+
+
+def swings_with_orbit(fit: InflightFit, samples: Samples) -> bool:
+    """Whether the spline of the bias has more than three intervals in an orbit."""
+    period = find_period_s(samples)
+    return period is not None and 0.0 < _interval_s(fit) < WITHIN * period
+
+
+def judge_swing_with_orbit(fit: InflightFit, samples: Samples) -> list[Finding]:
+    """A bias that changes within an orbit as only what goes round with it does."""
+    period = find_period_s(samples)
+    if period is None or not swings_with_orbit(fit, samples):
+        return []
+    return [
+        Finding(
+            "bias follows the orbit",
+            "check",
+            f"the bias asks for a knot every {figure(_interval_s(fit) / 60)} min, and an orbit "
+            f"takes {figure(period / 60)}: rather than the bias of the sensor it follows an error "
+            "of the clock or the track, sunlight, or heat, and its standard errors do not hold",
+            "check clock, date and heights; fit with the temperature and the currents on board "
+            "(--temperature, --with), and where the bias changes but slowly give --knots",
+        )
+    ]
+
+
+def find_period_s(samples: Samples) -> float | None:
+    """How long a circular orbit of the height takes, s; None where the log is of no orbit.
+
+        T = 2π √(a³/GM)
+
+    >>> at_500_km = Samples(field=np.ones((3, 3)), altitude_m=np.full(3, 5e5))
+    >>> round(find_period_s(at_500_km))
+    5668
+    """
+    if samples.altitude_m is None or np.median(samples.altitude_m) < LOWEST_ORBIT_M:
+        return None
+    radius = EARTH_RADIUS_M + float(np.median(samples.altitude_m))
+    return float(2 * np.pi * np.sqrt(radius**3 / GRAVITY_M3_S2))
+
+
+def _interval_s(fit: InflightFit) -> float:
+    if not fit.drift.changes:
+        return 0.0
+    return (fit.drift.stop - fit.drift.start) / fit.drift.intervals
+
+
+LEAST = 0.005
+"""Change of the mean gain from which it is spoken of: what shrinks one axis alone is another."""
+HEIGHTS = 0.015
+"""Change of the mean gain below which heights may be off instead, by 35 km."""
+
+
+def find_other_gain(fit: InflightFit, problem: Problem) -> float:
+    """The mean gain over that of the ground, with which a constant bias explains the record better
+    for its nine numbers than the intervals for theirs; 1 where it does not.
+
+    Akaike's criterion: n log(s/s₀) below the count of numbers that are saved, with n readings that
+    count and s, s₀ what is left.
+    """
+    if problem.ground is None or fit.solve == "full" or fit.drift.intervals < MANY:
+        return 1.0
+    freed = replace(problem.settings, solve="full")
+    plain = replace(problem, ground=None, direction=None, settings=freed)
+    constant = fit_rows(plain, find_start(problem), problem.used, 0)
+    left = constant.noise["magnitude"].sd * problem.magnitude
+    saved = 3 * (fit.drift.intervals + DEGREE - 1) - (6 if fit.solve == "bias" else 3)
+    if fit.n / fit.correlation * np.log(left / fit.noise) > saved:
+        return 1.0
+    return float(np.mean(constant.solution.params[3:6]))
+
+
+def may_be_heights(gain: float) -> bool:
+    """Whether heights that are off by tens of kilometres would do the same: F falls with r³."""
+    return abs(gain - 1) < HEIGHTS
+
+
+def judge_gains(fit: InflightFit, gain: float) -> list[Finding]:
+    """That the gains are other than on the ground, by how much."""
+    if abs(gain - 1) < LEAST:
+        return []
+    return [
+        Finding(
+            "gains changed",
+            "check",
+            f"gains that are {figure(100 * abs(gain - 1))} % off those of the ground explain the "
+            f"record as well as the {fit.drift.intervals} intervals of the bias do",
+            "check units and the magnitude that the ground calibration was made for, and heights; "
+            'solve for the matrix too (solve="full", --solve full)',
+        )
+    ]
 
 
 SUSPICIOUS = 0.003

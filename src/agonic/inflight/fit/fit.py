@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.calibration.base import Calibration, apply
-from agonic.errors import AgonicError, check_choice
+from agonic.calibration.base import Calibration
+from agonic.errors import AgonicError
 from agonic.field.place import describe_missing, field_along
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.allowances import allow_for_unseen
 from agonic.inflight.fit.decay import follow_commands, leave_out_settling
-from agonic.inflight.fit.ground_errors import bring_to_nT, has_free_scale
 from agonic.inflight.fit.pointing import expect_direction, find_direction_e
 from agonic.inflight.fit.problem import (
     Attitude,
     Problem,
     Settings,
     Solve,
-    check_ground,
-    require_enough,
+    make_settings,
+    pose_problem,
     select_rows,
 )
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import find_estimate
-from agonic.inflight.fit.torquers import (
-    leave_out_unmodelled,
-    measure_since_switch,
-)
+from agonic.inflight.fit.torquers import measure_since_switch
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -109,16 +105,15 @@ def fit_inflight(
     >>> bool(np.abs(fit.calibration.bias - made.truth.bias).max() < 10.0)
     True
     """
-    if isinstance(sources, str):
-        raise AgonicError(f'sources is "{sources}"; give a list of columns, as ["current_A"]')
-    settings = Settings(
-        solve=solve or ("full" if ground is None else "bias"),
+    settings = make_settings(
+        ground,
+        solve,
         drift_knots=drift_knots,
         latitude_deg=latitude_deg,
         residual_limit=residual_limit,
         temperature_degree=temperature_degree,
         matrix_rate=matrix_rate,
-        sources=tuple(sources),
+        sources=sources,
         attitude=attitude,
         gain_sd=gain_sd,
         soft_iron_sd=soft_iron_sd,
@@ -145,7 +140,8 @@ def _pose_problem(
     settings: Settings,
 ) -> Problem:
     """What is to be fitted, or an error that says what is missing."""
-    _check(samples, ground, settings)
+    if samples.time is None:
+        raise AgonicError("a fit in flight needs times; the log has none")
     along = reference
     if reference is None or (settings.attitude != "none" and reference.kind != "vector"):
         expected = field_along(samples)
@@ -156,44 +152,14 @@ def _pose_problem(
             )
         along = expected.reference
     assert along is not None
-    wanted = (reference or along).magnitudes(len(samples))
-    magnitude = float(wanted.mean())
     left_out = None if exclude is None else np.asarray(exclude, dtype=bool)
-    used = select_rows(samples, left_out, settings.latitude_deg)
-    used, torquers = leave_out_unmodelled(samples, settings.sources, used)
-    require_enough(used)
-    scale_free = ground is not None and has_free_scale(ground)
-    if ground is not None:
-        ground = bring_to_nT(ground, samples, wanted, used)
-    return Problem(
-        samples=samples if ground is None else apply(ground, samples),
-        wanted=np.broadcast_to(wanted / magnitude, len(samples)),
-        magnitude=magnitude,
-        used=used,
-        ground=ground,
-        settings=settings,
+    return pose_problem(
+        samples,
+        np.broadcast_to((reference or along).magnitudes(len(samples)), len(samples)),
+        select_rows(samples, left_out, settings.latitude_deg),
+        ground,
+        settings,
         source=(reference or along).source,
         direction=expect_direction(samples, along, settings.attitude),
-        rotation=np.eye(3),
         direction_e=find_direction_e(samples, along),
-        torquers=torquers,
-        scale_free=scale_free,
     )
-
-
-def _check(samples: Samples, ground: Calibration | None, settings: Settings) -> None:
-    check_ground(ground)
-    check_choice("solve", settings.solve, get_args(Solve))
-    check_choice("attitude", settings.attitude, get_args(Attitude))
-    if samples.time is None:
-        raise AgonicError("a fit in flight needs times; the log has none")
-    if ground is None and settings.solve != "full":
-        raise AgonicError(
-            f'solve="{settings.solve}" moves a ground calibration; give one, or solve "full"'
-        )
-    if settings.temperature_degree < 0:
-        raise AgonicError(
-            f"temperature_degree is {settings.temperature_degree}; 0 is none, 1 a straight line"
-        )
-    if settings.residual_limit is not None and not settings.residual_limit > 0:
-        raise AgonicError(f"residual_limit is {settings.residual_limit}; it is in nT, above 0")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
@@ -12,9 +13,10 @@ from agonic.calibration.base import Calibration, apply
 from agonic.calibration.chain import Chain
 from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
-from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.equation import polynomial
+from agonic.maths.equation.affine import model_basis
 from agonic.maths.one_pass import find_length, median
-from agonic.maths.rotations.polar import split_rotation
+from agonic.maths.rotations.vectors import skew
 from agonic.samples import Samples
 from agonic.units import RAW
 
@@ -31,7 +33,7 @@ def find_ground_affine(ground: Calibration | None, temperature_C: float) -> Affi
 
 def states_covariance(ground: Calibration) -> bool:
     """Whether any step of the calibration says how well its matrix is known."""
-    return any(_covariance(step, 0.0) is not None for step in steps_of(ground))
+    return any(getattr(step, "covariance", None) is not None for step in steps_of(ground))
 
 
 def has_free_scale(ground: Calibration) -> bool:
@@ -57,39 +59,71 @@ def bring_to_nT(ground: Calibration, samples: Samples, wanted: Array, used: Mask
     return replace(ground, matrix=factor * ground.matrix, covariance=known, unit_out="nT")
 
 
-def compute_shape_covariance(ground: Calibration, temperature_C: float) -> Array:
-    """Covariance (9, 9) of the errors of the ground's matrix, as the flight meets them.
+def find_order(ground: Calibration | None) -> int:
+    """The order over temperature of the errors that a ground calibration states; 0 for none."""
+    steps = () if ground is None else steps_of(ground)
+    return max(
+        (of.degree for of in steps if isinstance(of, Thermal) and of.covariance is not None),
+        default=0,
+    )
 
-    Where the true matrix is (1 + S)(1 + Ω) W, of xx yy zz xy xz yz of S, then of the rotation
-    vector of Ω, rad, which magnitudes do not tell. Zero where the ground states no covariance.
 
-    A step k behind others adds dW_k W_k⁻¹ and carries the errors before it as W_k dM W_k⁻¹.
+def compute_ground_covariance(ground: Calibration, temperatures_C: Array) -> Array:
+    """Covariance (12 t, 12 t) of the errors of the ground calibration, as the flight meets them.
+
+    Where the true field is (1 + S)(1 + Ω) u − e for the field u by the ground, those of each
+    temperature (t,) in turn: xx yy zz xy xz yz of S, the rotation vector of Ω, rad, which
+    magnitudes do not tell, and e, in the ground's unit. Zero where the ground states no covariance.
+
+    A step k behind others adds dW_k W_k⁻¹ and W_k db_k, and carries the errors before it as
+    W_k dM W_k⁻¹ and W_k e.
     """
-    whole = np.zeros((9, 9))
+    t = len(temperatures_C)
+    whole = np.zeros((12 * t, 12 * t))
     for step in steps_of(ground):
-        held = step.at(temperature_C) if isinstance(step, Thermal) else step
-        matrix = held.matrix if isinstance(held, Affine) else None
-        if matrix is None:
-            rotation = getattr(held, "rotation", None)
-            matrix = np.eye(3) if rotation is None else rotation.as_matrix()
-        inverse = np.linalg.inv(matrix)
-        carried = np.kron(matrix, inverse.T)
+        matrices = [_find_matrix(step, float(one)) for one in temperatures_C]
+        carried = block_diag(*(block_diag(np.kron(w, np.linalg.inv(w).T), w) for w in matrices))
         whole = carried @ whole @ carried.T
-        covariance = _covariance(step, temperature_C)
-        if covariance is not None:
-            assert isinstance(held, Affine)
-            own = np.kron(np.eye(3), inverse.T) @ model_basis("full", held.gauge)[3:, 3:]
-            whole += own @ covariance @ own.T
-    free = np.zeros((12, 12))
-    onto = model_basis("full", FREE)[3:, 3:].T
-    free[3:, 3:] = onto @ whole @ onto.T
-    return split_rotation(np.eye(3), free, FREE)[1].covariance[3:, 3:]
+        if isinstance(step, (Affine, Thermal)) and step.covariance is not None:
+            own = _differentiate(step, temperatures_C, matrices)
+            whole += own @ step.covariance[: own.shape[1], : own.shape[1]] @ own.T
+    onto = np.kron(np.eye(t), SHAPE)
+    return np.asarray(onto @ whole @ onto.T)
 
 
-def _covariance(step: Calibration, temperature_C: float) -> Array | None:
-    """That of the matrix entries of a step in its gauge, (6, 6) or (9, 9); None if not known."""
+def _find_matrix(step: Calibration, temperature_C: float) -> Array:
+    """What a step multiplies readings by at a temperature."""
     held = step.at(temperature_C) if isinstance(step, Thermal) else step
-    if not isinstance(held, Affine) or held.covariance is None:
-        return None
-    entries = 3 + model_basis("full", held.gauge)[3:, 3:].shape[1]
-    return held.covariance[3:entries, 3:entries]
+    if isinstance(held, Affine):
+        return held.matrix
+    rotation = getattr(held, "rotation", None)
+    return np.eye(3) if rotation is None else np.asarray(rotation.as_matrix())
+
+
+def _differentiate(step: Affine | Thermal, temperatures_C: Array, matrices: list[Array]) -> Array:
+    """Nine entries of the matrix and the error e of a step at each temperature by its parameters
+    of bias and matrix, (12 t, parameters)."""
+    basis, powers = model_basis("full", step.gauge), np.ones((len(matrices), 1))
+    if isinstance(step, Thermal):
+        x = polynomial.scale(temperatures_C, step.centre_C, step.half_range_C)
+        powers = polynomial.powers(x, step.degree)
+    rows = []
+    for w, power in zip(matrices, powers, strict=True):
+        entries = np.kron(np.eye(3), np.linalg.inv(w).T) @ basis[3:]
+        rows.append(np.kron(np.vstack([entries, w @ basis[:3]]), power))
+    return np.vstack(rows)
+
+
+def _split_shape() -> Array:
+    """From nine entries and e to xx yy zz xy xz yz of the symmetric part, the turn, and e."""
+    onto = np.zeros((12, 12))
+    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+        onto[k, 3 * i + j] += 0.5
+        onto[k, 3 * j + i] += 0.5
+    onto[6:9, :9] = skew(np.eye(3)).reshape(3, 9) / 2
+    onto[9:, 9:] = np.eye(3)
+    return onto
+
+
+SHAPE = _split_shape()
+"""The same for all."""

@@ -8,7 +8,7 @@ from typing import IO, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model, describe_missing
@@ -36,12 +36,10 @@ class Recording(Protocol):
 
 class Known(NamedTuple):
     """The magnitude at readings (n,), NaN where one is left out, and the direction (n, 3) of the
-    field in Earth-fixed axes, NaN where it is not known; in the first pass also the seconds since a
-    torquer was switched (n,)."""
+    field in Earth-fixed axes, None where it is not known."""
 
     magnitudes: Array
     direction_e: Array | None
-    since: Array | None = None
 
 
 def write_known(cache: IO[bytes], known: Known) -> None:
@@ -96,7 +94,7 @@ def scan_recording(
         known = known._replace(magnitudes=values)
         write_known(cache, known)
         switches = switches or Switches(list_dipoles(samples))
-        thin.add(samples, known._replace(since=switches.measure_since(samples)))
+        thin.add(samples, known, switches.measure_since(samples))
         clean &= not samples.rejected
         done += len(samples)
         count += int(np.isfinite(values).sum())
@@ -104,13 +102,12 @@ def scan_recording(
     if not done:
         raise LogError("the record is empty")
     require_enough(np.ones(count, dtype=bool))
-    samples, known = thin.whole()
+    samples, beside = thin.join()
     source = "the scalar instrument in the record" if scalar else model.source
     without = TRACK if clean else ()
-    assert known.since is not None
     return Scan(
-        samples, known.magnitudes, known.direction_e, known.since, thin.stride, count, step,
-        without, source,
+        samples, beside["magnitudes"], beside.get("direction_e"), beside["since"], thin.stride,
+        count, step, without, source,
     )  # fmt: skip
 
 
@@ -149,65 +146,49 @@ def _scalar(samples: Samples) -> Known:
 
 
 class _ThinnedRows:
-    """Rows of a record at even steps, never many more than `MOST`."""
+    """Rows of a record at even steps, never many more than `MOST`, with what is known of them."""
 
     def __init__(self) -> None:
         self.stride, self._seen = 1, 0
-        self._parts: list[_Part] = []
-        self._last: _Part | None = None
+        self._parts: list[_Columns] = []
+        self._last: _Columns = {}
+        self._first: Samples | None = None
 
-    def add(self, samples: Samples, known: Known) -> None:
+    def add(self, samples: Samples, known: Known, since: Array) -> None:
         """Take the rows of a piece whose turn it is."""
-        whole = _Part(samples, known, self._seen + np.arange(len(samples)))
-        self._parts += whole.every(self.stride)
-        self._last = whole.select(np.array([len(samples) - 1]))
+        number = self._seen + np.arange(len(samples))
+        beside = {"number": number, "since": since, **known._asdict()}
+        columns = {**samples.columns(), **{f"beside {k}": v for k, v in beside.items()}}
+        columns = {name: values for name, values in columns.items() if values is not None}
+        self._first = self._first or samples
+        self._parts.append(_select(columns, number % self.stride == 0))
+        self._last = _select(columns, number == number[-1])
         self._seen += len(samples)
-        while sum(len(part.number) for part in self._parts) > MOST:
+        while sum(len(part["time"]) for part in self._parts) > MOST:
             self.stride *= 2
-            self._parts = [few for part in self._parts for few in part.every(self.stride)]
+            self._parts = [_select(p, p["beside number"] % self.stride == 0) for p in self._parts]
 
-    def whole(self) -> tuple[Samples, Known]:
-        """All of them and the last row of the record, in one."""
-        parts = list(self._parts)
-        if self._last is not None and parts[-1].number[-1] != self._last.number[0]:
+    def join(self) -> tuple[Samples, _Columns]:
+        """All of them and the last row of the record, in one, and what was known beside them."""
+        assert self._first is not None, "the record is not empty"
+        parts = [part for part in self._parts if len(part["time"])]
+        if parts[-1]["beside number"][-1] != self._seen - 1:
             parts.append(self._last)
-        recorded = [part.samples.columns() for part in parts]
         columns = {
-            name: np.concatenate([one[name] for one in recorded])
-            for name in recorded[0]
-            if all(name in one for one in recorded)
+            name: np.concatenate([one[name] for one in parts])
+            for name in parts[0]
+            if all(name in one for one in parts)
         }
-        first = parts[0].samples
-        disturbers = {n: columns.pop(n) for n in tuple(columns) if n in first.disturbers}
-        own = dict.fromkeys(name for name in recorded[0] if name not in first.disturbers)
-        samples = first.with_columns(**{**own, **columns, "disturbers": disturbers})
-        outsides = [part.known.direction_e for part in parts if part.known.direction_e is not None]
-        known = Known(
-            np.concatenate([part.known.magnitudes for part in parts]),
-            np.concatenate(outsides) if len(outsides) == len(parts) else None,
-            np.concatenate([part.known.since for part in parts if part.known.since is not None]),
-        )
-        return samples, known
+        known = [f"beside {k}" for k in ("number", "since", *Known._fields)]
+        beside = {k.removeprefix("beside "): columns.pop(k) for k in [*columns] if k in known}
+        named = self._first.disturbers
+        disturbers = {name: columns.pop(name) for name in named if name in columns}
+        own = dict.fromkeys(name for name in parts[0] if name not in (*known, *named))
+        return self._first.with_columns(**{**own, **columns, "disturbers": disturbers}), beside
 
 
-class _Part(NamedTuple):
-    """Rows of a piece, with what is known of them and their number in the record."""
+_Columns = dict[str, Array]
 
-    samples: Samples
-    known: Known
-    number: Index
 
-    def select(self, rows: Index) -> _Part:
-        """Some of the rows."""
-        magnitudes, outside_e, since = self.known
-        some = Known(
-            magnitudes[rows],
-            None if outside_e is None else outside_e[rows],
-            None if since is None else since[rows],
-        )
-        return _Part(self.samples.select(rows), some, self.number[rows])
-
-    def every(self, stride: int) -> list[_Part]:
-        """Those whose number is a multiple; none, or one part."""
-        rows = np.flatnonzero(self.number % stride == 0)
-        return [self.select(rows)] if len(rows) else []
+def _select(columns: _Columns, rows: Mask) -> _Columns:
+    return {name: values[rows] for name, values in columns.items()}

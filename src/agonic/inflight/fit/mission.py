@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from tempfile import TemporaryFile
-from typing import IO, Literal, get_args
+from typing import IO, Literal
 
 import numpy as np
 
 from agonic.calibration.base import Calibration, apply
 from agonic.calibration.timing import find_timing
-from agonic.errors import AgonicError, check_choice
+from agonic.errors import AgonicError
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.allowances import allow_for_unseen
-from agonic.inflight.fit.covariance import Clock
+from agonic.inflight.fit.covariance import Clock, Estimate
 from agonic.inflight.fit.decay import leave_out_settling
-from agonic.inflight.fit.ground_errors import bring_to_nT, has_free_scale
 from agonic.inflight.fit.large_scan import (
     Known,
     Progress,
@@ -26,19 +25,13 @@ from agonic.inflight.fit.large_scan import (
     scan_recording,
 )
 from agonic.inflight.fit.prior import build_prior
-from agonic.inflight.fit.problem import Problem, Settings, Solve, check_ground, require_enough
+from agonic.inflight.fit.problem import Problem, Solve, make_settings, pose_problem
 from agonic.inflight.fit.result import InflightFit, build_result
-from agonic.inflight.fit.solve import (
-    Estimate,
-    add_covariance,
-    compute_residuals_of,
-    find_estimate,
-)
+from agonic.inflight.fit.solve import add_covariance, compute_residuals_of, find_estimate
 from agonic.inflight.fit.torquers import (
     Switches,
     is_on,
     is_settling,
-    leave_out_unmodelled,
 )
 from agonic.inflight.maths.residuals import Rows, residual_pieces
 from agonic.maths.estimation import leastsq
@@ -98,31 +91,34 @@ def fit_mission(
     >>> bool(np.abs(fit.change.bias - made.bias[-1]).max() < 5 * fit.sd[:3].max()), fit.n
     (True, 4000)
     """
-    settings = Settings(
-        solve=solve or ("full" if ground is None else "bias"),
+    settings = make_settings(
+        ground,
+        solve,
         drift_knots=drift_knots,
         latitude_deg=latitude_deg,
-        residual_limit=None,
         temperature_degree=temperature_degree,
         matrix_rate=matrix_rate,
-        sources=tuple(sources),
-        attitude="none",
+        sources=sources,
         gain_sd=gain_sd,
         soft_iron_sd=soft_iron_sd,
         robust=robust,
         seed=seed,
     )
     _check_sources(settings.sources)
-    check_ground(ground)
-    check_choice("solve", settings.solve, get_args(Solve))
-    if ground is None and settings.solve != "full":
-        raise AgonicError(
-            f'solve="{settings.solve}" moves a ground calibration; give one, or solve "full"'
-        )
     progress = progress or (lambda _name, _rows: None)
     with TemporaryFile() as cache:
         scan = scan_recording(recording, cache, scalar, settings, progress)
-        problem, thinned = find_estimate(_pose_thinned(scan, ground, settings))
+        problem, thinned = find_estimate(
+            pose_problem(
+                scan.samples,
+                scan.magnitudes,
+                np.isfinite(scan.magnitudes),
+                ground,
+                settings,
+                source=scan.source,
+                direction_e=scan.direction_e,
+            )
+        )
         settled = leave_out_settling(problem, thinned, scan.since, scan.step_s)
         if settled is not problem:
             problem, thinned = find_estimate(settled)
@@ -138,31 +134,6 @@ def _check_sources(sources: tuple[str, ...]) -> None:
             "constants of sources; name them as they are (readings while torquers settle are left "
             "out), or give one file that fits in memory"
         )
-
-
-def _pose_thinned(scan: Scan, ground: Calibration | None, settings: Settings) -> Problem:
-    """The fit in memory."""
-    known = np.isfinite(scan.magnitudes)
-    used, torquers = leave_out_unmodelled(scan.samples, settings.sources, known)
-    require_enough(used)
-    magnitude = float(scan.magnitudes[used].mean())
-    scale_free = ground is not None and has_free_scale(ground)
-    if ground is not None:
-        ground = bring_to_nT(ground, scan.samples, scan.magnitudes, used)
-    return Problem(
-        samples=scan.samples if ground is None else apply(ground, scan.samples),
-        wanted=np.where(known, scan.magnitudes, magnitude) / magnitude,
-        magnitude=magnitude,
-        used=used,
-        ground=ground,
-        settings=settings,
-        direction=None,
-        source=scan.source,
-        rotation=np.eye(3),
-        direction_e=scan.direction_e,
-        torquers=torquers,
-        scale_free=scale_free,
-    )
 
 
 def _solve_whole(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.base import Calibration
-from agonic.inflight.fit.ground_errors import compute_shape_covariance
+from agonic.inflight.fit.ground_errors import SHAPE, compute_ground_covariance, find_order
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.terms import Terms
 from agonic.inflight.maths.residuals import Layout
+from agonic.maths.equation import polynomial
 from agonic.maths.equation.affine import model_basis
 from agonic.maths.estimation import leastsq
 
@@ -25,62 +25,61 @@ UNIT = np.array([1.0, 1, 1, 0, 0, 0])
 FREED = {"bias": 0, "gains": 3, "full": 6}
 
 
-def compute_matrix_covariance(
-    ground: Calibration, temperature_C: float, solve: str, gain_sd: float, scale_free: bool
-) -> Array:
-    """Covariance (6, 6) of xx yy zz xy xz yz of the change about identity.
+def compute_prior_covariance(problem: Problem, terms: Terms, layout: Layout) -> Array:
+    """Covariance of xx yy zz xy xz yz of the change, then of the coefficients of all terms.
 
-    What the ground calibration was uncertain by, whatever is solved for, and `gain_sd`, by which
-    what is solved for may have moved since. All gains alike are free where the ground had no
-    magnitude to go by (`scale_free`).
+    What is solved for of the matrix may have moved by `gain_sd` since the ground; all gains alike
+    are free where that had no magnitude to go by (`scale_free`); terms that were asked for have the
+    scales above. To that the errors add that the ground calibration states, over temperature as
+    polynomials through as many temperatures of the record as they have coefficients.
     """
-    moved = np.full(6, FIXED)
-    moved[: FREED[solve]] = np.hypot(gain_sd, FIXED)
-    alike = SCALE_SD * UNIT * scale_free
-    own = compute_shape_covariance(ground, temperature_C)[:6, :6]
-    return own + np.diag(moved**2) + np.outer(alike, alike)
+    asked, kb, km = problem.settings, layout.bias_terms, layout.matrix_terms
+    freed = np.arange(6) < FREED[asked.solve]
+    bias = np.full((3, kb), TERM_SD)
+    bias[:, terms.splines + asked.temperature_degree : terms.splines + terms.degree] = 0.0
+    matrix = np.full((6, km), MATRIX_TERM_SD) * freed[:, None]
+    matrix[:, asked.temperature_degree : terms.matrix_degree] = 0.0
+    alone = np.concatenate([np.where(freed, asked.gain_sd, 0.0), bias.ravel(), matrix.ravel()])
+    covariance = np.diag(alone**2 + FIXED**2)
+    if problem.ground is None:
+        covariance[range(6), range(6)] = (asked.soft_iron_sd or 1 / FIXED) ** 2
+        return covariance
+    covariance[:6, :6] += np.outer(UNIT, UNIT) * (SCALE_SD * problem.scale_free) ** 2
+    order = find_order(problem.ground)
+    x = np.cos(np.pi * (np.arange(order + 1) + 0.5) / (order + 1))
+    at_C = terms.centre_C + terms.half_range_C * x
+    by_power = np.kron(np.linalg.inv(polynomial.powers(x, order)), np.eye(12))
+    ground = by_power @ compute_ground_covariance(problem.ground, at_C) @ by_power.T
+    axes, entries = np.arange(3), np.arange(6)
+    of_ground, own = [entries], [entries]
+    for power in range(1, order + 1):
+        of_ground += [12 * power + entries, 12 * power + 9 + axes]
+        own += [6 + 3 * kb + km * entries + power - 1, 6 + kb * axes + terms.splines + power - 1]
+    some, here = np.concatenate(of_ground), np.concatenate(own)
+    size = np.where(some % 12 < 6, 1.0, 1.0 / problem.magnitude)
+    covariance[np.ix_(here, here)] += ground[np.ix_(some, some)] * np.outer(size, size)
+    return covariance
 
 
 def build_prior(problem: Problem, terms: Terms, layout: Layout) -> leastsq.Prior:
     """Gaussian prior on the matrix and on all terms; bias and turn are free.
 
-    Residuals L⁻¹(S − identity) over the six symmetric entries with a ground calibration, LLᵀ the
-    covariance of `compute_matrix_covariance`; (S/g − identity)/soft_iron_sd with g = tr S/3
-    without; and coefficients over their own.
+    Residuals L⁻¹(S − identity, terms) over the six symmetric entries and the coefficients, LLᵀ the
+    covariance of `compute_prior_covariance`; without a ground calibration of S/g, g = tr S/3.
     """
-    ground, asked = problem.ground, problem.settings
     m, c = layout.parameters, layout.constants
     shape = np.zeros((6, m))
-    shape[:, :c] = _symmetric() @ model_basis("full", layout.gauge)
+    shape[:, :c] = SHAPE[:6, :9] @ model_basis("full", layout.gauge)[3:]
     mean = shape[:3].mean(axis=0)
-    whiten = np.eye(6) / (asked.soft_iron_sd or np.inf)
-    if ground is not None:
-        moved = (asked.solve, asked.gain_sd, problem.scale_free)
-        covariance = compute_matrix_covariance(ground, terms.centre_C, *moved)
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    matrix_term_sd = np.where(np.arange(6) < FREED[asked.solve], MATRIX_TERM_SD, FIXED)
-    term_sd = np.concatenate(
-        [np.full(3 * layout.bias_terms, TERM_SD), np.repeat(matrix_term_sd, layout.matrix_terms)]
-    )
+    whiten = np.linalg.inv(np.linalg.cholesky(compute_prior_covariance(problem, terms, layout)))
 
     def residuals(params: Array) -> tuple[Array, Array]:
-        gain = 1.0 if ground is not None else float(mean @ params)
+        gain = float(mean @ params) if problem.ground is None else 1.0
         entries = shape @ params / gain
-        jacobian = np.zeros((6 + m - c, m))
+        jacobian = np.eye(6 + m - c, m, c - 6)
         jacobian[:6] = shape / gain
-        if ground is None:
+        if problem.ground is None:
             jacobian[:6] -= np.outer(entries, mean) / gain
-        jacobian[:6] = whiten @ jacobian[:6]
-        jacobian[6:, c:] = np.diag(1 / term_sd)
-        return np.concatenate([whiten @ (entries - UNIT), params[c:] / term_sd]), jacobian
+        return whiten @ np.concatenate([entries - UNIT, params[c:]]), whiten @ jacobian
 
     return residuals
-
-
-def _symmetric() -> Array:
-    """From the twelve local numbers to xx yy zz xy xz yz of the symmetric part, (6, 12)."""
-    onto = np.zeros((6, 12))
-    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-        onto[k, 3 + 3 * i + j] += 0.5
-        onto[k, 3 + 3 * j + i] += 0.5
-    return onto

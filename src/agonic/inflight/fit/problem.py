@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, get_args
+
+import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, apply
 from agonic.calibration.network import Network
 from agonic.calibration.steps import find_step
-from agonic.errors import AgonicError, CoverageError
+from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import FEWEST, find_usable_rows
+from agonic.inflight.fit.ground_errors import bring_to_nT, find_order, has_free_scale
 from agonic.inflight.fit.terms import Terms, build_terms
-from agonic.inflight.fit.torquers import Torquers
+from agonic.inflight.fit.torquers import Torquers, leave_out_unmodelled
 from agonic.inflight.maths.residuals import Rows
 from agonic.samples import Samples
 
@@ -76,11 +80,12 @@ class Problem:
     def terms(self, intervals: int) -> Terms:
         """The terms with so many intervals of the bias in time."""
         asked = self.settings
+        order = find_order(self.ground)
         return build_terms(
             self.samples,
             intervals,
-            degree=asked.temperature_degree,
-            of_matrix=asked.solve != "bias",
+            degree=max(asked.temperature_degree, order),
+            of_matrix=order > 0 or asked.solve != "bias",
             rate=asked.matrix_rate,
             sources=asked.sources,
         )
@@ -99,15 +104,81 @@ class Problem:
         )
 
 
-def check_ground(ground: Calibration | None) -> None:
-    """Raise `AgonicError` for a ground calibration that bias and matrix cannot be added to."""
-    if ground is None:
-        return
-    if find_step(ground, Network) is not None:
+def make_settings(
+    ground: Calibration | None,
+    solve: Solve | None,
+    *,
+    sources: Sequence[str],
+    residual_limit: float | None = None,
+    attitude: Attitude = "none",
+    **asked: Any,
+) -> Settings:
+    """What was asked for, checked; `solve` is by default "bias" with a ground calibration and
+    "full" without.
+
+    Raises `AgonicError` for what makes no sense, and for a ground calibration that bias and matrix
+    cannot be added to.
+    """
+    if isinstance(sources, str):
+        raise AgonicError(f'sources is "{sources}"; give a list of columns, as ["current_A"]')
+    if ground is not None and find_step(ground, Network) is not None:
         raise AgonicError(
             "the ground calibration is a network, which gives the field without a bias and a "
             "matrix that could move in flight; give its base, or train it again with `retrain`"
         )
+    solve = solve or ("full" if ground is None else "bias")
+    check_choice("solve", solve, get_args(Solve))
+    check_choice("attitude", attitude, get_args(Attitude))
+    if ground is None and solve != "full":
+        raise AgonicError(f'solve="{solve}" moves a ground calibration; give one, or solve "full"')
+    if asked["temperature_degree"] < 0:
+        raise AgonicError(
+            f"temperature_degree is {asked['temperature_degree']}; 0 is none, 1 a straight line"
+        )
+    if residual_limit is not None and not residual_limit > 0:
+        raise AgonicError(f"residual_limit is {residual_limit}; it is in nT, above 0")
+    return Settings(
+        solve=solve,
+        sources=tuple(sources),
+        residual_limit=residual_limit,
+        attitude=attitude,
+        **asked,
+    )
+
+
+def pose_problem(
+    samples: Samples,
+    magnitudes: Array,
+    used: Mask,
+    ground: Calibration | None,
+    settings: Settings,
+    *,
+    source: str,
+    direction: ExpectedDirection | None = None,
+    direction_e: Array | None = None,
+) -> Problem:
+    """The problem of samples in fields of `magnitudes` (n,), nT, by the rows `used` in which no
+    torquer is on that the sources do not name. Raises `CoverageError` where few are left."""
+    used, torquers = leave_out_unmodelled(samples, settings.sources, used)
+    require_enough(used)
+    magnitude = float(magnitudes[used].mean())
+    scale_free = ground is not None and has_free_scale(ground)
+    if ground is not None:
+        ground = bring_to_nT(ground, samples, magnitudes, used)
+    return Problem(
+        samples=samples if ground is None else apply(ground, samples),
+        wanted=np.where(np.isfinite(magnitudes), magnitudes / magnitude, 1.0),
+        magnitude=magnitude,
+        used=used,
+        ground=ground,
+        settings=settings,
+        source=source,
+        direction=direction,
+        rotation=np.eye(3),
+        direction_e=direction_e,
+        torquers=torquers,
+        scale_free=scale_free,
+    )
 
 
 def select_rows(

@@ -19,11 +19,12 @@ from agonic.calibration.thermal import Thermal
 from agonic.fit import Channel
 from agonic.health import Finding, Judged
 from agonic.inflight.fit import calibration as saved
-from agonic.inflight.fit.drift import Drift
+from agonic.inflight.fit.covariance import Estimate
 from agonic.inflight.fit.ground_errors import find_ground_affine
 from agonic.inflight.fit.pointing import find_eclipse
 from agonic.inflight.fit.problem import Problem
-from agonic.inflight.fit.solve import Estimate, compute_residuals_of, rotation_of
+from agonic.inflight.fit.solve import compute_residuals_of, rotation_of
+from agonic.inflight.fit.terms import Drift
 from agonic.inflight.maths.residuals import correct
 from agonic.maths.equation.affine import model_basis, split
 from agonic.samples import Samples

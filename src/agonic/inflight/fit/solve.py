@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
-from agonic.inflight.fit.covariance import OF_EARTH, Clock, compute_covariance
+from agonic.inflight.fit.covariance import OF_EARTH, Clock, Estimate, compute_covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
-from agonic.inflight.fit.terms import Terms
+from agonic.inflight.fit.terms import DEGREE, Terms
 from agonic.inflight.maths.correlated_errors import CorrelatedError
 from agonic.inflight.maths.residuals import (
     KINDS,
     Layout,
     Rows,
     Source,
-    compute_residuals,
     correct,
+    find_residuals,
     residual_pieces,
 )
 from agonic.maths.equation import maximum_likelihood
@@ -72,44 +71,17 @@ EXTERNAL_NT, EXTERNAL_S = 15.0, 7200.0
 """Currents outside the Earth on a quiet day, each Earth-fixed axis, and how long they keep."""
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
-_PATIENCE = 30  # steps of a fit that only foretells
 _ROUNDS = 5
-
-
-class Estimate(NamedTuple):
-    """The solution, and of each kind the noise, the residuals, and the correlated errors, in units
-    of the magnitude; `sds` as `compute_residuals` takes them; `held_out` the held-out error, nT, by
-    the number of intervals tried."""
-
-    solution: leastsq.Solution
-    layout: Layout
-    terms: Terms
-    noise: dict[str, Noise]
-    sds: dict[str, float]
-    residuals: dict[str, Array]
-    errors: dict[str, tuple[CorrelatedError, ...]]
-    held_out: dict[int, float]
-
-    @property
-    def weight(self) -> Array:
-        """What the robust losses left of each reading, the least of its kinds."""
-        weights = [
-            noise.loss.weight((self.residuals[kind] / noise.sd) ** 2)
-            for kind, noise in self.noise.items()
-        ]
-        return np.asarray(np.minimum.reduce(weights))
 
 
 def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     """The estimate, and the problem with the rows and the rotation that were settled on the way."""
     first = find_start(problem)
     plain = replace(problem, direction=None)
-    intervals, held_out = choose_intervals(
-        problem.settings.drift_knots,
-        problem.used,
-        lambda used, k: fit_held_out(plain, first, used, k),
+    estimate, held_out = choose_intervals(
+        plain, lambda intervals: fit_rows(plain, first, problem.used, intervals)
     )
-    estimate = fit_rows(plain, first, problem.used, intervals)
+    intervals = max(estimate.terms.splines - DEGREE + 1, 0)
     limit = problem.settings.residual_limit
     for _ in range(_ROUNDS if limit is not None else 0):
         assert limit is not None
@@ -189,25 +161,13 @@ def find_start(problem: Problem) -> Array:
     return found.solution.params
 
 
-def fit_rows(
-    problem: Problem, first: Array, used: Mask, intervals: int, patience: int = 60
-) -> Estimate:
+def fit_rows(problem: Problem, first: Array, used: Mask, intervals: int) -> Estimate:
     """The estimate from some of the rows with so many intervals of the bias in time."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
     layout = Layout(gauge, terms.bias_count, terms.matrix_count)
     start = _start_params(layout, first)
-    return refine(problem, problem.rows(terms).select(used), layout, terms, start, patience)
-
-
-def fit_held_out(problem: Problem, first: Array, used: Mask, intervals: int) -> Array:
-    """The magnitude's residuals (n,) of every row, nT, about a fit to some of them.
-
-    Many intervals leave directions so open that their numbers creep along for a hundred steps,
-    long after what they foretell has settled.
-    """
-    estimate = fit_rows(problem, first, used, intervals, _PATIENCE)
-    return compute_residuals_of(problem, estimate, "magnitude") * problem.magnitude
+    return refine(problem, problem.rows(terms).select(used), layout, terms, start)
 
 
 def _start_params(layout: Layout, first: Array) -> Array:
@@ -225,10 +185,8 @@ def refine(
     layout: Layout,
     terms: Terms,
     params: Array,
-    patience: int = 60,
 ) -> Estimate:
-    """The minimum from a near start, noise and correlation of each kind from its residuals, in as
-    many steps as patience lasts."""
+    """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
     kinds = KINDS if problem.direction is not None else KINDS[:1]
     prior = build_prior(problem, terms, layout)
@@ -236,7 +194,7 @@ def refine(
     def source() -> list[Rows]:
         return [rows]
 
-    seen = {kind: compute_residuals(rows, kind, params, layout)[0] for kind in kinds}
+    seen = {kind: find_residuals(rows, kind, params, layout) for kind in kinds}
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
@@ -253,9 +211,7 @@ def refine(
             )
             for kind, of in noise.items()
         ]
-        solution = leastsq.solve_together(
-            channels, params, prior=prior, tolerance=1e-2, max_iterations=patience
-        )
+        solution = leastsq.solve_together(channels, params, prior=prior, tolerance=1e-2)
         params = solution.params
         parts = np.split(solution.residuals, len(noise))
         seen = dict(zip(noise, parts, strict=True))
@@ -273,8 +229,7 @@ def compute_residuals_of(problem: Problem, estimate: Estimate, kind: str) -> Arr
     """The residuals of every row, (n,)."""
     rows = problem.rows(estimate.terms)
     sd = 0.0 if kind == "magnitude" else estimate.sds[kind]
-    parts = residual_pieces(lambda: [rows], kind, estimate.layout, sd)(estimate.solution.params)
-    return np.concatenate([r for r, _ in parts])
+    return find_residuals(rows, kind, estimate.solution.params, estimate.layout, sd)
 
 
 def rotation_of(estimate: Estimate) -> Array:

@@ -60,21 +60,24 @@ class Sums(NamedTuple):
         residuals: Array,
         jacobian: Array,
         directions: Sequence[Array],
+        onto: Array | None = None,
     ) -> None:
-        """Add readings; `stretch` (n,) in order of time says where each belongs."""
+        """Add readings; `stretch` (n,) in order of time says where each belongs; `onto` makes the
+        columns of `jacobian` those of the parameters."""
         starts = np.flatnonzero(np.diff(stretch, prepend=-1))
         here = stretch[starts]
         for into, values in (
             (self.weight, weights),
             (self.square, weights**2),
             (self.residual, weights * residuals),
-            (self.jacobian, weights[:, None] * jacobian),
             *(
                 (into, weights[:, None] * d)
                 for into, d in zip(self.directions, directions, strict=True)
             ),
         ):
             into[here] += np.add.reduceat(values, starts, axis=0)
+        columns = np.add.reduceat(weights[:, None] * jacobian, starts, axis=0)
+        self.jacobian[here] += columns if onto is None else columns @ onto
 
 
 class CorrelatedError(NamedTuple):

@@ -61,8 +61,9 @@ class Rows(NamedTuple):
 
 Source = Callable[[], Iterable[Rows]]
 """Gives all readings, piece by piece, each time it is called."""
-Watch = Callable[[Rows, Array, Array], None]
-"""Is shown a block of readings with their residuals and Jacobian."""
+Watch = Callable[[Rows, Array, Array, Array], None]
+"""Is shown a block of readings with their residuals, few columns, and what makes these the
+Jacobian, as the solver takes them."""
 
 
 class Layout(NamedTuple):
@@ -125,16 +126,22 @@ def residual_pieces(
 ) -> leastsq.Pieces:
     """The residuals of one kind, block by block, for the solver; `watch` sees each block."""
 
-    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
+    def blocks(params: Array) -> Iterator[tuple[Array, Array, Array]]:
         for rows in source():
             for start in range(0, len(rows.points), _ROWS):
                 block = rows.select(slice(start, start + _ROWS))
-                r, jacobian = compute_residuals(block, kind, params, layout, sd)
+                found = _linearise(block, kind, params, layout, sd)
                 if watch is not None:
-                    watch(block, r, jacobian)
-                yield r, jacobian
+                    watch(block, *found)
+                yield found
 
     return blocks
+
+
+def find_residuals(rows: Rows, kind: str, params: Array, layout: Layout, sd: float = 0.0) -> Array:
+    """The residuals alone, as `compute_residuals` has them."""
+    parts = residual_pieces(lambda: [rows], kind, layout, sd)(params)
+    return np.concatenate([part[0] for part in parts])
 
 
 def compute_residuals(
@@ -149,6 +156,15 @@ def compute_residuals(
 
     has the noise of the readings everywhere, and the noise in its own Jacobian makes no bias.
     """
+    r, few, onto = _linearise(rows, kind, params, layout, sd)
+    return r, few @ onto
+
+
+def _linearise(
+    rows: Rows, kind: str, params: Array, layout: Layout, sd: float
+) -> tuple[Array, Array, Array]:
+    """Residuals (n,) and few columns (n, l) with what makes them the Jacobian, (l, m): terms that
+    stay the same in all of the rows, as those of a spline far away, are so much of the bias."""
     basis = model_basis("full", layout.gauge)
     bias, matrix = split(basis @ params[: layout.constants])
     raw = rows.points
@@ -164,12 +180,20 @@ def compute_residuals(
         r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
     else:
         r, by_local = _row_by_row(raw - bias, each, rows.wanted, sd)
-    parts = [by_local @ basis]
-    if layout.bias_terms:
-        parts.append(expand_covariates(by_local[:, :3], rows.bias_terms))
-    if layout.matrix_terms:
-        parts.append(expand_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms))
-    return r, np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+    moving = np.ptp(rows.bias_terms, axis=0) > 0
+    columns = [
+        by_local @ basis,
+        expand_covariates(by_local[:, :3], rows.bias_terms[:, moving]),
+        expand_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms),
+    ]
+    c = layout.constants
+    onto = np.eye(layout.parameters)
+    onto[:3, c : c + 3 * layout.bias_terms] = np.kron(
+        np.eye(3), np.where(moving, 0.0, rows.bias_terms[0])
+    )
+    kept = np.ones(layout.parameters, dtype=bool)
+    kept[c : c + 3 * layout.bias_terms] = np.tile(moving, 3)
+    return r, np.concatenate(columns, axis=1), onto[kept]
 
 
 def turn_directions(rows: Rows, kind: str) -> Array:

@@ -14,9 +14,9 @@ from agonic.calibration.decomposition import decompose
 from agonic.calibration.interference import signals
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.report import figures, tables
-from agonic.inflight.report.causes import explain
 from agonic.inflight.report.direction import describe_direction, describe_sources
 from agonic.inflight.report.flight import Flight, flight_of_fit
+from agonic.inflight.report.tables import explain
 from agonic.report.digits import NO_BREAK, count, group_digits, quantity, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import per_label, unit_label

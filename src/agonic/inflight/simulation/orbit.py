@@ -37,6 +37,39 @@ from agonic.simulation.draws import draw_directions
 from agonic.simulation.thermal import random_drifting
 from agonic.units import RAW
 
+MAGNITUDES = (20_000.0, 55_000.0)
+"""Fields of the coil, nT: those that an orbit meets."""
+SWEEP_S = 600.0
+
+
+def simulate_ground(
+    made: SimulatedOrbit, *, n: int = 4000, noise: float = 100.0, seed: int = 0
+) -> tuple[Samples, Array]:
+    """Readings of the same sensor in a coil, and the field (n, 3), body axes, nT.
+
+    The field points in all directions with the magnitudes of an orbit, while the temperature is
+    swept over −30 to 50 °C and back every ten minutes.
+
+    Parameters: `n` readings, one a second; `noise` of each on an axis, nT; `seed` of both.
+    """
+    rng = np.random.default_rng((seed, 7))
+    time = np.arange(float(n))
+    low, high = RANGE_C
+    temperature = (low + high) / 2 - (high - low) / 2 * np.cos(2 * np.pi * time / SWEEP_S)
+    field_m = draw_directions(rng, n) * rng.uniform(*MAGNITUDES, (n, 1))
+    matrix, bias = made.ground.matrix_at(temperature), made.ground.bias_at(temperature)
+    raw = np.linalg.solve(matrix, field_m[..., None])[..., 0] + bias
+    samples = Samples(
+        time=time,
+        field=raw + noise * rng.standard_normal((n, 3)),
+        unit="nT",
+        temperature=temperature,
+        name=made.samples.name,
+        notes=("simulated",),
+    )
+    return samples, np.asarray(made.rot_bm.apply(field_m))
+
+
 POINTINGS = ("nadir", "tumble")
 DIPOLE_AM2 = 0.2
 """Dipole of a simulated torquer in a pulse."""

@@ -14,7 +14,9 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.maths.estimation.loss import Loss, squares
 
-Pieces = Callable[[Array], Iterable[tuple[Array, Array]]]
+Pieces = Callable[[Array], Iterable[tuple[Array, ...]]]
+"""From parameters to residuals (n,) and Jacobians (n, m); or few columns (n, l) and what makes them
+the Jacobian, (l, m)."""
 Prior = Callable[[Array], tuple[Array, Array]]
 
 _TINY = float(np.finfo(float).tiny)
@@ -74,13 +76,16 @@ def accumulate(
     m = len(params)
     cost, weight, curvature, scatter, count = 0.0, 0.0, 0.0, 0.0, 0
     gradient, information, kept = np.zeros(m), np.zeros((m, m)), [np.empty(0)]
-    for residuals, jacobian in pieces(params):
+    for residuals, jacobian, *onto in pieces(params):
         z = residuals / scale
         q = z * z
         w = loss.weight(q)
         weighted = jacobian.T * w
-        gradient += weighted @ z
-        information += weighted @ jacobian
+        slope, square = weighted @ z, weighted @ jacobian
+        for by in onto:
+            slope, square = slope @ by, by.T @ square @ by
+        gradient += slope
+        information += square
         cost += float(loss.value(q).sum())
         weight += float(w.sum())
         curvature += float(loss.curvature(q).sum())
@@ -286,20 +291,16 @@ def find_covariance(
 
 def inverse(information: Array) -> Array:
     """The inverse of information matrices; directions without information get a huge variance."""
-    size = np.sqrt(np.maximum(np.abs(_diagonal(information)), 1e-100))
+    size = np.sqrt(np.maximum(np.abs(np.diagonal(information, axis1=-2, axis2=-1)), 1e-100))
     outer = size[..., :, None] * size[..., None, :]
     values, vectors = np.linalg.eigh(information / outer)
     values = np.maximum(values, 1e-15 * np.maximum(values[..., -1:], 1.0))
     return np.asarray((vectors / values[..., None, :]) @ np.swapaxes(vectors, -1, -2) / outer)
 
 
-def _diagonal(matrix: Array) -> Array:
-    return np.asarray(np.diagonal(matrix, axis1=-2, axis2=-1))
-
-
 def condition(information: Array) -> Array:
     """Condition number of information matrices scaled to a unit diagonal."""
-    size = np.sqrt(np.maximum(np.abs(_diagonal(information)), 1e-100))
+    size = np.sqrt(np.maximum(np.abs(np.diagonal(information, axis1=-2, axis2=-1)), 1e-100))
     values = np.linalg.eigvalsh(information / (size[..., :, None] * size[..., None, :]))
     largest = np.maximum(values[..., -1], 1.0)
     return np.asarray(largest / np.maximum(values[..., 0], np.finfo(float).eps * largest))
