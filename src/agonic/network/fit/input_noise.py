@@ -9,6 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import measure_width
+from agonic.calibration.network import Network
 from agonic.calibration.thermal import Thermal
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.network.fit.problem import Problem
@@ -21,6 +22,11 @@ class Scale(NamedTuple):
     input_half: Array
     output_middle: Array
     output_half: float
+
+    @classmethod
+    def of(cls, network: Network) -> Scale:
+        """Those of a network."""
+        return cls(*(getattr(network, name) for name in cls._fields))
 
 
 class Noiseless(NamedTuple):

@@ -69,7 +69,7 @@ def scale_problem(problem: Problem, rows: Index, start: Network | None = None) -
     field = problem.apply_base(base.calibration, rows)
     target = -compute_errors(field, problem.wanted[rows])
     used = _select_near(target, settings.robust)
-    scale = _find_scale(problem, rows[used], target[used]) if start is None else _scale_from(start)
+    scale = _find_scale(problem, rows[used], target[used]) if start is None else Scale.of(start)
     scaled = levenberg_marquardt.Problem(
         x=(problem.inputs[rows] - scale.input_middle) / scale.input_half,
         target=(target - scale.output_middle) / scale.output_half,
@@ -125,10 +125,6 @@ def _find_scale(problem: Problem, rows: Index, target: Array) -> Scale:
     least, most = target.min(axis=0), target.max(axis=0)
     whole = float((most - least).max()) / 2
     return Scale((low + high) / 2, half, (least + most) / 2, whole or 1.0)
-
-
-def _scale_from(start: Network) -> Scale:
-    return Scale(start.input_middle, start.input_half, start.output_middle, start.output_half)
 
 
 def _train_until_settled(
