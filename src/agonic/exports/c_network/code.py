@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from agonic.calibration.network import Network
 from agonic.exports.c_network.parts import Parts
+from agonic.exports.firmware.c_text import fill_template
 
 
 def name_beside(parts: Parts, signal: str) -> str:
@@ -60,108 +61,40 @@ def write_read(parts: Parts, name: str) -> str:
         text = write_affine(f"{name}_before", "raw", "reading")
     if parts.base is None:
         return text
-    p, count = parts.table.shape
-    lines = [f"        float value[{count}];", "        float d[3];"]
-    if parts.warm:
-        at = name_beside(parts, "temperature")
-        lines += [
-            f"        const float kept = fminf(fmaxf({at}, {name}_base_C[2]), {name}_base_C[3]);",
-            f"        const float t = (kept - {name}_base_C[0]) / {name}_base_C[1];",
-            f"        inside = {at} >= {name}_base_C[2] && {at} <= {name}_base_C[3];",
-        ]
-    if parts.base.signals:
-        values = ", ".join(name_beside(parts, signal) for signal in parts.base.signals)
-        lines.append(f"        const float signal[{len(parts.base.signals)}] = {{{values}}};")
-    lines += [
-        f"        for (i = 0; i < {count}; i++) {{",
-        f"            value[i] = AGONIC_READ({name}_base[{p - 1}][i]);",
-    ]
-    if p > 1:
-        lines += [
-            f"            for (k = {p - 2}; k >= 0; k--) {{",
-            f"                value[i] = value[i] * t + AGONIC_READ({name}_base[k][i]);",
-            "            }",
-        ]
-    lines += [
-        "        }",
-        "        for (i = 0; i < 3; i++) {",
-        "            d[i] = reading[i] - value[i];",
-    ]
-    if parts.base.signals:
-        s = len(parts.base.signals)
-        lines += [
-            f"            for (k = 0; k < {s}; k++) {{",
-            f"                d[i] -= value[12 + {s} * i + k] * signal[k];",
-            "            }",
-        ]
-    lines += [
-        "        }",
-        "        for (i = 0; i < 3; i++) {",
-        "            const float *row = value + 3 + 3 * i;",
-        "            out[i] = row[0] * d[0] + row[1] * d[1] + row[2] * d[2];",
-        "        }",
-    ]
-    return text + "    {\n" + "\n".join(lines) + "\n    }\n"
+    powers, count = parts.table.shape
+    names = parts.base.signals
+    values = {
+        "name": name,
+        "count": str(count),
+        "last": str(powers - 1),
+        "at": name_beside(parts, "temperature") if parts.warm else "",
+        "signals": str(len(names)),
+    }
+
+    def part(word: str, there: bool) -> str:
+        return fill_template(f"headers/network_{word}.h.in", values) if there else ""
+
+    given = ", ".join(name_beside(parts, signal) for signal in names)
+    more = {
+        "warm": part("warm", parts.warm),
+        "powers": part("powers", powers > 1),
+        "sources": part("sources", bool(names)),
+        "signals": f"        const float signal[{len(names)}] = {{{given}}};\n" if names else "",
+    }
+    return text + fill_template("headers/network_base.h.in", values | more)
 
 
 def write_combine(parts: Parts, name: str) -> str:
     """The C that finds the distance from the training, and bounds, guards and adds."""
     network = parts.network
-    return f"""\
-    {{
-        float nearest = 0.0f;
-        float s;
-        for (k = 0; k < {len(network.centres)}; k++) {{
-            float square = 0.0f;
-            for (i = 0; i < {network.shape.inputs}; i++) {{
-                const float d = x[i] - AGONIC_READ({name}_centres[k][i]);
-                square += d * d;
-            }}
-            if (k == 0 || square < nearest) {{
-                nearest = square;
-            }}
-        }}
-        s = sqrtf(nearest) / {name}_reach - 1.0f;
-        if (!(s < 1.0f)) {{ /* also where an input is not a number */
-            s = 1.0f;
-        }} else if (s < 0.0f) {{
-            s = 0.0f;
-        }}
-{_adding(network, name)}        inside = inside && s <= 0.5f;
-    }}
-"""
-
-
-def _adding(network: Network, name: str) -> str:
-    """The C that makes the field of base and correction."""
-    if network.base is None:
-        return "        for (i = 0; i < 3; i++) {\n            out[i] = added[i];\n        }\n"
-    lines = [
-        "        if (s < 1.0f) {",
-        "            float g = 1.0f - s * s * (3.0f - 2.0f * s);",
-        "            float size = 0.0f;",
-        f"            for (i = 0; i < {network.shape.outputs}; i++) {{",
-        "                size += added[i] * added[i];",
-        "            }",
-        "            size = sqrtf(size);",
-        f"            if (size > {name}_bound) {{",
-        f"                g *= {name}_bound / size;",
-        "            }",
-    ]
-    onto = "out[i] += g * added[i];"
-    if network.target == "magnitude":
-        lines += [
-            "            size = sqrtf(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]);",
-            "            g *= size > 0.0f ? added[0] / size : 0.0f;",
-        ]
-        onto = "out[i] += g * out[i];"
-    lines += [
-        "            for (i = 0; i < 3; i++) {",
-        f"                {onto}",
-        "            }",
-        "        }",
-    ]
-    return "\n".join(lines) + "\n"
+    kind = "alone" if network.base is None else network.target
+    values = {
+        "name": name,
+        "centres": str(len(network.centres)),
+        "inputs": str(network.shape.inputs),
+    }
+    values["adding"] = fill_template(f"headers/network_{kind}.h.in", values)
+    return fill_template("headers/network_guard.h.in", values)
 
 
 def write_field(parts: Parts, name: str) -> str:
