@@ -18,7 +18,7 @@ from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
-from agonic.network.fit.problem import compute_errors, find_vectors
+from agonic.network.fit.problem import compute_errors, find_known_field
 from agonic.network.retraining.posterior import describe_prior, train_on
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -32,7 +32,8 @@ def take_samples(
 
     Raises `UnitError`, `FrameError`, `LogError` or `AgonicError` where they do not fit the state.
     """
-    wanted, frame_out = _find_known_field(samples, reference, params, state)
+    ends_in = samples.frame if state.running is None else state.frame_out
+    wanted, frame_out = find_known_field(samples, reference, params.target, ends_in)
     if state.n == 0 and state.running is None:
         state = replace(
             state,
@@ -102,17 +103,6 @@ def _columns(samples: Samples, names: Iterable[str]) -> dict[str, Array]:
             f"{samples.name}: the samples have no {', '.join(missing)}, which the network takes"
         )
     return {name: there[name] for name in names}
-
-
-def _find_known_field(
-    samples: Samples, reference: Reference, params: RetrainerParams, state: RetrainerState
-) -> tuple[Array, str]:
-    """The field (n, 3) or magnitude (n, 1) known at each reading, and its axes."""
-    if params.target == "vector":
-        return find_vectors(samples, reference)
-    n = len(samples)
-    wanted = np.array(np.broadcast_to(reference.magnitudes(n), n))[:, None]
-    return wanted, samples.frame if state.running is None else state.frame_out
 
 
 MOST = 75
