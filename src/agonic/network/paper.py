@@ -1,4 +1,4 @@
-"""The simulation of Wang et al. (2020) from end to end, and its numbers beside the published ones."""
+"""The simulation of Wang et al. (2020) from end to end, and its numbers beside the paper's."""
 
 from __future__ import annotations
 
