@@ -70,12 +70,10 @@ class Sizes(NamedTuple):
 
 
 class Trained(NamedTuple):
-    """What is running after a training: the covariance of its errors θ, and the sizes of
-    the step that the base could take."""
+    """What is running after a training, and the covariance of its errors θ."""
 
     calibration: Running
     covariance: Array
-    sizes: Sizes
     iterations: int
 
 
@@ -125,12 +123,12 @@ def train_on(
     root = _factor(model.loosen(covariance, sizes))
     r = root.shape[1]
     if not r:  # neither the prior nor the evidence lets anything move
-        return Trained(running, covariance + fixed, sizes, 0)
+        return Trained(running, covariance + fixed, 0)
     solution, noise = _solve(model.pieces, np.hstack([root, shared]), least)
     after = root @ solution.covariance[:r, :r] @ root.T + fixed
     moved = _compose(running, root @ solution.params[:r], model)
     stated = _state_errors(moved, after, sizes, noise.sd)
-    return Trained(stated, after, sizes, solution.iterations)
+    return Trained(stated, after, solution.iterations)
 
 
 def _factor(covariance: Array) -> Array:
