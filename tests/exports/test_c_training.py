@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 import agonic as ag
 from agonic.calibration.network import Network
 from agonic.cli import run
 from agonic.errors import AgonicError
 from agonic.exports.firmware.c_text import write_array
-from agonic.exports.firmware.training import BLOCKS, write_training
-from agonic.maths.equation.network import forward, split
-from agonic.network.maths.levenberg_marquardt import Problem, train
+from agonic.exports.firmware.training import write_training
+from agonic.maths.equation.network import forward, jacobian, split
 from agonic.network.simulate import SimulatedField, simulate_nonaffine, simulate_paper
 from tests.exports.controller import library, try_extremes
 from tests.exports.processors import PROCESSORS
@@ -102,14 +102,45 @@ def errors(field: np.ndarray, made: SimulatedField) -> float:
 
 
 def by_python(network: Network, raw: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """The field by the same training in double precision, on a base that stays."""
+    """The field by the same posterior in double precision, from whole matrices: the prior wider by
+    the step of the bias with the largest evidence, and the weights that are likeliest then."""
     base = np.zeros_like(raw) if network.base is None else network.base.correct(raw)
-    trained = np.arange(len(raw)) // (len(raw) // BLOCKS) % 5 != 4
+    rows = np.arange(len(raw)) < len(raw) - len(raw) // 3
     x = (raw - network.input_middle) / network.input_half
     target = (wanted - base - network.output_middle) / network.output_half
-    scaled = Problem(x[trained], target[trained], network.shape.hidden)
-    weights = train(scaled, network.weights, stopping="plain").weights
-    added = forward(split(weights, network.shape), x)
+    noise, shape = network.noise / network.output_half, network.shape
+    step = np.zeros((shape.size, 3))
+    if network.base is None:
+        step[3 : network.hidden.size : 4] = network.hidden[:, :3]
+    else:
+        step[network.hidden.size + len(network.hidden) :: len(network.hidden) + 1] = np.eye(3)
+
+    def residuals(weights: np.ndarray) -> np.ndarray:
+        return ((forward(split(weights, shape), x[rows]) - target[rows]) / noise).ravel()
+
+    def slopes(weights: np.ndarray) -> np.ndarray:
+        return jacobian(split(weights, shape), x[rows]).reshape(-1, shape.size) / noise
+
+    def loosened(share: float) -> np.ndarray:
+        sd = share * 0.05 * np.linalg.norm(wanted[-1]) / network.output_half
+        return network.covariance + sd**2 * step @ step.T
+
+    def evidence(share: float) -> float:
+        onto = slopes(network.weights)
+        whole = np.eye(len(onto)) + onto @ loosened(share) @ onto.T
+        left = residuals(network.weights)
+        return -left @ np.linalg.solve(whole, left) - np.linalg.slogdet(whole)[1]
+
+    shares = [0.0, *10.0 ** np.arange(-3.0, 0.25, 0.5)]
+    root = np.linalg.inv(np.linalg.cholesky(loosened(max(shares, key=evidence))))
+    found = least_squares(
+        lambda w: np.r_[residuals(w), root @ (w - network.weights)],
+        network.weights,
+        jac=lambda w: np.vstack([slopes(w), root]),
+        x_scale="jac",
+        xtol=1e-12,
+    )
+    added = forward(split(found.x, shape), x)
     return base + network.output_middle + network.output_half * added
 
 
@@ -124,7 +155,7 @@ def test_it_trains_as_python_does(paper, tmp_path):
     field, inside = board.correct(raw)
     assert inside.all()
     assert errors(field, orbit) < 1.1 * NOISE
-    assert np.abs(field - by_python(network, raw, orbit.field)).max() < 0.05 * NOISE
+    assert np.abs(field - by_python(network, raw, orbit.field)).max() < 0.01 * NOISE
 
 
 def test_a_network_on_a_base_learns_too(tmp_path):
@@ -139,7 +170,7 @@ def test_a_network_on_a_base_learns_too(tmp_path):
     after = errors(board.correct(raw)[0], later)
     python = errors(by_python(fit.calibration, raw, later.field), later)
     assert after < 0.7 * before  # hysteresis stays
-    assert after == pytest.approx(python, rel=0.02)
+    assert after == pytest.approx(python, rel=0.002)
     far = np.array([[400_000.0, 0.0, 0.0]])
     field, inside = board.correct(far)
     np.testing.assert_allclose(field, fit.calibration.base.correct(far), rtol=1e-5)
@@ -227,4 +258,37 @@ def test_a_retraining_takes_less_than_a_second(paper, tmp_path):
     assert told["status"] == ACCEPTED
     assert told["total"] < SECOND
     assert told["longest"] < 25_000
-    assert told["bytes"] < 40_000
+    assert told["bytes"] < 44_000  # 36 000 of readings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jump", [0.0, 150.0])
+def test_windows_of_half_of_the_directions_forget_nothing(tmp_path, jump):
+    """Half an orbit after the other: no worse than never trained, or trained on everything."""
+    made = simulate_nonaffine(n=20_000, hysteresis=0.0, noise=50.0, seed=5)
+    ground, later = made.select(slice(0, 5000)), made.select(slice(5000, 20_000))
+    fit = ag.fit_network(ground.samples, ground.reference, hidden=6, compared=False, restarts=2)
+    network = fit.calibration
+    clean = simulate_nonaffine(n=20_000, hysteresis=0.0, noise=0.0, seed=5)
+    moved = np.array([jump, -jump, 0.5 * jump])
+    raw, truth = later.samples.field + moved, later.field
+    exact = clean.samples.field[5000:] + moved
+    some = np.arange(0, len(truth), 10)
+    samples = later.samples.with_columns(field=raw).select(some)
+    known = ag.Reference.vector(truth[some], frame="m")
+    everything = ag.fit_network(samples, known, start=network, compared=False).calibration
+    board = Board(network, tmp_path, 600)
+    side, statuses = truth[:, 0] > 0, []
+    for visit in range(10):
+        rows = np.flatnonzero(side == (visit % 2 == 0))[visit // 2 * 600 :][:600]
+        board.add(raw[rows], truth[rows])
+        statuses.append(board.train())
+    every = exact[::25]
+    never, at_once = (
+        np.sqrt(np.mean((one.evaluated(every, {})[0] - truth[::25]) ** 2))
+        for one in (network, everything)
+    )
+    now = np.sqrt(np.mean((board.correct(every)[0] - truth[::25]) ** 2))
+    assert now < 1.05 * min(never, at_once), (never, at_once, now, statuses)
+    if jump:
+        assert ACCEPTED in statuses

@@ -8,8 +8,8 @@ import pytest
 from agonic.cli import run
 from agonic.maths.equation import network
 from agonic.network.fit import compare_methods
+from agonic.network.fit.methods import descend
 from agonic.network.maths import levenberg_marquardt
-from agonic.network.maths.gradient_descent import descend
 from agonic.network.simulate import simulate_paper
 from agonic.report.axes import Axis
 

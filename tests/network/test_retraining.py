@@ -19,7 +19,7 @@ from agonic.network.retraining.acceptance import (
     is_better,
     judge,
 )
-from agonic.network.retraining.candidates import MOST, add_rows
+from agonic.network.retraining.candidates import MOST, VISITS, add_rows, find_common_error
 from agonic.network.retraining.posterior import describe_prior, train_on
 from agonic.network.retraining.schedule import begin, find_due, reschedule, start, take_rows
 from agonic.network.simulate import simulate_nonaffine
@@ -240,11 +240,29 @@ class TestReservoir:
             field = 50_000.0 * directions(rng, 2000)
             field[200:] = field[0]  # it rests for most of the time
             rows = replace(window(field, field), time=2000.0 * visit + np.arange(2000.0))
-            kept = add_rows(kept, rows, base)
-        assert 100 < len(kept) <= MOST
+            kept = add_rows(kept, rows, base, visit)
+        assert 100 < len(kept) <= MOST * VISITS
         assert (np.diff(kept.time) > 0).all()
         assert kept.time[0] > 2000.0 * 5
         assert (kept.raw == field[0]).all(axis=1).mean() < 0.1
+
+    def test_error_that_a_visit_shares_is_found_beside_drift_and_noise(self) -> None:
+        rng, base = np.random.default_rng(3), Affine(bias=np.zeros(3), matrix=np.eye(3))
+        found = []
+        for _ in range(40):
+            kept = window(np.empty((0, 3)), np.empty((0, 3)))
+            state = start(base, PARAMS)
+            for visit in range(6):
+                field = 50_000.0 * directions(rng, 400)
+                shared = 30.0 * rng.normal(size=3) + 25.0 * visit
+                raw = field + shared + 40.0 * rng.normal(size=field.shape)
+                rows = replace(window(raw, field), time=400.0 * visit + np.arange(400.0))
+                kept = add_rows(kept, rows, base, visit)
+                state = replace(state, reservoir=kept, noise=40.0, reference_sd=99.0)
+                if visit < 2:
+                    assert find_common_error(state) == 99.0
+            found.append(find_common_error(state))
+        assert np.sqrt(np.mean(np.square(found))) == pytest.approx(30.0, rel=0.15)
 
 
 class TestSchedule:

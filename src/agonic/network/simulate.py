@@ -97,16 +97,7 @@ def simulate_paper(
     return SimulatedField(
         samples=Samples(time=time, field=raw, unit="nT", name="paper", notes=("simulated",)),
         field=field,
-        facts=MappingProxyType(
-            {
-                "kind": "paper",
-                "n": n,
-                "rate_Hz": rate_Hz,
-                "directions": directions,
-                "noise": noise,
-                "seed": seed,
-            }
-        ),
+        facts=_note("paper", n=n, rate_Hz=rate_Hz, directions=directions, noise=noise, seed=seed),
     )
 
 
@@ -141,6 +132,7 @@ def simulate_nonaffine(
     >>> made.samples.field.shape, round(float(np.linalg.norm(made.field[0])))
     ((500, 3), 50000)
     """
+    settings = dict(locals())
     made = simulate("tumble", n=n, rate_Hz=rate_Hz, magnitude=magnitude, noise=0.0, seed=seed)
     bias, matrix = made.truth.bias, made.truth.matrix
     u = np.linalg.solve(matrix, made.field_b.T).T
@@ -155,20 +147,12 @@ def simulate_nonaffine(
     return SimulatedField(
         samples=made.samples.with_columns(field=raw, temperature=temperature, name="bent"),
         field=made.field_b,
-        facts=MappingProxyType(
-            {
-                "kind": "nonaffine",
-                "n": n,
-                "rate_Hz": rate_Hz,
-                "magnitude": magnitude,
-                "noise": noise,
-                "saturation": saturation,
-                "cross": cross,
-                "hysteresis": hysteresis,
-                "seed": seed,
-            }
-        ),
+        facts=_note("nonaffine", **settings),
     )
+
+
+def _note(kind: str, **settings: Any) -> Mapping[str, Any]:
+    return MappingProxyType({"kind": kind, **settings})
 
 
 def _swing(time: Array, rate_Hz: float, phase: float) -> tuple[Array, Array]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import ceil
 from pathlib import Path
 
+import numpy as np
+
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
@@ -26,9 +28,11 @@ from agonic.exports.firmware.writer import Firmware
 
 MOST_WEIGHTS = 60
 PER_WEIGHT = 3.0
-"""So many readings for each weight, beside a fifth that is held out."""
+"""So many numbers for each weight, beside a third of the readings that is held out."""
 BLOCKS = 50
-"""In the window; every fifth is held out."""
+"""In the window: neighbours err alike."""
+CELLS, VISITS = 24, 3
+"""Directions of the reservoir, and trainings of which each keeps a reading."""
 LEAST_WINDOW, MOST_WINDOW = 100, 20_000
 SLICE = 8
 """Rows that a call takes."""
@@ -40,10 +44,12 @@ def write_training(
 ) -> Firmware:
     """Write a network as C99 that is trained further on the controller.
 
-        Δω = −(JᵀJ + μI)⁻¹ Jᵀe
+        Δω = −(JᵀJ + P + μI)⁻¹ (Jᵀe + P (ω − ω₀))
 
     over the last readings of which the field was known, a slice a call, in float32 and fixed
-    memory; what was learned is taken where it is clearly better on readings held out. Written are
+    memory. The information of the last training is the prior of the next, loosened by a step of the
+    bias whose size is that of the largest evidence; what was learned is taken where it is clearly
+    better on readings that come next and on a reservoir of earlier ones. Written are
     `{name}_training.h` and `{name}_training.c`.
 
     Parameters
@@ -99,6 +105,8 @@ def _require_network(calibration: Calibration) -> Network:
         (calibration.inputs != ("field",), "takes more than the readings; leave the others out"),
         (base is not None and type(base) is not Affine, "has a base that takes more than readings"),
         (calibration.weights.size > MOST_WEIGHTS, f"has more than {MOST_WEIGHTS} weights"),
+        (calibration.covariance is None, "states no errors of its weights; fit it again"),
+        (calibration.noise is None, "states no noise; fit it again"),
     )
     for wrong, words in lacking:
         if wrong:
@@ -118,12 +126,16 @@ def _require_window(network: Network, window: int) -> int:
 
 
 def _fewest(network: Network, window: int) -> int:
-    """Readings from which on it is trained: enough for the weights, and five blocks held out."""
-    return max(ceil(1.25 * PER_WEIGHT * network.weights.size / 3), BLOCKS // 2 * (window // BLOCKS))
+    """Readings from which on it is trained: enough for the weights, and eight blocks held out."""
+    return max(ceil(1.5 * PER_WEIGHT * network.weights.size / 3), BLOCKS // 2 * (window // BLOCKS))
 
 
 def _values(network: Network, name: str, window: int) -> dict[str, str]:
-    shape, furthest = network.shape, RetrainerParams().furthest
+    shape, params = network.shape, RetrainerParams()
+    assert network.covariance is not None
+    assert network.noise is not None
+    noise = network.noise / network.output_half
+    prior = noise**2 * np.linalg.inv(network.covariance)
     columns = shape.nodes * 4 + shape.nodes + 1
     base = network.base
     formula = "field = base(raw) + network(raw), trained on the controller, float32"
@@ -146,8 +158,14 @@ def _values(network: Network, name: str, window: int) -> dict[str, str]:
         "gram": str(columns * (columns + 1) // 2),
         "factor": str(shape.size * (shape.size + 1) // 2),
         "slice": str(SLICE),
-        "furthest": write_literal(furthest),
-        "furthest_percent": f"{100 * furthest:g}",
+        "furthest": write_literal(params.furthest),
+        "furthest_percent": f"{100 * params.furthest:g}",
+        "misfit": write_literal(params.misfit),
+        "step_share": write_literal(params.bias_sd),
+        "cells": str(CELLS),
+        "reservoir": str(CELLS * VISITS),
+        "noise": write_literal(noise),
+        "prior": write_array(prior[np.tril_indices(shape.size)]),
         "input_scale": write_array([network.input_middle, network.input_half]),
         "output_middle": write_array(network.output_middle),
         "output_half": write_literal(network.output_half),

@@ -86,7 +86,7 @@ def network(
     from agonic.console.finish import finish
     from agonic.console.progress import progress
     from agonic.network.fit import choose_network, compare_methods, fit_network
-    from agonic.network.report.chart import table_chart, training_chart
+    from agonic.network.report.chart import draw_chart
     from agonic.network.report.document import describe_network
 
     samples = open_sensor(log, sensor, unit, between)
@@ -109,8 +109,7 @@ def network(
     methods = compare_methods(samples, known, hidden=nodes, **settings) if compare else ()
     files = []
     if figure:
-        drawn = table_chart(choice) if choice else training_chart(fit)
-        files.append(write_atomically(figure, drawn.encode()))
+        files.append(write_atomically(figure, draw_chart(fit, choice)))
     document = describe_network(fit, samples, choice=choice, methods=methods, title=log.name)
     return finish(document, out=out, files=files, report=report, as_json=as_json)
 

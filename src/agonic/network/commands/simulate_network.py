@@ -27,8 +27,7 @@ def network(out: Folder, noise: Noise = 2.0, seed: Seed = 0, as_json: Json = Fal
     """The paper's sensor calibrated by networks, as published: figures and numbers on one page."""
     from agonic.console.finish import finish
     from agonic.files.calibration import save
-    from agonic.network.paper import reproduce_paper
-    from agonic.network.paper.document import describe_paper
+    from agonic.network.paper import describe_paper, reproduce_paper
 
     found = reproduce_paper(noise=noise, seed=seed)
     out.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,64 @@ from agonic.maths.equation import network
 from agonic.network.fit.problem import pose_problem
 from agonic.network.fit.settings import Settings
 from agonic.network.fit.solve import scale_problem
-from agonic.network.maths import gradient_descent, levenberg_marquardt
+from agonic.network.maths import levenberg_marquardt
+from agonic.network.maths.levenberg_marquardt import Problem
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+RATE = 0.1
+MOMENTUM = 0.9
+_MORE, _LESS, _WORSE = 1.05, 0.7, 1.04
+_DIVERGED = 1e6  # times what it was at the start
+
+
+class Descent(NamedTuple):
+    """The last weights (m,), and the mean square error after every epoch (k,)."""
+
+    weights: Array
+    mean_square: Array
+
+
+def descend(
+    problem: Problem,
+    start: Array,
+    *,
+    epochs: int,
+    adaptive: bool = False,
+    rate: float = RATE,
+    momentum: float = MOMENTUM,
+) -> Descent:
+    """The weights after so many epochs of plain backpropagation from a start (m,), each of which
+    sees all rows. It ends early where the error grows without limit.
+
+        v ← momentum v − rate ∇E,   ω ← ω + v,   E the mean square error of the scaled outputs
+
+    as Rumelhart, Hinton & Williams (1986) have it; or with a rate that adapts (Vogl et al. 1988):
+    5 % more after each step that helped; after one that made E larger by more than 4 % the step is
+    undone, v forgotten and the rate 30 % less.
+    """
+    count = problem.target.size
+    weights, velocity = np.array(start, dtype=np.float64), np.zeros(len(start))
+    square, gradient = _evaluate(problem, weights)
+    worst, found = _DIVERGED * square, np.empty(epochs)
+    for epoch in range(epochs):
+        step = momentum * velocity - rate * 2.0 / count * gradient
+        now, fresh = _evaluate(problem, weights + step)
+        if adaptive and not now <= _WORSE * square:
+            rate, velocity = _LESS * rate, np.zeros(len(start))
+        else:
+            rate *= _MORE if adaptive and now < square else 1.0
+            weights, velocity, square, gradient = weights + step, step, now, fresh
+        found[epoch] = square / count
+        if not square <= worst:
+            return Descent(weights, found[: epoch + 1])
+    return Descent(weights, found)
+
+
+def _evaluate(problem: Problem, weights: Array) -> tuple[float, Array]:
+    layers = network.split(weights, problem.shape)
+    return network.sum_gradient(layers, problem.x, problem.target)
+
 
 GOAL = 1e-3
 """Mean square error, scaled, that the paper counts epochs to."""
@@ -110,9 +165,7 @@ def _trainers(epochs: int) -> dict[str, Trainer]:
         return found.weights, np.array([epoch.mean_square for epoch in found.epochs])
 
     def descent(adaptive: bool) -> Trainer:
-        return lambda rows, start: gradient_descent.descend(
-            rows, start, epochs=epochs, adaptive=adaptive
-        )
+        return lambda rows, start: descend(rows, start, epochs=epochs, adaptive=adaptive)
 
     return {
         "Levenberg–Marquardt": marquardt,

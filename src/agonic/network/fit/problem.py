@@ -17,7 +17,7 @@ from agonic.maths.equation.network import Shape
 from agonic.maths.estimation.series import compute_rates
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.network.fit.base import BaseFit, Ends, fit_magnitudes, fit_vectors
-from agonic.network.fit.settings import Settings
+from agonic.network.fit.settings import Settings, Target
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -72,13 +72,8 @@ def pose_problem(samples: Samples, reference: Reference, settings: Settings) -> 
     """The problem that samples and reference pose, or a clear error."""
     base = settings.base if not isinstance(settings.base, str) else None
     columns = _columns(samples, settings, base)
-    if settings.target == "vector":
-        wanted, frame_out = find_vectors(samples, reference)
-    else:
-        wanted = np.array(np.broadcast_to(reference.magnitudes(len(samples)), len(samples)))[
-            :, None
-        ]
-        frame_out = samples.frame if base is None else base.frame_out
+    ends_in = samples.frame if base is None else base.frame_out
+    wanted, frame_out = find_known_field(samples, reference, settings.target, ends_in)
     ends = Ends(samples.name, samples.unit, samples.frame, frame_out, samples.device_id)
     if base is not None:
         _require_meeting(base, ends)
@@ -124,6 +119,17 @@ def compute_errors(field: Array, wanted: Array) -> Array:
     if wanted.shape[1] == 3:
         return field - wanted
     return np.asarray(np.linalg.norm(field, axis=1, keepdims=True) - wanted)
+
+
+def find_known_field(
+    samples: Samples, reference: Reference, target: Target, frame: str
+) -> tuple[Array, str]:
+    """The field (n, 3) or magnitude (n, 1) known at each reading, and its axes; `frame` are those
+    that a magnitude leaves as they are."""
+    if target == "vector":
+        return find_vectors(samples, reference)
+    n = len(samples)
+    return np.array(np.broadcast_to(reference.magnitudes(n), n))[:, None], frame
 
 
 def find_vectors(samples: Samples, reference: Reference) -> tuple[Array, str]:

@@ -61,16 +61,11 @@ def has_changed(errors: Array, noise: float | None, params: RetrainerParams) -> 
     return noise is None or _rms(errors) > params.misfit * noise
 
 
-def judge(
-    unseen: Unseen,
-    params: RetrainerParams,
-    *others: tuple[Array, Array],
-    certain: float = CERTAIN,
-) -> Judgement:
+def judge(unseen: Unseen, params: RetrainerParams, *others: tuple[Array, Array]) -> Judgement:
     """The judgement on a candidate; what is running wins ties.
 
-    Parameters: `others` errors of the candidate and of what is running on other readings, as those
-    of the reservoir, that count alike; `certain` by how many standard errors it has to be better.
+    `others` are errors of the candidate and of what is running on other readings, as those of the
+    reservoir, that count alike.
     """
     candidate, running = unseen.candidate, unseen.running
     fitting = _select_fitting(candidate, running)
@@ -90,7 +85,7 @@ def judge(
     errors, accepted = f"{figure(made, 3)} nT (rms)", True
     if running is not None:
         errors = f"{figure(made, 3)} nT with the candidate, {figure(before, 3)} nT without (rms)"
-        accepted = is_better((candidate[fitting], running[fitting]), *others, certain=certain)
+        accepted = is_better((candidate[fitting], running[fitting]), *others)
     said = f"{describe_outcome(accepted, before, made)}: unseen readings err by {errors}"
     return Judgement(accepted, said, False, before, made)
 
@@ -106,11 +101,11 @@ def describe_outcome(accepted: bool, running_rms: float, candidate_rms: float) -
     return f"the candidate is {'no better' if candidate_rms < 1.05 * running_rms else 'worse'}"
 
 
-def is_better(*parts: tuple[Array, Array], certain: float = CERTAIN) -> bool:
+def is_better(*parts: tuple[Array, Array]) -> bool:
     """Whether errors (k, o) are clearly smaller than others of the same readings, in parts that
     count alike."""
     gains = [_measure_gain(errors, than) for errors, than in parts]
-    return bool(sum(mean for mean, _ in gains) > certain * np.sqrt(sum(v for _, v in gains)))
+    return bool(sum(mean for mean, _ in gains) > CERTAIN * np.sqrt(sum(v for _, v in gains)))
 
 
 def _measure_gain(errors: Array, than: Array) -> tuple[float, float]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from math import ceil
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +18,8 @@ from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
-from agonic.network.fit.problem import compute_errors, find_vectors
-from agonic.network.retraining.posterior import can_move, describe_prior, train_on
+from agonic.network.fit.problem import compute_errors, find_known_field
+from agonic.network.retraining.posterior import describe_prior, train_on
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -33,7 +32,8 @@ def take_samples(
 
     Raises `UnitError`, `FrameError`, `LogError` or `AgonicError` where they do not fit the state.
     """
-    wanted, frame_out = _find_known_field(samples, reference, params, state)
+    ends_in = samples.frame if state.running is None else state.frame_out
+    wanted, frame_out = find_known_field(samples, reference, params.target, ends_in)
     if state.n == 0 and state.running is None:
         state = replace(
             state,
@@ -105,41 +105,57 @@ def _columns(samples: Samples, names: Iterable[str]) -> dict[str, Array]:
     return {name: there[name] for name in names}
 
 
-def _find_known_field(
-    samples: Samples, reference: Reference, params: RetrainerParams, state: RetrainerState
-) -> tuple[Array, str]:
-    """The field (n, 3) or magnitude (n, 1) known at each reading, and its axes."""
-    if params.target == "vector":
-        return find_vectors(samples, reference)
-    n = len(samples)
-    wanted = np.array(np.broadcast_to(reference.magnitudes(n), n))[:, None]
-    return wanted, samples.frame if state.running is None else state.frame_out
-
-
-MOST = 300
-"""Readings that are kept."""
-PER_VISIT = 3
-"""Of a cell and a training: neighbours in time err alike, those of another day tell more."""
-VISITS = 6
-"""Trainings for which a reading is kept: older ones tell of another sensor."""
+MOST = 75
+"""Readings of a training that are kept."""
+PER_CELL = 3
+"""Of a cell: neighbours in time err alike, those of another training tell more."""
+VISITS = 4
+"""Trainings of which readings are kept: older ones tell of another sensor."""
+VISIT = "visit"
 WIDTH_C = 10.0
 """Of a cell in temperature, °C."""
 
 
-def add_rows(reservoir: Window, rows: Window, running: Running) -> Window:
-    """The reservoir with some of the rows that are later, every cell with about as many."""
+def add_rows(reservoir: Window, rows: Window, running: Running, visit: int) -> Window:
+    """The reservoir with some of the rows that are later, of every cell about as many; column
+    `visit` keeps the number of the training that they came with."""
     last = float(reservoir.time[-1]) if len(reservoir) else -np.inf
     rows = rows.select(rows.time > last)
     if not len(rows):
         return reservoir
-    seen = _count_later(_number_cells(rows, running))
-    visit = np.bincount(_number_cells(rows, running))[_number_cells(rows, running)]
-    stride = np.maximum(visit // PER_VISIT, 1)
-    since = rows.time[-1] - VISITS * (rows.time[-1] - rows.time[0])
-    reservoir = reservoir.select(reservoir.time >= since)
-    whole = reservoir.with_rows(rows.select((seen % stride == 0) & (seen < PER_VISIT * stride)))
-    age = _count_later(_number_cells(whole, running))
-    return whole.select(np.sort(np.argsort(age, kind="stable")[:MOST]))
+    rows = replace(rows, columns={**rows.columns, VISIT: np.full(len(rows), float(visit))})
+    cells = _number_cells(rows, running)
+    seen, stride = _count_later(cells), np.maximum(np.bincount(cells) // PER_CELL, 1)[cells]
+    some = np.flatnonzero((seen % stride == 0) & (seen < PER_CELL * stride))
+    some = some[np.argsort(cells[some], kind="stable")]
+    some = some[np.linspace(0, len(some) - 1, min(len(some), MOST)).astype(np.intp)]
+    before = reservoir.columns.get(VISIT, np.empty(0))
+    kept = np.isin(before, np.unique(before)[1 - VISITS :])
+    older = reservoir.select(kept if len(before) else slice(0, 0))
+    return older.with_rows(rows.select(np.sort(some)))
+
+
+def find_common_error(state: RetrainerState) -> float:
+    """The standard deviation s, nT, of an error of the known field that readings of one training
+    share on an axis: the ring current, say, which is about the same for half an orbit.
+
+    With m_v the mean residuals of the reservoir by visit, of n_v readings with noise σ, second
+    differences d = m_v+1 − 2 m_v + m_v−1 know no steady drift:
+
+        E d² = 6 s² + σ² (1/n_v+1 + 4/n_v + 1/n_v−1)
+
+    Before there are three visits it is what the reference states of itself.
+    """
+    kept = state.reservoir
+    visits, visit = np.unique(kept.columns.get(VISIT, ()), return_inverse=True)
+    if len(visits) < 3 or state.noise is None:
+        return state.reference_sd
+    n: Array = np.bincount(visit).astype(np.float64)
+    left = compute_errors(correct(state.running, kept), kept.wanted)
+    means = np.column_stack([np.bincount(visit, column) / n for column in left.T])
+    white = state.noise**2 * (1 / n[2:] + 4 / n[1:-1] + 1 / n[:-2])
+    square = float(np.mean(np.diff(means, 2, axis=0) ** 2 - white[:, None])) / 6
+    return float(np.sqrt(max(square, 0.0)))
 
 
 def _number_cells(rows: Window, running: Running) -> Index:
@@ -190,9 +206,6 @@ def adapt(params: RetrainerParams, running: Running | None) -> RetrainerParams:
         return params
     if running.held:
         raise AgonicError("a network held at a temperature cannot be trained further")
-    if not can_move(running):  # its weights alone can learn a change; a fifth is held out
-        fewest = ceil(1.25 * PER_WEIGHT * running.shape.size)
-        params = replace(params, fewest=max(params.fewest, fewest))
     target = "magnitude" if params.target == "magnitude" else running.target
     return replace(params, target=target, inputs=running.inputs, hidden=running.shape.hidden)
 
@@ -216,24 +229,27 @@ def train_candidates(
     running = state.running
     found: list[Candidate] = []
     enough = len(seen) >= PER_WEIGHT * count_weights(params)
-    if running is not None and can_move(running):
-        covariance = describe_prior(running) if state.covariance is None else state.covariance
+    if running is not None:
         trained = isinstance(running, Network) and enough and whole
+        common = find_common_error(state)
         for weights in (False, True)[: 1 + trained]:
             made = train_on(
-                running, covariance, seen, params, least=state.correlation, weights=weights
+                running,
+                describe_prior(running) if state.covariance is None else state.covariance,
+                seen,
+                params,
+                least=state.correlation,
+                weights=weights,
+                common=common,
             )
             what = "weights trained" if weights else "an affine step"
             found.append(Candidate(made.calibration, what, made.iterations, made.covariance))
         if isinstance(running, Network):
             return found
-        running = found[0].calibration
     if not enough:
         return found
-    if isinstance(running, Network):
-        fit = _fit(state, params, seen, start=running)
-        return [Candidate(fit.calibration, "weights trained", fit.iterations)]
-    fit = _fit(state, params, seen, base=params.base if running is None else running)
+    base: Any = found[0].calibration if found else params.base
+    fit = _fit(state, params, seen, base)
     if running is None and fit.base is not None:
         found.append(Candidate(fit.base, "an affine calibration"))
     return [*found, Candidate(fit.calibration, "a network", fit.iterations)]
@@ -253,9 +269,7 @@ def _fit(
     state: RetrainerState,
     params: RetrainerParams,
     rows: Window,
-    *,
-    base: Affine | Thermal | str | None = None,
-    start: Network | None = None,
+    base: Any,
 ) -> NetworkFit:
     samples, reference = to_samples(state, rows)
     fit = fit_network(
@@ -263,10 +277,9 @@ def _fit(
         reference,
         hidden=params.hidden,
         inputs=params.inputs,
-        base=base,  # type: ignore[arg-type]
+        base=base,
         target=params.target,
         compared=False,
-        start=start,
         seed=params.seed,
     )
     if fit.verdict == "refused":

@@ -23,6 +23,13 @@ from agonic.report.verdict import sentence
 MOST = 200
 """Rows of the table of retrainings."""
 _HEAD = ("Time", "Why", "Outcome", "Candidate", "Readings", "Unseen before", "after", "Reason")
+_JSON = {
+    "time": "time_s",
+    "what": "candidate",
+    "running_rms": "running_rms_nT",
+    "candidate_rms": "candidate_rms_nT",
+    "onset": "onset_s",
+}
 _WHY = {
     "period": "a period is over",
     "change": "residual changed",
@@ -100,20 +107,7 @@ def describe_retraining(
 
 
 def _values(one: Retraining) -> dict[str, Any]:
-    return {
-        "time_s": one.time,
-        "n": one.n,
-        "why": one.why,
-        "accepted": one.accepted,
-        "reason": one.reason,
-        "poisoned": one.poisoned,
-        "candidate": one.what,
-        "rows": one.rows,
-        "running_rms_nT": one.running_rms,
-        "candidate_rms_nT": one.candidate_rms,
-        "onset_s": one.onset,
-        "epochs": one.epochs,
-    }
+    return {_JSON.get(name, name): value for name, value in vars(one).items()}
 
 
 def _key_figures(

@@ -14,6 +14,11 @@ h = Jᵀr over the noise at θ = 0:
 
     log p(r) = ½ hᵀL A⁻¹ Lᵀh − ½ log |A| + …,   A = I + Lᵀ G L
 
+An error e of the known field that all rows share, as the ring current over half an orbit, is a step
+as well, of the size by which visits scatter: it is solved for beside z and left out of θ.
+
+Without a base the step is that of the readings that go in, U [(I + M) x + p, 1].
+
 So a sensor that has not changed is known better after each training, what the readings do not show
 stays as it was, and one that has changed is followed in bias and matrix with the weights kept.
 """
@@ -25,9 +30,12 @@ from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
+from agonic.calibration.inputs import measure_width
+from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams, Running, Window
 from agonic.calibration.thermal import Thermal
@@ -47,7 +55,6 @@ _NEAR = 0.1
 """Standard errors of a step with which a training ends."""
 _SINGULAR = 1e-12
 """Share of the largest eigenvalue below which rounding has made it."""
-_STEP_DIAGONAL = (np.arange(STEP), np.arange(STEP))
 
 
 class Sizes(NamedTuple):
@@ -63,36 +70,30 @@ class Sizes(NamedTuple):
 
 
 class Trained(NamedTuple):
-    """What is running after a training: the covariance of its errors θ, and the sizes of
-    the step that the base could take."""
+    """What is running after a training, and the covariance of its errors θ."""
 
     calibration: Running
     covariance: Array
-    sizes: Sizes
     iterations: int
-
-
-def can_move(running: Running) -> bool:
-    """Whether there is a plain affine or a thermal calibration to take the step, alone or under a
-    network: a base that depends on sources is kept as it is, and a network without one says
-    anything outside the readings it was trained on."""
-    base = running.base if isinstance(running, Network) else running
-    return type(base) in (Affine, Thermal)
 
 
 def describe_prior(running: Running) -> Array:
     """The covariance (k, k) of θ by what a calibration states of itself."""
-    base = running.base if isinstance(running, Network) else running
-    assert base is not None
-    own = _own(base)
-    step = own.onto @ own.covariance @ own.onto.T
+    base, step = find_base(running), np.empty((0, 0))
+    if base is not None:
+        own = _own(base)
+        step = own.onto @ own.covariance @ own.onto.T
     if not isinstance(running, Network):
         return step
-    m = running.shape.size
-    whole = np.zeros((STEP + m, STEP + m))
-    whole[:STEP, :STEP] = step
-    whole[STEP:, STEP:] = np.eye(m) if running.covariance is None else running.covariance
-    return whole
+    stated = running.covariance
+    stated = np.eye(running.shape.size) if stated is None else stated
+    return block_diag(running.base_sd_ratio**2 * step, stated)
+
+
+def find_base(running: Running) -> Base | None:
+    """The affine or thermal calibration that takes the step; None of a network that stands alone,
+    whose hidden weights take it."""
+    return running.base if isinstance(running, Network) else running
 
 
 def train_on(
@@ -103,37 +104,31 @@ def train_on(
     *,
     least: float,
     weights: bool,
+    common: float = 0.0,
 ) -> Trained:
     """What is running after some rows.
 
     Parameters: `covariance` (k, k) of θ before them; `least` residuals of what ran that counted as
-    one, which a fit to a few readings does not show; `weights` whether they are trained too.
+    one, which a fit to a few readings does not show; `weights` whether they are trained too;
+    `common` standard deviation, nT, of an error of the known field that all of the rows share.
     """
-    model, kept = _Model(running, rows), np.array(covariance)
+    model, fixed = _Model(running, rows), np.zeros_like(covariance)
     if not weights:
-        covariance = np.zeros(covariance.shape)
-        covariance[:STEP, :STEP] = kept[:STEP, :STEP]
+        fixed[model.own :, model.own :] = covariance[model.own :, model.own :]
+        covariance = covariance * np.outer(*[np.arange(model.size) < model.own] * 2)
     vector = rows.wanted.shape[1] == 3
     most = Sizes(params.bias_sd * model.strength, params.matrix_sd if vector else 0.0)
-    sizes = _find_sizes(model, covariance, most, least)
-    prior = _loosen(covariance, sizes)
-    root = _factor(prior)
-    if not root.size:  # neither the prior nor the evidence lets anything move
-        return Trained(running, kept, sizes, 0)
-    solution, noise = _solve(model.pieces, root, least)
-    after = root @ solution.covariance @ root.T
-    if not weights:
-        after[STEP:, STEP:] = kept[STEP:, STEP:]
-    moved = _compose(running, root @ solution.params, model)
+    shared = model.step * np.sqrt(Sizes(common, common / model.strength).variances)
+    sizes = _find_sizes(model, covariance, shared, most, least)
+    root = _factor(model.loosen(covariance, sizes))
+    r = root.shape[1]
+    if not r:  # neither the prior nor the evidence lets anything move
+        return Trained(running, covariance + fixed, 0)
+    solution, noise = _solve(model.pieces, np.hstack([root, shared]), least)
+    after = root @ solution.covariance[:r, :r] @ root.T + fixed
+    moved = _compose(running, root @ solution.params[:r], model)
     stated = _state_errors(moved, after, sizes, noise.sd)
-    return Trained(stated, after, sizes, solution.iterations)
-
-
-def _loosen(covariance: Array, sizes: Sizes) -> Array:
-    """C + Q."""
-    loose = np.array(covariance)
-    loose[_STEP_DIAGONAL] += sizes.variances
-    return loose
+    return Trained(stated, after, solution.iterations)
 
 
 def _factor(covariance: Array) -> Array:
@@ -165,7 +160,9 @@ def _solve(pieces: leastsq.Pieces, root: Array, least: float) -> tuple[leastsq.S
     )
 
 
-def _find_sizes(model: _Model, covariance: Array, most: Sizes, least: float) -> Sizes:
+def _find_sizes(
+    model: _Model, covariance: Array, shared: Array, most: Sizes, least: float
+) -> Sizes:
     """The sizes of the step with the largest evidence, one after the other until they stay; the
     noise is what is left where all sizes are possible, to first order."""
     now = list(model.pieces(np.zeros(model.size)))
@@ -174,14 +171,14 @@ def _find_sizes(model: _Model, covariance: Array, most: Sizes, least: float) -> 
         for residual, jacobian in now:
             yield residual + jacobian @ theta, jacobian
 
-    solution, noise = _solve(pieces, _factor(_loosen(covariance, most)), least)
+    solution, noise = _solve(pieces, _factor(model.loosen(covariance, most)), least)
     weight = noise.loss.weight((solution.residuals / noise.sd) ** 2)
     weight /= noise.sd**2 * max(noise.correlation, least)
     residual, jacobian = (np.concatenate(parts) for parts in zip(*now, strict=True))
     gram, slope = (jacobian.T * weight) @ jacobian, jacobian.T @ (weight * residual)
 
     def evidence(sizes: Sizes) -> float:
-        root = _factor(_loosen(covariance, sizes))
+        root = np.hstack([_factor(model.loosen(covariance, sizes)), shared])
         inner = np.eye(root.shape[1]) + root.T @ gram @ root
         towards = root.T @ slope
         _, size = np.linalg.slogdet(inner)
@@ -196,21 +193,29 @@ def _find_sizes(model: _Model, covariance: Array, most: Sizes, least: float) -> 
 
 
 class _Model:
-    """The residuals of some rows as a function of θ."""
+    """The residuals of some rows as a function of θ, and the part of θ (k, 12) that a step is."""
 
     def __init__(self, running: Running, rows: Window) -> None:
-        self.rows = rows
+        self.rows, base = rows, find_base(running)
         self.network = running if isinstance(running, Network) else None
-        base = running.base if isinstance(running, Network) else running
-        assert base is not None
-        columns = rows.columns
-        self.base = base.correct(rows.raw, **{name: columns[name] for name in base.needs})
+        self.base, self.own = np.zeros((len(rows), 3)), 0
+        if base is not None:
+            self.own = STEP
+            self.base = base.correct(rows.raw, **{name: rows.columns[name] for name in base.needs})
         if self.network is not None:
-            self.x = self.network.scaled(rows.raw, columns)
+            self.x = self.network.scaled(rows.raw, rows.columns)
             self.shape, self.weights = self.network.shape, self.network.weights
-        self.size = STEP + (0 if self.network is None else self.shape.size)
+        self.size = self.own + (0 if self.network is None else self.shape.size)
+        self.step = np.eye(self.size, STEP)
+        if base is None:
+            assert self.network is not None
+            self.step = _step_input(self.network)
         field = self.field(np.zeros(self.size))[0]
         self.strength = float(np.sqrt(np.mean((field**2).sum(axis=1))))
+
+    def loosen(self, covariance: Array, sizes: Sizes) -> Array:
+        """C + Q."""
+        return np.asarray(covariance + self.step * sizes.variances @ self.step.T)
 
     def added(self, weights: Array) -> tuple[Array, Array]:
         """What the network adds (n, 3), and its Jacobian (n, 3, m)."""
@@ -226,16 +231,16 @@ class _Model:
 
     def field(self, theta: Array) -> tuple[Array, Array]:
         """The field (n, 3) and its Jacobian (n, 3, k)."""
-        step = theta[:STEP].reshape(3, 4)
-        onto = np.eye(3) + step[:, :3]
-        jacobian = np.zeros((len(self.base), 3, self.size))
-        for axis in range(3):
-            jacobian[:, axis, 4 * axis : 4 * axis + 3] = self.base
-            jacobian[:, axis, 4 * axis + 3] = 1.0
-        field = self.base @ onto.T + step[:, 3]
+        field, jacobian = self.base, np.zeros((len(self.base), 3, self.size))
+        if self.own:
+            step = theta[:STEP].reshape(3, 4)
+            for axis in range(3):
+                jacobian[:, axis, 4 * axis : 4 * axis + 3] = self.base
+                jacobian[:, axis, 4 * axis + 3] = 1.0
+            field = field + self.base @ step[:, :3].T + step[:, 3]
         if self.network is None:
             return field, jacobian
-        added, jacobian[:, :, STEP:] = self.added(self.weights + theta[STEP:])
+        added, jacobian[:, :, self.own :] = self.added(self.weights + theta[self.own :])
         return field + added, jacobian
 
     def pieces(self, theta: Array) -> Iterator[tuple[Array, Array]]:
@@ -251,6 +256,21 @@ class _Model:
             yield field[:, axis] - wanted[:, axis], jacobian[:, axis]
 
 
+def _step_input(network: Network) -> Array:
+    """A step of what goes into a network without a base as one of its weights (m, 12).
+
+    U [(I + M) x + p/h, 1] is that of U (I + M), its constants U p/h on.
+    """
+    step = np.zeros((network.shape.size, STEP))
+    if "field" in network.inputs:
+        before = network.inputs[: network.inputs.index("field")]
+        own = sum(map(measure_width, before)) + np.arange(3)
+        into = np.zeros((network.hidden.shape[1], 4))
+        into[own, np.arange(3)], into[-1, 3] = 1.0, 1.0 / network.output_half
+        step[: network.hidden.size] = np.kron(network.hidden[:, own], into)
+    return step
+
+
 def _compose(running: Running, theta: Array, model: _Model) -> Running:
     """Base and weights after the step: W' = (I + M) W, b' = b − W'⁻¹ p, of a thermal one at all
     temperatures alike; and where the weights hold."""
@@ -264,11 +284,11 @@ def _compose(running: Running, theta: Array, model: _Model) -> Running:
         gain, bias = onto @ running.matrix, np.array(running.bias)
         bias[0] -= np.linalg.solve(gain[0], shift)
         return replace(running, bias=bias, matrix=gain)
-    assert running.base is not None
-    layers = kernel.split(running.weights + theta[STEP:], running.shape)
+    base = None if running.base is None else _compose(running.base, theta[:STEP], model)
+    layers = kernel.split(running.weights + theta[model.own :], running.shape)
     moved = replace(
         running,
-        base=cast(Base, _compose(running.base, theta[:STEP], model)),
+        base=cast(Base | None, base),
         hidden=layers[0],
         second=layers[1] if len(layers) > 2 else None,
         output=layers[-1],
@@ -297,10 +317,12 @@ def _state_errors(running: Running, after: Array, sizes: Sizes, noise: float) ->
     regression K on the step: C + K (after − before) Kᵀ.
     """
     if isinstance(running, Network):
-        base = running.base
-        assert base is not None
-        base = cast(Base, _state_errors(base, after[:STEP, :STEP], sizes, noise))
-        return replace(running, base=base, covariance=after[STEP:, STEP:], noise=noise)
+        base, m = running.base, running.shape.size
+        if base is not None:
+            base = cast(Base, _state_errors(base, after[:STEP, :STEP], sizes, noise))
+        return replace(
+            running, base=base, covariance=after[-m:, -m:], noise=noise, base_sd_ratio=1.0
+        )
     own = _own(running)
     gain = running.matrix if isinstance(running, Affine) else running.matrix[0]
     settings: dict[str, Any] = {"gauge": FREE, "noise": noise / np.cbrt(abs(np.linalg.det(gain)))}
@@ -334,6 +356,8 @@ def _own(base: Affine | Thermal) -> _Own:
     free = np.linalg.pinv(model_basis("full", FREE))
     powers = base.degree + 1 if isinstance(base, Thermal) else 1
     rates = 3 if isinstance(base, Thermal) and base.rate is not None else 0
+    if isinstance(base, Interference):
+        rates = base.coefficients.size
     at = powers * np.arange(STEP)
     size = STEP * powers + rates
     back, onto = np.zeros((size, STEP)), np.zeros((STEP, size))

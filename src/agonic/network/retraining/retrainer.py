@@ -20,8 +20,6 @@ from agonic.errors import AgonicError
 from agonic.health import Finding, Judged, figure, sentences
 from agonic.maths.estimation.changes import cusum
 from agonic.network.fit.problem import compute_errors
-from agonic.network.fit.result import CERTAIN
-from agonic.network.maths.blocks import hold_out
 from agonic.network.retraining import acceptance, schedule
 from agonic.network.retraining.acceptance import Judgement, Unseen
 from agonic.network.retraining.candidates import (
@@ -34,7 +32,7 @@ from agonic.network.retraining.candidates import (
 )
 from agonic.network.retraining.evidence import list_findings
 from agonic.network.retraining.files import load_retrainer, save_retrainer
-from agonic.network.retraining.posterior import can_move
+from agonic.network.retraining.posterior import describe_prior
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -42,13 +40,10 @@ ENOUGH = 50
 """Unseen readings from which on they say how large the noise is."""
 
 
-def split_off(rows: Window, running: Running | None) -> tuple[Window, Window]:
-    """Rows to train on, and the third that comes next; of a network that stands alone, which knows
-    nothing of directions it was not trained on, a fifth in blocks."""
-    out = np.arange(len(rows)) >= len(rows) - len(rows) // 3
-    if running is not None and not can_move(running):
-        out = hold_out(len(rows))
-    return rows.select(~out), rows.select(out)
+def split_off(rows: Window) -> tuple[Window, Window]:
+    """Rows to train on, and the third that comes next."""
+    cut = len(rows) - len(rows) // 3
+    return rows.select(slice(0, cut)), rows.select(slice(cut, None))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,7 +186,7 @@ class Retrainer(Judged):
     def _retrain(self, rows: Window, why: Why) -> Retraining:
         """Train candidates on rows, and put the best in place if it is clearly better."""
         state = self.state
-        verdict, chosen = self._judge(rows, why)
+        verdict, chosen = self._judge(rows)
         done = Retraining(
             time=state.time,
             n=state.n,
@@ -207,13 +202,12 @@ class Retrainer(Judged):
             epochs=0 if chosen is None else chosen.epochs,
         )
         if verdict.accepted and chosen is not None:
-            movable = can_move(chosen.calibration)
-            learned = state.n - len(split_off(rows, state.running)[1]) if movable else 0
+            running, posterior = chosen.calibration, chosen.covariance
             state = replace(
                 state,
-                running=chosen.calibration,
-                covariance=chosen.covariance,
-                learned=learned,
+                running=running,
+                covariance=describe_prior(running) if posterior is None else posterior,
+                learned=state.n - len(split_off(rows)[1]),
             )
         state = schedule.close_retraining(state, self.params, done)
         self.state = state if verdict.poisoned else self._note(state, rows, done)
@@ -224,7 +218,7 @@ class Retrainer(Judged):
         has to learn a change first."""
         if state.running is None or not (done.accepted or done.onset is None):
             return state
-        unseen = split_off(rows, state.running)[1]
+        unseen = split_off(rows)[1]
         left = compute_errors(correct(state.running, unseen), unseen.wanted)
         if state.noise is not None and acceptance.has_changed(left, state.noise, self.params):
             return state
@@ -234,15 +228,15 @@ class Retrainer(Judged):
         old = state.window.select(slice(0, 0)) if done.onset is not None else state.reservoir
         running = state.running
         assert running is not None
-        return replace(state, reservoir=add_rows(old, rows, running))
+        return replace(state, reservoir=add_rows(old, rows, running, state.n))
 
-    def _judge(self, rows: Window, why: Why) -> tuple[Judgement, Candidate | None]:
+    def _judge(self, rows: Window) -> tuple[Judgement, Candidate | None]:
         """The best candidate of some rows, and whether it is to replace what is running."""
         state, params = self.state, self.params
         wrong = acceptance.find_stuck(rows)
         if wrong:
             return Judgement(False, wrong, True), None
-        seen, unseen = split_off(rows, state.running)
+        seen, unseen = split_off(rows)
         try:
             whole = state.onset is None and schedule.is_full(state, params)
             offered = train_candidates(state, params, seen, whole=whole)
@@ -269,11 +263,7 @@ class Retrainer(Judged):
         if state.onset is None and state.running is not None and len(kept):
             before = compute_errors(correct(state.running, kept), kept.wanted)
             others.append((offered[best].errors(kept), before))
-        # what a network alone learned of a change, it learned of fewer of the same readings
-        again = why == "settling" and not can_move(offered[best].calibration)
-        certain = 0.0 if again else CERTAIN
-        verdict = acceptance.judge(unseen_errors, params, *others, certain=certain)
-        return verdict, offered[best]
+        return acceptance.judge(unseen_errors, params, *others), offered[best]
 
     @property
     def calibration(self) -> Running:
@@ -307,6 +297,11 @@ class Retrainer(Judged):
         said = f"{state.accepted} of {state.accepted + state.rejected} retrainings were accepted"
         if state.noise is not None:
             said += f"; what is running leaves {figure(state.noise)} nT on an axis"
+        if state.accepted and state.covariance is None:
+            said += (
+                "; the state has no posterior of them, as those written before agonic kept one: it "
+                "goes on from what the network states of itself, with an empty reservoir"
+            )
         return sentences(*(finding.sentence for finding in self.findings), said)
 
     def save(self, path: Path | str) -> Path:
