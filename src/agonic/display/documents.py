@@ -12,8 +12,7 @@ from agonic.alignment.direction.document import describe_direction
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.gravity.document import describe_gravity
 from agonic.alignment.north import DiFluxFit, NorthFit
-from agonic.alignment.north.di_flux_document import describe_di_flux
-from agonic.alignment.north.document import describe_north
+from agonic.alignment.north.document import describe_di_flux, describe_north
 from agonic.alignment.star_sensor import AlignmentFit
 from agonic.alignment.star_sensor.document import describe_alignment
 from agonic.headings.deviation import DeviationFit

@@ -75,13 +75,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
-    settling = evidence.judge_settling(fit, _fit_late(fit))
-    # a coil that does not settle spoils what the mistakes are told by
-    findings = (
-        *settling,
-        *([] if settling else evidence.find_mistakes(fit)),
-        *evidence.examine(fit),
-    )
+    findings = tuple(evidence.examine(fit, _fit_late(fit)))
     return replace(fit, findings=findings, remarks=evidence.describe(fit))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.alignment.commands.options import Solve, Wanted
+from agonic.alignment.commands.plan_alignment import Solve, Wanted
 from agonic.console.options import (
     Between,
     Json,
@@ -95,7 +95,7 @@ def _describe_gyro(session: Path) -> Document:
 def _describe_sheet(sheet: Path, field: float | None) -> Document:
     from agonic.alignment.files.read_di_flux import read_di_flux
     from agonic.alignment.north import fit_di_flux
-    from agonic.alignment.north.di_flux_document import describe_di_flux
+    from agonic.alignment.north.document import describe_di_flux
 
     return describe_di_flux(fit_di_flux(read_di_flux(sheet), magnitude=field))
 

@@ -48,7 +48,7 @@ from agonic.alignment.files.sections import (
     PlatformSection,
     SightingSection,
 )
-from agonic.alignment.files.tables import GON_DEG, read_table
+from agonic.alignment.files.star_table import GON_DEG, read_table
 from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
 from agonic.arrays import Array
 from agonic.files.toml_sections import read_section

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from msgspec.structs import asdict
 
+from agonic.alignment.direction.result import FieldDirection
 from agonic.alignment.files import read_coil, read_north, read_session
 from agonic.alignment.files.sections import GyroSection, PlatformSection
-from agonic.alignment.files.star_table import format_stars
-from agonic.alignment.files.tables import format_table
+from agonic.alignment.files.star_table import format_stars, format_table
 from agonic.alignment.session import Session, Site
 from agonic.alignment.session.coil import Attitude, CoilSession
 from agonic.alignment.session.north import NorthSession
@@ -24,6 +24,23 @@ from agonic.files.calibration import save
 from agonic.files.toml_text import write_value
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
+
+DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
+"""Decimals of a column, by the unit that its name ends in: a tenth of what can be known."""
+
+
+def write_direction(found: FieldDirection, file: Path) -> Path:
+    """Write a row a reading that has an attitude, its columns those of `FieldDirection.columns`."""
+    cells = {
+        name: [f"{value:.{_count_digits(name)}f}" for value in values.tolist()]
+        for name, values in found.columns().items()
+    }
+    return write_atomically(file, format_table(cells))
+
+
+def _count_digits(name: str) -> int:
+    return next(digits for unit, digits in DIGITS.items() if name.endswith(unit))
+
 
 Sections = dict[str, Mapping[str, Any] | None]
 

@@ -1,6 +1,5 @@
 """How a magnetometer and an accelerometer sit on each other, from orientations at rest."""
 
-from agonic.alignment.gravity.fit import fit_gravity
-from agonic.alignment.gravity.result import GravityFit
+from agonic.alignment.gravity.fit import GravityFit, fit_gravity
 
 __all__ = ["GravityFit", "fit_gravity"]

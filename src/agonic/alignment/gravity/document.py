@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from agonic.alignment.gravity.result import GravityFit
+from agonic.alignment.gravity.fit import GravityFit
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
 

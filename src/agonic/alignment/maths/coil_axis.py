@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.alignment.maths.columns import fit_columns
-from agonic.alignment.maths.stretches import Stretches
+from agonic.alignment.maths.stretches import Stretches, fit_columns
 from agonic.arrays import Array
 from agonic.maths.estimation.noise.residuals import correlation_length
 

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
-from agonic.alignment.maths.columns import fit_columns
-from agonic.alignment.maths.stretches import Stretches
+from agonic.alignment.maths.stretches import Stretches, fit_columns
 from agonic.arrays import Array
 
 

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from agonic.alignment.calibration import make_calibration, make_provenance
+from agonic.alignment.explanations import find_explanations, say_explanations
+from agonic.alignment.findings import tell
 from agonic.alignment.maths import north as kernel
-from agonic.alignment.maths.north import North, Swing
-from agonic.alignment.maths.reversals import fit_reversals
-from agonic.alignment.north.drift import NOT_TOLD, Drift, estimate_drift
-from agonic.alignment.north.evidence import examine
+from agonic.alignment.maths.north import North, Swing, fit_reversals
+from agonic.alignment.maths.solution import RARE
 from agonic.alignment.north.platform import Aligned, align_platform
-from agonic.alignment.north.result import Azimuth, NorthFit
+from agonic.alignment.north.result import NOT_TOLD, Azimuth, Drift, NorthFit, estimate_drift
 from agonic.alignment.session.north import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
+from agonic.health import Finding, figure
+from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD
+
+APART = 4.0
+"""Two methods that differ by more standard errors do not agree."""
+FEW_PERIODS = 1.0
+BAD_FACES_ARCSEC = 60.0
+
 
 METHOD = ("harbin-2018",)
 
@@ -54,7 +63,8 @@ def fit_north(session: NorthSession) -> NorthFit:
         aligned=found,
         calibration=None if found is None else _calibration(session, found, fit.method),
     )
-    return examine(whole)
+    judged = replace(whole, findings=tuple(_examine(whole)))
+    return judged if judged.verdict == "refused" else replace(judged, remarks=_describe(judged))
 
 
 def _found(session: NorthSession) -> NorthFit:
@@ -144,3 +154,75 @@ def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignmen
         frame="b",
         before=session.calibration,
     )
+
+
+def _examine(fit: NorthFit) -> Iterator[Finding]:
+    """The findings of a fit: the gyro, what was sighted, the platform."""
+    yield from _examine_gyro(fit)
+    for one in fit.azimuths:
+        differ = 2 * abs(one.collimation_arcsec)
+        if differ > 2 * BAD_FACES_ARCSEC:
+            yield tell("faces", name=one.name, by=differ)
+    if fit.aligned is not None:
+        yield from _examine_platform(fit.aligned)
+
+
+def _examine_gyro(fit: NorthFit) -> Iterator[Finding]:
+    """Methods that disagree, a short record, a zero that moves, and readings that scatter."""
+    best = fit.by[fit.method]
+    for name, other in fit.by.items():
+        apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
+        if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
+            yield tell("methods disagree", one=fit.method, other=name, by=3600 * apart)
+    if fit.swing is not None and fit.session.swing is not None and fit.period_s is not None:
+        periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
+        if not fit.swing.converged or periods < FEW_PERIODS:
+            yield tell("short swing", periods=periods)
+    if fit.drift.seen:
+        yield tell("zero drifts", by=3600 * abs(fit.drift.size_deg))
+    read = {fit.method: best.excess} | {one.name: one.excess for one in fit.azimuths}
+    name, excess = max(read.items(), key=lambda item: item[1])
+    if excess > 1.0:
+        yield tell("readings scatter", name=name, excess=excess)
+    if not np.isfinite(best.sd_deg):
+        yield tell("no spread")
+
+
+def _examine_platform(found: Aligned) -> Iterator[Finding]:
+    """A platform turned too seldom, whose residuals are more than noise, or that went on turning
+    after it was set."""
+    solution = found.solution
+    if len(found.orientation) < 2:
+        yield tell("orientations")
+    elif solution.p_value < RARE:
+        more = figure(float(np.sqrt(solution.chi2 / solution.freedom)))
+        action = (
+            "check mirror, orientation numbers, axes of the reference, and the magnetometer's "
+            "calibration"
+        )
+        what = f"the residuals are {more} times what the noise explains"
+        causes = find_explanations(solution, found.time, found.orientation)
+        if causes:
+            what, action = say_explanations(what, causes), causes[0].move
+        yield tell("platform misfit", what=what, action=action)
+    if found.settled_by.any():
+        yield tell("platform settles", by=float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
+
+
+def _describe(fit: NorthFit) -> tuple[str, ...]:
+    """How good it is."""
+    said = [
+        f"true north is at {fit.north_deg:.5f}° ± {figure(fit.sd_arcsec)}″ of the circle, by "
+        f"{fit.method}"
+    ]
+    if not np.isfinite(fit.drift.sd_deg):
+        said.append(
+            "so few readings do not tell whether the zero drifts: follow the gyro for eight "
+            "turning points, or record its swing"
+        )
+    if fit.aligned is not None:
+        said.append(
+            f"standard error of the alignment: {figure(fit.aligned.worst_sd_arcsec)}″ about its "
+            "worst axis"
+        )
+    return tuple(said)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
 
+from agonic.alignment.findings import tell
 from agonic.alignment.maths.stretches import Stretches, average_stretches, split
 from agonic.alignment.maths.turned_platform import Harmonics, compute_size, fit_harmonics, widen
 from agonic.alignment.session.session import put_on_clock
@@ -204,36 +206,16 @@ def _shape(angle_rad: Array, found: Harmonics) -> Array:
     return np.asarray(shape)
 
 
-def _findings(fit: RemanenceFit, wanted_arcsec: float) -> list[Finding]:
+def _findings(fit: RemanenceFit, wanted_arcsec: float) -> Iterator[Finding]:
     """What is to be looked at."""
-    findings = []
     matters = wanted_arcsec * ARCSEC_RAD * fit.magnitude
     if fit.chance < RARE and fit.size > matters:
-        what = (
-            f"the platform has a field of its own of {figure(fit.size)} nT across its axis, which "
-            f"turns a field by up to {figure(fit.size_arcsec)}″"
-        )
-        move = (
-            "demagnetize or replace what is magnetic on it, or solve for the bias (--solve bias) "
-            "with the magnetometer where it will stay"
-        )
-        findings.append(Finding("platform remanence", "check", what, move))
+        yield tell("platform remanence", size=fit.size, turned=fit.size_arcsec)
     induced, chance = fit.induced, fit.induced_chance
     if induced is not None and chance is not None and chance < RARE and induced > matters:
-        what = (
-            f"something on the platform is magnetized by the field: {figure(induced)} nT go round "
-            "twice in a turn"
-        )
-        move = "find the screw or the motor, or solve for the matrix (--solve bias,matrix)"
-        findings.append(Finding("platform iron", "check", what, move))
+        yield tell("platform iron", size=induced)
     if fit.sd > matters:
-        what = (
-            f"the platform's own field is known to {figure(fit.sd)} nT only, and "
-            f"{figure(matters)} nT matter"
-        )
-        move = "take more readings at each setting, and a reference farther off"
-        findings.append(Finding("remanence loose", "check", what, move))
-    return findings
+        yield tell("remanence loose", sd=fit.sd, wanted=matters)
 
 
 def _remarks(fit: RemanenceFit) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Site
 from agonic.alignment.session.coil import Attitude, CoilSession
-from agonic.alignment.simulation.readings import read_field, vary_field
+from agonic.alignment.simulation.session import read_field, vary_field
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.maths.rotations.attitude import make_rotation, rot_nb

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
-from agonic.alignment.simulation.readings import FIELD_N
+from agonic.alignment.simulation.session import FIELD_N
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.samples import Samples
