@@ -8,8 +8,8 @@ import numpy as np
 
 from agonic.alignment.coil.result import CoilFit
 from agonic.alignment.findings import tell
-from agonic.alignment.maths import coil_axis as kernel
-from agonic.alignment.maths.coil_axis import CoilEstimate
+from agonic.alignment.maths import columns as kernel
+from agonic.alignment.maths.columns import CoilEstimate
 from agonic.health import Finding, figure
 
 RARE = 1e-3

@@ -10,11 +10,11 @@ from scipy.special import chdtrc
 
 from agonic.alignment.coil import evidence
 from agonic.alignment.coil.result import CoilFit, Direction, Level
-from agonic.alignment.maths import coil_axis as kernel
-from agonic.alignment.maths.coil_axis import CoilEstimate
+from agonic.alignment.maths import columns as kernel
+from agonic.alignment.maths.columns import CoilEstimate
 from agonic.alignment.maths.stretches import Stretches, average, average_stretches, split
 from agonic.alignment.session import load_earth_rotation
-from agonic.alignment.session.coil import CoilSession
+from agonic.alignment.session.laboratory import CoilSession
 from agonic.alignment.session.session import compute_unix_s, put_on_clock
 from agonic.arrays import Array
 from agonic.errors import CoverageError, ValidityError

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agonic.alignment.maths.coil_axis import CoilEstimate
+from agonic.alignment.maths.columns import CoilEstimate
 from agonic.alignment.maths.stretches import Stretches
-from agonic.alignment.session.coil import CoilSession
+from agonic.alignment.session.laboratory import CoilSession
 from agonic.arrays import Array
 from agonic.health import Finding, Judged
 from agonic.maths.rotations.frames import ARCSEC_RAD

@@ -43,16 +43,17 @@ from pathlib import Path
 
 import numpy as np
 
-from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.sections import (
+from agonic.alignment.files.description import (
     COIL,
     AlignmentSection,
     AttitudeSection,
     CoilSection,
+    Description,
     Head,
+    read_description,
 )
 from agonic.alignment.session import Site, load_earth_rotation
-from agonic.alignment.session.coil import Attitude, CoilSession
+from agonic.alignment.session.laboratory import Attitude, CoilSession
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.alignment.session.north import DiSheet
+from agonic.alignment.session.laboratory import DiSheet
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.provenance import Input, hash_file

@@ -40,16 +40,23 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.sections import (
+from agonic.alignment.files.description import (
     NORTH,
+    Description,
     GyroSection,
     Head,
     PlatformSection,
     SightingSection,
+    read_description,
 )
 from agonic.alignment.files.star_table import GON_DEG, read_table
-from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.alignment.session.laboratory import (
+    NorthSession,
+    Platform,
+    Sighting,
+    SwingRecord,
+    Transits,
+)
 from agonic.arrays import Array
 from agonic.files.toml_sections import read_section
 

@@ -50,8 +50,14 @@ from pathlib import Path
 
 import numpy as np
 
-from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.sections import NEEDED, SESSION, SessionHead, StarSection
+from agonic.alignment.files.description import (
+    NEEDED,
+    SESSION,
+    Description,
+    SessionHead,
+    StarSection,
+    read_description,
+)
 from agonic.alignment.files.star_table import make_diagonal, read_stars
 from agonic.alignment.session import Session, StarReadings, check_session
 from agonic.alignment.session.session import compute_unix_s

@@ -11,11 +11,10 @@ from msgspec.structs import asdict
 
 from agonic.alignment.direction.result import FieldDirection
 from agonic.alignment.files import read_coil, read_north, read_session
-from agonic.alignment.files.sections import GyroSection, PlatformSection
+from agonic.alignment.files.description import GyroSection, PlatformSection
 from agonic.alignment.files.star_table import format_stars, format_table
 from agonic.alignment.session import Session, Site
-from agonic.alignment.session.coil import Attitude, CoilSession
-from agonic.alignment.session.north import NorthSession
+from agonic.alignment.session.laboratory import Attitude, CoilSession, NorthSession
 from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError

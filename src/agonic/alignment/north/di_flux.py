@@ -12,7 +12,7 @@ from agonic.alignment.findings import tell
 from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.maths.di_flux import LEAST_RAD, NAMES, Settings, SheetEstimate
 from agonic.alignment.maths.north import Pointing, average_faces
-from agonic.alignment.session.north import DiSheet
+from agonic.alignment.session.laboratory import DiSheet
 from agonic.arrays import Mask
 from agonic.errors import CoverageError
 from agonic.health import Finding, Judged, figure

@@ -11,9 +11,9 @@ import numpy as np
 from agonic.alignment.figures import draw_residuals, draw_settings
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
 from agonic.alignment.north.di_flux import DiFluxFit
+from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.north.platform import Aligned
-from agonic.alignment.north.result import NorthFit
-from agonic.alignment.session.north import SwingRecord
+from agonic.alignment.session.laboratory import SwingRecord
 from agonic.report.axes import Axis, Columns
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from agonic.alignment.findings import tell
+from agonic.alignment.maths.columns import Harmonics, compute_size, fit_harmonics, widen
 from agonic.alignment.maths.stretches import Stretches, average_stretches, split
-from agonic.alignment.maths.turned_platform import Harmonics, compute_size, fit_harmonics, widen
 from agonic.alignment.session.session import put_on_clock
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError

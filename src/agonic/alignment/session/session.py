@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Literal
@@ -24,6 +25,219 @@ OTHER_UNIT = 3.0
 """Ratio of the two magnitudes from which one of the units must be wrong."""
 NOT_UNIT = 1e-3
 """How far an attitude may be from a rotation."""
+
+
+Coordinates = Literal["astronomical", "geodetic"]
+
+PRESENT, REMOVED = "present", "removed"
+"""Whether an effect on starlight is still in the star sensor's attitudes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """Where the piers stand: degrees, longitude positive east.
+
+    `coordinates` "astronomical" follow the plumb line, as the north and down of the reference do;
+    "geodetic" ones are square to the ellipsoid and differ by the deflection of the vertical.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    coordinates: Coordinates = "astronomical"
+    air: Air = field(default_factory=Air)
+
+    def __post_init__(self) -> None:
+        check_choice("coordinates", self.coordinates, ("astronomical", "geodetic"))
+        if not (-90 <= self.latitude_deg <= 90 and -180 <= self.longitude_deg <= 360):
+            raise AgonicError(
+                f"latitude {self.latitude_deg:g}°, longitude {self.longitude_deg:g}° is no place; "
+                "give degrees, longitude positive east"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StarReadings:
+    """Attitudes of a star sensor: inertial (J2000, GCRS) components into its own, c.
+
+    Parameters
+    ----------
+    time : (n,) UTC seconds since 1970. orientation : (n,) whole numbers of the static orientations.
+    rot_ci : (n, 3, 3); its third row is the boresight.
+    covariance : (n, 3, 3) rad² of the small rotation in camera axes, third axis the boresight;
+        `None` where the scatter within the orientations is to tell.
+    refraction, aberration : "present" where the sensor does not take them out, else "removed".
+    """
+
+    time: Array
+    orientation: NDArray[np.int64]
+    rot_ci: Array
+    covariance: Array | None = None
+    refraction: str = REMOVED
+    aberration: str = REMOVED
+    name: str = "star sensor"
+
+    def __post_init__(self) -> None:
+        for effect in ("refraction", "aberration"):
+            check_choice(effect, getattr(self, effect), (PRESENT, REMOVED))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def select(self, rows: Index | slice) -> StarReadings:
+        """Some of the attitudes."""
+        return replace(
+            self,
+            time=self.time[rows],
+            orientation=self.orientation[rows],
+            rot_ci=self.rot_ci[rows],
+            covariance=None if self.covariance is None else self.covariance[rows],
+        )
+
+    @property
+    def boresight_i(self) -> Array:
+        """Where it looks among the stars, (n, 3)."""
+        return self.rot_ci[:, 2]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pier:
+    """The field at the magnetometer's pier less that at the reference's, nT, in its axes.
+
+    `sd` is the standard deviation of each component: 0 where the difference is exact.
+    """
+
+    difference: Array = field(default_factory=lambda: np.zeros(3))
+    sd: float | None = None
+
+
+class Mounting(Struct, frozen=True, kw_only=True):
+    """How the magnetometer was meant to sit: 3-2-3 angles from the star sensor to it, degrees."""
+
+    alpha_deg: float
+    beta_deg: float
+    gamma_deg: float
+    sd_deg: float = 2.0
+
+    @property
+    def rot_mc(self) -> Array:
+        """Star sensor components into magnetometer ones."""
+        return from_323_deg(self.alpha_deg, self.beta_deg, self.gamma_deg)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recorded:
+    """What every session has: readings of a magnetometer, perhaps of a reference beside it.
+
+    Parameters
+    ----------
+    magnetometer : its readings in nT. calibration : of it, applied before everything else.
+    reference : the field beside it, north-east-down, which takes out the ambient's changes.
+    sources : the files that were read.
+    """
+
+    magnetometer: Samples | None
+    reference: Samples | None
+    calibration: Calibration | None = None
+    name: str = ""
+    sources: tuple[Input, ...] = ()
+
+    def __post_init__(self) -> None:
+        if mistakes := list(self._list_mistakes()):
+            raise AgonicError("; ".join(mistakes))
+
+    def _list_mistakes(self) -> Iterator[str]:
+        """What does not fit together."""
+        yield from ()
+
+    @property
+    def instruments(self) -> tuple[Samples, Samples]:
+        """Magnetometer and reference of a session that has both."""
+        assert self.magnetometer is not None, "checked with the session"
+        assert self.reference is not None, "checked with the session"
+        return self.magnetometer, self.reference
+
+    @property
+    def corrected(self) -> Array:
+        """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
+        assert self.magnetometer is not None, "asked for only with a magnetometer"
+        return correct_field(self.magnetometer, self.calibration)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Session(Recorded, Readable):
+    """Readings of a magnetometer and a star sensor on one platform, and of a reference beside it.
+
+    Parameters
+    ----------
+    site, star : where, and the attitudes.
+    magnetometer : its readings in nT, with `station` the number of the orientation, times since
+        `epoch`. reference : the variometer or vector standard, north-east-down.
+    noise, reference_noise : standard deviation of one reading on one axis, nT; `None`: by
+        the scatter within the orientations.
+    reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
+        `None`: exactly, unless they are solved for.
+    pier : difference of the field between the two. mounting : the nominal angles, if known.
+    remanence : readings of a magnetometer that stood still while the platform was turned to the
+        angles in `heading_deg`, for `fit_remanence`.
+    """
+
+    site: Site
+    star: StarReadings
+    magnetometer: Samples
+    reference: Samples
+    pier: Pier = field(default_factory=Pier)
+    mounting: Mounting | None = None
+    noise: float | None = None
+    reference_noise: float | None = None
+    reference_sd_arcsec: float | None = None
+    remanence: Samples | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def orientations(self) -> NDArray[np.int64]:
+        """The numbers of the orientations, in order."""
+        return np.unique(self.star.orientation)
+
+    @property
+    def middle(self) -> float:
+        """The middle of the star sensor's times, UTC seconds since 1970."""
+        return float(self.star.time.min() + self.star.time.max()) / 2
+
+    @property
+    def date(self) -> str:
+        """The day of it."""
+        return datetime.fromtimestamp(self.middle, UTC).date().isoformat()
+
+
+def correct_field(samples: Samples, calibration: Calibration | None) -> Array:
+    """The field (n, 3) of samples, with a calibration where there is one."""
+    if calibration is None:
+        return samples.field
+    columns = select_columns(calibration, samples)
+    return np.asarray(calibration.correct(samples.field, **columns))
+
+
+def compute_unix_s(samples: Samples) -> Array:
+    """UTC seconds since 1970 of samples whose epoch is known."""
+    if samples.time is None or samples.epoch is None:
+        raise AgonicError(
+            f"{samples.name} has no date; give times as 2026-03-01T20:00:00Z or Unix seconds"
+        )
+    utc = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
+    return np.asarray(samples.time + utc.timestamp())
+
+
+def put_on_clock(reference: Samples, samples: Samples) -> Array:
+    """The times (m,) of a reference, s, on the clock of other samples.
+
+    Without any dates both count from one moment.
+    """
+    assert reference.time is not None, "a reference is read with times"
+    if reference.epoch is None and samples.epoch is None:
+        return reference.time
+    assert samples.time is not None, "asked for only with times"
+    begins = compute_unix_s(samples)[0] - samples.time[0]
+    return np.asarray(compute_unix_s(reference) - begins)
 
 
 def check_session(session: Session) -> Session:
@@ -126,186 +340,3 @@ def _duration(seconds: float) -> str:
     if seconds >= 86_400:
         return f"{seconds / 86_400:.1f} days"
     return f"{seconds / 3600:.2f} h" if seconds >= 3600 else f"{seconds:.1f} s"
-
-
-Coordinates = Literal["astronomical", "geodetic"]
-
-PRESENT, REMOVED = "present", "removed"
-"""Whether an effect on starlight is still in the star sensor's attitudes."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Site:
-    """Where the piers stand: degrees, longitude positive east.
-
-    `coordinates` "astronomical" follow the plumb line, as the north and down of the reference do;
-    "geodetic" ones are square to the ellipsoid and differ by the deflection of the vertical.
-    """
-
-    latitude_deg: float
-    longitude_deg: float
-    coordinates: Coordinates = "astronomical"
-    air: Air = field(default_factory=Air)
-
-    def __post_init__(self) -> None:
-        check_choice("coordinates", self.coordinates, ("astronomical", "geodetic"))
-        if not (-90 <= self.latitude_deg <= 90 and -180 <= self.longitude_deg <= 360):
-            raise AgonicError(
-                f"latitude {self.latitude_deg:g}°, longitude {self.longitude_deg:g}° is no place; "
-                "give degrees, longitude positive east"
-            )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StarReadings:
-    """Attitudes of a star sensor: inertial (J2000, GCRS) components into its own, c.
-
-    Parameters
-    ----------
-    time : (n,) UTC seconds since 1970. orientation : (n,) whole numbers of the static orientations.
-    rot_ci : (n, 3, 3); its third row is the boresight.
-    covariance : (n, 3, 3) rad² of the small rotation in camera axes, third axis the boresight;
-        `None` where the scatter within the orientations is to tell.
-    refraction, aberration : "present" where the sensor does not take them out, else "removed".
-    """
-
-    time: Array
-    orientation: NDArray[np.int64]
-    rot_ci: Array
-    covariance: Array | None = None
-    refraction: str = REMOVED
-    aberration: str = REMOVED
-    name: str = "star sensor"
-
-    def __post_init__(self) -> None:
-        for effect in ("refraction", "aberration"):
-            check_choice(effect, getattr(self, effect), (PRESENT, REMOVED))
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def select(self, rows: Index | slice) -> StarReadings:
-        """Some of the attitudes."""
-        return replace(
-            self,
-            time=self.time[rows],
-            orientation=self.orientation[rows],
-            rot_ci=self.rot_ci[rows],
-            covariance=None if self.covariance is None else self.covariance[rows],
-        )
-
-    @property
-    def boresight_i(self) -> Array:
-        """Where it looks among the stars, (n, 3)."""
-        return self.rot_ci[:, 2]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Pier:
-    """The field at the magnetometer's pier less that at the reference's, nT, in its axes.
-
-    `sd` is the standard deviation of each component: 0 where the difference is exact.
-    """
-
-    difference: Array = field(default_factory=lambda: np.zeros(3))
-    sd: float | None = None
-
-
-class Mounting(Struct, frozen=True, kw_only=True):
-    """How the magnetometer was meant to sit: 3-2-3 angles from the star sensor to it, degrees."""
-
-    alpha_deg: float
-    beta_deg: float
-    gamma_deg: float
-    sd_deg: float = 2.0
-
-    @property
-    def rot_mc(self) -> Array:
-        """Star sensor components into magnetometer ones."""
-        return from_323_deg(self.alpha_deg, self.beta_deg, self.gamma_deg)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Session(Readable):
-    """Readings of a magnetometer and a star sensor on one platform, and of a reference beside it.
-
-    Parameters
-    ----------
-    site, star : where, and the attitudes.
-    magnetometer : its readings in nT, with `station` the number of the orientation, times since
-        `epoch`. reference : the variometer or vector standard, north-east-down.
-    noise, reference_noise : standard deviation of one reading on one axis, nT; `None`: by
-        the scatter within the orientations.
-    reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
-        `None`: exactly, unless they are solved for.
-    pier : difference of the field between the two. mounting : the nominal angles, if known.
-    calibration : of the magnetometer, applied before everything else.
-    remanence : readings of a magnetometer that stood still while the platform was turned to the
-        angles in `heading_deg`, for `fit_remanence`.
-    """
-
-    site: Site
-    star: StarReadings
-    magnetometer: Samples
-    reference: Samples
-    pier: Pier = field(default_factory=Pier)
-    mounting: Mounting | None = None
-    calibration: Calibration | None = None
-    noise: float | None = None
-    reference_noise: float | None = None
-    reference_sd_arcsec: float | None = None
-    remanence: Samples | None = None
-    name: str = ""
-    sources: tuple[Input, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    @property
-    def orientations(self) -> NDArray[np.int64]:
-        """The numbers of the orientations, in order."""
-        return np.unique(self.star.orientation)
-
-    @property
-    def middle(self) -> float:
-        """The middle of the star sensor's times, UTC seconds since 1970."""
-        return float(self.star.time.min() + self.star.time.max()) / 2
-
-    @property
-    def date(self) -> str:
-        """The day of it."""
-        return datetime.fromtimestamp(self.middle, UTC).date().isoformat()
-
-    @property
-    def corrected(self) -> Array:
-        """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
-        return correct_field(self.magnetometer, self.calibration)
-
-
-def correct_field(samples: Samples, calibration: Calibration | None) -> Array:
-    """The field (n, 3) of samples, with a calibration where there is one."""
-    if calibration is None:
-        return samples.field
-    columns = select_columns(calibration, samples)
-    return np.asarray(calibration.correct(samples.field, **columns))
-
-
-def compute_unix_s(samples: Samples) -> Array:
-    """UTC seconds since 1970 of samples whose epoch is known."""
-    if samples.time is None or samples.epoch is None:
-        raise AgonicError(
-            f"{samples.name} has no date; give times as 2026-03-01T20:00:00Z or Unix seconds"
-        )
-    utc = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
-    return np.asarray(samples.time + utc.timestamp())
-
-
-def put_on_clock(reference: Samples, samples: Samples) -> Array:
-    """The times (m,) of a reference, s, on the clock of other samples.
-
-    Without any dates both count from one moment.
-    """
-    assert reference.time is not None, "a reference is read with times"
-    if reference.epoch is None and samples.epoch is None:
-        return reference.time
-    assert samples.time is not None, "asked for only with times"
-    begins = compute_unix_s(samples)[0] - samples.time[0]
-    return np.asarray(compute_unix_s(reference) - begins)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Site
-from agonic.alignment.session.coil import Attitude, CoilSession
+from agonic.alignment.session.laboratory import Attitude, CoilSession
 from agonic.alignment.simulation.session import read_field, vary_field
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment

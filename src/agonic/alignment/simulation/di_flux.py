@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agonic.alignment.maths import di_flux as kernel
-from agonic.alignment.session.north import DiSheet
+from agonic.alignment.session.laboratory import DiSheet
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

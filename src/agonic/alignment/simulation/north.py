@@ -9,7 +9,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from agonic.alignment.maths.north import evaluate_swing_deg
-from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.alignment.session.laboratory import (
+    NorthSession,
+    Platform,
+    Sighting,
+    SwingRecord,
+    Transits,
+)
 from agonic.alignment.simulation.session import read_field, vary_field
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation, rot_nb

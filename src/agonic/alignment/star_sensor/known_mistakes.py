@@ -17,8 +17,8 @@ from agonic.alignment.maths import two_frames as kernel
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import compute_rotation_vector
 from agonic.alignment.session import Session, load_earth_rotation, observe
+from agonic.alignment.session.observed import solve_session
 from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
-from agonic.alignment.star_sensor.solve import solve_session
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
