@@ -27,7 +27,7 @@ def describe_gravity(fit: GravityFit, sensor: str) -> Document:
         verdict=fit.verdict,
         status=fit.status,
         findings=fit.findings,
-        entries={} if refused else _entries(fit),
+        entries=_entries(fit),
         values={"sensor": sensor, "n": fit.n, **({} if refused else _numbers(fit))},
         calibration=None if refused else fit.calibration,
     )

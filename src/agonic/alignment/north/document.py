@@ -50,7 +50,7 @@ def describe_north(fit: NorthFit) -> Document:
         verdict=fit.verdict,
         status=fit.status,
         findings=fit.findings,
-        entries={} if refused else _entries(fit),
+        entries=_entries(fit),
         sections=[] if refused else _sections(fit),
         values={"method": fit.method, **({} if refused else _numbers(fit))},
         calibration=None if refused else fit.calibration,
@@ -100,34 +100,19 @@ def _sections(fit: NorthFit) -> list[Section]:
     if record is not None and swing is not None:
         sections.append(Section("The swing", [lambda: draw_swing(record, swing)]))
     if aligned is not None:
+        found, numbers = aligned.solution, aligned.orientation
         rows = Table(PLATFORM_HEAD, _platform_rows(aligned), "numbers small")
-        sections.append(
-            Section(
-                "Residuals of the platform",
-                [
-                    lambda: draw_residuals(
-                        aligned.solution.residuals,
-                        aligned.solution.residuals_sd,
-                        aligned.orientation,
-                    ),
-                    rows,
-                ],
-            )
-        )
+        drawn = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
+        sections.append(Section("Residuals of the platform", [drawn, rows]))
     return sections
 
 
 def _platform_rows(aligned: Aligned) -> list[list[str]]:
     """Each orientation of the platform: its heading and what is left."""
+    each = zip(aligned.orientation, aligned.heading_deg, aligned.solution.residuals, strict=True)
     return [
-        [
-            str(number),
-            f"{group_digits(float(heading), 4)}°",
-            *(group_digits(float(v), 3) for v in left),
-        ]
-        for number, heading, left in zip(
-            aligned.orientation, aligned.heading_deg, aligned.solution.residuals, strict=True
-        )
+        [str(n), f"{group_digits(float(at), 4)}°", *(group_digits(float(v), 3) for v in left)]
+        for n, at, left in each
     ]
 
 

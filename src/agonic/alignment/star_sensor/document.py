@@ -73,8 +73,8 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         status=fit.status,
         findings=fit.findings,
         move=next(iter(moves(fit.findings)), WHEN_ALIGNED),
-        key_figures=[] if refused else _key_figures(fit),
-        entries={} if refused else _entries(fit),
+        key_figures=_key_figures(fit),
+        entries=_entries(fit),
         entries_title="",
         sections=[*([] if refused else [_describe_alignment(fit)]), *_list_evidence(fit)],
         values={**_rank(fit), **({} if refused else _numbers(fit))},
@@ -109,10 +109,11 @@ def _key_figures(fit: AlignmentFit) -> list[tuple[str, str, str]]:
 def _entries(fit: AlignmentFit) -> dict[str, str]:
     """The alignment in three lines, and what was solved for beside it."""
     quat = "  ".join(f"{value:+.9f}".replace("-", MINUS) for value in fit.quat_wxyz)
+    angles = zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
     return {
         "Angles": "   ".join(
             f"{name} {group_digits(value, 6)}° ± {significant(sd, 2)}″"
-            for name, value, sd in zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
+            for name, value, sd in angles
         ),
         "Error": f"about the magnetometer's {_by_axis(fit.sd_arcsec, '   ')}",
         "Quat": f"w x y z {quat}",
@@ -128,19 +129,19 @@ def _by_axis(sd_arcsec: Array, between: str) -> str:
 
 def _others(fit: AlignmentFit) -> dict[str, str]:
     """What was found beside the alignment, in words, by a short name."""
-    groups, unknowns, sd = fit.solution.groups, fit.solution.unknowns, fit.sd
-    found = {}
-    if "reference" in groups:
-        turn = _with_sds(fit.reference_turn_arcsec, sd[GROUPS["reference"]] / ARCSEC_RAD)
-        found["Reference"] = f"turned about north, east, down by {turn}″"
-    if "pier" in groups:
-        found["Pier"] = f"{_with_sds(unknowns.offset, sd[GROUPS['pier']])} nT"
-    if "bias" in groups:
-        found["Bias"] = f"{_with_sds(unknowns.bias, sd[GROUPS['bias']])} nT"
-    if "matrix" in groups:
-        six = pack_symmetric(unknowns.matrix)
-        found["Matrix"] = f"xx yy zz xy xz yz  {_with_sds(six, sd[GROUPS['matrix']])}"
-    return found
+    unknowns, sd = fit.solution.unknowns, fit.sd.copy()
+    sd[GROUPS["reference"]] /= ARCSEC_RAD
+    found = {
+        "reference": (fit.reference_turn_arcsec, "turned about north, east, down by {}″"),
+        "pier": (unknowns.offset, "{} nT"),
+        "bias": (unknowns.bias, "{} nT"),
+        "matrix": (pack_symmetric(unknowns.matrix), "xx yy zz xy xz yz  {}"),
+    }
+    return {
+        group.capitalize(): words.format(_with_sds(values, sd[GROUPS[group]]))
+        for group, (values, words) in found.items()
+        if group in fit.solution.groups
+    }
 
 
 def _with_sds(values: Array, sds: Array) -> str:
@@ -263,25 +264,21 @@ def _draw(fit: AlignmentFit) -> Markup:
 
 def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
     """Each orientation: where it looked, what is left in nT and in arcseconds."""
-    boresight = fit.observed.boresight_n
-    azimuth = np.degrees(np.arctan2(boresight[:, 1], boresight[:, 0])) % 360
-    rows = []
-    for k, number in enumerate(fit.observed.orientation.tolist()):
-        when = datetime.fromtimestamp(float(fit.observed.time[k]), UTC)
-        sd = float(np.sqrt((fit.residuals_sd[k] ** 2).mean()))
-        rows.append(
-            [
-                str(number),
-                when.strftime("%H:%M:%S"),
-                f"{group_digits(float(azimuth[k]))}°",
-                f"{group_digits(float(fit.observed.elevation_deg[k]))}°",
-                f"{int(fit.observed.readings[k, 1])}",
-                *(group_digits(float(value), 3) for value in fit.residuals[k]),
-                group_digits(sd, 3),
-                group_digits(float(fit.residuals_arcsec[k]), 2),
-            ]
-        )
-    return rows
+    seen = fit.observed
+    azimuth = np.degrees(np.arctan2(seen.boresight_n[:, 1], seen.boresight_n[:, 0])) % 360
+    sd = np.sqrt((fit.residuals_sd**2).mean(axis=1))
+    return [
+        [
+            str(number),
+            datetime.fromtimestamp(float(seen.time[k]), UTC).strftime("%H:%M:%S"),
+            f"{group_digits(float(azimuth[k]))}°",
+            f"{group_digits(float(seen.elevation_deg[k]))}°",
+            str(seen.readings[k, 1]),
+            *(group_digits(float(value), 3) for value in (*fit.residuals[k], sd[k])),
+            group_digits(float(fit.residuals_arcsec[k]), 2),
+        ]
+        for k, number in enumerate(seen.orientation.tolist())
+    ]
 
 
 def _skies(fit: AlignmentFit) -> list[Markup]:
