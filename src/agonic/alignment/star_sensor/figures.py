@@ -77,8 +77,8 @@ def _draw_map(
     dots: _Dots,
     where: str,
 ) -> Markup:
-    """A round map of directions `away` (k,) from the middle, as a share of the radius, and clockwise
-    from the top by `azimuth` (k,), rad: names at the top, right, bottom and left of the rim, and
+    """A round map of directions `away` (k,) from the middle, as a share of the radius, and by
+    `azimuth` (k,), rad, clockwise from the top: names at the top, right, bottom and left of the rim, and
     rings with their angles. A dot is as large as its residual, with its number beside it."""
     middle, far = SIZE / 2, RADIUS + 14
     x, y = middle + RADIUS * away * np.sin(azimuth), middle - RADIUS * away * np.cos(azimuth)
