@@ -42,13 +42,13 @@ def describe_coil(fit: CoilFit) -> Document:
     >>> made.to_html().count("<h2>"), len(made.values["levels"])
     (5, 2)
     """
-    name = fit.session.coil
-    refused = fit.verdict == "refused"
+    session, refused = fit.session, fit.verdict == "refused"
+    reference = None if session.reference is None else session.reference.origin
     return Document(
         schema="agonic/fit-coil@1",
         kind=f"Magnetic axis of a coil, {fit.reversals} current reversals",
-        name=name,
-        title=fit.session.name or name,
+        name=session.coil,
+        title=session.name or session.coil,
         method=f"magnetic axis from {fit.reversals} current reversals",
         verdict=fit.verdict,
         status=fit.status,
@@ -57,11 +57,7 @@ def describe_coil(fit: CoilFit) -> Document:
         sections=[
             *([_linearity(fit)] if fit.levels and not refused else []),
             *([] if refused else [Section("Residuals of the stretches", [lambda: _draw(fit)])]),
-            list_inputs(
-                fit.session.magnetometer.origin,
-                None if fit.session.reference is None else fit.session.reference.origin,
-                method=METHOD,
-            ),
+            list_inputs(session.magnetometer.origin, reference, method=METHOD),
         ],
         values=_values(fit),
         styles=["alignment.css"],
@@ -106,8 +102,7 @@ def _linearity(fit: CoilFit) -> Section:
             group_digits(level.current_A, 5),
             group_digits(level.constant, 3),
             significant(level.sd, 2),
-            significant(level.departure, 2),
-            significant(1e6 * level.departure / fit.constant, 2),
+            *(significant(level.departure * per, 2) for per in (1.0, 1e6 / fit.constant)),
         ]
         for level in fit.levels
     ]
@@ -122,12 +117,8 @@ def _values(fit: CoilFit) -> dict[str, Any]:
         "constant_nT_A": fit.constant,
         "constant_sd_nT_A": fit.constant_sd,
         "axes": {
-            letter: {
-                "axis": direction.axis,
-                "sd_arcsec": direction.sd_arcsec,
-                "covariance": direction.covariance,
-            }
-            for letter, direction in fit.directions.items()
+            letter: {"axis": one.axis, "sd_arcsec": one.sd_arcsec, "covariance": one.covariance}
+            for letter, one in fit.directions.items()
         },
         "unix_s": fit.time,
         "geometric_deg": fit.geometric_deg,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,6 @@ from agonic.arrays import Array
 from agonic.errors import CoverageError, ValidityError
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
-from agonic.maths.rotations.vectors import skew
 
 METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02
@@ -61,17 +61,19 @@ def fit_coil(session: CoilSession) -> CoilFit:
     drift = kernel.choose_drift(current, seen, MOST_DRIFT, even=even)
     found = kernel.estimate(current, seen, drift, even=even)
     time = _middle(session)
+    directions = _directions(session, found, time)
+    away, away_sd = _geometry(session, directions)
     fit = CoilFit(
         session=session,
         current=current,
         read=read,
         stretches=seen,
         estimate=found,
-        directions=_directions(session, found, time),
+        directions=directions,
         time=time,
+        geometric_deg=away,
+        geometric_sd_arcsec=away_sd,
     )
-    away, away_sd = _geometry(fit)
-    fit = replace(fit, geometric_deg=away, geometric_sd_arcsec=away_sd)
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
@@ -112,17 +114,10 @@ def _read(session: CoilSession) -> tuple[Array, Stretches]:
 
 def _take_out_ambient(session: CoilSession, read: Stretches) -> Stretches:
     """The stretches without the reference's field, where its axes are known."""
-    onto_m = _onto_m(session)
-    if onto_m is None or read.beside is None:
+    if session.attitude is None or read.beside is None:
         return read
+    onto_m = _onto_p(session).T @ session.attitude.rot_pn
     return read._replace(field=read.field - read.beside.field @ onto_m.T, beside=None)
-
-
-def _onto_m(session: CoilSession) -> Array | None:
-    """North-east-down into the magnetometer's axes, where that is known."""
-    if session.attitude is None:
-        return None
-    return np.asarray(_onto_p(session).T @ session.attitude.rot_pn)
 
 
 def _onto_p(session: CoilSession) -> Array:
@@ -158,54 +153,34 @@ def _directions(
     axis = found.linear / size
     across = np.eye(3) - np.outer(axis, axis)
     covariance = across @ np.diag(found.covariance[:, 0, 0]) @ across / size**2
-    known = {"m": Direction(frame="m", axis=axis, covariance=covariance)}
-    last = known["m"]
-    if session.alignment is not None:
-        spread = session.alignment.covariance
-        last = _turn_direction(last, session.alignment.frame_out, _onto_p(session), spread)
+    last = Direction(frame="m", axis=axis, covariance=covariance)
+    known = {"m": last}
+    alignment, attitude, site = session.alignment, session.attitude, session.site
+    if alignment is not None:
+        last = last.turn(alignment.frame_out, _onto_p(session), alignment.covariance)
         known[last.frame] = last
-    attitude = session.attitude
     if attitude is None:
         return known
     # the attitude's error stands in the platform's axes, before the turn into north-east-down
-    tilted = _turn_direction(last, last.frame, np.eye(3), attitude.covariance)
-    known["n"] = _turn_direction(tilted, "n", attitude.rot_pn.T, None)
-    if session.site is not None:
-        fixed = rot_en(session.site.latitude_deg, session.site.longitude_deg)
-        known["e"] = _turn_direction(known["n"], "e", fixed, None)
-        rot_ie = _rot_ie(time)
-        if rot_ie is not None:
-            known["i"] = _turn_direction(known["e"], "i", rot_ie, None)
+    tilted = last.turn(last.frame, np.eye(3), attitude.covariance)
+    known["n"] = tilted.turn("n", attitude.rot_pn.T)
+    if site is not None:
+        known["e"] = known["n"].turn("e", rot_en(site.latitude_deg, site.longitude_deg))
+        with suppress(ValidityError):  # where the Earth's rotation is not known
+            if time is not None:
+                rot_ie = load_earth_rotation().rot_ei([time])[0].T
+                known["i"] = known["e"].turn("i", rot_ie)
     return known
 
 
-def _rot_ie(time: float | None) -> Array | None:
-    """Earth-fixed into inertial components; `None` where the moment or the Earth is not known."""
-    if time is None:
-        return None
-    try:
-        return np.asarray(load_earth_rotation().rot_ei([time])[0].T)
-    except ValidityError:
-        return None
-
-
-def _turn_direction(given: Direction, frame: str, matrix: Array, spread: Array | None) -> Direction:
-    """In other axes; `spread` is the covariance of the turn's own rotation vector there."""
-    axis = matrix @ given.axis
-    covariance = matrix @ given.covariance @ matrix.T
-    if spread is not None:
-        cross = skew(axis)
-        covariance = covariance + cross @ spread @ cross.T
-    return Direction(frame=frame, axis=axis, covariance=covariance)
-
-
-def _geometry(fit: CoilFit) -> tuple[float | None, float | None]:
+def _geometry(
+    session: CoilSession, directions: dict[str, Direction]
+) -> tuple[float | None, float | None]:
     """The angle to the axis as drawn, and its standard error."""
-    session = fit.session
     if session.geometric_axis is None:
         return None, None
     drawn = session.geometric_axis / np.linalg.norm(session.geometric_axis)
-    here = fit.directions[session.geometric_frame]
+    here = directions[session.geometric_frame]
     away = here.axis - drawn * (here.axis @ drawn)
     length = float(np.linalg.norm(away))
     sd = here.sd_arcsec

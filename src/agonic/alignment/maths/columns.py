@@ -140,13 +140,14 @@ class Harmonics(NamedTuple):
 
     `once` and `twice` (2, 3): cosine and sine of the angle and of twice the angle (`None` where
     there are too few settings); `once_covariance`, `twice_covariance` (3, 2, 2), one an axis;
-    `residuals` (k, 3), and the `noise` (k, 3) of the means.
+    `shape` (k, 3) what goes round, `residuals` (k, 3), and the `noise` (k, 3) of the means.
     """
 
     once: Array
     once_covariance: Array
     twice: Array | None
     twice_covariance: Array | None
+    shape: Array
     residuals: Array
     noise: Array
 
@@ -168,10 +169,9 @@ def fit_harmonics(seen: Stretches, angle_rad: Array, drift: int, *, twice: bool)
     >>> (found.once.round(6) + 0.0).tolist()
     [[3.0, 0.0, 0.0], [0.0, 3.0, 0.0]]
     """
-    columns = [np.cos(angle_rad), np.sin(angle_rad)]
-    if twice:
-        columns += [np.cos(2 * angle_rad), np.sin(2 * angle_rad)]
-    found = fit_columns(seen, np.stack(columns, axis=1), drift)
+    turns = np.multiply.outer([1, 2] if twice else [1], angle_rad)
+    columns = np.stack([np.cos(turns), np.sin(turns)], axis=1).reshape(-1, len(angle_rad)).T
+    found = fit_columns(seen, columns, drift)
     # with no repeated readings the residuals alone tell
     sd = np.where(np.isfinite(seen.scatter), np.maximum(seen.scatter, 1e-6), 1.0)
     variance = sd**2 / seen.counts.mean()
@@ -183,6 +183,7 @@ def fit_harmonics(seen: Stretches, angle_rad: Array, drift: int, *, twice: bool)
         once_covariance=spreads[:, :2, :2],
         twice=found.coefficients[2:4] if twice else None,
         twice_covariance=spreads[:, 2:4, 2:4] if twice else None,
+        shape=columns @ found.coefficients,
         residuals=found.residuals / seen.weight,
         noise=sd / np.sqrt(seen.counts)[:, None],
     )
@@ -207,12 +208,7 @@ def compute_size(parts: Array, covariance: Array) -> tuple[float, float, float]:
     squares = float((parts**2).sum()) / 2
     spread = float(np.trace(covariance, axis1=1, axis2=2).sum()) / 2
     size = float(np.sqrt(max(squares - spread, 0.0)))
-    along = sum(
-        float(parts[:, axis] @ covariance[axis] @ parts[:, axis]) for axis in range(len(covariance))
-    )
+    along = float(np.einsum("ia,aij,ja->", parts, covariance, parts))
     sd = float(np.sqrt(along) / 2 / np.sqrt(squares)) if squares > 0 else 0.0
-    chi2 = sum(
-        float(parts[:, axis] @ np.linalg.solve(covariance[axis], parts[:, axis]))
-        for axis in range(len(covariance))
-    )
+    chi2 = float(np.einsum("ia,aij,ja->", parts, np.linalg.inv(covariance), parts))
     return size, max(sd, float(np.sqrt(spread / 6))), float(chdtrc(6, chi2))

@@ -117,8 +117,8 @@ class North(NamedTuple):
 class Swing(NamedTuple):
     """A damped sinusoid: N, p, q, λ, ω with covariance, residuals (n,) and noise of a reading.
 
-    `correlation` is how many successive readings count as one. `drift_deg` is how far N moves over
-    the record, and `drift_sd_deg` its standard error.
+    `correlation` is how many successive readings count as one. `north` has the drift of N over the
+    record, where the fit converged.
     """
 
     params: Array
@@ -127,9 +127,7 @@ class Swing(NamedTuple):
     noise: float
     correlation: float
     converged: bool
-    drift_deg: float = 0.0
-    drift_sd_deg: float = float("inf")
-    excess: float = 1.0
+    north: North
 
 
 class Regression(NamedTuple):
@@ -211,18 +209,13 @@ def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None
     correlation = correlation_length(first.residuals, np.ones(len(since)))
     _, jacobian = pieces(first.params)
     covariance = noise**2 * correlation * leastsq.inverse(jacobian.T @ jacobian)
-    drift, drift_sd = _drift(since, first.residuals, jacobian)
-    return Swing(
-        first.params,
-        covariance,
-        first.residuals,
-        float(noise),
-        correlation,
-        first.converged,
-        drift,
-        drift_sd,
-        excess,
-    )
+    sd = float(np.sqrt(covariance[0, 0]))
+    north = North(float(first.params[0]), sd, len(since) - len(start), excess)
+    if first.converged:
+        drift, drift_sd = _drift(since, first.residuals, jacobian)
+        north = north._replace(drift_deg=drift, drift_sd_deg=drift_sd)
+    found = first.params, covariance, first.residuals, float(noise)
+    return Swing(*found, correlation, first.converged, north)
 
 
 def _drift(since: Array, residuals: Array, jacobian: Array) -> tuple[float, float]:

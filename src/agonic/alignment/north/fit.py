@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -173,15 +173,14 @@ def _found(session: NorthSession) -> NorthFit:
     swing, constant, constant_sd = None, None, None
     if session.swing is not None:
         swing = kernel.fit_swing(session.swing.time_s, session.swing.reading_deg, sd)
-        freedom = len(swing.residuals) - len(swing.params)
-        by["swing"] = North(
-            float(swing.params[0]), float(np.sqrt(swing.covariance[0, 0])), freedom, swing.excess
-        )
+        by["swing"] = swing.north
     if session.turning_deg is not None:
         by["reversal"] = fit_reversals(session.turning_deg, sd)
     if session.transits is not None:
         by["transit"], constant, constant_sd = _transit(session)
-    drift = _find_drift(swing, by)
+    read = (by[name] for name in ("swing", "reversal") if name in by)
+    known = (estimate_drift(one.drift_deg, one.drift_sd_deg) for one in read)
+    drift = next((one for one in known if np.isfinite(one.sd_deg)), NOT_TOLD)
     # north is where the zero was at some moment of the record, and nobody knows at which
     by = {
         name: one._replace(sd_deg=float(np.hypot(one.sd_deg, drift.allowed_deg / 2)))
@@ -197,15 +196,6 @@ def _found(session: NorthSession) -> NorthFit:
         constant=constant,
         constant_sd=constant_sd,
     )
-
-
-def _find_drift(swing: Swing | None, by: Mapping[str, North]) -> Drift:
-    """The drift of the gyro's zero as the record tells it, or else its turning points."""
-    if swing is not None and swing.converged:
-        return estimate_drift(swing.drift_deg, swing.drift_sd_deg)
-    if "reversal" in by:
-        return estimate_drift(by["reversal"].drift_deg, by["reversal"].drift_sd_deg)
-    return NOT_TOLD
 
 
 def _transit(session: NorthSession) -> tuple[North, float, float]:

@@ -8,7 +8,6 @@ import numpy as np
 
 from agonic.alignment.figures import draw_residuals
 from agonic.alignment.remanence.fit import METHOD, RemanenceFit
-from agonic.provenance import Input
 from agonic.report.digits import with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
@@ -28,13 +27,11 @@ def describe_remanence(fit: RemanenceFit) -> Document:
     >>> print(made.to_text().splitlines()[0])
     ✓ magnetometer: good (platform turned to 12 settings)
     """
-    entries = {
-        "Remanence": f"{with_sd(fit.size, fit.sd)} nT across the axis of the turn, "
-        f"{with_sd(fit.size_arcsec, fit.sd_arcsec)}″"
-    }
-    if fit.induced is not None and fit.induced_sd is not None:
+    turned = f"{with_sd(fit.size_arcsec, fit.sd_arcsec)}″"
+    entries = {"Remanence": f"{with_sd(fit.size, fit.sd)} nT across the axis of the turn, {turned}"}
+    if fit.induced is not None:
         entries["Induced"] = f"{with_sd(fit.induced, fit.induced_sd)} nT, twice in a turn"
-    moves = [finding.move for finding in fit.findings]
+    read = [one.origin for one in (fit.samples, fit.reference) if one is not None]
     return Document(
         schema="agonic/fit-remanence@1",
         kind="Remanence of a platform",
@@ -43,19 +40,15 @@ def describe_remanence(fit: RemanenceFit) -> Document:
         verdict=fit.verdict,
         status=fit.status,
         findings=fit.findings,
-        move=next(iter(moves), WHEN_CLEAN),
+        move=next((finding.move for finding in fit.findings), WHEN_CLEAN),
         entries=entries,
         sections=[
             Section("At each angle of the platform", [lambda: _draw(fit)]),
-            list_inputs(*_inputs(fit), method=METHOD),
+            list_inputs(*read, method=METHOD),
         ],
         values=_values(fit),
         styles=["alignment.css"],
     )
-
-
-def _inputs(fit: RemanenceFit) -> list[Input]:
-    return [one.origin for one in (fit.samples, fit.reference) if one is not None]
 
 
 def _draw(fit: RemanenceFit) -> Markup:

@@ -117,21 +117,24 @@ def fit_remanence(
     if reference is None:
         found = widen(found, _measure_unrest(samples, visits))
     size, sd, chance = compute_size(found.once, found.once_covariance)
+    induced, induced_sd, induced_chance = None, None, None
+    if found.twice is not None and found.twice_covariance is not None:
+        induced, induced_sd, induced_chance = compute_size(found.twice, found.twice_covariance)
     fit = RemanenceFit(
         samples=samples,
         reference=reference,
         angle_deg=angle,
-        field=_shape(np.radians(angle), found) + found.residuals,
+        field=found.shape + found.residuals,
         noise=found.noise,
         harmonics=found,
         magnitude=float(np.linalg.norm(samples.field, axis=1).mean()),
         size=size,
         sd=sd,
         chance=chance,
+        induced=induced,
+        induced_sd=induced_sd,
+        induced_chance=induced_chance,
     )
-    if found.twice is not None and found.twice_covariance is not None:
-        induced, induced_sd, by_chance = compute_size(found.twice, found.twice_covariance)
-        fit = replace(fit, induced=induced, induced_sd=induced_sd, induced_chance=by_chance)
     judged = replace(fit, findings=tuple(_findings(fit, wanted_arcsec)))
     return replace(judged, remarks=_remarks(fit))
 
@@ -196,14 +199,6 @@ def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
     sure = (rest**2).sum(axis=0) > chdtri(freedom, RARE) * chance
     turn_s = float(np.ptp(middles)) * len(time) / (len(time) - 1)
     return np.where(sure, np.sqrt(2.0 * np.maximum(surplus, 0.0)) * turn_s / (2 * np.pi), 0.0)
-
-
-def _shape(angle_rad: Array, found: Harmonics) -> Array:
-    """What goes round with the platform (k, 3) at angles, nT."""
-    shape = np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1) @ found.once
-    if found.twice is not None:
-        shape = shape + np.stack([np.cos(2 * angle_rad), np.sin(2 * angle_rad)], 1) @ found.twice
-    return np.asarray(shape)
 
 
 def _findings(fit: RemanenceFit, wanted_arcsec: float) -> Iterator[Finding]:

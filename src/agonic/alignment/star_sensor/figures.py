@@ -78,8 +78,8 @@ def _draw_map(
     where: str,
 ) -> Markup:
     """A round map of directions `away` (k,) from the middle, as a share of the radius, and by
-    `azimuth` (k,), rad, clockwise from the top: names at the top, right, bottom and left of the rim, and
-    rings with their angles. A dot is as large as its residual, with its number beside it."""
+    `azimuth` (k,), rad, clockwise from the top: names round the rim from there, and rings with
+    their angles. A dot is as large as its residual, with its number beside it."""
     middle, far = SIZE / 2, RADIUS + 14
     x, y = middle + RADIUS * away * np.sin(azimuth), middle - RADIUS * away * np.cos(azimuth)
     parts = [_circle(middle, middle, RADIUS * s, "ring") for s in (1.0, *reversed(rings))]
