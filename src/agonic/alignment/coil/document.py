@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from agonic.alignment.coil.result import CoilFit, Direction
 from agonic.alignment.figures import draw_series
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
-from agonic.report.markup import Markup
 from agonic.report.origin import list_inputs
 from agonic.report.section import Section, Table
 
@@ -44,6 +44,8 @@ def describe_coil(fit: CoilFit) -> Document:
     """
     session, refused = fit.session, fit.verdict == "refused"
     reference = None if session.reference is None else session.reference.origin
+    left, along = fit.estimate.residuals, [f"along {letter}" for letter in "xyz"]
+    drawn = partial(draw_series, left, fit.stretches.time, along, "nT")
     return Document(
         schema="agonic/fit-coil@1",
         kind=f"Magnetic axis of a coil, {fit.reversals} current reversals",
@@ -56,18 +58,12 @@ def describe_coil(fit: CoilFit) -> Document:
         entries=_entries(fit),
         sections=[
             *([_linearity(fit)] if fit.levels and not refused else []),
-            *([] if refused else [Section("Residuals of the stretches", [lambda: _draw(fit)])]),
+            *([] if refused else [Section("Residuals of the stretches", [drawn])]),
             list_inputs(session.magnetometer.origin, reference, method=METHOD),
         ],
         values=_values(fit),
         styles=["alignment.css"],
     )
-
-
-def _draw(fit: CoilFit) -> list[Markup]:
-    """What is left of the mean field of each stretch along the axes of the magnetometer."""
-    names = [f"along {letter}" for letter in "xyz"]
-    return draw_series(fit.estimate.residuals, fit.stretches.time, names, "nT")
 
 
 def _entries(fit: CoilFit) -> dict[str, str]:

@@ -1,39 +1,6 @@
 """coil.toml: a coil whose current is reversed before a magnetometer, and how its axes are known.
 
-name = "Helmholtz coil 2"
-
-[coil]
-name = "coil"
-axis = [0, 0, 1]                # as drawn; may be left out
-frame = "b"                     # of that: m magnetometer, b or c platform, n north-east-down
-settle_s = 0                    # readings so soon after a change of current are left out
-current_sd = 1e-5               # of the current's scale, relative
-
-[magnetometer]
-file = "magnetometer.csv"       # with current_A; calibration = "mag.json" as in session.toml
-
-[reference]
-file = "reference.csv"          # axes = "NED", ENU or NWU; the section may be left out
-
-[alignment]
-file = "cal.json"               # from agonic fit alignment or agonic fit north
-
-[attitude]                      # of the platform, while the coil was on:
-roll_deg = 0.4                  # forward, right, down (frame b): from levels and an azimuth, or
-pitch_deg = -0.7
-heading_deg = 63.0
-level_sd_arcsec = 2
-heading_sd_arcsec = 3
-ra_deg = 310.2                  # what a star sensor reads (frame c), at a time
-dec_deg = 41.0
-rot_deg = 12.5
-utc = "2024-03-12T21:00:00Z"
-across_sd_arcsec = 1
-about_sd_arcsec = 5
-
-[site]
-latitude_deg = 52.0725          # for Earth-fixed and inertial axes
-longitude_deg = 12.6750
+Its keys are those of the sections in `description`; docs/jobs/find-true-north.md shows it.
 """
 
 from __future__ import annotations

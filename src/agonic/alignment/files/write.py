@@ -31,14 +31,12 @@ DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
 def write_direction(found: FieldDirection, file: Path) -> Path:
     """Write a row a reading that has an attitude, its columns those of `FieldDirection.columns`."""
     cells = {
-        name: [f"{value:.{_count_digits(name)}f}" for value in values.tolist()]
+        name: [f"{value:.{digits}f}" for value in values.tolist()]
         for name, values in found.columns().items()
+        for unit, digits in DIGITS.items()
+        if name.endswith(unit)
     }
     return write_atomically(file, format_table(cells))
-
-
-def _count_digits(name: str) -> int:
-    return next(digits for unit, digits in DIGITS.items() if name.endswith(unit))
 
 
 Sections = dict[str, Mapping[str, Any] | None]

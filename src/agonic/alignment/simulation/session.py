@@ -166,7 +166,8 @@ def simulate_session(
     """
     rng = np.random.default_rng(seed)
     rot = _orientations(orientations, lowest_elevation_deg, rng)
-    nominal = from_323_deg(*mounting_deg)
+    alpha, beta, gamma = mounting_deg
+    nominal = from_323_deg(alpha, beta, gamma)
     rot_mc = make_rotation(np.radians(mounting_sd_deg) * rng.standard_normal(3)) @ nominal
     w = np.eye(3) if matrix is None else np.asarray(matrix, dtype=np.float64)
     turn = np.asarray(reference_turn_arcsec, dtype=np.float64) * ARCSEC_RAD
@@ -203,18 +204,13 @@ def simulate_session(
         else simulate_remanence(
             remanence=remanence, noise=noise, begins=begins - timedelta(hours=1), seed=seed
         ),
-        mounting=_mounting(mounting_deg),
+        mounting=Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma),
         noise=noise or 1e-6,
         reference_noise=reference_noise or 1e-6,
     )
     return SimulatedSession(
         session=session, rot_mc=rot_mc, reference_turn=turn, offset=offset, bias=zero, matrix=w
     )
-
-
-def _mounting(angles_deg: Sequence[float]) -> Mounting:
-    alpha, beta, gamma = angles_deg
-    return Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma)
 
 
 def _orientations(

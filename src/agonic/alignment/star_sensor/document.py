@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,11 @@ WHEN_ALIGNED = (
 ANGLES = ("α", "β", "γ")
 ANGLE_HEAD = ("Angle", "Value", "Standard error")
 QUATERNION_HEAD = ("Quaternion", "Value", "Standard error")
+AXES_CAPTION = (
+    "Axes of the star sensor (x, y, z; z the boresight) and of the magnetometer (x₃, y₃, z₃): "
+    "turned by α about z (x to x₁), by β about the new y (z to z₃), by γ about the newest z "
+    "(x₂ to x₃); seen from a side, the angles between the axes are true"
+)
 BUDGET_HEAD = ("Effect", "Size, ″", "Size, nT", "Done", "Remark")
 BUDGET_NOTE = (
     "What was corrected: the size is what leaving it out would cost. What was not: the size is by "
@@ -238,28 +244,20 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
 
 def _caption_axes(fit: AlignmentFit) -> Markup:
     """Both sets of axes with the turns between them, as a figure."""
-    caption = (
-        "Axes of the star sensor (x, y, z; z the boresight) and of the magnetometer (x₃, y₃, z₃): "
-        "turned by α about z (x to x₁), by β about the new y (z to z₃), by γ about the newest z "
-        "(x₂ to x₃); seen from a side, the angles between the axes are true"
-    )
     drawn = draw_axes(*map(float, fit.angles_deg))
-    return element("figure", drawn, element("figcaption", caption))
+    return element("figure", drawn, element("figcaption", AXES_CAPTION))
 
 
 def _list_evidence(fit: AlignmentFit) -> list[Section]:
     """Residuals, the sky, and the error budget."""
+    drawn = partial(draw_residuals, fit.residuals, fit.residuals_sd, fit.observed.orientation)
     residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
     budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
     return [
-        Section("Residuals of each orientation", [lambda: _draw(fit), residuals]),
+        Section("Residuals of each orientation", [drawn, residuals]),
         Section("Where the star sensor looked", [lambda: _skies(fit)], style="pair"),
         Section("Error budget", [BUDGET_NOTE, budget]),
     ]
-
-
-def _draw(fit: AlignmentFit) -> Markup:
-    return draw_residuals(fit.residuals, fit.residuals_sd, fit.observed.orientation)
 
 
 def _residual_rows(fit: AlignmentFit) -> list[list[str]]:

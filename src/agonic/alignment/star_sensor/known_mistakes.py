@@ -198,10 +198,17 @@ def list_mistakes(session: Session) -> Iterator[Mistake]:
     for words, move, attitudes in (*_list_senses(), *_list_date_frames(session)):
         yield Mistake(words, move, partial(_change_attitudes, attitudes))
     for words, move, place in PLACES:
-        yield Mistake(words, move, partial(_move_site, place))
+        north, east = place(session.site.latitude_deg, session.site.longitude_deg)
+        yield Mistake(words, move, partial(_state, "site", latitude_deg=north, longitude_deg=east))
     for words, move, seconds in _list_clocks(session):
         yield Mistake(words, move, partial(_delay, seconds))
-    yield from _list_effects(session)
+    for effect in ("refraction", "aberration"):  # taken out twice, or not at all
+        present = getattr(session.star, effect) == PRESENT
+        other = REMOVED if present else PRESENT
+        words = "that the star sensor had removed already" if present else "left in by the sensor"
+        stated: dict[str, Any] = {effect: other}
+        undo = partial(_state, "star", **stated)
+        yield Mistake(f"{effect} {words}", f'state {effect} = "{other}"', undo)
     for words, move, matrix in AXES:
         yield Mistake(words, move, partial(_turn_field, "reference", np.array(matrix)))
     for k, axis in enumerate("xyz"):
@@ -212,12 +219,17 @@ def list_mistakes(session: Session) -> Iterator[Mistake]:
     yield Mistake(
         "the pier difference with the sign reversed",
         "give the field at the magnetometer less that at the reference",
-        lambda s: replace(s, pier=replace(s.pier, difference=-np.asarray(s.pier.difference))),
+        partial(_state, "pier", difference=-np.asarray(session.pier.difference)),
     )
 
 
+def _state(part: str, session: Session, **stated: Any) -> Session:
+    """The session with something else stated of its star sensor, site or pier."""
+    return replace(session, **{part: replace(getattr(session, part), **stated)})
+
+
 def _change_attitudes(change: Callable[[StarReadings], Array], session: Session) -> Session:
-    return replace(session, star=replace(session.star, rot_ci=change(session.star)))
+    return _state("star", session, rot_ci=change(session.star))
 
 
 def _change_angles(change: Callable[[Array, Array, Array], Angles], star: StarReadings) -> Array:
@@ -225,14 +237,9 @@ def _change_angles(change: Callable[[Array, Array, Array], Angles], star: StarRe
     return rot_ci(*change(alpha, 90.0 - beta, gamma))
 
 
-def _move_site(change: Callable[[float, float], tuple[float, float]], session: Session) -> Session:
-    north, east = change(session.site.latitude_deg, session.site.longitude_deg)
-    return replace(session, site=replace(session.site, latitude_deg=north, longitude_deg=east))
-
-
 def _delay(seconds: float, session: Session) -> Session:
     """The Earth turned on by so many seconds."""
-    return replace(session, star=replace(session.star, time=session.star.time + seconds))
+    return _state("star", session, time=session.star.time + seconds)
 
 
 def _turn_field(instrument: str, matrix: Array, session: Session) -> Session:
@@ -306,18 +313,3 @@ def _list_clocks(session: Session) -> Iterator[tuple[str, str, float]]:
         side = "late" if hours < 0 else "early"
         words = f"times {abs(hours)} h {side} (a local time taken for UTC)"
         yield words, "give times in UTC", 3600.0 * hours
-
-
-def _list_effects(session: Session) -> Iterator[Mistake]:
-    """Refraction and aberration taken out twice, or not at all."""
-    for effect in ("refraction", "aberration"):
-        present = getattr(session.star, effect) == PRESENT
-        other = REMOVED if present else PRESENT
-        words = "that the star sensor had removed already" if present else "left in by the sensor"
-        undo = partial(_state_effect, effect, other)
-        yield Mistake(f"{effect} {words}", f'state {effect} = "{other}"', undo)
-
-
-def _state_effect(effect: str, stated: str, session: Session) -> Session:
-    changed = {effect: stated}
-    return replace(session, star=replace(session.star, **changed))  # type: ignore[arg-type]
