@@ -46,13 +46,17 @@ class Table:
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
 
+    def wrong(self, what: str, row: int | None = None) -> LogError:
+        """The error that something is wrong, in a row of numbers or in all of the table."""
+        return LogError(what, path=self.path, row=None if row is None else row + 2)
+
     def read_numbers(self, name: str) -> Array:
         """A column of numbers; the first that is none is an error."""
         values = to_numbers(np.array(self.columns[name]))
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            row, cell = int(bad[0]), self.columns[name][int(bad[0])]
-            raise LogError(f"{name} is {cell!r}, no number", path=self.path, row=row + 2)
+            row = int(bad[0])
+            raise self.wrong(f"{name} is {self.columns[name][row]!r}, no number", row)
         return values
 
     def read_angles(self, names: Iterable[str]) -> dict[str, Array]:
@@ -60,10 +64,8 @@ class Table:
         in_gon = {name: name.replace("_deg", "_gon") for name in names}
         missing = [name for name, gon in in_gon.items() if not {name, gon} & set(self.columns)]
         if missing:
-            raise LogError(
-                f"has no column {', '.join(missing)} among {', '.join(self.columns)}",
-                path=self.path,
-            )
+            among = ", ".join(self.columns)
+            raise self.wrong(f"has no column {', '.join(missing)} among {among}")
         return {
             name: self.read_numbers(name) if name in self else GON_DEG * self.read_numbers(gon)
             for name, gon in in_gon.items()
@@ -73,10 +75,8 @@ class Table:
         """The first of several names that is there."""
         found = next((name for name in names if name in self), None)
         if found is None:
-            raise LogError(
-                f"no column with {what} ({' or '.join(names)}) among {', '.join(self.columns)}",
-                path=self.path,
-            )
+            among = ", ".join(self.columns)
+            raise self.wrong(f"no column with {what} ({' or '.join(names)}) among {among}")
         return found
 
 
@@ -149,7 +149,7 @@ def _orientations(table: Table, numbered: bool) -> NDArray[np.int64]:
         return np.zeros(len(table), dtype=np.int64)
     number = table.read_numbers(table.find(NUMBERS, "the orientation's number"))
     if (number != np.round(number)).any():
-        raise LogError("orientations are whole numbers", path=table.path)
+        raise table.wrong("orientations are whole numbers")
     return number.astype(np.int64)
 
 
@@ -165,10 +165,9 @@ def _times(table: Table) -> Array:
             return plain
     seconds, epoch, _ = read_clock(texts if not np.isfinite(plain).all() else plain, 1.0)
     if seconds is None or epoch is None or not np.isfinite(seconds).all():
-        raise LogError(
+        raise table.wrong(
             f"column {name} has no dates; give utc as 2024-03-12T20:00:00Z, Unix seconds, or "
-            "epoch_unix beside it",
-            path=table.path,
+            "epoch_unix beside it"
         )
     return np.asarray(seconds + epoch.timestamp())
 
@@ -181,28 +180,19 @@ def _attitudes(table: Table, turns: Turns) -> Array:
         length = np.linalg.norm(quaternions, axis=1)
         off = int(np.abs(length - 1).argmax())
         if abs(length[off] - 1) > _LENGTH:
-            raise LogError(
-                f"the quaternion has the length {length[off]:.4g}, not 1",
-                path=table.path,
-                row=off + 2,
-            )
+            raise table.wrong(f"the quaternion has the length {length[off]:.4g}, not 1", off)
         turned = Rotation.from_quat(quaternions)
         return np.asarray((turned if turns == "ci" else turned.inv()).as_matrix())
     missing = [name for name in ANGLES if name not in table]
     if missing:
-        raise LogError(
-            f"no attitudes: there is no {', '.join(missing)}, nor {', '.join(QUATERNION)}",
-            path=table.path,
-        )
+        wanted = f"there is no {', '.join(missing)}, nor {', '.join(QUATERNION)}"
+        raise table.wrong(f"no attitudes: {wanted}")
     ra, dec, rot = (table.read_numbers(name) for name in ANGLES)
     high = int(np.abs(dec).argmax())
     if abs(dec[high]) > 90:
-        raise LogError(
-            f"dec_deg is {dec[high]:g}: a declination lies between −90 and 90, and "
-            "is no polar distance",
-            path=table.path,
-            row=high + 2,
-        )
+        given = f"dec_deg is {dec[high]:g}"
+        where = "a declination lies between −90 and 90, and is no polar distance"
+        raise table.wrong(f"{given}: {where}", high)
     return rot_ci(ra, dec, rot)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import newton
 
 from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.session.laboratory import DiSheet
+from agonic.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,10 +54,8 @@ def simulate_di_flux(
     """
     rng = np.random.default_rng(seed)
     meridian = declination_deg - mark_azimuth_deg + mark_deg
-    dip = inclination_deg
-    truth = np.radians(
-        [meridian, dip, delta_arcsec / 3600, epsilon_arcsec / 3600, 0.0, 0.0]
-    ) + np.array([0, 0, 0, 0, offset / magnitude, magnitude])
+    dip, off = inclination_deg, (delta_arcsec / 3600, epsilon_arcsec / 3600)
+    truth = np.array([*np.radians([meridian, dip, *off]), offset / magnitude, magnitude])
     east, west = meridian + 90.0, meridian - 90.0
     circles = np.array(
         [
@@ -100,23 +100,18 @@ def simulate_di_flux(
     )
 
 
-def _read_null(truth: np.ndarray, circles: np.ndarray, which: int) -> np.ndarray:
+def _read_null(truth: Array, circles: Array, which: int) -> Array:
     """The readings (n,), degrees, of one circle at which the fluxgate reads nothing."""
-    turned = circles.copy()
-    for _ in range(8):
-        at = _at(turned)
-        ahead = np.radians(turned)
-        ahead[:, which] += 1e-6
-        value = kernel.predict(truth, at)[0]
-        slope = (
-            kernel.predict(truth, at._replace(horizontal=ahead[:, 0], zenith=ahead[:, 1]))[0]
-            - value
-        ) / 1e-6
-        turned[:, which] -= np.degrees(value / slope)
-    return turned[:, which]
+
+    def read(angle_deg: Array) -> Array:
+        turned = circles.copy()
+        turned[:, which] = angle_deg
+        return kernel.predict(truth, _at(turned))[0]
+
+    return np.asarray(newton(read, circles[:, which]))
 
 
-def _at(circles: np.ndarray) -> kernel.Settings:
+def _at(circles: Array) -> kernel.Settings:
     """Settings (n, 2) of the circles, degrees, without readings."""
     horizontal, zenith = np.radians(circles).T
     nothing = np.zeros(len(circles))

@@ -60,10 +60,7 @@ def compute_information(at: Unknowns, like: Measured, chosen: list[Orientation])
     )
     expected = kernel.predict_field_c(at, one) @ at.rot_mc.T
     field = expected @ np.linalg.inv(at.matrix).T + at.bias
-    made = one._replace(field=field)
-    _, jacobian = kernel.compute_residual(at, made)
-    white = kernel.compute_whitener(at, made) @ jacobian
-    return np.asarray(np.einsum("jir,jis->jrs", white, white))
+    return kernel.compute_information(at, one._replace(field=field), each=True)
 
 
 def choose_additions(
@@ -80,11 +77,9 @@ def choose_additions(
     says when to stop, the worst being the largest standard error, nT, of a combination of the free
     unknowns.
     """
-    free = np.isfinite(prior)
-    units = kernel.find_unit_sizes(magnitude)[free]
-    scale = np.outer(units, units)
-    known = (information[np.ix_(free, free)] + np.diag(prior[free])) / scale
-    parts = each[:, free][:, :, free] / scale
+    known = kernel.weigh(information, prior, magnitude)
+    nothing = np.where(np.isfinite(prior), 0.0, np.inf)
+    parts = np.array([kernel.weigh(one, nothing, magnitude) for one in each])
     added: list[int] = []
     while True:
         worst = float(1 / np.sqrt(max(np.linalg.eigvalsh(known)[0], 1e-30)))
