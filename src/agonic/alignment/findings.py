@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from agonic.health import Finding, figure
+from agonic.health import Finding, Judged, figure
 from agonic.health.finding import Severity
 
 
@@ -261,3 +261,8 @@ class _Number(float):
 
     def __format__(self, spec: str) -> str:
         return super().__format__(spec) if spec else figure(float(self))
+
+
+def judge(fit: Judged) -> dict[str, Any]:
+    """What the document of every result says: its verdict, its status and its findings."""
+    return {name: getattr(fit, name) for name in ("verdict", "status", "findings")}

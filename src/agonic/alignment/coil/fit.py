@@ -66,7 +66,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
 
     Source: patent CN 108871301 B.
 
-    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> made = simulate_coil(seed=2)
     >>> fit = fit_coil(made.session)
     >>> fit.reversals, bool(fit.axis_sd_arcsec < 1.0)

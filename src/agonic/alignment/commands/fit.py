@@ -94,7 +94,7 @@ def coil(
 ) -> int:
     """The axis of a coil in every known frame, its constant and linearity, from reversals."""
     from agonic.alignment.coil import fit_coil
-    from agonic.alignment.coil.document import describe_coil
+    from agonic.alignment.document import describe_coil
     from agonic.alignment.files.read_coil import read_coil
     from agonic.console.finish import finish
 
@@ -115,8 +115,8 @@ def gravity(
     as_json: Json = False,
 ) -> int:
     """The rotation from magnetometer to accelerometer, from orientations at rest."""
+    from agonic.alignment.document import describe_gravity
     from agonic.alignment.gravity import fit_gravity
-    from agonic.alignment.gravity.document import describe_gravity
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish
     from agonic.files.calibration import load
@@ -144,8 +144,8 @@ def remanence(
 
     The angle of the platform is the column heading_deg. Exit status 1 where its field matters.
     """
+    from agonic.alignment.document import describe_remanence
     from agonic.alignment.remanence import fit_remanence
-    from agonic.alignment.remanence.document import describe_remanence
     from agonic.console.finish import finish
 
     samples = open_sensor(log, sensor, unit, between, needed=_TURNED)

@@ -70,7 +70,7 @@ def north(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False
 def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
     """A session with a coil: coil.toml, its table, and the truth in its own folder."""
     from agonic.alignment.files.write import write_coil
-    from agonic.alignment.simulation.coil import simulate_coil
+    from agonic.alignment.simulation.laboratory import simulate_coil
 
     made = simulate_coil(noise=noise, seed=seed)
     truth = {

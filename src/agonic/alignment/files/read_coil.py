@@ -48,7 +48,7 @@ def read_coil(path: Path | str) -> CoilSession:
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.alignment.files.write import write_coil
-    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_coil(simulate_coil(reversals=4).session, folder)
     ...     read_coil(folder).geometric_axis.tolist()

@@ -122,7 +122,7 @@ def write_coil(session: CoilSession, folder: Path | str) -> list[Path]:
     pitch and heading of the platform.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> with TemporaryDirectory() as folder:
     ...     files = write_coil(simulate_coil(reversals=4).session, folder)
     ...     print(*(file.name for file in files))

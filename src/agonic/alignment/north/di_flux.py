@@ -156,7 +156,7 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     Source: H.-P. Brunke, J. Matzka, Geoscientific Instrumentation, Methods and Data Systems 7,
     2018.
 
-    >>> from agonic.alignment.simulation.di_flux import simulate_di_flux
+    >>> from agonic.alignment.simulation.laboratory import simulate_di_flux
     >>> made = simulate_di_flux(seed=1)
     >>> fit = fit_di_flux(made.sheet)
     >>> bool(abs(fit.inclination_deg - made.inclination_deg) < 5 / 3600)

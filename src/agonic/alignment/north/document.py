@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from agonic.alignment.figures import draw_residuals, draw_settings
+from agonic.alignment.findings import judge
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
 from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
@@ -47,9 +48,7 @@ def describe_north(fit: NorthFit) -> Document:
         kind="North by a gyrotheodolite",
         name=fit.session.name or "north",
         method=f"north by a gyrotheodolite, {METHODS[fit.method]}",
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
+        **judge(fit),
         entries=_entries(fit),
         sections=[] if refused else _sections(fit),
         values={"method": fit.method, **({} if refused else _numbers(fit))},
@@ -183,7 +182,7 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
     """Declination, inclination, errors of the instrument, and the residual of each setting.
 
     >>> from agonic.alignment.north import fit_di_flux
-    >>> from agonic.alignment.simulation.di_flux import simulate_di_flux
+    >>> from agonic.alignment.simulation.laboratory import simulate_di_flux
     >>> made = describe_di_flux(fit_di_flux(simulate_di_flux().sheet))
     >>> print(made.to_text().splitlines()[0])
     ✓ simulated: good (absolute measurement with a fluxgate theodolite, 9 settings)
@@ -201,9 +200,7 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
         kind=f"Absolute measurement {about}".rstrip(),
         name=sheet.name,
         method=f"absolute measurement with a fluxgate theodolite, {fit.n} settings",
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
+        **judge(fit),
         entries=_sheet_entries(fit),
         sections=[]
         if fit.verdict == "refused"

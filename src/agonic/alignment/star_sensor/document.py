@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from agonic.alignment.figures import draw_residuals
+from agonic.alignment.findings import judge
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_axes, draw_dome, draw_sky
@@ -75,9 +76,7 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         title=session.name or session.magnetometer.name,
         method=f"alignment with a {session.star.name}, {fit.n} orientations",
         about=_about(fit),
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
+        **judge(fit),
         move=next(iter(moves(fit.findings)), WHEN_ALIGNED),
         key_figures=_key_figures(fit),
         entries=_entries(fit),

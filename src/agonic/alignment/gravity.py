@@ -111,7 +111,7 @@ def fit_gravity(
     Source: M. Kok, T. B. Schön, IEEE Sensors Journal 16(14), 2016: the constant inner product of
     field and gravity.
 
-    >>> from agonic.alignment.simulation.gravity import simulate_gravity
+    >>> from agonic.alignment.simulation.laboratory import simulate_gravity
     >>> made = simulate_gravity(seed=1)
     >>> fit = fit_gravity(made.samples)
     >>> fit.n, bool(fit.worst_sd_deg < 0.1)

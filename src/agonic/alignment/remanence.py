@@ -19,7 +19,6 @@ from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.samples import Samples
 from agonic.units import RAW
 
-METHOD = ("harbin-2018",)
 FEWEST, FOR_TWICE = 6, 10
 """Settings of the platform: for a magnet on it, and for what the field induces in it as well."""
 PARABOLA = 2
