@@ -135,12 +135,6 @@ class CoilSection(Struct):
     current_sd: float = 0.0
 
 
-class AlignmentSection(Struct):
-    """[alignment]"""
-
-    file: str
-
-
 class AttitudeSection(Struct):
     """[attitude]"""
 
@@ -182,7 +176,7 @@ COIL: dict[str, type[Struct]] = {
     "coil": CoilSection,
     "magnetometer": MagnetometerSection,
     "reference": ReferenceSection,
-    "alignment": AlignmentSection,
+    "alignment": defstruct("alignment", [("file", str)]),
     "attitude": AttitudeSection,
     "site": SiteSection,
 }

@@ -12,7 +12,6 @@ import numpy as np
 
 from agonic.alignment.files.description import (
     COIL,
-    AlignmentSection,
     AttitudeSection,
     CoilSection,
     Description,
@@ -140,7 +139,7 @@ def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | Non
 
 def _load_alignment(description: Description) -> tuple[Alignment | None, Calibration | None]:
     """The alignment, and what corrects the readings before it where both are one chain."""
-    part: AlignmentSection | None = description.parts["alignment"]
+    part = description.parts["alignment"]
     if part is None:
         return None, None
     file = description.home / part.file

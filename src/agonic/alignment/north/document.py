@@ -24,6 +24,7 @@ from agonic.report.section import Section, Table
 from agonic.report.strips import caption, level, line, plot, spread
 from agonic.report.time_axis import along_rows
 
+SCALED = ("offset", "offset_sd", "scale")
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
 
 
@@ -252,15 +253,13 @@ def _setting_rows(fit: DiFluxFit) -> list[list[str]]:
 
 def _sheet_values(fit: DiFluxFit) -> dict[str, Any]:
     (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
+    offset, offset_sd = fit.offset_arcsec
+    named = ("declination", "inclination", "meridian")
+    angles = [f"{name}_{unit}" for name in named for unit in ("deg", "sd_arcsec")]
     return {
         "n": fit.n,
         "freedom": fit.estimate.freedom,
-        "declination_deg": fit.declination_deg,
-        "declination_sd_arcsec": fit.declination_sd_arcsec,
-        "inclination_deg": fit.inclination_deg,
-        "inclination_sd_arcsec": fit.inclination_sd_arcsec,
-        "meridian_deg": fit.meridian_deg,
-        "meridian_sd_arcsec": fit.meridian_sd_arcsec,
+        **{name: getattr(fit, name) for name in angles},
         "mark_deg": fit.mark.reading_deg,
         "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
         "telescope_collimation_arcsec": 3600 * fit.mark.collimation_deg,
@@ -268,11 +267,9 @@ def _sheet_values(fit: DiFluxFit) -> dict[str, Any]:
         "delta_sd_arcsec": delta_sd,
         "epsilon_arcsec": epsilon,
         "epsilon_sd_arcsec": epsilon_sd,
-        "offset_arcsec": fit.offset_arcsec[0],
-        "offset_sd_arcsec": fit.offset_arcsec[1],
-        "offset": fit.offset if fit.scaled else None,
-        "offset_sd": fit.offset_sd if fit.scaled else None,
-        "scale": fit.scale if fit.scaled else None,
+        "offset_arcsec": offset,
+        "offset_sd_arcsec": offset_sd,
+        **{name: getattr(fit, name) if fit.scaled else None for name in SCALED},
         "magnitude_nT": fit.sheet.magnitude,
         "noise_arcsec": fit.noise_arcsec,
     }

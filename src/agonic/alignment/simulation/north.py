@@ -80,15 +80,8 @@ def simulate_north(
     sd = reading_sd_arcsec / 3600.0
     gyro = north_deg - (constant_arcsec + constant_sd_arcsec * rng.standard_normal()) / 3600.0
     phase = rng.uniform(0, 2 * np.pi)
-    swing = np.array(
-        [
-            gyro,
-            amplitude_deg * np.cos(phase),
-            amplitude_deg * np.sin(phase),
-            decay_per_s,
-            2 * np.pi / period_s,
-        ]
-    )
+    p, q = amplitude_deg * np.cos(phase), amplitude_deg * np.sin(phase)
+    swing = np.array([gyro, p, q, decay_per_s, 2 * np.pi / period_s])
     time = np.arange(0.0, periods * period_s, step_s)
     marks = north_deg + mark_azimuth_deg + np.array([0.0, 180.0, 0.0, 180.0])
     noises, sds = (noise, reference_noise), (circle_sd_arcsec, level_sd_arcsec)
