@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import agonic as ag
-from agonic.alignment.simulation.coil import simulate_coil
-from agonic.alignment.simulation.gravity import simulate_gravity
+from agonic.alignment.simulation.laboratory import simulate_coil, simulate_gravity
 from agonic.alignment.simulation.session import simulate_session
 from agonic.calibration.tracking import TrackerParams
 from agonic.ellipse.fit import fit_ellipse

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.alignment.gravity import fit_gravity
 from agonic.alignment.north import fit_di_flux, fit_north
-from agonic.alignment.simulation.di_flux import simulate_di_flux
+from agonic.alignment.simulation.laboratory import simulate_di_flux
 from agonic.alignment.simulation.north import simulate_north
 from agonic.alignment.simulation.session import simulate_session
 from agonic.alignment.star_sensor import fit_alignment

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.alignment.coil.fit import fit_coil
-from agonic.alignment.simulation.coil import simulate_coil
+from agonic.alignment.simulation.laboratory import simulate_coil
 from agonic.calibration.retraining import RetrainerParams
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.network.fit import fit_network

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.session import Pier, load_earth_rotation, observe
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session
 from agonic.alignment.star_sensor import AlignmentFit, error_budget, fit_alignment, plan_alignment
-from agonic.alignment.star_sensor.evidence_sections import draw_axes
+from agonic.alignment.star_sensor.figures import draw_axes
 from agonic.errors import AgonicError, CoverageError, UnitError, ValidityError
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, from_323_deg

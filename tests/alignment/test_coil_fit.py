@@ -9,7 +9,7 @@ import pytest
 
 from agonic.alignment.coil import fit_coil
 from agonic.alignment.session import load_earth_rotation
-from agonic.alignment.simulation.coil import simulate_coil
+from agonic.alignment.simulation.laboratory import simulate_coil
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import rot_en

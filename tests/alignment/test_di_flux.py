@@ -10,7 +10,7 @@ from agonic.alignment.files.read_di_flux import read_di_flux
 from agonic.alignment.files.read_north import read_north
 from agonic.alignment.files.write import write_coil, write_north
 from agonic.alignment.north import fit_di_flux
-from agonic.alignment.simulation.coil import simulate_coil
+from agonic.alignment.simulation.laboratory import simulate_coil
 from agonic.alignment.simulation.north import simulate_north
 from agonic.errors import AgonicError, LogError
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.gravity import fit_gravity
 from agonic.alignment.maths import gravity as kernel
-from agonic.alignment.simulation.gravity import simulate_gravity
+from agonic.alignment.simulation.laboratory import simulate_gravity
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import apply
 from agonic.errors import LogError

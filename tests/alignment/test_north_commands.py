@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.alignment.simulation.gravity import simulate_gravity
+from agonic.alignment.simulation.laboratory import simulate_gravity
 from agonic.cli import run
 from agonic.exports.csv import write_csv
 from agonic.files.calibration import load

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.north import fit_di_flux, fit_north
-from agonic.alignment.session.north import NorthSession, Sighting
-from agonic.alignment.simulation.di_flux import simulate_di_flux
+from agonic.alignment.session.laboratory import NorthSession, Sighting
+from agonic.alignment.simulation.laboratory import simulate_di_flux
 from agonic.alignment.simulation.north import READINGS, simulate_north
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.frames import ARCSEC_RAD

@@ -24,7 +24,7 @@ from agonic.alignment.north import fit_north as fit_north
 from agonic.alignment.remanence import RemanenceFit as RemanenceFit
 from agonic.alignment.remanence import fit_remanence as fit_remanence
 from agonic.alignment.session import Session as Session
-from agonic.alignment.simulation.coil import simulate_coil as simulate_coil
+from agonic.alignment.simulation.laboratory import simulate_coil as simulate_coil
 from agonic.alignment.simulation.north import simulate_north as simulate_north
 from agonic.alignment.simulation.session import simulate_remanence as simulate_remanence
 from agonic.alignment.simulation.session import simulate_session as simulate_session

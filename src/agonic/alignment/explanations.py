@@ -19,7 +19,7 @@ from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.session import Site
 from agonic.alignment.session.earth import ARCSEC_PER_S
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.health import figure
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
@@ -107,19 +107,36 @@ def _list_motions(
     yield _Cause(
         "turns",
         turns * steadily[:, None, None],
-        lambda size: f"an alignment that turns by {_arcsec(size)} from first to last",
+        partial(_say, "an alignment that turns by {turn} from first to last"),
         "keep the platform at one temperature, or take the readings in less time",
     )
     yield _Cause(
         "drifts",
         shifts * steadily[:, None, None],
-        lambda size: f"a reference that drifts by {_nanotesla(size)} from first to last",
+        partial(_say, "a reference that drifts by {field} from first to last"),
         "look at the base line of the reference",
     )
     order = np.argsort(time, kind="stable")
     for k in range(2, len(order) - 1):
-        yield _step(turns, order[:k], int(orientation[order[k - 1]]))
-    yield from (_one(k, int(number), solution) for k, number in enumerate(orientation))
+        after, last = np.isin(np.arange(len(order)), order[k:]), int(orientation[order[k - 1]])
+        yield _Cause(
+            "moved",
+            turns * after[:, None, None],
+            partial(_say, f"a platform that moved by {{turn}} after orientation {last}"),
+            "fit the orientations before and after by themselves",
+        )
+    for k, number in enumerate(orientation):
+        only = np.arange(len(order))[:, None, None] == k
+        yield _Cause(
+            "one",
+            np.eye(3) * only,
+            partial(
+                _say,
+                f"orientation {number}, off by {{field}} or {{share}},",
+                magnitude=solution.magnitude,
+            ),
+            f"look whether the platform stood still in orientation {number}, or leave it out",
+        )
 
 
 def _clock(solution: Solution, site: Site) -> _Cause:
@@ -162,36 +179,8 @@ def _say_moved(what: str, columns: Array, size: Array) -> str:
     return f"{what} (off by {figure(float(moved))} nT of field)"
 
 
-def _step(turns: Array, before: Index, last: int) -> _Cause:
-    """An alignment that changed after the orientations `before`, the last of them by number."""
-    after = np.ones(len(turns))
-    after[before] = 0.0
-    return _Cause(
-        "moved",
-        turns * after[:, None, None],
-        lambda size: f"a platform that moved by {_arcsec(size)} after orientation {last}",
-        "fit the orientations before and after by themselves",
-    )
-
-
-def _one(k: int, number: int, solution: Solution) -> _Cause:
-    """One orientation with readings or attitudes of their own."""
-    columns = np.zeros((len(solution.measured.field), 3, 3))
-    columns[k] = np.eye(3)
-    return _Cause(
-        "one",
-        columns,
-        lambda size: (
-            f"orientation {number}, off by {_nanotesla(size)} or "
-            f"{_arcsec(size / solution.magnitude)},"
-        ),
-        f"look whether the platform stood still in orientation {number}, or leave it out",
-    )
-
-
-def _arcsec(size: Array) -> str:
-    return f"{figure(float(np.linalg.norm(size)) / ARCSEC_RAD)}″"
-
-
-def _nanotesla(size: Array) -> str:
-    return f"{figure(float(np.linalg.norm(size)))} nT"
+def _say(words: str, size: Array, magnitude: float = 1.0) -> str:
+    """Words with a size: that of a turn, of a field, and of the turn that a field amounts to."""
+    length = float(np.linalg.norm(size))
+    turn, share = (f"{figure(one / ARCSEC_RAD)}″" for one in (length, length / magnitude))
+    return words.format(turn=turn, field=f"{figure(length)} nT", share=share)

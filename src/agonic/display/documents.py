@@ -6,14 +6,12 @@ from functools import singledispatch
 from html import escape
 
 from agonic.alignment.coil import CoilFit
-from agonic.alignment.coil.document import describe_coil
 from agonic.alignment.direction import FieldDirection
 from agonic.alignment.direction.document import describe_direction
+from agonic.alignment.document import describe_coil, describe_gravity
 from agonic.alignment.gravity import GravityFit
-from agonic.alignment.gravity.document import describe_gravity
 from agonic.alignment.north import DiFluxFit, NorthFit
-from agonic.alignment.north.di_flux_document import describe_di_flux
-from agonic.alignment.north.document import describe_north
+from agonic.alignment.north.document import describe_di_flux, describe_north
 from agonic.alignment.star_sensor import AlignmentFit
 from agonic.alignment.star_sensor.document import describe_alignment
 from agonic.headings.deviation import DeviationFit

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.alignment.maths import north, reversals
+from agonic.alignment.maths import north
 
 ARCSEC = 1 / 3600
 
@@ -11,10 +11,8 @@ ARCSEC = 1 / 3600
 def test_schuler_means_by_hand() -> None:
     """(10 + 2·2 + 8)/4 = 5.5, (2 + 2·8 + 3)/4 = 5.25, (8 + 2·3 + 7.5)/4 = 5.375."""
     turning = np.array([10.0, 2.0, 8.0, 3.0, 7.5])
-    np.testing.assert_allclose(
-        reversals.compute_schuler_means(turning), [5.5, 5.25, 5.375], atol=1e-14
-    )
-    found = reversals.fit_reversals(turning)
+    np.testing.assert_allclose(north.compute_schuler_means(turning), [5.5, 5.25, 5.375], atol=1e-14)
+    found = north.fit_reversals(turning)
     assert found.reading_deg == pytest.approx((5.5 + 5.25 + 5.375) / 3)
     assert found.freedom == 2
 
@@ -22,17 +20,15 @@ def test_schuler_means_by_hand() -> None:
 def test_a_schuler_mean_is_free_of_a_linear_decay() -> None:
     amplitude = 3.0 - 0.05 * np.arange(9)
     turning = 42.0 + amplitude * (-1.0) ** np.arange(9)
-    np.testing.assert_allclose(reversals.compute_schuler_means(turning), 42.0, atol=1e-13)
+    np.testing.assert_allclose(north.compute_schuler_means(turning), 42.0, atol=1e-13)
 
 
 def test_standard_error_of_overlapping_means_is_that_of_their_weights() -> None:
     """Three means of five readings: weights (1 3 4 3 1)/12, so σ √(1+9+16+9+1)/12 = σ/2."""
-    stated = reversals.fit_reversals(np.array([10.0, 2.0, 8.0, 3.0, 7.5]), 0.3)
+    stated = north.fit_reversals(np.array([10.0, 2.0, 8.0, 3.0, 7.5]), 0.3)
     assert stated.sd_deg == pytest.approx(0.15)
-    assert np.isnan(
-        reversals.fit_reversals(np.array([1.0, 2.0, 1.5])).sd_deg
-    )  # one mean has no spread
-    three = reversals.fit_reversals(np.array([1.0, 2.0, 1.5]), 0.4)
+    assert np.isnan(north.fit_reversals(np.array([1.0, 2.0, 1.5])).sd_deg)  # one mean has no spread
+    three = north.fit_reversals(np.array([1.0, 2.0, 1.5]), 0.4)
     assert three.sd_deg == pytest.approx(0.4 * np.sqrt(6) / 4)
 
 
@@ -41,7 +37,7 @@ def test_reversal_is_honest() -> None:
     signs = (-1.0) ** np.arange(13)
     z = []
     for _ in range(2000):
-        found = reversals.fit_reversals(5.0 + signs + 0.01 * rng.standard_normal(13))
+        found = north.fit_reversals(5.0 + signs + 0.01 * rng.standard_normal(13))
         z.append((found.reading_deg - 5.0) / found.sd_deg)
     # with eleven overlapping means the spread has the freedom of about eight
     assert abs(np.mean(z)) < 0.1

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.alignment.simulation.gravity import simulate_gravity
+from agonic.alignment.simulation.laboratory import simulate_gravity
 from agonic.inertial.maths.shots import Shots, linearise
 from agonic.inertial.pair.calibration import point_ahead
 from agonic.inertial.pair.simulate import SimulatedShots

@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from agonic.alignment.coil import evidence
 from agonic.alignment.coil.result import CoilFit, Direction, Level
-from agonic.alignment.maths import coil_axis as kernel
-from agonic.alignment.maths.coil_axis import CoilEstimate
+from agonic.alignment.findings import tell
+from agonic.alignment.maths import columns as kernel
+from agonic.alignment.maths.columns import CoilEstimate
 from agonic.alignment.maths.stretches import Stretches, average, average_stretches, split
 from agonic.alignment.session import load_earth_rotation
-from agonic.alignment.session.coil import CoilSession
+from agonic.alignment.session.laboratory import CoilSession
 from agonic.alignment.session.session import compute_unix_s, put_on_clock
 from agonic.arrays import Array
 from agonic.errors import CoverageError, ValidityError
+from agonic.health import Finding, figure
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
-from agonic.maths.rotations.vectors import skew
+
+RARE = 1e-3
+STANDS_OUT = 4.0
+CORRELATED = 2.0
+SURE = 5.0
+"""Standard errors by which parts of the readings, or the reference, must differ to say anything."""
+FAR_DEG, REVERSED_DEG = 5.0, 90.0
+OTHER_SIZE = 0.005
+"""Share by which the magnetometer may read more of the ambient field than the reference."""
+SHARE, DRIFTS = 1e-5, 1e-4
+"""Shares of the constant: what a reference may see of the coil, and how far it may drift."""
+MOST_A = 50.0
+ENOUGH = 16
+SETTLED, UNSETTLED = 1e-5, 1e-2
+"""Shares of the constant: a field that moves it by less has settled, by more is not used."""
+
 
 METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02
@@ -48,7 +66,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
 
     Source: patent CN 108871301 B.
 
-    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> made = simulate_coil(seed=2)
     >>> fit = fit_coil(made.session)
     >>> fit.reversals, bool(fit.axis_sd_arcsec < 1.0)
@@ -60,29 +78,27 @@ def fit_coil(session: CoilSession) -> CoilFit:
     even = int(level.max()) > 0
     drift = kernel.choose_drift(current, seen, MOST_DRIFT, even=even)
     found = kernel.estimate(current, seen, drift, even=even)
-    time = _middle(session)
+    time = None
+    if session.magnetometer.epoch is not None:  # the middle of the measurement
+        time = float(compute_unix_s(session.magnetometer)[[0, -1]].mean())
+    directions = _directions(session, found, time)
+    away, away_sd = _geometry(session, directions)
     fit = CoilFit(
         session=session,
         current=current,
         read=read,
         stretches=seen,
         estimate=found,
-        directions=_directions(session, found, time),
+        directions=directions,
         time=time,
+        geometric_deg=away,
+        geometric_sd_arcsec=away_sd,
     )
-    away, away_sd = _geometry(fit)
-    fit = replace(fit, geometric_deg=away, geometric_sd_arcsec=away_sd)
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
-    settling = evidence.judge_settling(fit, _fit_late(fit))
-    # a coil that does not settle spoils what the mistakes are told by
-    findings = (
-        *settling,
-        *([] if settling else evidence.find_mistakes(fit)),
-        *evidence.examine(fit),
-    )
-    return replace(fit, findings=findings, remarks=evidence.describe(fit))
+    findings = tuple(_examine(fit, _fit_late(fit)))
+    return replace(fit, findings=findings, remarks=_describe(fit))
 
 
 def _fit_late(fit: CoilFit) -> CoilEstimate | None:
@@ -118,17 +134,10 @@ def _read(session: CoilSession) -> tuple[Array, Stretches]:
 
 def _take_out_ambient(session: CoilSession, read: Stretches) -> Stretches:
     """The stretches without the reference's field, where its axes are known."""
-    onto_m = _onto_m(session)
-    if onto_m is None or read.beside is None:
+    if session.attitude is None or read.beside is None:
         return read
+    onto_m = _onto_p(session).T @ session.attitude.rot_pn
     return read._replace(field=read.field - read.beside.field @ onto_m.T, beside=None)
-
-
-def _onto_m(session: CoilSession) -> Array | None:
-    """North-east-down into the magnetometer's axes, where that is known."""
-    if session.attitude is None:
-        return None
-    return np.asarray(_onto_p(session).T @ session.attitude.rot_pn)
 
 
 def _onto_p(session: CoilSession) -> Array:
@@ -149,13 +158,6 @@ def _levels(current: Array) -> NDArray[np.int64]:
     return number
 
 
-def _middle(session: CoilSession) -> float | None:
-    """The middle of the measurement, UTC seconds since 1970, where it is dated."""
-    if session.magnetometer.epoch is None:
-        return None
-    return float(compute_unix_s(session.magnetometer)[[0, -1]].mean())
-
-
 def _directions(
     session: CoilSession, found: CoilEstimate, time: float | None
 ) -> dict[str, Direction]:
@@ -164,54 +166,34 @@ def _directions(
     axis = found.linear / size
     across = np.eye(3) - np.outer(axis, axis)
     covariance = across @ np.diag(found.covariance[:, 0, 0]) @ across / size**2
-    known = {"m": Direction(frame="m", axis=axis, covariance=covariance)}
-    last = known["m"]
-    if session.alignment is not None:
-        spread = session.alignment.covariance
-        last = _turn_direction(last, session.alignment.frame_out, _onto_p(session), spread)
+    last = Direction(frame="m", axis=axis, covariance=covariance)
+    known = {"m": last}
+    alignment, attitude, site = session.alignment, session.attitude, session.site
+    if alignment is not None:
+        last = last.turn(alignment.frame_out, _onto_p(session), alignment.covariance)
         known[last.frame] = last
-    attitude = session.attitude
     if attitude is None:
         return known
     # the attitude's error stands in the platform's axes, before the turn into north-east-down
-    tilted = _turn_direction(last, last.frame, np.eye(3), attitude.covariance)
-    known["n"] = _turn_direction(tilted, "n", attitude.rot_pn.T, None)
-    if session.site is not None:
-        fixed = rot_en(session.site.latitude_deg, session.site.longitude_deg)
-        known["e"] = _turn_direction(known["n"], "e", fixed, None)
-        rot_ie = _rot_ie(time)
-        if rot_ie is not None:
-            known["i"] = _turn_direction(known["e"], "i", rot_ie, None)
+    tilted = last.turn(last.frame, np.eye(3), attitude.covariance)
+    known["n"] = tilted.turn("n", attitude.rot_pn.T)
+    if site is not None:
+        known["e"] = known["n"].turn("e", rot_en(site.latitude_deg, site.longitude_deg))
+        with suppress(ValidityError):  # where the Earth's rotation is not known
+            if time is not None:
+                rot_ie = load_earth_rotation().rot_ei([time])[0].T
+                known["i"] = known["e"].turn("i", rot_ie)
     return known
 
 
-def _rot_ie(time: float | None) -> Array | None:
-    """Earth-fixed into inertial components; `None` where the moment or the Earth is not known."""
-    if time is None:
-        return None
-    try:
-        return np.asarray(load_earth_rotation().rot_ei([time])[0].T)
-    except ValidityError:
-        return None
-
-
-def _turn_direction(given: Direction, frame: str, matrix: Array, spread: Array | None) -> Direction:
-    """In other axes; `spread` is the covariance of the turn's own rotation vector there."""
-    axis = matrix @ given.axis
-    covariance = matrix @ given.covariance @ matrix.T
-    if spread is not None:
-        cross = skew(axis)
-        covariance = covariance + cross @ spread @ cross.T
-    return Direction(frame=frame, axis=axis, covariance=covariance)
-
-
-def _geometry(fit: CoilFit) -> tuple[float | None, float | None]:
+def _geometry(
+    session: CoilSession, directions: dict[str, Direction]
+) -> tuple[float | None, float | None]:
     """The angle to the axis as drawn, and its standard error."""
-    session = fit.session
     if session.geometric_axis is None:
         return None, None
     drawn = session.geometric_axis / np.linalg.norm(session.geometric_axis)
-    here = fit.directions[session.geometric_frame]
+    here = directions[session.geometric_frame]
     away = here.axis - drawn * (here.axis @ drawn)
     length = float(np.linalg.norm(away))
     sd = here.sd_arcsec
@@ -235,3 +217,120 @@ def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...
         for size, a, e in zip(sizes, along, error, strict=True)
     )
     return levels, float(chdtrc(len(along) - 1, chi2))
+
+
+def _examine(fit: CoilFit, late: CoilEstimate | None) -> Iterator[Finding]:
+    """The findings of a fit, beside the estimate of the second halves of the stretches alone.
+
+    A coil that does not settle spoils what the mistakes are told by.
+    """
+    settling = list(_judge_settling(fit, late))
+    yield from settling
+    if not settling:
+        yield from _find_mistakes(fit)
+        yield from _check_reference(fit)
+        yield from _check_drift(fit)
+    yield from _check_session(fit)
+    yield from _check_residuals(fit)
+
+
+def _describe(fit: CoilFit) -> tuple[str, ...]:
+    """How good it is, in sentences."""
+    said = (
+        f"constant {figure(fit.constant, 7)} ± {figure(fit.constant_sd)} nT/A from "
+        f"{fit.reversals} reversals",
+        f"standard error of the axis: {figure(fit.axis_sd_arcsec)}″ in the magnetometer's axes",
+    )
+    if fit.geometric_deg is None or fit.geometric_sd_arcsec is None:
+        return said
+    away = f"{figure(3600 * fit.geometric_deg, 4)}″ ± {figure(fit.geometric_sd_arcsec)}″"
+    return (*said, f"the axis is {away} from the one drawn")
+
+
+def _check_session(fit: CoilFit) -> Iterator[Finding]:
+    """Currents of one sign, a reference that is missing, and where the axis can be told."""
+    if (fit.current > 0).all() or (fit.current < 0).all():
+        yield tell("one polarity")
+    if fit.session.reference is None:
+        yield tell("no reference")
+    site, fixed = fit.session.site, "e" in fit.directions
+    if fixed and site is not None and site.coordinates == "geodetic":
+        yield tell("geodetic coordinates", otherwise="")
+    if fixed and "i" not in fit.directions:
+        yield tell("no inertial axis")
+
+
+def _check_residuals(fit: CoilFit) -> Iterator[Finding]:
+    """Levels that differ, what does not reverse, and stretches that are alike in what is left."""
+    if fit.p_linear < RARE:
+        worst = max(fit.levels, key=lambda level: abs(level.departure / level.sd))
+        off = 1e6 * worst.departure / fit.constant
+        yield tell("nonlinear", current=figure(worst.current_A, 3), off=off)
+    even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
+    if spread.any() and (even**2 / spread).max() > STANDS_OUT**2:
+        largest = float(np.abs(fit.current).max())
+        left = float(np.linalg.norm(even)) * largest**2
+        yield tell("even in the current", left=left, largest=largest)
+    length = float(fit.estimate.correlation.max())
+    if length > CORRELATED:
+        yield tell("correlated residuals", length=length)
+
+
+def _judge_settling(fit: CoilFit, late: CoilEstimate | None) -> Iterator[Finding]:
+    """Whether the field was still on its way after each change of the current: then the second
+    halves of the stretches give another constant."""
+    if late is None:
+        return
+    moved = abs(float((late.linear - fit.estimate.linear) @ fit.axis))
+    sd, share = float(np.sqrt(late.covariance[:, 0, 0] @ fit.axis**2)), moved / fit.constant
+    if moved >= SURE * sd and share >= SETTLED:
+        yield tell("coil not settled", "refuse" if share > UNSETTLED else "check", by=100 * share)
+
+
+def _find_mistakes(fit: CoilFit) -> Iterator[Finding]:
+    """What the size of the current and the axis as drawn tell."""
+    largest, away = float(np.abs(fit.current).max()), fit.geometric_deg
+    if largest > MOST_A:
+        yield tell("large current", largest=largest)
+    if away is not None and away > FAR_DEG:
+        reverse = away > REVERSED_DEG and 180 - away <= FAR_DEG
+        turned = "the coil or the sign of its current is reversed"
+        yield tell(
+            "axis not as drawn", away=away, cause=turned if reverse else "is it another coil?"
+        )
+
+
+def _check_reference(fit: CoilFit) -> Iterator[Finding]:
+    """What the reference says: of the coil it should see nothing, of the ambient field all."""
+    beside = fit.read.beside
+    if beside is None:
+        return
+    own = fit.read._replace(field=beside.field, beside=None)
+    drift = kernel.choose_drift(fit.current, own, MOST_DRIFT, even=False)
+    seen = kernel.estimate(fit.current, own, drift, even=False)
+    size = float(np.linalg.norm(seen.linear))
+    sure = np.abs(seen.linear) > SURE * np.sqrt(seen.covariance[:, 0, 0])
+    if sure.any() and size > SHARE * fit.constant:
+        yield tell("coil in the reference", share=100 * size / fit.constant)
+    ambient = fit.read.counts @ (fit.read.field - fit.current[:, None] * fit.estimate.linear)
+    more = float(np.linalg.norm(ambient) / np.linalg.norm(fit.read.counts @ beside.field)) - 1
+    if abs(more) > OTHER_SIZE:
+        way = "more" if more > 0 else "less"
+        yield tell("ambient field differs", by=100 * abs(more), way=way)
+
+
+def _check_drift(fit: CoilFit) -> Iterator[Finding]:
+    """The constant of the first half of the stretches against that of the second."""
+    half = fit.n // 2
+    if half < ENOUGH:
+        return
+    drift, even = min(fit.estimate.drift, half // 4), len(fit.levels) > 0
+    first, second = (
+        kernel.estimate(fit.current[rows], fit.stretches.select(rows), drift, even=even)
+        for rows in (slice(0, half), slice(half, None))
+    )
+    moved = float((second.linear - first.linear) @ fit.axis)
+    variance = (first.covariance + second.covariance)[:, 0, 0]
+    sd = float(np.sqrt(variance @ fit.axis**2))
+    if abs(moved) > max(SURE * sd, DRIFTS * fit.constant):
+        yield tell("constant drifts", by=100 * moved / fit.constant)

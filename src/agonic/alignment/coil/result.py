@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agonic.alignment.maths.coil_axis import CoilEstimate
+from agonic.alignment.maths.columns import CoilEstimate
 from agonic.alignment.maths.stretches import Stretches
-from agonic.alignment.session.coil import CoilSession
+from agonic.alignment.session.laboratory import CoilSession
 from agonic.arrays import Array
 from agonic.health import Finding, Judged
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.maths.rotations.vectors import skew
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -21,6 +22,14 @@ class Direction:
     frame: str
     axis: Array
     covariance: Array
+
+    def turn(self, frame: str, matrix: Array, spread: Array | None = None) -> Direction:
+        """In other axes; `spread` is the covariance of the turn's own rotation vector there."""
+        axis = matrix @ self.axis
+        covariance = matrix @ self.covariance @ matrix.T
+        if spread is not None:
+            covariance = covariance + skew(axis) @ spread @ skew(axis).T
+        return Direction(frame=frame, axis=axis, covariance=covariance)
 
     @property
     def sd_arcsec(self) -> float:

@@ -73,7 +73,7 @@ def direction(
     from agonic.alignment.direction import field_direction
     from agonic.alignment.direction.document import describe_direction
     from agonic.alignment.files.read_session import FILE_NAME, read_session
-    from agonic.alignment.files.write_direction import write_direction
+    from agonic.alignment.files.write import write_direction
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, require_table
     from agonic.console.sensors import open_sensor

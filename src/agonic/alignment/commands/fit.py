@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from agonic.alignment.commands.options import Solve, Wanted
+from agonic.alignment.commands.plan_alignment import Solve, Wanted
 from agonic.console.options import (
     Between,
     Json,
@@ -20,9 +20,6 @@ from agonic.console.options import (
 )
 from agonic.console.parse import parse_names
 from agonic.console.sensors import open_sensor
-
-if TYPE_CHECKING:
-    from agonic.report.document import Document
 
 _TURNED = (
     "this needs the log of a magnetometer at rest beside a platform that is turned: its field, and "
@@ -68,36 +65,24 @@ def north(
     as_json: Json = False,
 ) -> int:
     """True north by a gyrotheodolite, carried on; or declination and inclination of a sheet."""
-    from agonic.alignment.files.read_di_flux import is_di_flux
+    from agonic.alignment.files.read_di_flux import is_di_flux, read_di_flux
+    from agonic.alignment.files.read_north import read_north
+    from agonic.alignment.north import fit_di_flux, fit_north
+    from agonic.alignment.north.document import describe_di_flux, describe_north
     from agonic.console.finish import finish
     from agonic.errors import AgonicError
 
     if session.is_file() and is_di_flux(session):
         if out is not None:
             raise AgonicError("a DI-flux sheet gives no calibration; leave -o out")
-        return finish(_describe_sheet(session, field), report=report, as_json=as_json)
+        sheet = fit_di_flux(read_di_flux(session), magnitude=field)
+        return finish(describe_di_flux(sheet), report=report, as_json=as_json)
     if field is not None:
         raise AgonicError("--field belongs to DI-flux sheets; a gyrotheodolite needs none")
-    made = _describe_gyro(session)
+    made = describe_north(fit_north(read_north(session)))
     if out is not None and made.verdict != "refused" and made.calibration is None:
         raise AgonicError("-o needs an alignment: give [platform], [magnetometer] and [reference]")
     return finish(made, out=out, report=report, as_json=as_json)
-
-
-def _describe_gyro(session: Path) -> Document:
-    from agonic.alignment.files.read_north import read_north
-    from agonic.alignment.north import fit_north
-    from agonic.alignment.north.document import describe_north
-
-    return describe_north(fit_north(read_north(session)))
-
-
-def _describe_sheet(sheet: Path, field: float | None) -> Document:
-    from agonic.alignment.files.read_di_flux import read_di_flux
-    from agonic.alignment.north import fit_di_flux
-    from agonic.alignment.north.di_flux_document import describe_di_flux
-
-    return describe_di_flux(fit_di_flux(read_di_flux(sheet), magnitude=field))
 
 
 def coil(
@@ -109,7 +94,7 @@ def coil(
 ) -> int:
     """The axis of a coil in every known frame, its constant and linearity, from reversals."""
     from agonic.alignment.coil import fit_coil
-    from agonic.alignment.coil.document import describe_coil
+    from agonic.alignment.document import describe_coil
     from agonic.alignment.files.read_coil import read_coil
     from agonic.console.finish import finish
 
@@ -130,8 +115,8 @@ def gravity(
     as_json: Json = False,
 ) -> int:
     """The rotation from magnetometer to accelerometer, from orientations at rest."""
+    from agonic.alignment.document import describe_gravity
     from agonic.alignment.gravity import fit_gravity
-    from agonic.alignment.gravity.document import describe_gravity
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish
     from agonic.files.calibration import load
@@ -159,8 +144,8 @@ def remanence(
 
     The angle of the platform is the column heading_deg. Exit status 1 where its field matters.
     """
+    from agonic.alignment.document import describe_remanence
     from agonic.alignment.remanence import fit_remanence
-    from agonic.alignment.remanence.document import describe_remanence
     from agonic.console.finish import finish
 
     samples = open_sensor(log, sensor, unit, between, needed=_TURNED)

@@ -7,9 +7,15 @@ from typing import Annotated
 
 import typer
 
-from agonic.alignment.commands.options import Solve, Wanted
 from agonic.console.options import Date, Json
 from agonic.console.parse import parse_names, parse_position
+
+Solve = Annotated[
+    str, typer.Option(metavar="LIST", help="Besides the alignment: reference, pier, bias, matrix.")
+]
+Wanted = Annotated[
+    float, typer.Option(metavar="ARCSEC", help="Standard error wanted about every axis.")
+]
 
 
 def add_to(kinds: typer.Typer) -> None:

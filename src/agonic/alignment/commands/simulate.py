@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from agonic.console.options import Json
 from agonic.console.simulation_options import Folder, Noise, Seed
+
+if TYPE_CHECKING:
+    from agonic.alignment.session.session import Recorded
 
 
 def add_to(kinds: typer.Typer) -> None:
@@ -44,12 +47,9 @@ def alignment(
         "bias_nT": made.bias,
         "matrix": made.matrix,
     }
-    counts = {"orientations": len(made.session.orientations), "n": len(made.session.magnetometer)}
-    what = f"readings in {counts['orientations']} orientations"
-    files = write_session(made.session, out)
-    following = f"agonic fit alignment {quote(str(out))} -o cal.json --report alignment.html"
-    said = _Said(counts["n"], what, following, counts | shown)
-    return _finish("alignment", out, files, truth, said, as_json)
+    stood, files = len(made.session.orientations), write_session(made.session, out)
+    facts = {"orientations": stood, "n": len(made.session.magnetometer), **shown}
+    return _finish("alignment", made.session, out, files, truth, as_json, facts)
 
 
 def north(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
@@ -63,15 +63,14 @@ def north(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False
         "mark_azimuth_deg": made.mark_azimuth_deg,
         "matrix_mb": made.rot_mb,
     }
-    following = f"agonic fit north {quote(str(out))} --report north.html"
-    said = _Said(len(made.session.corrected), "readings of the magnetometer", following, truth)
-    return _finish("north", out, write_north(made.session, out), truth, said, as_json)
+    files = write_north(made.session, out)
+    return _finish("north", made.session, out, files, truth, as_json)
 
 
 def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
     """A session with a coil: coil.toml, its table, and the truth in its own folder."""
     from agonic.alignment.files.write import write_coil
-    from agonic.alignment.simulation.coil import simulate_coil
+    from agonic.alignment.simulation.laboratory import simulate_coil
 
     made = simulate_coil(noise=noise, seed=seed)
     truth = {
@@ -79,35 +78,36 @@ def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False)
         "axis_n": made.axis_n,
         "geometric_deg": made.geometric_deg,
     }
-    following = f"agonic fit coil {quote(str(out))} --report coil.html"
-    said = _Said(len(made.session.corrected), "readings of the magnetometer", following, truth)
-    return _finish("coil", out, write_coil(made.session, out), truth, said, as_json)
-
-
-class _Said(NamedTuple):
-    """What is said of a session: how many of what, the next command, and the facts in JSON."""
-
-    n: int
-    what: str
-    following: str
-    facts: dict[str, Any]
+    files = write_coil(made.session, out)
+    return _finish("coil", made.session, out, files, truth, as_json)
 
 
 def _finish(
-    kind: str, out: Path, files: list[Path], truth: dict[str, Any], said: _Said, as_json: bool
+    kind: str,
+    session: Recorded,
+    out: Path,
+    files: list[Path],
+    truth: dict[str, Any],
+    as_json: bool,
+    facts: dict[str, Any] | None = None,
 ) -> int:
-    """Write the truth beside the session, and say where both are."""
+    """Write the truth beside the session, and say where both are; `facts` are for programs."""
     import json
 
     from agonic.atomic import make_folder, write_atomically
     from agonic.console.output import plain, print_json, say_made
 
-    facts = plain({"schema": f"agonic/{kind}-truth@1", **truth})
-    text = json.dumps(facts, indent=1, ensure_ascii=False)
+    made = plain({"schema": f"agonic/{kind}-truth@1", **truth})
+    text = json.dumps(made, indent=1, ensure_ascii=False)
     written = write_atomically(make_folder(out / "truth") / "truth.json", text + "\n")
     if as_json:
         listed = {"files": [str(file) for file in (*files, written)]}
-        print_json(f"agonic/simulate-{kind}@1", listed | said.facts)
-    else:
-        say_made(said.n, said.what, out, f"The truth: {written}", next_step=said.following)
+        print_json(f"agonic/simulate-{kind}@1", listed | (facts or truth))
+        return 0
+    saved = "-o cal.json " if kind == "alignment" else ""
+    following = f"agonic fit {kind} {quote(str(out))} {saved}--report {kind}.html"
+    of = f"in {facts['orientations']} orientations" if facts else "of the magnetometer"
+    say_made(
+        len(session.corrected), f"readings {of}", out, f"The truth: {written}", next_step=following
+    )
     return 0

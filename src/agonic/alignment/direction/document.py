@@ -96,23 +96,17 @@ def _summarise(found: FieldDirection) -> dict[str, Any]:
 
 def _draw_all(found: FieldDirection) -> list[Markup]:
     """A strip of each angle: the readings and a band of one standard error."""
-    columns = found.columns()
-    shown = [name for name in ANGLES if name in columns]
-    return [
-        caption(
-            ANGLES[name][0],
-            _draw(found.time, columns[name], _in_degrees(ANGLES[name][1], columns), name),
-            {"bias": "mean of the readings", "band": "one standard error of a reading"},
-        )
-        for name in shown
-    ]
+    columns, keys = found.columns(), {"bias": "mean of the readings"}
+    keys["band"] = "one standard error of a reading"
+    drawn = []
+    for name, (title, sd) in ANGLES.items():
+        if name in columns:
+            spread = columns[sd] / (3600 if sd.endswith("arcsec") else 1)
+            drawn.append(caption(title, _draw(found.time, columns[name], spread, title), keys))
+    return drawn
 
 
-def _in_degrees(name: str, columns: dict[str, Array]) -> Array:
-    return columns[name] / 3600 if name.endswith("arcsec") else columns[name]
-
-
-def _draw(time: Array, angle: Array, sd: Array, name: str) -> Markup:
+def _draw(time: Array, angle: Array, sd: Array, title: str) -> Markup:
     angle = np.degrees(np.unwrap(np.radians(angle)))
     x, along = along_time(time, float(time[0]), float(time[-1]))
     columns = Columns(x, along)
@@ -122,4 +116,4 @@ def _draw(time: Array, angle: Array, sd: Array, name: str) -> Markup:
         band(columns, y, middle - spread, middle + spread, "band"),
         line(columns, y, middle, "bias"),
     ]
-    return plot(x, y, layers, f"{ANGLES[name][0]} over time")
+    return plot(x, y, layers, f"{title} over time")

@@ -1,39 +1,6 @@
 """coil.toml: a coil whose current is reversed before a magnetometer, and how its axes are known.
 
-name = "Helmholtz coil 2"
-
-[coil]
-name = "coil"
-axis = [0, 0, 1]                # as drawn; may be left out
-frame = "b"                     # of that: m magnetometer, b or c platform, n north-east-down
-settle_s = 0                    # readings so soon after a change of current are left out
-current_sd = 1e-5               # of the current's scale, relative
-
-[magnetometer]
-file = "magnetometer.csv"       # with current_A; calibration = "mag.json" as in session.toml
-
-[reference]
-file = "reference.csv"          # axes = "NED", ENU or NWU; the section may be left out
-
-[alignment]
-file = "cal.json"               # from agonic fit alignment or agonic fit north
-
-[attitude]                      # of the platform, while the coil was on:
-roll_deg = 0.4                  # forward, right, down (frame b): from levels and an azimuth, or
-pitch_deg = -0.7
-heading_deg = 63.0
-level_sd_arcsec = 2
-heading_sd_arcsec = 3
-ra_deg = 310.2                  # what a star sensor reads (frame c), at a time
-dec_deg = 41.0
-rot_deg = 12.5
-utc = "2024-03-12T21:00:00Z"
-across_sd_arcsec = 1
-about_sd_arcsec = 5
-
-[site]
-latitude_deg = 52.0725          # for Earth-fixed and inertial axes
-longitude_deg = 12.6750
+Its keys are those of the sections in `description`; docs/jobs/find-true-north.md shows it.
 """
 
 from __future__ import annotations
@@ -43,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.sections import (
+from agonic.alignment.files.description import (
     COIL,
-    AlignmentSection,
     AttitudeSection,
     CoilSection,
+    Description,
     Head,
+    read_description,
 )
 from agonic.alignment.session import Site, load_earth_rotation
-from agonic.alignment.session.coil import Attitude, CoilSession
+from agonic.alignment.session.laboratory import Attitude, CoilSession
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
@@ -80,7 +47,7 @@ def read_coil(path: Path | str) -> CoilSession:
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.alignment.files.write import write_coil
-    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_coil(simulate_coil(reversals=4).session, folder)
     ...     read_coil(folder).geometric_axis.tolist()
@@ -172,7 +139,7 @@ def _attitude(part: AttitudeSection | None, site: Site | None) -> Attitude | Non
 
 def _load_alignment(description: Description) -> tuple[Alignment | None, Calibration | None]:
     """The alignment, and what corrects the readings before it where both are one chain."""
-    part: AlignmentSection | None = description.parts["alignment"]
+    part = description.parts["alignment"]
     if part is None:
         return None, None
     file = description.home / part.file

@@ -16,13 +16,14 @@ Result:
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.alignment.session.di_flux import DiSheet
+from agonic.alignment.session.laboratory import DiSheet
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.provenance import Input, hash_file
@@ -146,10 +147,9 @@ def _said(head: dict[str, str], key: str, file: Path) -> float | None:
     words = head.get(key, "").split()
     if not words or words[0] == "None":
         return None
-    try:
+    with suppress(ValueError):
         return float(words[0])
-    except ValueError:
-        raise LogError(f"Abs-{key} is {words[0]!r}, no number", path=file) from None
+    raise LogError(f"Abs-{key} is {words[0]!r}, no number", path=file)
 
 
 def _settings(angles: Array) -> NDArray[np.int64]:

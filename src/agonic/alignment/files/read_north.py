@@ -1,35 +1,6 @@
 """north.toml: what a gyrotheodolite read, what was sighted, and a platform turned beside it.
 
-name = "Pier 4, 12 March"
-
-[gyro]
-constant_arcsec = -35           # true north less the gyro's
-constant_sd_arcsec = 1
-reading_sd_arcsec = 4           # of the circle; without: from the spread
-time_sd_s = 0.1                 # of a stopped time; without: from the spread
-transit_constant = 0.00374      # c, degrees per unit of amplitude and s; without: from settings
-
-[reversal]
-file = "reversal.csv"           # reading_deg or reading_gon: the turning points in order
-
-[transit]
-file = "transit.csv"            # setting_deg (or _gon), east_s, west_s, amplitude_east, …_west
-
-[swing]
-file = "swing.csv"              # time_s, reading_deg (or _gon)
-
-[[sighting]]
-name = "mark"
-readings_deg = [348.7418, 168.7421]   # or readings_gon; one face or both
-mirror = false                  # true: the theodolite looks into a mirror, whose normal points back
-
-[platform]
-file = "platform.csv"           # orientation, reading_deg (or _gon), roll_deg, pitch_deg
-circle_sd_arcsec = 2
-level_sd_arcsec = 2
-mirror = true
-
-[magnetometer], [reference], [pier]   as in session.toml
+Its keys are those of the sections in `description`; docs/jobs/find-true-north.md shows it.
 """
 
 from __future__ import annotations
@@ -40,16 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.sections import (
+from agonic.alignment.files.description import (
     NORTH,
+    Description,
     GyroSection,
     Head,
     PlatformSection,
     SightingSection,
+    read_description,
 )
-from agonic.alignment.files.tables import GON_DEG, read_table
-from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
+from agonic.alignment.files.star_table import GON_DEG, read_table
+from agonic.alignment.session.laboratory import (
+    NorthSession,
+    Platform,
+    Sighting,
+    SwingRecord,
+    Transits,
+)
 from agonic.arrays import Array
 from agonic.files.toml_sections import read_section
 

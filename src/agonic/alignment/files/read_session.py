@@ -1,45 +1,6 @@
 """session.toml: what the tables of a session are about.
 
-name = "Niemegk, the night of 12 March"
-time_scale = "UTC"              # of all tables: UTC, TAI, GPS or TT
-
-[site]
-latitude_deg = 52.0725
-longitude_deg = 12.6750         # east positive
-coordinates = "astronomical"    # follow the plumb line; or "geodetic"
-pressure_hPa = 1005             # temperature_C, humidity (0…1): for refraction
-
-[star]
-file = "star.csv"
-turns = "ci"                    # quaternions take inertial components into the sensor's; or "ic"
-across_sd_arcsec = 3            # of one attitude, where the table does not say
-about_sd_arcsec = 20
-refraction = "present"          # in the attitudes; "removed" where the sensor takes it out
-aberration = "removed"
-
-[magnetometer]
-file = "magnetometer.csv"       # with a column orientation
-noise_nT = 0.5                  # without: the scatter within the orientations
-calibration = "mag.json"
-
-[reference]
-file = "reference.csv"          # any log that agonic reads, IAGA-2002 too
-axes = "NED"                    # or ENU, NWU
-noise_nT = 0.3
-axes_sd_arcsec = 10             # how well its axes are known; without: exactly, or solved for
-
-[pier]
-difference_nT = [3.2, -1.0, 4.4]   # the field at the magnetometer less that at the reference
-sd_nT = 0.2
-
-[remanence]
-file = "remanence.csv"          # the platform turned to heading_deg, the magnetometer still
-
-[mounting]                      # nominal 3-2-3 angles from the star sensor to the magnetometer
-alpha_deg = 37
-beta_deg = 64
-gamma_deg = -112
-sd_deg = 2
+Its keys are those of the sections in `description`; docs/jobs/align-with-a-star-sensor.md shows it.
 """
 
 from __future__ import annotations
@@ -50,8 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.sections import NEEDED, SESSION, SessionHead, StarSection
+from agonic.alignment.files.description import (
+    NEEDED,
+    SESSION,
+    Description,
+    SessionHead,
+    StarSection,
+    read_description,
+)
 from agonic.alignment.files.star_table import make_diagonal, read_stars
 from agonic.alignment.session import Session, StarReadings, check_session
 from agonic.alignment.session.session import compute_unix_s

@@ -10,21 +10,101 @@ cov_xx_arcsec2, cov_yy_…, cov_zz_…, cov_xy_…, cov_xz_…, cov_yz_…
 
 from __future__ import annotations
 
+import csv
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.files.tables import Table, format_table, read_table
 from agonic.alignment.session import StarReadings
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.clocks.clock import read_clock
+from agonic.logs.contents import read_text
 from agonic.logs.rows.auxiliary import to_numbers
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, rot_ci
+
+GON_DEG = 0.9
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of a table as text, by header, and where it was read."""
+
+    columns: Mapping[str, list[str]]
+    path: Path
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def wrong(self, what: str, row: int | None = None) -> LogError:
+        """The error that something is wrong, in a row of numbers or in all of the table."""
+        return LogError(what, path=self.path, row=None if row is None else row + 2)
+
+    def read_numbers(self, name: str) -> Array:
+        """A column of numbers; the first that is none is an error."""
+        values = to_numbers(np.array(self.columns[name]))
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            row = int(bad[0])
+            raise self.wrong(f"{name} is {self.columns[name][row]!r}, no number", row)
+        return values
+
+    def read_angles(self, names: Iterable[str]) -> dict[str, Array]:
+        """Columns of numbers by name; those in degrees may stand in gon. All missing are named."""
+        in_gon = {name: name.replace("_deg", "_gon") for name in names}
+        missing = [name for name, gon in in_gon.items() if not {name, gon} & set(self.columns)]
+        if missing:
+            among = ", ".join(self.columns)
+            raise self.wrong(f"has no column {', '.join(missing)} among {among}")
+        return {
+            name: self.read_numbers(name) if name in self else GON_DEG * self.read_numbers(gon)
+            for name, gon in in_gon.items()
+        }
+
+    def find(self, names: tuple[str, ...], what: str) -> str:
+        """The first of several names that is there."""
+        found = next((name for name in names if name in self), None)
+        if found is None:
+            among = ", ".join(self.columns)
+            raise self.wrong(f"no column with {what} ({' or '.join(names)}) among {among}")
+        return found
+
+
+def read_table(path: Path, needed: str) -> Table:
+    """The columns by header; `needed` says what the table should be, for an error."""
+    text = read_text(path, needed)
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    rows = list(csv.reader(lines))
+    if len(rows) < 2:
+        raise LogError(f"there is no row below a header; {needed} is needed", path=path)
+    header = [name.strip() for name in rows[0]]
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) != len(header):
+            raise LogError(f"{len(row)} cells below {len(header)} columns", path=path, row=number)
+    return Table(
+        {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(header)}, path
+    )
+
+
+def format_table(columns: Mapping[str, Iterable[Any]]) -> str:
+    """Columns of cells as CSV; numbers to their last digit."""
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    cells = (c.tolist() if isinstance(c, np.ndarray) else c for c in columns.values())
+    writer.writerows(zip(*cells, strict=True))
+    return stream.getvalue()
+
 
 Turns = Literal["ci", "ic"]
 
@@ -69,7 +149,7 @@ def _orientations(table: Table, numbered: bool) -> NDArray[np.int64]:
         return np.zeros(len(table), dtype=np.int64)
     number = table.read_numbers(table.find(NUMBERS, "the orientation's number"))
     if (number != np.round(number)).any():
-        raise LogError("orientations are whole numbers", path=table.path)
+        raise table.wrong("orientations are whole numbers")
     return number.astype(np.int64)
 
 
@@ -85,10 +165,9 @@ def _times(table: Table) -> Array:
             return plain
     seconds, epoch, _ = read_clock(texts if not np.isfinite(plain).all() else plain, 1.0)
     if seconds is None or epoch is None or not np.isfinite(seconds).all():
-        raise LogError(
+        raise table.wrong(
             f"column {name} has no dates; give utc as 2024-03-12T20:00:00Z, Unix seconds, or "
-            "epoch_unix beside it",
-            path=table.path,
+            "epoch_unix beside it"
         )
     return np.asarray(seconds + epoch.timestamp())
 
@@ -101,28 +180,19 @@ def _attitudes(table: Table, turns: Turns) -> Array:
         length = np.linalg.norm(quaternions, axis=1)
         off = int(np.abs(length - 1).argmax())
         if abs(length[off] - 1) > _LENGTH:
-            raise LogError(
-                f"the quaternion has the length {length[off]:.4g}, not 1",
-                path=table.path,
-                row=off + 2,
-            )
+            raise table.wrong(f"the quaternion has the length {length[off]:.4g}, not 1", off)
         turned = Rotation.from_quat(quaternions)
         return np.asarray((turned if turns == "ci" else turned.inv()).as_matrix())
     missing = [name for name in ANGLES if name not in table]
     if missing:
-        raise LogError(
-            f"no attitudes: there is no {', '.join(missing)}, nor {', '.join(QUATERNION)}",
-            path=table.path,
-        )
+        wanted = f"there is no {', '.join(missing)}, nor {', '.join(QUATERNION)}"
+        raise table.wrong(f"no attitudes: {wanted}")
     ra, dec, rot = (table.read_numbers(name) for name in ANGLES)
     high = int(np.abs(dec).argmax())
     if abs(dec[high]) > 90:
-        raise LogError(
-            f"dec_deg is {dec[high]:g}: a declination lies between −90 and 90, and "
-            "is no polar distance",
-            path=table.path,
-            row=high + 2,
-        )
+        given = f"dec_deg is {dec[high]:g}"
+        where = "a declination lies between −90 and 90, and is no polar distance"
+        raise table.wrong(f"{given}: {where}", high)
     return rot_ci(ra, dec, rot)
 
 

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from msgspec.structs import asdict
 
+from agonic.alignment.direction.result import FieldDirection
 from agonic.alignment.files import read_coil, read_north, read_session
-from agonic.alignment.files.sections import GyroSection, PlatformSection
-from agonic.alignment.files.star_table import format_stars
-from agonic.alignment.files.tables import format_table
+from agonic.alignment.files.description import GyroSection, PlatformSection
+from agonic.alignment.files.star_table import format_stars, format_table
 from agonic.alignment.session import Session, Site
-from agonic.alignment.session.coil import Attitude, CoilSession
-from agonic.alignment.session.north import NorthSession
+from agonic.alignment.session.laboratory import Attitude, CoilSession, NorthSession
 from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError
@@ -24,6 +23,21 @@ from agonic.files.calibration import save
 from agonic.files.toml_text import write_value
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
+
+DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
+"""Decimals of a column, by the unit that its name ends in: a tenth of what can be known."""
+
+
+def write_direction(found: FieldDirection, file: Path) -> Path:
+    """Write a row a reading that has an attitude, its columns those of `FieldDirection.columns`."""
+    cells = {
+        name: [f"{value:.{digits}f}" for value in values.tolist()]
+        for name, values in found.columns().items()
+        for unit, digits in DIGITS.items()
+        if name.endswith(unit)
+    }
+    return write_atomically(file, format_table(cells))
+
 
 Sections = dict[str, Mapping[str, Any] | None]
 
@@ -108,7 +122,7 @@ def write_coil(session: CoilSession, folder: Path | str) -> list[Path]:
     pitch and heading of the platform.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.alignment.simulation.coil import simulate_coil
+    >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> with TemporaryDirectory() as folder:
     ...     files = write_coil(simulate_coil(reversals=4).session, folder)
     ...     print(*(file.name for file in files))

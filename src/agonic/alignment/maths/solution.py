@@ -87,12 +87,7 @@ class Solution:
     @property
     def known(self) -> Array:
         """Information of measurements and prior on the free unknowns, per nT², (m, m)."""
-        units, both = (
-            kernel.find_unit_sizes(self.magnitude)[self.free],
-            np.ix_(self.free, self.free),
-        )
-        whole = self.information[both] + np.diag(self.prior[self.free])
-        return np.asarray(whole / np.outer(units, units))
+        return kernel.weigh(self.information, self.prior, self.magnitude)
 
     @property
     def combinations(self) -> tuple[Array, Array]:

@@ -141,11 +141,19 @@ def compute_whitener(at: Unknowns, measured: Measured) -> Array:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(compute_covariance(at, measured))))
 
 
-def compute_information(at: Unknowns, measured: Measured) -> Array:
-    """JᵀC⁻¹J (18, 18) of all unknowns."""
+def compute_information(at: Unknowns, measured: Measured, *, each: bool = False) -> Array:
+    """JᵀC⁻¹J (18, 18) of all unknowns; of `each` orientation (k, 18, 18)."""
     _, jacobian = compute_residual(at, measured)
     white = compute_whitener(at, measured) @ jacobian
-    return np.asarray(np.einsum("kir,kis->rs", white, white))
+    return np.asarray(np.einsum(f"kir,kis->{'k' if each else ''}rs", white, white))
+
+
+def weigh(information: Array, prior: Array, magnitude: float) -> Array:
+    """Information of measurements and prior on the free unknowns, per nT², (m, m)."""
+    free = np.isfinite(prior)
+    units = find_unit_sizes(magnitude)[free]
+    whole = information[np.ix_(free, free)] + np.diag(prior[free])
+    return np.asarray(whole / np.outer(units, units))
 
 
 def invert(information: Array, prior: Array) -> Array:

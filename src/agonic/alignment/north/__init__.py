@@ -1,8 +1,6 @@
 """True north by a gyrotheodolite, carried to a magnetometer, and absolute measurements."""
 
-from agonic.alignment.north.di_flux import fit_di_flux
-from agonic.alignment.north.di_flux_result import DiFluxFit
-from agonic.alignment.north.fit import fit_north
-from agonic.alignment.north.result import NorthFit
+from agonic.alignment.north.di_flux import DiFluxFit, fit_di_flux
+from agonic.alignment.north.fit import NorthFit, fit_north
 
 __all__ = ["DiFluxFit", "NorthFit", "fit_di_flux", "fit_north"]

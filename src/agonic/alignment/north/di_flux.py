@@ -2,24 +2,139 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from agonic.alignment.maths.di_flux import LEAST_RAD
+from agonic.alignment.findings import tell
+from agonic.alignment.maths import di_flux as kernel
+from agonic.alignment.maths.di_flux import LEAST_RAD, NAMES, Settings, SheetEstimate
 from agonic.alignment.maths.north import Pointing, average_faces
-from agonic.alignment.north import di_flux_evidence
-from agonic.alignment.north.di_flux_result import DiFluxFit
-from agonic.alignment.north.theodolite import estimate_sheet
-from agonic.alignment.session.di_flux import DiSheet
-from agonic.health import figure
+from agonic.alignment.session.laboratory import DiSheet
+from agonic.arrays import Mask
+from agonic.errors import CoverageError
+from agonic.health import Finding, Judged, figure
 from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD
+
+USUAL_FIELD = 50_000.0
+LEVEL_SIN = 0.99999  # the telescope is level to 0.26°: a setting for the declination
+NOMINAL_DEG = 0.01
+NEAR_MERIDIAN_DEG = 3.0
+
+
+OFF_MERIDIAN_DEG = 0.1
+WIDE_ARCSEC = 10.0
+BIG_ERROR_DEG = 1.0
+
 
 METHOD = ("brunke-matzka-2018",)
 SCALE_READING = 30.0
 """A reading so large tells how many units of the fluxgate an angle is."""
 COPIED_DEG = 1e-7
 """Readings of the mark that agree better were read once; their spread tells nothing."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DiFluxFit(Judged):
+    """The result of `fit_di_flux`: angles in degrees, standard errors in arcseconds.
+
+    `estimate` holds the unknowns: meridian, inclination, collimation δ and ε, offset, scale;
+    `mark` the direction to the azimuth mark on the circle and the telescope's own collimation.
+    `scaled`: whether sheet or caller say how many units of the fluxgate an angle is.
+    """
+
+    sheet: DiSheet
+    estimate: SheetEstimate
+    mark: Pointing
+    scaled: bool = True
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """How many settings of the circles."""
+        return len(self.estimate.residuals)
+
+    @cached_property
+    def _sd_arcsec(self) -> dict[str, float]:
+        sd = np.sqrt(np.diag(self.estimate.covariance)) / ARCSEC_RAD
+        return dict(zip(NAMES, sd.tolist(), strict=True))
+
+    def _deg(self, name: str) -> float:
+        return float(np.degrees(self.estimate.params[NAMES.index(name)]))
+
+    @property
+    def meridian_deg(self) -> float:
+        """The circle's reading in the magnetic meridian, looking north."""
+        return self._deg("meridian") % 360.0
+
+    @property
+    def meridian_sd_arcsec(self) -> float:
+        """Its standard error."""
+        return self._sd_arcsec["meridian"]
+
+    @property
+    def declination_deg(self) -> float | None:
+        """East positive, within ±90°: the sheet does not say which face the mark was read in
+        first. `None` where the azimuth of the mark is not known."""
+        if self.sheet.mark_azimuth_deg is None:
+            return None
+        turned = self.sheet.mark_azimuth_deg - self.mark.reading_deg
+        return float(wrap_deg(2 * (self.meridian_deg + turned)) / 2)
+
+    @property
+    def declination_sd_arcsec(self) -> float:
+        """Its standard error: the meridian's and, where its readings tell one, the mark's."""
+        mark = 3600.0 * self.mark.sd_deg if np.isfinite(self.mark.sd_deg) else 0.0
+        return float(np.hypot(self.meridian_sd_arcsec, mark))
+
+    @property
+    def inclination_deg(self) -> float:
+        """Down positive."""
+        return self._deg("inclination")
+
+    @property
+    def inclination_sd_arcsec(self) -> float:
+        """Its standard error."""
+        return self._sd_arcsec["inclination"]
+
+    @property
+    def collimation_arcsec(self) -> tuple[float, float]:
+        """δ, to the right of the telescope, and ε, to greater zenith angles, of the fluxgate."""
+        return 3600.0 * self._deg("delta"), 3600.0 * self._deg("epsilon")
+
+    @property
+    def collimation_sd_arcsec(self) -> tuple[float, float]:
+        """Their standard errors."""
+        return self._sd_arcsec["delta"], self._sd_arcsec["epsilon"]
+
+    @property
+    def offset_arcsec(self) -> tuple[float, float]:
+        """S₀/F as an angle, and its standard error."""
+        return float(self.estimate.params[4]) / ARCSEC_RAD, self._sd_arcsec["offset"]
+
+    @property
+    def scale(self) -> float:
+        """F in the unit of the fluxgate's readings."""
+        return float(self.estimate.params[-1])
+
+    @property
+    def offset(self) -> float:
+        """S₀, in the unit of the fluxgate's readings."""
+        return float(self.estimate.params[4]) * self.scale
+
+    @property
+    def offset_sd(self) -> float:
+        """Its standard error."""
+        return self._sd_arcsec["offset"] * ARCSEC_RAD * self.scale
+
+    @property
+    def noise_arcsec(self) -> float:
+        """What is left of a setting, as an angle of the field."""
+        return abs(self.estimate.noise / self.scale) / ARCSEC_RAD
 
 
 def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
@@ -41,7 +156,7 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     Source: H.-P. Brunke, J. Matzka, Geoscientific Instrumentation, Methods and Data Systems 7,
     2018.
 
-    >>> from agonic.alignment.simulation.di_flux import simulate_di_flux
+    >>> from agonic.alignment.simulation.laboratory import simulate_di_flux
     >>> made = simulate_di_flux(seed=1)
     >>> fit = fit_di_flux(made.sheet)
     >>> bool(abs(fit.inclination_deg - made.inclination_deg) < 5 / 3600)
@@ -51,7 +166,7 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     found, at = estimate_sheet(sheet, magnitude, measured)
     scaled = measured or magnitude is not None or sheet.magnitude is not None
     fit = DiFluxFit(sheet=sheet, estimate=found, mark=_mark(sheet), scaled=scaled)
-    return replace(fit, findings=di_flux_evidence.examine(fit, at), remarks=_remarks(fit))
+    return replace(fit, findings=tuple(_examine(fit, at)), remarks=_remarks(fit))
 
 
 def _mark(sheet: DiSheet) -> Pointing:
@@ -66,6 +181,30 @@ def _mark(sheet: DiSheet) -> Pointing:
     return read._replace(sd_deg=max(read.sd_deg, np.degrees(LEAST_RAD) / np.sqrt(len(each))))
 
 
+def _examine(fit: DiFluxFit, at: Settings) -> Iterator[Finding]:
+    """The findings of a sheet, in the order of its parts: mark, meridian, scale, scatter.
+
+    The field turned round with a fluxgate turned round reads the same at all settings.
+    """
+    if fit.sheet.mark_azimuth_deg is None:
+        yield tell("no mark")
+    elif not np.isfinite(fit.mark.sd_deg):
+        yield tell("mark read once")
+    sides = at.horizontal[~at.from_meridian & (np.abs(np.sin(at.zenith)) <= LEVEL_SIN)]
+    off = np.abs(wrap_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2).max(initial=0.0)
+    if off > OFF_MERIDIAN_DEG:
+        yield tell("off the meridian", off=off)
+    if not fit.scaled and np.abs(fit.sheet.reading).max() > 0:
+        yield tell("no scale")
+    if fit.scale <= 0:
+        yield tell("reads backwards")
+    if fit.noise_arcsec > WIDE_ARCSEC:
+        yield tell("settings disagree", by=fit.noise_arcsec)
+    worst = max(np.abs(fit.collimation_arcsec)) / 3600.0
+    if worst > BIG_ERROR_DEG:
+        yield tell("collimation", off=worst)
+
+
 def _remarks(fit: DiFluxFit) -> tuple[str, ...]:
     declination = fit.declination_deg
     first = (
@@ -78,3 +217,74 @@ def _remarks(fit: DiFluxFit) -> tuple[str, ...]:
         f"inclination {fit.inclination_deg:.4f}° ± {figure(fit.inclination_sd_arcsec)}″, "
         f"{fit.n} settings, {fit.estimate.freedom} degrees of freedom",
     )
+
+
+def estimate_sheet(
+    sheet: DiSheet, magnitude: float | None, measured: bool
+) -> tuple[SheetEstimate, Settings]:
+    """The unknowns from either end of the meridian that may be north: the one that fits better.
+
+    Two level settings half a turn apart look alike; with δ, ε and the offset in both kinds of
+    settings only the right end fits.
+    """
+    _check(sheet)
+    scale = magnitude or sheet.magnitude or USUAL_FIELD
+    tried = []
+    for meridian in _ends(sheet):
+        at = _settings(sheet, meridian)
+        azimuth = at.horizontal - np.where(at.from_meridian, 0.0, meridian)
+        steep = ~level(sheet)
+        inclination = np.arctan(np.tan(at.zenith[steep]) * np.cos(azimuth[steep]))
+        start = np.array([meridian, float(np.median(inclination)), 0.0, 0.0, 0.0, scale])
+        tried.append((kernel.estimate(at, start, sheet.setting, scale_known=not measured), at))
+    return min(tried, key=lambda both: abs(both[0].noise / both[0].params[-1]))
+
+
+def _settings(sheet: DiSheet, meridian: float) -> Settings:
+    """What the kernel needs. Of the settings by name the first looks north; in the others the
+    zenith reading tells which way, since tan I = tan v cos A has one sign."""
+    h, v = np.radians(sheet.horizontal_deg), np.radians(sheet.zenith_deg)
+    nominal = _nominal(sheet, meridian)
+    if nominal.any():
+        sign = np.sign(np.tan(v))
+        first = int(np.flatnonzero(nominal)[0])
+        h = np.where(nominal, np.where(sign == sign[first], 0.0, np.pi), h)
+    return Settings(h, v, sheet.reading, nominal)
+
+
+def _ends(sheet: DiSheet) -> list[float]:
+    """The circle's readings, rad, that may be magnetic north: square to the level settings.
+
+    Where the inclination's settings have readings of the circle the first looks north.
+    """
+    flat = level(sheet)
+    doubled = np.exp(2j * np.radians(sheet.horizontal_deg[flat])).mean()
+    meridian = float(np.angle(doubled) / 2 - np.pi / 2)
+    both = [meridian, meridian + np.pi]
+    if _nominal(sheet, meridian).any():
+        return both
+    first = np.radians(sheet.horizontal_deg[~flat][0])
+    return [max(both, key=lambda end: float(np.cos(first - end)))]
+
+
+def _nominal(sheet: DiSheet, meridian: float) -> Mask:
+    """Settings whose horizontal reading is 0 or half a turn by name only, from the meridian."""
+    off = wrap_deg(2 * (sheet.horizontal_deg - np.degrees(meridian))) / 2
+    round_number = np.abs(wrap_deg(2 * sheet.horizontal_deg) / 2) < NOMINAL_DEG
+    return ~level(sheet) & round_number & (np.abs(off) > NEAR_MERIDIAN_DEG)
+
+
+def level(sheet: DiSheet) -> Mask:
+    """The settings with the telescope level, for the declination."""
+    return np.abs(np.sin(np.radians(sheet.zenith_deg))) > LEVEL_SIN
+
+
+def _check(sheet: DiSheet) -> None:
+    flat_rows = level(sheet)
+    flat, steep = (len(np.unique(sheet.setting[rows])) for rows in (flat_rows, ~flat_rows))
+    if flat < 4 or steep < 3:
+        raise CoverageError(
+            f"{flat} settings with the telescope level and {steep} others were given",
+            undetermined="meridian, inclination and collimation together",
+            turns="take four of each: east and west, north and south, sensor up and down",
+        )

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_residuals
+from agonic.alignment.figures import draw_residuals, draw_settings
+from agonic.alignment.findings import judge
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
+from agonic.alignment.north.di_flux import DiFluxFit
+from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.north.platform import Aligned
-from agonic.alignment.north.result import NorthFit
-from agonic.alignment.session.north import SwingRecord
+from agonic.alignment.session.laboratory import SwingRecord
 from agonic.report.axes import Axis, Columns
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
+from agonic.report.origin import list_inputs
 from agonic.report.section import Section, Table
 from agonic.report.strips import caption, level, line, plot, spread
 from agonic.report.time_axis import along_rows
+
+SCALED = ("offset", "offset_sd", "scale")
+SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
+
 
 METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
 PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
@@ -41,10 +49,8 @@ def describe_north(fit: NorthFit) -> Document:
         kind="North by a gyrotheodolite",
         name=fit.session.name or "north",
         method=f"north by a gyrotheodolite, {METHODS[fit.method]}",
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
-        entries={} if refused else _entries(fit),
+        **judge(fit),
+        entries=_entries(fit),
         sections=[] if refused else _sections(fit),
         values={"method": fit.method, **({} if refused else _numbers(fit))},
         calibration=None if refused else fit.calibration,
@@ -94,34 +100,19 @@ def _sections(fit: NorthFit) -> list[Section]:
     if record is not None and swing is not None:
         sections.append(Section("The swing", [lambda: draw_swing(record, swing)]))
     if aligned is not None:
+        found, numbers = aligned.solution, aligned.orientation
         rows = Table(PLATFORM_HEAD, _platform_rows(aligned), "numbers small")
-        sections.append(
-            Section(
-                "Residuals of the platform",
-                [
-                    lambda: draw_residuals(
-                        aligned.solution.residuals,
-                        aligned.solution.residuals_sd,
-                        aligned.orientation,
-                    ),
-                    rows,
-                ],
-            )
-        )
+        drawn = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
+        sections.append(Section("Residuals of the platform", [drawn, rows]))
     return sections
 
 
 def _platform_rows(aligned: Aligned) -> list[list[str]]:
     """Each orientation of the platform: its heading and what is left."""
+    each = zip(aligned.orientation, aligned.heading_deg, aligned.solution.residuals, strict=True)
     return [
-        [
-            str(number),
-            f"{group_digits(float(heading), 4)}°",
-            *(group_digits(float(v), 3) for v in left),
-        ]
-        for number, heading, left in zip(
-            aligned.orientation, aligned.heading_deg, aligned.solution.residuals, strict=True
-        )
+        [str(n), f"{group_digits(float(at), 4)}°", *(group_digits(float(v), 3) for v in left)]
+        for n, at, left in each
     ]
 
 
@@ -186,3 +177,99 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
             {"range": "least to largest", "mean": "mean"},
         ),
     ]
+
+
+def describe_di_flux(fit: DiFluxFit) -> Document:
+    """Declination, inclination, errors of the instrument, and the residual of each setting.
+
+    >>> from agonic.alignment.north import fit_di_flux
+    >>> from agonic.alignment.simulation.laboratory import simulate_di_flux
+    >>> made = describe_di_flux(fit_di_flux(simulate_di_flux().sheet))
+    >>> print(made.to_text().splitlines()[0])
+    ✓ simulated: good (absolute measurement with a fluxgate theodolite, 9 settings)
+    >>> made.to_html().count("<tr>")
+    10
+    """
+    sheet = fit.sheet
+    about = ", ".join(text for text in (sheet.pillar, sheet.theodolite, sheet.sensor) if text)
+    left = -np.asarray(fit.estimate.residuals)
+    unit = "units of the fluxgate" if fit.scaled else "its own units"
+    drawn = partial(draw_settings, left, unit)
+    rows = Table(SETTING_HEAD, _setting_rows(fit), "numbers small")
+    return Document(
+        schema="agonic/fit-di-flux@1",
+        kind=f"Absolute measurement {about}".rstrip(),
+        name=sheet.name,
+        method=f"absolute measurement with a fluxgate theodolite, {fit.n} settings",
+        **judge(fit),
+        entries=_sheet_entries(fit),
+        sections=[]
+        if fit.verdict == "refused"
+        else [Section("Settings", [rows, drawn]), list_inputs(*sheet.sources)],
+        values=_sheet_values(fit),
+        styles=["alignment.css"],
+    )
+
+
+def _sheet_entries(fit: DiFluxFit) -> dict[str, str]:
+    """What the sheet gives, by name."""
+    (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
+    entries = {}
+    if fit.declination_deg is not None:
+        entries["Declination"] = format_angle(fit.declination_deg, fit.declination_sd_arcsec)
+    mark = format_angle(fit.mark.reading_deg, 3600 * fit.mark.sd_deg)
+    meridian = format_angle(fit.meridian_deg, fit.meridian_sd_arcsec)
+    entries |= {
+        "Inclination": format_angle(fit.inclination_deg, fit.inclination_sd_arcsec),
+        "Meridian": f"{meridian} on the circle",
+        "Mark": f"{mark} on the circle, telescope's collimation "
+        f"{group_digits(3600 * fit.mark.collimation_deg, 1)}″",
+        "δ": f"{with_sd(delta, delta_sd)}″, fluxgate to the right of the telescope",
+        "ε": f"{with_sd(epsilon, epsilon_sd)}″, to greater zenith angles",
+        "S₀/F": f"{with_sd(*fit.offset_arcsec)}″, the fluxgate's offset as an angle",
+    }
+    if fit.scaled:
+        entries["S₀"] = f"{with_sd(fit.offset, fit.offset_sd)} units of the fluxgate"
+    if fit.scaled and fit.sheet.magnitude is not None:
+        entries["Scale"] = f"{significant(fit.scale / fit.sheet.magnitude, 4)} units per nT"
+    return entries
+
+
+def _setting_rows(fit: DiFluxFit) -> list[list[str]]:
+    """Each setting of the circles: means of its readings, and what is left."""
+    sheet = fit.sheet
+    own_rows = [sheet.setting == number for number in np.unique(sheet.setting)]
+    return [
+        [
+            str(k),
+            f"{group_digits(float(sheet.horizontal_deg[own].mean()), 4)}°",
+            f"{group_digits(float(sheet.zenith_deg[own].mean()), 4)}°",
+            group_digits(float(sheet.reading[own].mean()), 2),
+            group_digits(float(-left), 2),
+        ]
+        for k, (own, left) in enumerate(zip(own_rows, fit.estimate.residuals, strict=True), 1)
+    ]
+
+
+def _sheet_values(fit: DiFluxFit) -> dict[str, Any]:
+    (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
+    offset, offset_sd = fit.offset_arcsec
+    named = ("declination", "inclination", "meridian")
+    angles = [f"{name}_{unit}" for name in named for unit in ("deg", "sd_arcsec")]
+    return {
+        "n": fit.n,
+        "freedom": fit.estimate.freedom,
+        **{name: getattr(fit, name) for name in angles},
+        "mark_deg": fit.mark.reading_deg,
+        "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
+        "telescope_collimation_arcsec": 3600 * fit.mark.collimation_deg,
+        "delta_arcsec": delta,
+        "delta_sd_arcsec": delta_sd,
+        "epsilon_arcsec": epsilon,
+        "epsilon_sd_arcsec": epsilon_sd,
+        "offset_arcsec": offset,
+        "offset_sd_arcsec": offset_sd,
+        **{name: getattr(fit, name) if fit.scaled else None for name in SCALED},
+        "magnitude_nT": fit.sheet.magnitude,
+        "noise_arcsec": fit.noise_arcsec,
+    }

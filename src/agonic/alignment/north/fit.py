@@ -2,22 +2,130 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from agonic.alignment.calibration import make_calibration, make_provenance
+from agonic.alignment.explanations import find_explanations, say_explanations
+from agonic.alignment.findings import tell
 from agonic.alignment.maths import north as kernel
-from agonic.alignment.maths.north import North, Swing
-from agonic.alignment.maths.reversals import fit_reversals
-from agonic.alignment.north.drift import NOT_TOLD, Drift, estimate_drift
-from agonic.alignment.north.evidence import examine
+from agonic.alignment.maths.north import North, Swing, fit_reversals
+from agonic.alignment.maths.solution import RARE
 from agonic.alignment.north.platform import Aligned, align_platform
-from agonic.alignment.north.result import Azimuth, NorthFit
-from agonic.alignment.session.north import NorthSession, Sighting
+from agonic.alignment.session.laboratory import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
+from agonic.health import Finding, Judged, figure
+from agonic.maths.estimation.inference.model_averaging import average_over_term
+from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD
+
+DRIFTS = 3.0
+"""Standard errors by which a drift of the zero stands out."""
+LIKELY = 0.5
+"""Probability of a drift before the readings are seen: gyros warm up."""
+
+
+class Drift(NamedTuple):
+    """How far the zero moves over the readings, its standard error, and what is to be allowed for,
+    degrees; infinite where nothing tells it."""
+
+    size_deg: float = 0.0
+    sd_deg: float = float("inf")
+    allowed_deg: float = 0.0
+
+    @property
+    def seen(self) -> bool:
+        """Whether the zero moves by more than chance."""
+        return abs(self.size_deg) > DRIFTS * self.sd_deg
+
+
+NOT_TOLD = Drift()
+
+
+def estimate_drift(size_deg: float, sd_deg: float) -> Drift:
+    """A drift that was found with a standard error, averaged over its being there and not.
+
+    >>> estimate_drift(5.0, 1.0).seen, round(estimate_drift(5.0, 1.0).allowed_deg, 1)
+    (True, 4.9)
+    >>> estimate_drift(0.5, 1.0).allowed_deg
+    0.0
+    """
+    if not np.isfinite(sd_deg) or not sd_deg > 0:
+        return Drift(size_deg, sd_deg)
+    found = average_over_term(np.array([size_deg]), np.array([[sd_deg**2]]), slice(0, 1), LIKELY)
+    allowed = np.hypot(found.params[0], np.sqrt(max(found.covariance[0, 0], 0.0)))
+    return Drift(size_deg, sd_deg, float(allowed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Azimuth:
+    """The azimuth of a sighting, degrees clockwise from true north; standard error in arcseconds.
+
+    `collimation_arcsec` is the theodolite's, NaN where one face only was read; `excess` is how many
+    times the stated noise the readings scatter, 1 where chance explains it.
+    """
+
+    name: str
+    azimuth_deg: float
+    sd_arcsec: float
+    collimation_arcsec: float
+    excess: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NorthFit(Judged):
+    """The result of `fit_north`.
+
+    Parameters
+    ----------
+    by : what each method gives, the gyro's north on the circle: "swing", "reversal", "transit".
+    method : the one with the smallest standard error, which the rest goes by.
+    swing : the damped sinusoid. drift : of the gyro's zero, as the readings tell it.
+    constant, constant_sd : c of the transits, degrees per (unit · s).
+    azimuths : of what was sighted.
+    aligned : the magnetometer's alignment with the platform; `calibration` the same to save.
+    """
+
+    session: NorthSession
+    by: dict[str, North]
+    method: str
+    swing: Swing | None = None
+    drift: Drift = NOT_TOLD
+    constant: float | None = None
+    constant_sd: float | None = None
+    azimuths: tuple[Azimuth, ...] = ()
+    aligned: Aligned | None = None
+    calibration: Alignment | Chain | None = None
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def north_deg(self) -> float:
+        """The circle's reading at true north: the gyro's, with the instrument's constant."""
+        gyro = self.by[self.method].reading_deg
+        return (gyro + self.session.constant_arcsec / 3600.0) % 360.0
+
+    @property
+    def sd_arcsec(self) -> float:
+        """Its standard error, the constant's included."""
+        own = 3600.0 * self.by[self.method].sd_deg
+        return float(np.hypot(own, self.session.constant_sd_arcsec))
+
+    @property
+    def period_s(self) -> float | None:
+        """The period of the swing."""
+        return None if self.swing is None else float(2 * np.pi / self.swing.params[4])
+
+
+APART = 4.0
+"""Two methods that differ by more standard errors do not agree."""
+FEW_PERIODS = 1.0
+BAD_FACES_ARCSEC = 60.0
+
 
 METHOD = ("harbin-2018",)
 
@@ -54,7 +162,8 @@ def fit_north(session: NorthSession) -> NorthFit:
         aligned=found,
         calibration=None if found is None else _calibration(session, found, fit.method),
     )
-    return examine(whole)
+    judged = replace(whole, findings=tuple(_examine(whole)))
+    return judged if judged.verdict == "refused" else replace(judged, remarks=_describe(judged))
 
 
 def _found(session: NorthSession) -> NorthFit:
@@ -64,15 +173,14 @@ def _found(session: NorthSession) -> NorthFit:
     swing, constant, constant_sd = None, None, None
     if session.swing is not None:
         swing = kernel.fit_swing(session.swing.time_s, session.swing.reading_deg, sd)
-        freedom = len(swing.residuals) - len(swing.params)
-        by["swing"] = North(
-            float(swing.params[0]), float(np.sqrt(swing.covariance[0, 0])), freedom, swing.excess
-        )
+        by["swing"] = swing.north
     if session.turning_deg is not None:
         by["reversal"] = fit_reversals(session.turning_deg, sd)
     if session.transits is not None:
         by["transit"], constant, constant_sd = _transit(session)
-    drift = _find_drift(swing, by)
+    read = (by[name] for name in ("swing", "reversal") if name in by)
+    known = (estimate_drift(one.drift_deg, one.drift_sd_deg) for one in read)
+    drift = next((one for one in known if np.isfinite(one.sd_deg)), NOT_TOLD)
     # north is where the zero was at some moment of the record, and nobody knows at which
     by = {
         name: one._replace(sd_deg=float(np.hypot(one.sd_deg, drift.allowed_deg / 2)))
@@ -88,15 +196,6 @@ def _found(session: NorthSession) -> NorthFit:
         constant=constant,
         constant_sd=constant_sd,
     )
-
-
-def _find_drift(swing: Swing | None, by: Mapping[str, North]) -> Drift:
-    """The drift of the gyro's zero as the record tells it, or else its turning points."""
-    if swing is not None and swing.converged:
-        return estimate_drift(swing.drift_deg, swing.drift_sd_deg)
-    if "reversal" in by:
-        return estimate_drift(by["reversal"].drift_deg, by["reversal"].drift_sd_deg)
-    return NOT_TOLD
 
 
 def _transit(session: NorthSession) -> tuple[North, float, float]:
@@ -131,9 +230,7 @@ def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
 
 def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignment | Chain:
     """field_b = rotation.apply(field_m), after the magnetometer's own calibration."""
-    magnetometer, reference = session.magnetometer, session.reference
-    assert magnetometer is not None, "there is an alignment"
-    assert reference is not None, "there is an alignment"
+    magnetometer, reference = session.instruments
     settings = {"fit": "north", "method": method, "constant_arcsec": session.constant_arcsec}
     arrays = {one.name: one.field for one in (magnetometer, reference)}
     return make_calibration(
@@ -144,3 +241,75 @@ def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignmen
         frame="b",
         before=session.calibration,
     )
+
+
+def _examine(fit: NorthFit) -> Iterator[Finding]:
+    """The findings of a fit: the gyro, what was sighted, the platform."""
+    yield from _examine_gyro(fit)
+    for one in fit.azimuths:
+        differ = 2 * abs(one.collimation_arcsec)
+        if differ > 2 * BAD_FACES_ARCSEC:
+            yield tell("faces", name=one.name, by=differ)
+    if fit.aligned is not None:
+        yield from _examine_platform(fit.aligned)
+
+
+def _examine_gyro(fit: NorthFit) -> Iterator[Finding]:
+    """Methods that disagree, a short record, a zero that moves, and readings that scatter."""
+    best = fit.by[fit.method]
+    for name, other in fit.by.items():
+        apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
+        if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
+            yield tell("methods disagree", one=fit.method, other=name, by=3600 * apart)
+    if fit.swing is not None and fit.session.swing is not None and fit.period_s is not None:
+        periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
+        if not fit.swing.converged or periods < FEW_PERIODS:
+            yield tell("short swing", periods=periods)
+    if fit.drift.seen:
+        yield tell("zero drifts", by=3600 * abs(fit.drift.size_deg))
+    read = {fit.method: best.excess} | {one.name: one.excess for one in fit.azimuths}
+    name, excess = max(read.items(), key=lambda item: item[1])
+    if excess > 1.0:
+        yield tell("readings scatter", name=name, excess=excess)
+    if not np.isfinite(best.sd_deg):
+        yield tell("no spread")
+
+
+def _examine_platform(found: Aligned) -> Iterator[Finding]:
+    """A platform turned too seldom, whose residuals are more than noise, or that went on turning
+    after it was set."""
+    solution = found.solution
+    if len(found.orientation) < 2:
+        yield tell("orientations")
+    elif solution.p_value < RARE:
+        more = figure(float(np.sqrt(solution.chi2 / solution.freedom)))
+        action = (
+            "check mirror, orientation numbers, axes of the reference, and the magnetometer's "
+            "calibration"
+        )
+        what = f"the residuals are {more} times what the noise explains"
+        causes = find_explanations(solution, found.time, found.orientation)
+        if causes:
+            what, action = say_explanations(what, causes), causes[0].move
+        yield tell("platform misfit", what=what, action=action)
+    if found.settled_by.any():
+        yield tell("platform settles", by=float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
+
+
+def _describe(fit: NorthFit) -> tuple[str, ...]:
+    """How good it is."""
+    said = [
+        f"true north is at {fit.north_deg:.5f}° ± {figure(fit.sd_arcsec)}″ of the circle, by "
+        f"{fit.method}"
+    ]
+    if not np.isfinite(fit.drift.sd_deg):
+        said.append(
+            "so few readings do not tell whether the zero drifts: follow the gyro for eight "
+            "turning points, or record its swing"
+        )
+    if fit.aligned is not None:
+        said.append(
+            f"standard error of the alignment: {figure(fit.aligned.worst_sd_arcsec)}″ about its "
+            "worst axis"
+        )
+    return tuple(said)

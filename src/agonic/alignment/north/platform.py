@@ -15,7 +15,7 @@ from agonic.alignment.maths.two_frames import (
     compute_turn_sd,
     make_prior,
 )
-from agonic.alignment.session.north import NorthSession, Platform
+from agonic.alignment.session.laboratory import NorthSession, Platform
 from agonic.alignment.session.observed import average_fields, make_measured
 from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array, Index
@@ -81,8 +81,7 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         measured = make_measured(session, fields, rot_bn, _attitude_covariance(platform))
         return solve(measured, prior, session.pier.difference)
 
-    rows, magnetometer = _find_rows(session, platform), session.magnetometer
-    assert magnetometer is not None, "checked with the session"
+    rows = _find_rows(session, platform)
     found, settled = align(rows), np.zeros(3)
     if find_settling_chance(_list_residuals(session, found, rows)) < RARE:
         first, last = (
@@ -95,16 +94,14 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         solution=found,
         heading_deg=heading % 360.0,
         orientation=platform.orientation,
-        time=average(compute_unix_s(magnetometer), rows),
+        time=average(compute_unix_s(session.instruments[0]), rows),
         settled_by=settled,
     )
 
 
 def _list_residuals(session: NorthSession, found: Solution, rows: list[Index]) -> list[Array]:
     """What is left of each reading, (n, 3) by orientation, but for a constant."""
-    magnetometer, reference = session.magnetometer, session.reference
-    assert magnetometer is not None, "checked with the session"
-    assert reference is not None, "checked with the session"
+    magnetometer, reference = session.instruments
     now, then = compute_unix_s(magnetometer), compute_unix_s(reference)
     beside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
     onto_m = found.unknowns.rot_mc @ found.measured.rot_cn @ found.unknowns.rot_nr
@@ -114,7 +111,7 @@ def _list_residuals(session: NorthSession, found: Solution, rows: list[Index]) -
 
 def _find_rows(session: NorthSession, platform: Platform) -> list[Index]:
     """The magnetometer's rows of each orientation."""
-    station = None if session.magnetometer is None else session.magnetometer.station
+    station = session.instruments[0].station
     if station is None:
         raise AgonicError("the magnetometer's table says no orientation; add a column orientation")
     rows = find_rows(station, platform.orientation)

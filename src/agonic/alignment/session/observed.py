@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths.solution import Solution, solve
 from agonic.alignment.maths.stretches import (
     Stretches,
     average,
@@ -15,9 +17,9 @@ from agonic.alignment.maths.stretches import (
     find_rows,
     sum_each,
 )
-from agonic.alignment.maths.two_frames import Measured, compute_rotation_vector
+from agonic.alignment.maths.two_frames import Measured, compute_rotation_vector, make_prior
 from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
-from agonic.alignment.session.north import NorthSession
+from agonic.alignment.session.laboratory import NorthSession
 from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, compute_unix_s
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
@@ -96,9 +98,7 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
 
 def average_fields(session: Session | NorthSession, rows: list[Index]) -> Stretches:
     """Magnetometer and reference by orientation."""
-    magnetometer, reference = session.magnetometer, session.reference
-    assert magnetometer is not None, "checked with the session"
-    assert reference is not None, "checked with the session"
+    magnetometer, reference = session.instruments
     time, beside = compute_unix_s(magnetometer), (compute_unix_s(reference), reference.field)
     return average_stretches(rows, time, session.corrected, beside)
 
@@ -190,3 +190,12 @@ def _covariance(star: StarReadings, scatter: Array) -> Array:
             "across_sd_arcsec and about_sd_arcsec"
         )
     return np.broadcast_to(np.diag(scatter[[0, 0, 1]] ** 2), star.rot_ci.shape)
+
+
+def solve_session(session: Session, observed: Observed, groups: Collection[str]) -> Solution:
+    """The most probable unknowns, those of `groups` free.
+
+    What the session knows with a standard deviation (pier, axes of the reference) joins by itself.
+    """
+    prior = make_prior({"alignment", *groups}, session.pier.sd, session.reference_sd_arcsec)
+    return solve(observed.measured, prior, session.pier.difference)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Literal
@@ -12,12 +13,19 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index
 from agonic.calibration.base import Calibration, select_columns
-from agonic.errors import AgonicError, check_choice
+from agonic.errors import AgonicError, LogError, UnitError, check_choice
 from agonic.maths.earth.starlight import Air
 from agonic.maths.rotations.frames import from_323_deg
 from agonic.provenance import Input
 from agonic.readable import Readable
 from agonic.samples import Samples
+from agonic.units import RAW
+
+OTHER_UNIT = 3.0
+"""Ratio of the two magnitudes from which one of the units must be wrong."""
+NOT_UNIT = 1e-3
+"""How far an attitude may be from a rotation."""
+
 
 Coordinates = Literal["astronomical", "geodetic"]
 
@@ -117,7 +125,46 @@ class Mounting(Struct, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Session(Readable):
+class Recorded:
+    """What every session has: readings of a magnetometer, perhaps of a reference beside it.
+
+    Parameters
+    ----------
+    magnetometer : its readings in nT. calibration : of it, applied before everything else.
+    reference : the field beside it, north-east-down, which takes out the ambient's changes.
+    sources : the files that were read.
+    """
+
+    magnetometer: Samples | None
+    reference: Samples | None
+    calibration: Calibration | None = None
+    name: str = ""
+    sources: tuple[Input, ...] = ()
+
+    def __post_init__(self) -> None:
+        if mistakes := list(self._list_mistakes()):
+            raise AgonicError("; ".join(mistakes))
+
+    def _list_mistakes(self) -> Iterator[str]:
+        """What does not fit together."""
+        yield from ()
+
+    @property
+    def instruments(self) -> tuple[Samples, Samples]:
+        """Magnetometer and reference of a session that has both."""
+        assert self.magnetometer is not None, "checked with the session"
+        assert self.reference is not None, "checked with the session"
+        return self.magnetometer, self.reference
+
+    @property
+    def corrected(self) -> Array:
+        """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
+        assert self.magnetometer is not None, "asked for only with a magnetometer"
+        return correct_field(self.magnetometer, self.calibration)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Session(Recorded, Readable):
     """Readings of a magnetometer and a star sensor on one platform, and of a reference beside it.
 
     Parameters
@@ -130,7 +177,6 @@ class Session(Readable):
     reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
         `None`: exactly, unless they are solved for.
     pier : difference of the field between the two. mounting : the nominal angles, if known.
-    calibration : of the magnetometer, applied before everything else.
     remanence : readings of a magnetometer that stood still while the platform was turned to the
         angles in `heading_deg`, for `fit_remanence`.
     """
@@ -141,13 +187,10 @@ class Session(Readable):
     reference: Samples
     pier: Pier = field(default_factory=Pier)
     mounting: Mounting | None = None
-    calibration: Calibration | None = None
     noise: float | None = None
     reference_noise: float | None = None
     reference_sd_arcsec: float | None = None
     remanence: Samples | None = None
-    name: str = ""
-    sources: tuple[Input, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -164,11 +207,6 @@ class Session(Readable):
     def date(self) -> str:
         """The day of it."""
         return datetime.fromtimestamp(self.middle, UTC).date().isoformat()
-
-    @property
-    def corrected(self) -> Array:
-        """The magnetometer's field (n, 3), nT, with its calibration where there is one."""
-        return correct_field(self.magnetometer, self.calibration)
 
 
 def correct_field(samples: Samples, calibration: Calibration | None) -> Array:
@@ -200,3 +238,105 @@ def put_on_clock(reference: Samples, samples: Samples) -> Array:
     assert samples.time is not None, "asked for only with times"
     begins = compute_unix_s(samples)[0] - samples.time[0]
     return np.asarray(compute_unix_s(reference) - begins)
+
+
+def check_session(session: Session) -> Session:
+    """The session, or an error that says what does not fit together and what to do.
+
+    Raises `AgonicError` for times that do not meet, orientations without readings, attitudes that
+    are no rotations and covariances that are none; `UnitError` for magnitudes that cannot be those
+    of one place.
+    """
+    _check_attitudes(session)
+    _check_covariance(session)
+    _check_orientations(session)
+    _check_times(session)
+    _check_magnitudes(session)
+    return session
+
+
+def _check_attitudes(session: Session) -> None:
+    matrices = session.star.rot_ci
+    if len(matrices) == 0:
+        raise LogError(f"{session.star.name} has no readings")
+    off = np.abs(matrices @ np.swapaxes(matrices, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    if off.max() > NOT_UNIT or np.linalg.det(matrices).min() < 0:
+        raise AgonicError(
+            f"attitude {int(off.argmax()) + 1} of {session.star.name} is no rotation; give "
+            "ra, dec, rot in degrees or unit quaternions"
+        )
+
+
+def _check_covariance(session: Session) -> None:
+    covariance = session.star.covariance
+    for what, value in (("noise", session.noise), ("reference noise", session.reference_noise)):
+        if value is not None and not value > 0:
+            raise AgonicError(f"the {what} is {value:g} nT; it must be above 0")
+    if covariance is None:
+        return
+    least = np.linalg.eigvalsh(covariance)[:, 0]
+    if not (np.isfinite(covariance).all() and least.min() > 0):
+        raise AgonicError(
+            f"the covariance of attitude {int(least.argmin()) + 1} of {session.star.name} is none: "
+            "standard deviations must be above 0 and correlations below 1"
+        )
+
+
+def _check_orientations(session: Session) -> None:
+    station = session.magnetometer.station
+    if station is None:
+        raise AgonicError(
+            "the magnetometer's readings say no orientation; add a column orientation"
+        )
+    without = sorted(set(session.orientations.tolist()) - set(station.astype(int).tolist()))
+    if without:
+        shown = ", ".join(map(str, without[:8]))
+        raise AgonicError(
+            f"orientation {shown} has star readings but none of the magnetometer; check the "
+            "numbers of the orientations in both tables"
+        )
+
+
+def _check_times(session: Session) -> None:
+    """The three instruments must have read at the same time."""
+    star = session.star.time
+    for samples, what in ((session.magnetometer, "magnetometer"), (session.reference, "reference")):
+        time = compute_unix_s(samples)
+        if what == "reference" and len(time) > 1:
+            _check_cover(compute_unix_s(session.magnetometer), time)
+        gap = max(float(time.min() - star.max()), float(star.min() - time.max()))
+        if gap > 0:
+            raise AgonicError(
+                f"the {what} and the star sensor never read at the same time: they are "
+                f"{_duration(gap)} apart; check dates, time zones and time_scale"
+            )
+
+
+def _check_cover(time: Array, reference: Array) -> None:
+    """The reference must go on while the magnetometer reads."""
+    step = float(np.median(np.diff(reference)))
+    short = max(reference[0] - time.min(), time.max() - reference[-1])
+    if short > max(2 * step, 1.0):
+        raise AgonicError(
+            f"the reference does not cover the magnetometer's readings: {_duration(short)} are "
+            "missing; check the time scales, or leave those orientations out"
+        )
+
+
+def _check_magnitudes(session: Session) -> None:
+    if session.magnetometer.unit == RAW or session.reference.unit == RAW:
+        raise UnitError("a session needs fields in nT; name the unit of magnetometer and reference")
+    ours = float(np.median(np.linalg.norm(session.corrected, axis=1)))
+    theirs = float(np.median(np.linalg.norm(session.reference.field, axis=1)))
+    if not 1 / OTHER_UNIT < ours / max(theirs, 1e-9) < OTHER_UNIT:
+        raise UnitError(
+            f"the magnetometer reads {ours:.0f} nT and the reference {theirs:.0f} nT: one of the "
+            "units is wrong"
+        )
+
+
+def _duration(seconds: float) -> str:
+    """A length of time in words."""
+    if seconds >= 86_400:
+        return f"{seconds / 86_400:.1f} days"
+    return f"{seconds / 3600:.2f} h" if seconds >= 3600 else f"{seconds:.1f} s"

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from agonic.alignment.maths.north import evaluate_swing_deg
-from agonic.alignment.session.north import NorthSession, Platform, Sighting, SwingRecord, Transits
-from agonic.alignment.simulation.readings import read_field, vary_field
+from agonic.alignment.session.laboratory import (
+    NorthSession,
+    Platform,
+    Sighting,
+    SwingRecord,
+    Transits,
+)
+from agonic.alignment.simulation.session import read_field, vary_field
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation, rot_nb
 from agonic.readable import Readable
-from agonic.samples import Samples
 
 MOST_VARIATION, PERIODS_S = 15.0, (2400.0, 3100.0, 5100.0)
 TURN_S, READINGS = 40, 20
@@ -73,27 +80,12 @@ def simulate_north(
     sd = reading_sd_arcsec / 3600.0
     gyro = north_deg - (constant_arcsec + constant_sd_arcsec * rng.standard_normal()) / 3600.0
     phase = rng.uniform(0, 2 * np.pi)
-    swing = np.array(
-        [
-            gyro,
-            amplitude_deg * np.cos(phase),
-            amplitude_deg * np.sin(phase),
-            decay_per_s,
-            2 * np.pi / period_s,
-        ]
-    )
+    p, q = amplitude_deg * np.cos(phase), amplitude_deg * np.sin(phase)
+    swing = np.array([gyro, p, q, decay_per_s, 2 * np.pi / period_s])
     time = np.arange(0.0, periods * period_s, step_s)
     marks = north_deg + mark_azimuth_deg + np.array([0.0, 180.0, 0.0, 180.0])
-    rot_mb, platform, magnetometer, reference = _platform(
-        orientations,
-        north_deg,
-        noise,
-        reference_noise,
-        circle_sd_arcsec,
-        level_sd_arcsec,
-        begins,
-        rng,
-    )
+    noises, sds = (noise, reference_noise), (circle_sd_arcsec, level_sd_arcsec)
+    rot_mb, stood = _stand(orientations, north_deg, noises, sds, begins, rng)
     return SimulatedNorth(
         session=NorthSession(
             name="simulated",
@@ -110,11 +102,9 @@ def simulate_north(
             sightings=(
                 Sighting(name="mark", reading_deg=(marks + sd * rng.standard_normal(4)) % 360.0),
             ),
-            platform=platform,
-            magnetometer=magnetometer,
-            reference=reference,
             noise=noise,
             reference_noise=reference_noise,
+            **stood,
         ),
         north_deg=north_deg,
         mark_azimuth_deg=mark_azimuth_deg,
@@ -137,8 +127,9 @@ def _transits(
     """Two transits at each of two settings, a swing apart, amplitudes in degrees."""
     settings = swing[0] + np.array([-0.11, -0.11, 0.16, 0.16]) + 0.02 * rng.standard_normal(4)
     settings[1], settings[3] = settings[0], settings[2]
+    error = np.array([time_sd_s, time_sd_s, time_sd_s, sd, sd])
     rows = [
-        _passages(swing, setting, 2 * k * period_s, period_s, time_sd_s, rng, sd)
+        _passages(swing, setting, 2 * k * period_s, period_s, error * rng.standard_normal(5))
         for k, setting in enumerate(settings)
     ]
     east, west, high, low = np.array(rows).T
@@ -148,15 +139,12 @@ def _transits(
 
 
 def _passages(
-    swing: Array,
-    setting: float,
-    begins: float,
-    period: float,
-    time_sd: float,
-    rng: np.random.Generator,
-    sd: float,
+    swing: Array, setting: float, begins: float, period: float, error: Array
 ) -> tuple[float, float, float, float]:
-    """Times east and west of a setting and the amplitudes about it, from three passages."""
+    """Times east and west of a setting and the amplitudes about it, from three passages.
+
+    `error` (5,) is that of the three times and of the two amplitudes.
+    """
 
     def away(t: float) -> float:
         return float(evaluate_swing_deg(swing, np.array([t]))[0]) - setting
@@ -164,61 +152,53 @@ def _passages(
     grid = np.linspace(begins, begins + 2.2 * period, 441)
     side = np.array([away(t) for t in grid])
     crossed = np.flatnonzero(np.diff(np.sign(side)) != 0)
-    crossed = crossed[side[crossed] < 0][:1].tolist() + [
-        k for k in crossed if k > crossed[side[crossed] < 0][0]
-    ]
-    exact = [brentq(away, grid[k], grid[k + 1]) for k in crossed[:3]]
-    stopped = np.array(exact) + time_sd * rng.standard_normal(3)
-    turns = [
-        evaluate_swing_deg(swing, np.linspace(exact[k], exact[k + 1], 201)) - setting
-        for k in (0, 1)
-    ]
-    high, low = turns[0].max(), -turns[1].min()
-    read = sd * rng.standard_normal(2)
-    return (
-        float(stopped[1] - stopped[0]),
-        float(stopped[2] - stopped[1]),
-        float(high + read[0]),
-        float(low + read[1]),
-    )
+    crossed = crossed[crossed >= crossed[side[crossed] < 0][0]][:3]
+    exact = [brentq(away, grid[k], grid[k + 1]) for k in crossed]
+    half_way = [np.linspace(*both, 201) for both in pairwise(exact)]
+    high, low = (np.abs(evaluate_swing_deg(swing, at) - setting).max() for at in half_way)
+    east, west = np.diff(exact + error[:3])
+    return float(east), float(west), float(high + error[3]), float(low + error[4])
 
 
-def _platform(
+def _stand(
     count: int,
     north_deg: float,
-    noise: float,
-    reference_noise: float,
-    circle_sd: float,
-    level_sd: float,
+    noise: tuple[float, float],
+    sd_arcsec: tuple[float, float],
     begins: datetime,
     rng: np.random.Generator,
-) -> tuple[Array, Platform | None, Samples | None, Samples | None]:
-    """A platform turned about the vertical, with its magnetometer and the reference."""
+) -> tuple[Array, dict[str, Any]]:
+    """How the magnetometer sits on its platform, and of `count` orientations about the vertical
+    platform, magnetometer and reference; `noise` is that of the two, `sd_arcsec` that of circle
+    and level."""
     rot_mb = make_rotation(rng.uniform(-0.5, 0.5, 3))
     if not count:
-        return rot_mb, None, None, None
+        return rot_mb, {}
     heading = np.arange(count) * 360.0 / count + rng.uniform(-5, 5, count)
     roll, pitch = rng.uniform(-3, 3, (2, count))
     number = np.repeat(np.arange(count), READINGS)
-    seconds = np.asarray(
-        number * (READINGS + TURN_S) + np.tile(np.arange(READINGS), count) + 5, dtype=np.float64
-    )
-    clock = np.arange(seconds[-1] + TURN_S)
+    whole = number * (READINGS + TURN_S) + np.tile(np.arange(READINGS), count) + 5
+    seconds = whole.astype(np.float64)
+    clock = np.arange(float(whole[-1] + TURN_S))
     beside = vary_field(clock, MOST_VARIATION, PERIODS_S, rng)
-    at = beside[seconds.astype(int)]
-    true_b = np.einsum("nji,nj->ni", rot_nb(roll, pitch, heading)[number], at)
-    tilt = level_sd / 3600 * rng.standard_normal((2, count))
+    true_b = np.einsum("nji,nj->ni", rot_nb(roll, pitch, heading)[number], beside[whole])
+    circle_sd, level_sd = sd_arcsec
+    roll_error, pitch_error = level_sd / 3600 * rng.standard_normal((2, count))
     read = heading + circle_sd / 3600 * rng.standard_normal(count)
     platform = Platform(
         orientation=np.arange(count) + 1,
         reading_deg=(read + north_deg + 180.0) % 360.0,
-        roll_deg=roll + tilt[0],
-        pitch_deg=pitch + tilt[1],
+        roll_deg=roll + roll_error,
+        pitch_deg=pitch + pitch_error,
         circle_sd_arcsec=circle_sd,
         level_sd_arcsec=level_sd,
         mirror=True,
     )
     station = (number + 1).astype(np.float64)
-    magnetometer = read_field(true_b @ rot_mb.T, noise, rng, begins, seconds, station=station)
-    reference = read_field(beside, reference_noise, rng, begins, clock, "reference")
-    return rot_mb, platform, magnetometer, reference
+    return rot_mb, {
+        "platform": platform,
+        "magnetometer": read_field(
+            true_b @ rot_mb.T, noise[0], rng, begins, seconds, station=station
+        ),
+        "reference": read_field(beside, noise[1], rng, begins, clock, "reference"),
+    }

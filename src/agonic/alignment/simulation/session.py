@@ -19,12 +19,43 @@ from agonic.alignment.session import (
     load_earth_rotation,
 )
 from agonic.alignment.session.observed import compute_apparent_turn
-from agonic.alignment.simulation.readings import FIELD_N, read_field
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
 from agonic.readable import Readable
 from agonic.samples import Samples
+
+FIELD_N = (18_870.0, 1_390.0, 45_750.0)
+"""North, east and down at Niemegk in 2024, rounded, nT."""
+
+
+def read_field(
+    true: Array,
+    noise: float,
+    rng: np.random.Generator,
+    begins: datetime,
+    time: Array,
+    name: str = "magnetometer",
+    **columns: Array,
+) -> Samples:
+    """Readings of a field (n, 3), nT, at seconds (n,) after it begins, with further columns."""
+    return Samples(
+        field=true + noise * rng.standard_normal(true.shape),
+        unit="nT",
+        time=np.asarray(time, dtype=np.float64),
+        epoch=begins,
+        name=name,
+        **columns,  # type: ignore[arg-type]
+    )
+
+
+def vary_field(
+    time: Array, size: float, periods_s: tuple[float, float, float], rng: np.random.Generator
+) -> Array:
+    """The ambient field (n, 3) about its mean: a wave on each axis, nT."""
+    phase = rng.uniform(0, 6, 3)
+    waves = np.sin(2 * np.pi * time[:, None] / np.array(periods_s) + phase)
+    return np.asarray(FIELD_N + size * waves)
 
 
 def simulate_remanence(
@@ -135,7 +166,8 @@ def simulate_session(
     """
     rng = np.random.default_rng(seed)
     rot = _orientations(orientations, lowest_elevation_deg, rng)
-    nominal = from_323_deg(*mounting_deg)
+    alpha, beta, gamma = mounting_deg
+    nominal = from_323_deg(alpha, beta, gamma)
     rot_mc = make_rotation(np.radians(mounting_sd_deg) * rng.standard_normal(3)) @ nominal
     w = np.eye(3) if matrix is None else np.asarray(matrix, dtype=np.float64)
     turn = np.asarray(reference_turn_arcsec, dtype=np.float64) * ARCSEC_RAD
@@ -172,18 +204,13 @@ def simulate_session(
         else simulate_remanence(
             remanence=remanence, noise=noise, begins=begins - timedelta(hours=1), seed=seed
         ),
-        mounting=_mounting(mounting_deg),
+        mounting=Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma),
         noise=noise or 1e-6,
         reference_noise=reference_noise or 1e-6,
     )
     return SimulatedSession(
         session=session, rot_mc=rot_mc, reference_turn=turn, offset=offset, bias=zero, matrix=w
     )
-
-
-def _mounting(angles_deg: Sequence[float]) -> Mounting:
-    alpha, beta, gamma = angles_deg
-    return Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma)
 
 
 def _orientations(

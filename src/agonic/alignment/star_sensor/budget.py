@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import erfa
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from agonic.alignment.session import Session, load_earth_rotation
 from agonic.alignment.session.earth import ARCSEC_PER_S
@@ -23,6 +24,7 @@ Treatment = Literal["corrected", "by the sensor", "solved for", "not corrected",
 _J2000_TT = (2_451_545.0, 0.0)
 DEFLECTION_ARCSEC = 20.0
 STANDARD_ERROR = "standard error"
+_TABLE = "errors of the Earth rotation table"
 
 
 @dataclass(frozen=True)
@@ -72,33 +74,21 @@ def _of_the_earth(session: Session) -> tuple[Effect, ...]:
     origins = abs(erfa.gst06a(UNIX_JD, tt, UNIX_JD, tt) - erfa.era00(UNIX_JD, tt)) / ARCSEC_RAD
     pole = float(np.hypot(x, y)) / ARCSEC_RAD
     ut1_utc = ut1_tai + leap
+    turned = "GAST less the Earth rotation angle"
     return (
         Effect("precession", precession, "corrected", "since J2000"),
         Effect("nutation", nutation, "corrected"),
-        Effect(
-            "equation of the origins",
-            origins % 1_296_000.0,
-            "corrected",
-            "GAST less the Earth rotation angle",
-        ),
+        Effect("equation of the origins", origins % 1_296_000.0, "corrected", turned),
         Effect("leap seconds", leap * ARCSEC_PER_S, "corrected", f"TAI − UTC {leap:.0f} s"),
         Effect("UT1 − UTC", abs(ut1_utc) * ARCSEC_PER_S, "corrected", f"{ut1_utc:+.4f} s"),
         Effect("polar motion", pole, "corrected"),
-        Effect(
-            "errors of the Earth rotation table",
-            earth.sd_arcsec(when),
-            "not corrected",
-            earth.source,
-        ),
+        Effect(_TABLE, earth.sd_arcsec(when), "not corrected", earth.source),
     )
 
 
 def _angle(matrix: Array) -> float:
-    """The angle of a rotation, arcseconds."""
-    off = np.array(
-        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
-    )
-    return float(np.arcsin(min(float(np.linalg.norm(off)) / 2, 1.0)) / ARCSEC_RAD)
+    """The angle of a rotation, or the largest of several, arcseconds."""
+    return float(np.max(Rotation.from_matrix(matrix).magnitude()) / ARCSEC_RAD)
 
 
 def _of_light(session: Session) -> tuple[Effect, ...]:
@@ -112,68 +102,53 @@ def _of_light(session: Session) -> tuple[Effect, ...]:
     for effect, name in said.items():
         alone: dict[str, Any] = dict.fromkeys(said, REMOVED) | {effect: PRESENT}
         turns = compute_apparent_turn(session.site, replace(session.star, **alone), rot_ei)
-        largest = max(_angle(turn) for turn in turns)
         present = getattr(session.star, effect) == PRESENT
         stated = "" if present else "; if the sensor removes it as stated"
         done: Treatment = "corrected" if present else "by the sensor"
-        effects.append(Effect(name, largest, done, f"largest of the session{stated}"))
+        effects.append(Effect(name, _angle(turns), done, f"largest of the session{stated}"))
     return tuple(effects)
 
 
 def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
-    """Where north and down are, at the site and for the reference; the two piers."""
-    session, magnitude = fit.session, fit.solution.magnitude
+    """Where north and down are, at the site and for the reference; the two piers; the platform.
+
+    A difference of the piers is corrected only where one is given.
+    """
+    session, groups, pier = fit.session, fit.solution.groups, fit.session.pier
     plumb = session.site.coordinates == "astronomical"
     axes = float(fit.sd[3:6].max()) / ARCSEC_RAD
-    pier = float(fit.sd[6:9].max()) / magnitude / ARCSEC_RAD
+    apart = float(fit.sd[6:9].max()) / fit.solution.magnitude / ARCSEC_RAD
     known = "at most; astronomical coordinates contain it"
     unknown = "at most; the coordinates are geodetic"
     unsolved = "taken as exactly north, east, down: what they are off goes into the result"
-    given = "taken as exact" if session.pier.difference.any() else "none was given"
+    given = "taken as exact" if pier.difference.any() else "none was given"
+    given = f"{given}: 0.24 nT are 1″ at 50 000 nT"
+    treated: Treatment = "corrected" if plumb else "not corrected"
+    turned: Treatment = "solved for" if "reference" in groups else "not known"
+    taken_out = pier.difference.any() or pier.sd is not None
+    differ: Treatment = (
+        "solved for" if "pier" in groups else "corrected" if taken_out else "not known"
+    )
     return (
         Effect(
-            "deflection of the vertical",
-            DEFLECTION_ARCSEC,
-            "corrected" if plumb else "not corrected",
-            known if plumb else unknown,
+            "deflection of the vertical", DEFLECTION_ARCSEC, treated, known if plumb else unknown
         ),
-        Effect(
-            "axes of the reference",
-            axes,
-            "solved for" if "reference" in fit.solution.groups else "not known",
-            STANDARD_ERROR if axes else unsolved,
-        ),
-        Effect(
-            "difference between the piers",
-            pier,
-            _about_pier(fit),
-            STANDARD_ERROR if pier else f"{given}: 0.24 nT are 1″ at 50 000 nT",
-        ),
+        Effect("axes of the reference", axes, turned, STANDARD_ERROR if axes else unsolved),
+        Effect("difference between the piers", apart, differ, STANDARD_ERROR if apart else given),
         _of_the_platform(fit),
     )
 
 
-def _about_pier(fit: AlignmentFit) -> Treatment:
-    """What was done about the difference between the piers: corrected only where one is given."""
-    if "pier" in fit.solution.groups:
-        return "solved for"
-    pier = fit.session.pier
-    return "corrected" if pier.difference.any() or pier.sd is not None else "not known"
-
-
 def _of_the_platform(fit: AlignmentFit) -> Effect:
     """The platform's own field, by the readings with it turned."""
-    name, platform = "remanence of the platform", fit.platform
-    solved = "bias" in fit.solution.groups
+    platform, solved = fit.platform, "bias" in fit.solution.groups
+    done: Treatment = "solved for" if solved else "not corrected" if platform else "not known"
     if platform is None:
-        remark = "turn it beneath a magnetometer that stands still: agonic fit remanence"
-        return Effect(name, 0.0, "solved for" if solved else "not known", remark)
-    return Effect(
-        name,
-        platform.size_arcsec + 2 * platform.sd_arcsec,
-        "solved for" if solved else "not corrected",
-        f"at most, from {platform.n} settings; across the axis of the turn",
-    )
+        size, remark = 0.0, "turn it beneath a magnetometer that stands still: agonic fit remanence"
+    else:
+        size = platform.size_arcsec + 2 * platform.sd_arcsec
+        remark = f"at most, from {platform.n} settings; across the axis of the turn"
+    return Effect("remanence of the platform", size, done, remark)
 
 
 def _of_the_readings(fit: AlignmentFit) -> tuple[Effect, ...]:

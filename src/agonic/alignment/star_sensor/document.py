@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from agonic.alignment.figures import draw_residuals
+from agonic.alignment.findings import judge
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
-from agonic.alignment.star_sensor.evidence_sections import caption_axes, list_evidence
+from agonic.alignment.star_sensor.figures import draw_axes, draw_dome, draw_sky
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.report.digits import MINUS, group_digits, quantity, significant, with_sd, write_minus
 from agonic.report.document import Document
-from agonic.report.markup import element
+from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
+from agonic.report.tables import NOTHING
 from agonic.report.verdict import moves
 
 WHEN_ALIGNED = (
@@ -27,6 +32,28 @@ WHEN_ALIGNED = (
 ANGLES = ("α", "β", "γ")
 ANGLE_HEAD = ("Angle", "Value", "Standard error")
 QUATERNION_HEAD = ("Quaternion", "Value", "Standard error")
+AXES_CAPTION = (
+    "Axes of the star sensor (x, y, z; z the boresight) and of the magnetometer (x₃, y₃, z₃): "
+    "turned by α about z (x to x₁), by β about the new y (z to z₃), by γ about the newest z "
+    "(x₂ to x₃); seen from a side, the angles between the axes are true"
+)
+BUDGET_HEAD = ("Effect", "Size, ″", "Size, nT", "Done", "Remark")
+BUDGET_NOTE = (
+    "What was corrected: the size is what leaving it out would cost. What was not: the size is by "
+    "how much a direction may be wrong."
+)
+RESIDUAL_HEAD = (
+    "Orientation",
+    "Time, UTC",
+    "Azimuth",
+    "Elevation",
+    "Readings",
+    "x, nT",
+    "y, nT",
+    "z, nT",
+    "Expected sd, nT",
+    "Direction, ″",
+)
 MATRIX_HEAD = ("Magnetometer", "star sensor x", "y", "z")
 
 
@@ -49,14 +76,12 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         title=session.name or session.magnetometer.name,
         method=f"alignment with a {session.star.name}, {fit.n} orientations",
         about=_about(fit),
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
+        **judge(fit),
         move=next(iter(moves(fit.findings)), WHEN_ALIGNED),
-        key_figures=[] if refused else _key_figures(fit),
-        entries={} if refused else _entries(fit),
+        key_figures=_key_figures(fit),
+        entries=_entries(fit),
         entries_title="",
-        sections=[*([] if refused else [_describe_alignment(fit)]), *list_evidence(fit)],
+        sections=[*([] if refused else [_describe_alignment(fit)]), *_list_evidence(fit)],
         values={**_rank(fit), **({} if refused else _numbers(fit))},
         calibration=fit.calibration,
         styles=["alignment.css"],
@@ -89,10 +114,11 @@ def _key_figures(fit: AlignmentFit) -> list[tuple[str, str, str]]:
 def _entries(fit: AlignmentFit) -> dict[str, str]:
     """The alignment in three lines, and what was solved for beside it."""
     quat = "  ".join(f"{value:+.9f}".replace("-", MINUS) for value in fit.quat_wxyz)
+    angles = zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
     return {
         "Angles": "   ".join(
             f"{name} {group_digits(value, 6)}° ± {significant(sd, 2)}″"
-            for name, value, sd in zip(ANGLES, fit.angles_deg, fit.angles_sd_arcsec, strict=True)
+            for name, value, sd in angles
         ),
         "Error": f"about the magnetometer's {_by_axis(fit.sd_arcsec, '   ')}",
         "Quat": f"w x y z {quat}",
@@ -108,19 +134,19 @@ def _by_axis(sd_arcsec: Array, between: str) -> str:
 
 def _others(fit: AlignmentFit) -> dict[str, str]:
     """What was found beside the alignment, in words, by a short name."""
-    groups, unknowns, sd = fit.solution.groups, fit.solution.unknowns, fit.sd
-    found = {}
-    if "reference" in groups:
-        turn = _with_sds(fit.reference_turn_arcsec, sd[GROUPS["reference"]] / ARCSEC_RAD)
-        found["Reference"] = f"turned about north, east, down by {turn}″"
-    if "pier" in groups:
-        found["Pier"] = f"{_with_sds(unknowns.offset, sd[GROUPS['pier']])} nT"
-    if "bias" in groups:
-        found["Bias"] = f"{_with_sds(unknowns.bias, sd[GROUPS['bias']])} nT"
-    if "matrix" in groups:
-        six = pack_symmetric(unknowns.matrix)
-        found["Matrix"] = f"xx yy zz xy xz yz  {_with_sds(six, sd[GROUPS['matrix']])}"
-    return found
+    unknowns, sd = fit.solution.unknowns, fit.sd.copy()
+    sd[GROUPS["reference"]] /= ARCSEC_RAD
+    found = {
+        "reference": (fit.reference_turn_arcsec, "turned about north, east, down by {}″"),
+        "pier": (unknowns.offset, "{} nT"),
+        "bias": (unknowns.bias, "{} nT"),
+        "matrix": (pack_symmetric(unknowns.matrix), "xx yy zz xy xz yz  {}"),
+    }
+    return {
+        group.capitalize(): words.format(_with_sds(values, sd[GROUPS[group]]))
+        for group, (values, words) in found.items()
+        if group in fit.solution.groups
+    }
 
 
 def _with_sds(values: Array, sds: Array) -> str:
@@ -160,7 +186,7 @@ def _describe_alignment(fit: AlignmentFit) -> Section:
             "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
             f"Standard errors about the magnetometer’s axes: {_by_axis(fit.sd_arcsec, ', ')}.",
             Table(MATRIX_HEAD, cosines, scrolls=True),
-            lambda: caption_axes(fit),
+            lambda: _caption_axes(fit),
             _others(fit),
         ],
     )
@@ -213,3 +239,65 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
         ],
         "error_budget": [asdict(effect) for effect in error_budget(fit)],
     }
+
+
+def _caption_axes(fit: AlignmentFit) -> Markup:
+    """Both sets of axes with the turns between them, as a figure."""
+    drawn = draw_axes(*map(float, fit.angles_deg))
+    return element("figure", drawn, element("figcaption", AXES_CAPTION))
+
+
+def _list_evidence(fit: AlignmentFit) -> list[Section]:
+    """Residuals, the sky, and the error budget."""
+    drawn = partial(draw_residuals, fit.residuals, fit.residuals_sd, fit.observed.orientation)
+    residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
+    budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
+    return [
+        Section("Residuals of each orientation", [drawn, residuals]),
+        Section("Where the star sensor looked", [lambda: _skies(fit)], style="pair"),
+        Section("Error budget", [BUDGET_NOTE, budget]),
+    ]
+
+
+def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
+    """Each orientation: where it looked, what is left in nT and in arcseconds."""
+    seen = fit.observed
+    azimuth = np.degrees(np.arctan2(seen.boresight_n[:, 1], seen.boresight_n[:, 0])) % 360
+    sd = np.sqrt((fit.residuals_sd**2).mean(axis=1))
+    return [
+        [
+            str(number),
+            datetime.fromtimestamp(float(seen.time[k]), UTC).strftime("%H:%M:%S"),
+            f"{group_digits(float(azimuth[k]))}°",
+            f"{group_digits(float(seen.elevation_deg[k]))}°",
+            str(seen.readings[k, 1]),
+            *(group_digits(float(value), 3) for value in (*fit.residuals[k], sd[k])),
+            group_digits(float(fit.residuals_arcsec[k]), 2),
+        ]
+        for k, number in enumerate(seen.orientation.tolist())
+    ]
+
+
+def _skies(fit: AlignmentFit) -> list[Markup]:
+    seen = fit.observed
+    over_site = draw_dome(seen.boresight_n, seen.orientation, fit.residuals_arcsec)
+    among_stars = draw_sky(seen.boresight_i, seen.orientation, fit.residuals_arcsec)
+    up = "Over the site: north up, east right, the horizon at the rim"
+    pole = (
+        "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
+        "larger the residual"
+    )
+    return [
+        element("figure", drawn, element("figcaption", caption))
+        for drawn, caption in ((over_site, up), (among_stars, pole))
+    ]
+
+
+def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
+    """The error budget, a row an effect; a size of 0 means that nothing is known of it."""
+    rows = []
+    for effect in error_budget(fit):
+        sizes = (effect.size_arcsec, effect.size_nT(fit.solution.magnitude))
+        shown = [significant(size, 3) if size else NOTHING for size in sizes]
+        rows.append([effect.name, *shown, effect.treatment, write_minus(effect.remark)])
+    return rows

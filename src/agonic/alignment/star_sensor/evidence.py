@@ -7,12 +7,14 @@ external reliability of the net, in the words of geodesy).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtrc
 
 from agonic.alignment.explanations import find_explanations, say_explanations
+from agonic.alignment.findings import tell
 from agonic.alignment.maths.solution import RARE, UNDETERMINED, Solution
 from agonic.alignment.maths.two_frames import (
     GROUPS,
@@ -22,8 +24,8 @@ from agonic.alignment.maths.two_frames import (
     invert,
 )
 from agonic.alignment.session import load_earth_rotation
-from agonic.alignment.star_sensor.likely_causes import compute_misfit, find_likely_mistakes
-from agonic.alignment.star_sensor.orientations import (
+from agonic.alignment.star_sensor.known_mistakes import compute_misfit, find_likely_mistakes
+from agonic.alignment.star_sensor.plan import (
     choose_additions,
     compute_information,
     describe_combination,
@@ -61,17 +63,33 @@ def examine(fit: AlignmentFit) -> AlignmentFit:
     known = replace(fit, undetermined=words)
     if words or loose:
         known = replace(known, add=_suggest_orientations(known, result))
-    spoilt = _spoilt(known)
-    doubt = None if spoilt else _check_misfit(known)
-    checks = [_check_undetermined(known), doubt]
-    if doubt is None:  # else these are what the same cause does
-        checks += [] if spoilt else [_check_loose(known)]
-        checks += [_check_horizon(known), _check_scatter(known)]
-        checks += [] if spoilt else [_check_reference(known)]
-    checks += [_check_coordinates(known), _check_earth(known), _check_pole(known)]
-    findings = (*(found for found in checks if found is not None), *_list_platform(known))
-    judged = replace(known, findings=findings)
+    judged = replace(known, findings=tuple(_list_findings(known)))
     return judged if judged.verdict == "refused" else replace(judged, remarks=_remarks(known))
+
+
+def _list_findings(fit: AlignmentFit) -> Iterator[Finding]:
+    """What is undetermined, what does not fit, and what else to know of session and platform."""
+    spoilt = _spoilt(fit)
+    if fit.undetermined:
+        yield _tell_undetermined(fit, spoilt)
+    doubt = None if spoilt else _check_misfit(fit)
+    if doubt is not None:
+        yield doubt
+    else:  # else these are what the same cause does
+        if not spoilt and fit.worst_sd_arcsec > fit.wanted_sd_arcsec:
+            yield tell(
+                "alignment loose",
+                sd=fit.worst_sd_arcsec,
+                wanted=fit.wanted_sd_arcsec,
+                action=_say_additions(fit.add),
+            )
+        low = int((fit.observed.elevation_deg < 0).sum())
+        if low:
+            yield tell("below the horizon", low=low, n=fit.n)
+        yield from _check_scatter(fit)
+        if not spoilt:
+            yield from _check_reference(fit)
+    yield from _check_surroundings(fit)
 
 
 def _suggest_orientations(
@@ -109,18 +127,15 @@ def _say_additions(add: tuple[tuple[float, float, float], ...]) -> str:
     return "add orientations: " + "; ".join(map(format_orientation, add))
 
 
-def _check_undetermined(fit: AlignmentFit) -> Finding | None:
+def _tell_undetermined(fit: AlignmentFit, spoilt: bool) -> Finding:
     """Combinations that nothing determines: some that matter to the alignment, others not."""
-    if not fit.undetermined:
-        return None
     shown = "; and ".join(fit.undetermined[:MOST_NAMED])
     more = len(fit.undetermined) - MOST_NAMED
     what = f"{shown}; and {more} more" if more > 0 else shown
     said = f"{fit.n} orientation{'s do' if fit.n > 1 else ' does'} not determine {what}"
-    move = ELSEWHERE if _stuck(fit.solution) else _say_additions(fit.add)
-    if _spoilt(fit):
-        return Finding("alignment undetermined", "refuse", said, move)
-    return Finding("unknowns undetermined", "check", f"{said}, which the alignment survives", move)
+    action = ELSEWHERE if _stuck(fit.solution) else _say_additions(fit.add)
+    name = "alignment undetermined" if spoilt else "unknowns undetermined"
+    return tell(name, what=said, action=action)
 
 
 def _spoilt(fit: AlignmentFit) -> bool:
@@ -141,8 +156,7 @@ def _check_misfit(fit: AlignmentFit) -> Finding | None:
     """Residuals too large, or an alignment far from the nominal one, and what would explain it."""
     result = fit.solution
     if result.freedom == 0:
-        what = "the orientations just determine the unknowns, so nothing tells a mistake"
-        return Finding("no redundancy", "check", what, "add orientations")
+        return tell("no redundancy")
     bad = result.freedom > 0 and result.p_value < RARE
     away_deg, sd_deg = _find_way_from_nominal(fit)
     if not (bad or away_deg > FAR_FROM_NOMINAL * sd_deg):
@@ -158,10 +172,8 @@ def _check_misfit(fit: AlignmentFit) -> Finding | None:
         others = "; ".join(cause.words for cause in causes[1:4])
         also = f" (as well: {others})" if others else ""
         said = f"{seen}; {causes[0].words} would explain it{also}"
-        return Finding("session mistake", "refuse", said, causes[0].move)
-    if bad:
-        return _describe_misfit(fit, seen)
-    return Finding("nominal mounting", "check", seen, "check the nominal angles and the axes")
+        return tell("session mistake", what=said, action=causes[0].move)
+    return _describe_misfit(fit, seen) if bad else tell("nominal mounting", what=seen)
 
 
 def _describe_misfit(fit: AlignmentFit, seen: str) -> Finding:
@@ -169,13 +181,14 @@ def _describe_misfit(fit: AlignmentFit, seen: str) -> Finding:
     seen_at = fit.observed.time, fit.observed.orientation
     found = find_explanations(fit.solution, *seen_at, fit.session.site)
     if found:
-        return Finding("session misfit", "check", say_explanations(seen, found), found[0].move)
+        said = say_explanations(seen, found)
+        return tell("session misfit", what=said, action=found[0].move)
     said = f"{seen}; none of the usual mistakes explains it"
-    move = (
+    action = (
         "look at the residuals of each orientation; solve for the magnetometer's bias and "
         "matrix, or for the pier"
     )
-    return Finding("session misfit", "check", said, move)
+    return tell("session misfit", what=said, action=action)
 
 
 def _find_way_from_nominal(fit: AlignmentFit) -> tuple[float, float]:
@@ -187,120 +200,56 @@ def _find_way_from_nominal(fit: AlignmentFit) -> tuple[float, float]:
     return float(np.degrees(np.linalg.norm(turn))), mounting.sd_deg
 
 
-def _check_loose(fit: AlignmentFit) -> Finding | None:
-    """An alignment that is known less well than wanted."""
-    if fit.worst_sd_arcsec <= fit.wanted_sd_arcsec:
-        return None
-    what = (
-        f"the alignment is known to {figure(fit.worst_sd_arcsec)}″ about its worst axis, not to "
-        f"{fit.wanted_sd_arcsec:g}″"
-    )
-    return Finding("alignment loose", "check", what, _say_additions(fit.add))
-
-
-def _check_reference(fit: AlignmentFit) -> Finding | None:
+def _check_reference(fit: AlignmentFit) -> Iterator[Finding]:
     """Whether a small turn of the reference would move the alignment unseen.
 
     Not where the reference's axes are solved for or known to a stated standard deviation: then the
     standard error contains their turn.
     """
     if "reference" in fit.solution.groups:
-        return None
+        return
     prior = fit.solution.prior.copy()
     prior[GROUPS["reference"]] = 1 / (DOUBTED_ARCSEC * ARCSEC_RAD) ** 2
     doubted = compute_turn_sd(invert(fit.solution.information, prior)) / ARCSEC_RAD
-    if doubted <= WORSE * max(fit.worst_sd_arcsec, fit.wanted_sd_arcsec):
-        return None
-    what = (
-        "these orientations do not tell whether the reference's axes and the clocks are right: "
-        f"were they off by {DOUBTED_ARCSEC:g}″ (0.7 s of a clock), the alignment would be off by "
-        f"up to {figure(doubted)}″, and no residual would show it"
-    )
-    prior[GROUPS["reference"]] = 0.0
-    more = _say_additions(_suggest_orientations(fit, replace(fit.solution, prior=prior)))
-    move = (
-        f"{more}; or state how well north and the clocks are known (axes_sd_arcsec of the "
-        "reference; a second is 15″)"
-    )
-    return Finding("reference unchecked", "check", what, move)
+    if doubted > WORSE * max(fit.worst_sd_arcsec, fit.wanted_sd_arcsec):
+        prior[GROUPS["reference"]] = 0.0
+        more = _say_additions(_suggest_orientations(fit, replace(fit.solution, prior=prior)))
+        yield tell("reference unchecked", by=DOUBTED_ARCSEC, off=doubted, action=more)
 
 
-def _check_horizon(fit: AlignmentFit) -> Finding | None:
-    """A star sensor that cannot see what it says it sees."""
-    low = int((fit.observed.elevation_deg < 0).sum())
-    if not low:
-        return None
-    what = f"the star sensor looks below the horizon in {low} of {fit.n} orientations"
-    move = "check longitude, time scale and the sense of the attitudes"
-    return Finding("below the horizon", "check", what, move)
-
-
-def _check_scatter(fit: AlignmentFit) -> Finding | None:
+def _check_scatter(fit: AlignmentFit) -> Iterator[Finding]:
     """Attitudes that scatter more within the orientations than their covariance says."""
     covariance, seen = fit.session.star.covariance, fit.observed.star_noise
     freedom = int((fit.observed.readings[:, 0] - 1).sum())
     if covariance is None or freedom < 10 or not np.isfinite(seen).all():
-        return None
+        return
     stated = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0))
     ratio = seen / np.array([np.hypot(stated[0], stated[1]) / np.sqrt(2), stated[2]])
     odd = chdtrc(freedom, freedom * ratio**2) < RARE
-    if not odd.any() or ratio.max() < 1.3:
-        return None
-    which = int(ratio.argmax())
-    what = (
-        f"within the orientations the attitudes scatter {figure(float(ratio[which]))} times as "
-        f"much {('across', 'about')[which]} the boresight as stated"
-    )
-    move = "let the platform settle, check the numbers of the orientations, or state a larger sd"
-    return Finding("attitude scatter", "check", what, move)
+    if odd.any() and ratio.max() >= 1.3:
+        which = int(ratio.argmax())
+        yield tell("attitude scatter", ratio=float(ratio[which]), which=("across", "about")[which])
 
 
-def _check_coordinates(fit: AlignmentFit) -> Finding | None:
-    if fit.session.site.coordinates != "geodetic":
-        return None
-    what = (
-        "the site's coordinates are geodetic: north and down may be off by up to 20″, the "
-        "deflection of the vertical"
-    )
-    move = "give astronomical coordinates, or solve for the reference"
-    return Finding("geodetic coordinates", "check", what, move)
+def _check_surroundings(fit: AlignmentFit) -> Iterator[Finding]:
+    """Where north is, how the Earth stands, the angles' pole, and what the platform adds.
 
-
-def _check_earth(fit: AlignmentFit) -> Finding | None:
-    """A rotation of the Earth that is predicted."""
+    A bias that is solved for contains the platform's field.
+    """
+    if fit.session.site.coordinates == "geodetic":
+        yield tell("geodetic coordinates", otherwise=", or solve for the reference")
     earth, middle = load_earth_rotation(), fit.session.middle
-    if middle <= earth.measured_until:
-        return None
-    sd = earth.sd_arcsec(middle)
-    what = (
-        f"the Earth's rotation on {fit.session.date} is predicted, not measured, by the "
-        f"installed table, which may be off by {figure(sd)}″"
-    )
-    move = "install a newer astropy-iers-data and fit again" if sd > PREDICTED_ARCSEC else ""
-    return Finding("predicted earth rotation", "note", what, move)
-
-
-def _check_pole(fit: AlignmentFit) -> Finding | None:
+    if middle > earth.measured_until:
+        sd = earth.sd_arcsec(middle)
+        newer = "install a newer astropy-iers-data and fit again" if sd > PREDICTED_ARCSEC else ""
+        yield tell("predicted earth rotation", date=fit.session.date, sd=sd, action=newer)
     beta = fit.angles_deg[1]
-    if min(beta, 180.0 - beta) >= NEAR_POLE_DEG:
-        return None
-    what = (
-        "the third axes of star sensor and magnetometer are all but parallel, so only the "
-        f"{'sum' if beta < 90 else 'difference'} of α and γ is determined; quaternion and matrix "
-        "are good"
-    )
-    return Finding("near-zero beta", "note", what)
-
-
-def _list_platform(fit: AlignmentFit) -> list[Finding]:
-    """What the platform adds by itself; a bias that is solved for contains it."""
-    if fit.platform is None:
-        return []
+    if min(beta, 180.0 - beta) < NEAR_POLE_DEG:
+        yield tell("near-zero beta", known="sum" if beta < 90 else "difference")
     solved = {"platform remanence": "bias", "platform iron": "matrix"}
-    return [
-        replace(found, severity="note", move="") if solved.get(found.name) in fit.solve else found
-        for found in fit.platform.findings
-    ]
+    for found in () if fit.platform is None else fit.platform.findings:
+        known = solved.get(found.name) in fit.solve
+        yield replace(found, severity="note", move="") if known else found
 
 
 def _remarks(fit: AlignmentFit) -> tuple[str, ...]:

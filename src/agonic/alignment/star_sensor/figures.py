@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.alignment.figures import svg, svg_text
 from agonic.arrays import Array
+from agonic.maths.rotations.frames import r2, r3
+from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
 
 SIZE, RADIUS = 320.0, 130.0
@@ -30,17 +33,14 @@ def draw_dome(boresight_n: Array, numbers: NDArray[np.int64], residual_arcsec: A
     """
     north, east, down = boresight_n.T
     zenith = np.degrees(np.arccos(np.clip(-down, -1, 1)))
-    away = np.minimum(zenith, 100.0) / 90.0 * RADIUS
-    level = np.maximum(np.hypot(north, east), 1e-12)
-    x, y = SIZE / 2 + away * east / level, SIZE / 2 - away * north / level
-    rings = [_ring(RADIUS * share) for share in (1.0, 2 / 3, 1 / 3)]
-    texts = _rim(("N", "E", "S", "W"))
-    texts += [
-        svg_text(SIZE / 2 + 4, SIZE / 2 - RADIUS * s - 3, f"{90 - 90 * s:.0f}°", "ring-name")
-        for s in (1 / 3, 2 / 3)
-    ]
-    parts = [*rings, *texts, *_dots(x, y, numbers, residual_arcsec)]
-    return svg(parts, "dome", SIZE, SIZE, "Where the star sensor looked over the site")
+    return _draw_map(
+        np.minimum(zenith, 100.0) / 90.0,
+        np.arctan2(east, north),
+        ("N", "E", "S", "W"),
+        {1 / 3: 60, 2 / 3: 30},
+        _Dots(numbers, residual_arcsec),
+        "over the site",
+    )
 
 
 def draw_sky(boresight_i: Array, numbers: NDArray[np.int64], residual_arcsec: Array) -> Markup:
@@ -49,63 +49,56 @@ def draw_sky(boresight_i: Array, numbers: NDArray[np.int64], residual_arcsec: Ar
     The rim is the other pole; rings at declinations of 60°, 0° and −60° (of the other sign in the
     south).
     """
-    south = boresight_i[:, 2].mean() < 0
-    up = -boresight_i[:, 2] if south else boresight_i[:, 2]
-    away = np.degrees(np.arccos(np.clip(up, -1, 1))) / 180.0 * RADIUS
-    ra = np.arctan2(boresight_i[:, 1], boresight_i[:, 0])
-    side = 1.0 if south else -1.0  # seen from inside the sphere
-    x, y = SIZE / 2 + side * away * np.sin(ra), SIZE / 2 - away * np.cos(ra)
-    rings = [_ring(RADIUS * share) for share in (1.0, 5 / 6, 1 / 2, 1 / 6)]
-    sign = -1 if south else 1
-    texts = _rim(("0 h", "6 h", "12 h", "18 h") if south else ("0 h", "18 h", "12 h", "6 h"))
-    texts += [
-        svg_text(
-            SIZE / 2 + 4, SIZE / 2 - RADIUS * s - 3, f"{sign * (90 - 180 * s):.0f}°", "ring-name"
-        )
-        for s in (1 / 6, 1 / 2, 5 / 6)
-    ]
-    parts = [*rings, *texts, *_dots(x, y, numbers, residual_arcsec)]
-    return svg(parts, "dome", SIZE, SIZE, "Where the star sensor looked among the stars")
-
-
-def _ring(radius: float) -> Markup:
-    return element(
-        "circle", cx=f"{SIZE / 2:.1f}", cy=f"{SIZE / 2:.1f}", r=f"{radius:.1f}", class_="ring"
+    x, y, z = boresight_i.T
+    side = -1 if z.mean() < 0 else 1
+    hours = ("0 h", "18 h", "12 h", "6 h")  # seen from inside the sphere
+    return _draw_map(
+        np.arccos(np.clip(side * z, -1, 1)) / np.pi,
+        -side * np.arctan2(y, x),
+        hours if side > 0 else (hours[0], *reversed(hours[1:])),
+        {1 / 6: side * 60, 1 / 2: 0, 5 / 6: side * -60},
+        _Dots(numbers, residual_arcsec),
+        "among the stars",
     )
 
 
-def _rim(names: tuple[str, str, str, str]) -> list[Markup]:
-    """Names at the top, right, bottom and left of the rim."""
+class _Dots(NamedTuple):
+    """The numbers of orientations, and their residuals."""
+
+    numbers: NDArray[np.int64]
+    residual_arcsec: Array
+
+
+def _draw_map(
+    away: Array,
+    azimuth: Array,
+    rim: tuple[str, ...],
+    rings: dict[float, int],
+    dots: _Dots,
+    where: str,
+) -> Markup:
+    """A round map of directions `away` (k,) from the middle, as a share of the radius, and by
+    `azimuth` (k,), rad, clockwise from the top: names round the rim from there, and rings with
+    their angles. A dot is as large as its residual, with its number beside it."""
     middle, far = SIZE / 2, RADIUS + 14
-    places = (
-        (middle, middle - far),
-        (middle + far, middle),
-        (middle, middle + far),
-        (middle - far, middle),
-    )
-    return [
-        svg_text(x, y + 4, name, "rim-name") for name, (x, y) in zip(names, places, strict=True)
-    ]
-
-
-def _dots(x: Array, y: Array, numbers: NDArray[np.int64], residual: Array) -> list[Markup]:
-    """A dot for each orientation, as large as its residual, with its number."""
-    largest = max(float(residual.max()), 1e-12)
-    radius = LEAST + (MOST - LEAST) * residual / largest
-    dots = []
+    x, y = middle + RADIUS * away * np.sin(azimuth), middle - RADIUS * away * np.cos(azimuth)
+    parts = [_circle(middle, middle, RADIUS * s, "ring") for s in (1.0, *reversed(rings))]
+    for name, (right, below) in zip(rim, ((0, -1), (1, 0), (0, 1), (-1, 0)), strict=True):
+        parts.append(svg_text(middle + right * far, middle + below * far + 4, name, "rim-name"))
+    for s, angle in rings.items():
+        parts.append(svg_text(middle + 4, middle - RADIUS * s - 3, f"{angle}°", "ring-name"))
+    numbers, residual = dots
+    radius = LEAST + (MOST - LEAST) * residual / max(float(residual.max()), 1e-12)
     for k in np.argsort(-radius):
         said = element("title", f"orientation {numbers[k]}: {residual[k]:.2f}″")
-        dots.append(
-            element(
-                "circle",
-                said,
-                cx=f"{x[k]:.1f}",
-                cy=f"{y[k]:.1f}",
-                r=f"{radius[k]:.1f}",
-                class_="dot",
-            )
-        )
-    return dots + _names(x, y, radius, numbers)
+        parts.append(_circle(x[k], y[k], radius[k], "dot", said))
+    parts += _names(x, y, radius, numbers)
+    return svg(parts, "dome", SIZE, SIZE, f"Where the star sensor looked {where}")
+
+
+def _circle(x: float, y: float, radius: float, name: str, *inside: Markup) -> Markup:
+    at = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": f"{radius:.1f}"}
+    return element("circle", *inside, **at, class_=name)
 
 
 def _names(x: Array, y: Array, radius: Array, numbers: NDArray[np.int64]) -> list[Markup]:
@@ -156,3 +149,82 @@ def _trials(dot: Array, radius: float) -> Iterator[Array]:
     for away in np.arange(radius + LETTER_HIGH * 0.8, 8 * LETTER_HIGH, LETTER_HIGH / 2):
         for turn in np.radians(np.arange(0, 360, 30)):
             yield dot + away * np.array([np.cos(turn), np.sin(turn)])
+
+
+WIDE, HIGH, LONG = 420.0, 340.0, 130.0
+VIEWS = 72
+"""Sides that the drawing is tried from, so that no axis points at the eye or hides another."""
+_ELEVATIONS_RAD = np.radians([20.0, 30.0, 40.0])
+
+
+def draw_axes(alpha_deg: float, beta_deg: float, gamma_deg: float) -> Markup:
+    """Both sets of axes, and the arcs of R3(γ) R2(β) R3(α): about z, the new y, the newest z.
+
+    >>> drawn = draw_axes(37.0, 64.0, -112.0)
+    >>> drawn.count('class="turn"'), "α = 37.000°" in drawn, "z₃" in drawn
+    (3, True, True)
+    """
+    once = r3(np.radians(alpha_deg))
+    twice = r2(np.radians(beta_deg)) @ once
+    last = r3(np.radians(gamma_deg)) @ twice
+    star = np.eye(3)
+    flat = _choose_view(np.concatenate([star, last]))
+    parts = [
+        *_axis(flat, 0.9 * once[0], "x₁", ("between", "half-way"), 1.02 / 0.9),
+        *_axis(flat, 0.5 * twice[0], "x₂", ("between", "half-way"), 0.62 / 0.5),
+        *_arc(flat, star[0], star[2], alpha_deg, "α", 0.9),
+        *_arc(flat, once[2], once[1], beta_deg, "β", 0.7),
+        *_arc(flat, twice[0], twice[2], gamma_deg, "γ", 0.5),
+    ]
+    for axes, kind, sign in ((star, "old", ""), (last, "new", "₃")):
+        for axis, name in zip(axes, "xyz", strict=True):
+            parts += _axis(flat, axis, f"{name}{sign}", (f"{kind} line", kind), 1.1)
+    parts.sort(key=lambda part: str(part).startswith("<text"))  # texts over all lines
+    words = "Axes of the star sensor and of the magnetometer, and the three turns between them"
+    return svg(parts, "axes", WIDE, HIGH, words)
+
+
+def _choose_view(axes: Array) -> Array:
+    """The projection (3, 2) in which the ends of axes (k, 3) and the middle lie farthest apart."""
+    best, widest = np.zeros((3, 2)), -1.0
+    for turn in np.linspace(0, 2 * np.pi, VIEWS, endpoint=False):
+        for rise in _ELEVATIONS_RAD:
+            right = np.array([-np.sin(turn), np.cos(turn), 0.0])
+            level = np.array([np.cos(turn), np.sin(turn), 0.0])
+            up = np.array([0.0, 0.0, 1.0]) * np.cos(rise) - level * np.sin(rise)
+            flat = np.stack([right, -up], axis=1)
+            ends = np.concatenate([axes @ flat, np.zeros((1, 2))])
+            apart = np.linalg.norm(ends[:, None] - ends, axis=2)
+            nearest = float(apart[np.triu_indices(len(ends), 1)].min())
+            if nearest > widest:
+                best, widest = flat, nearest
+    return best
+
+
+def _place(flat: Array, vectors: Array) -> Array:
+    """Places in the drawing (…, 2) of vectors (…, 3)."""
+    return np.asarray([WIDE / 2, HIGH / 2] + LONG * (vectors @ flat))
+
+
+def _axis(
+    flat: Array, end: Array, name: str, styles: tuple[str, str], label: float
+) -> list[Markup]:
+    """An axis with its name, at so many times its length."""
+    (x0, y0), (x1, y1), (x, y) = _place(flat, np.outer([0.0, 1.0, label], end))
+    drawn = element("path", d=f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}", class_=styles[0])
+    return [drawn, svg_text(x, y + 4, name, styles[1])]
+
+
+def _arc(
+    flat: Array, start: Array, about: Array, angle_deg: float, name: str, radius: float
+) -> list[Markup]:
+    """The turn of an axis by an angle, right-handed, with its value half-way."""
+    steps = np.radians(np.linspace(0.0, angle_deg, 40))[:, None]
+    across = np.cross(about, start)
+    path = radius * (np.cos(steps) * start + np.sin(steps) * across)
+    places = " ".join(f"{x:.1f},{y:.1f}" for x, y in _place(flat, path))
+    x, y = _place(flat, 1.15 * path[len(path) // 2])
+    return [
+        element("polyline", points=places, class_="turn"),
+        svg_text(x, y, f"{name} = {group_digits(angle_deg, 3)}°", "angle"),
+    ]

@@ -2,21 +2,118 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import erfa
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import Session, load_earth_rotation
+from agonic.alignment.explanations import AS_GOOD, EXPLAINED
+from agonic.alignment.maths import two_frames as kernel
+from agonic.alignment.maths.solution import Solution
+from agonic.alignment.maths.two_frames import compute_rotation_vector
+from agonic.alignment.session import Session, load_earth_rotation, observe
+from agonic.alignment.session.observed import solve_session
 from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
+from agonic.errors import AgonicError
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
 from agonic.maths.rotations.frames import angles_323_deg, r3, rot_ci
+from agonic.maths.rotations.vectors import find_best_rotation
 from agonic.units import DAY_S
+
+TRIED, FEW = 8, 1
+"""How many are tried on the whole session, and on how many readings of an orientation first."""
+
+
+def compute_misfit(session: Session, result: Solution) -> float:
+    """χ² of the residuals and of the way from the nominal mounting, over the freedom."""
+    away = 0.0
+    if session.mounting is not None:
+        turn = compute_rotation_vector(result.unknowns.rot_mc @ session.mounting.rot_mc.T)
+        away = float(turn @ turn) / np.radians(session.mounting.sd_deg) ** 2
+    return (result.chi2 + away) / max(result.freedom, 1)
+
+
+def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Mistake]:
+    """The mistakes that would explain the misfit, the best first; none where none does.
+
+    All are tried on a few readings of each orientation; the most promising on the whole session.
+    """
+    few = _few(session)
+    promising = sorted(
+        (
+            (_promise(few, mistake, solve), k, mistake)
+            for k, mistake in enumerate(list_mistakes(few))
+        ),
+        key=lambda one: one[:2],
+    )
+    order = [k for left, k, _ in promising[:TRIED] if np.isfinite(left)]
+    whole = list(list_mistakes(session))
+    tried = []
+    for mistake in (whole[k] for k in order):
+        try:
+            changed = mistake.undo(session)
+            left = compute_misfit(changed, solve_session(changed, observe(changed), solve))
+        except (AgonicError, ValueError, np.linalg.LinAlgError):
+            continue
+        tried.append((left, mistake))
+    best = min((left for left, _ in tried), default=np.inf)
+    if not best < EXPLAINED * now:
+        return []
+    close = [(left, mistake) for left, mistake in tried if left <= AS_GOOD * best]
+    return [mistake for _, mistake in sorted(close, key=lambda pair: pair[0])]
+
+
+def _few(session: Session) -> Session:
+    """The session with the first readings of each orientation only."""
+    star, readings = session.star, session.magnetometer
+    assert readings.station is not None, "checked when the session is"
+    own, theirs = _first(star.orientation), _first(readings.station)
+    few = star.select(own)
+    return replace(
+        session,
+        star=replace(few, covariance=np.broadcast_to(np.eye(3), few.rot_ci.shape)),
+        magnetometer=readings.select(theirs),
+        noise=1.0,
+        reference_noise=1.0,
+    )
+
+
+def _first(numbers: NDArray[Any]) -> Index:
+    """The rows of the first readings of each orientation."""
+    return np.sort(np.concatenate([np.flatnonzero(numbers == n)[:FEW] for n in np.unique(numbers)]))
+
+
+def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
+    """What is left, nT rms, with the mistake undone, of the best rotation and way to nominal.
+
+    Where bias or matrix are solved for, any linear map of the field stands for the rotation.
+    """
+    try:
+        changed = mistake.undo(few)
+        measured = observe(changed).measured
+    except (AgonicError, ValueError, np.linalg.LinAlgError):
+        return np.inf
+    at = kernel.start_unknowns(changed.pier.difference)
+    expected = kernel.predict_field_c(at, measured)
+    turn = find_best_rotation(expected, measured.field)
+    away = 0.0
+    if changed.mounting is not None:
+        vector = compute_rotation_vector(turn @ changed.mounting.rot_mc.T)
+        beyond = np.linalg.norm(vector) - 4 * np.radians(changed.mounting.sd_deg)
+        away = float(max(beyond, 0.0)) * float(np.linalg.norm(measured.reference[0]))
+    if {"bias", "matrix"} & set(solve) and len(expected) > 6:
+        design = np.column_stack([expected, np.ones(len(expected))])
+        left = measured.field - design @ np.linalg.lstsq(design, measured.field, rcond=None)[0]
+    else:
+        left = measured.field - expected @ turn.T
+    return float(np.sqrt((left**2).mean() + away**2))
+
 
 Change = Callable[[Session], Session]
 Angles = tuple[Array, Array, Array]
@@ -101,10 +198,17 @@ def list_mistakes(session: Session) -> Iterator[Mistake]:
     for words, move, attitudes in (*_list_senses(), *_list_date_frames(session)):
         yield Mistake(words, move, partial(_change_attitudes, attitudes))
     for words, move, place in PLACES:
-        yield Mistake(words, move, partial(_move_site, place))
+        north, east = place(session.site.latitude_deg, session.site.longitude_deg)
+        yield Mistake(words, move, partial(_state, "site", latitude_deg=north, longitude_deg=east))
     for words, move, seconds in _list_clocks(session):
         yield Mistake(words, move, partial(_delay, seconds))
-    yield from _list_effects(session)
+    for effect in ("refraction", "aberration"):  # taken out twice, or not at all
+        present = getattr(session.star, effect) == PRESENT
+        other = REMOVED if present else PRESENT
+        words = "that the star sensor had removed already" if present else "left in by the sensor"
+        stated: dict[str, Any] = {effect: other}
+        undo = partial(_state, "star", **stated)
+        yield Mistake(f"{effect} {words}", f'state {effect} = "{other}"', undo)
     for words, move, matrix in AXES:
         yield Mistake(words, move, partial(_turn_field, "reference", np.array(matrix)))
     for k, axis in enumerate("xyz"):
@@ -115,12 +219,17 @@ def list_mistakes(session: Session) -> Iterator[Mistake]:
     yield Mistake(
         "the pier difference with the sign reversed",
         "give the field at the magnetometer less that at the reference",
-        lambda s: replace(s, pier=replace(s.pier, difference=-np.asarray(s.pier.difference))),
+        partial(_state, "pier", difference=-np.asarray(session.pier.difference)),
     )
 
 
+def _state(part: str, session: Session, **stated: Any) -> Session:
+    """The session with something else stated of its star sensor, site or pier."""
+    return replace(session, **{part: replace(getattr(session, part), **stated)})
+
+
 def _change_attitudes(change: Callable[[StarReadings], Array], session: Session) -> Session:
-    return replace(session, star=replace(session.star, rot_ci=change(session.star)))
+    return _state("star", session, rot_ci=change(session.star))
 
 
 def _change_angles(change: Callable[[Array, Array, Array], Angles], star: StarReadings) -> Array:
@@ -128,14 +237,9 @@ def _change_angles(change: Callable[[Array, Array, Array], Angles], star: StarRe
     return rot_ci(*change(alpha, 90.0 - beta, gamma))
 
 
-def _move_site(change: Callable[[float, float], tuple[float, float]], session: Session) -> Session:
-    north, east = change(session.site.latitude_deg, session.site.longitude_deg)
-    return replace(session, site=replace(session.site, latitude_deg=north, longitude_deg=east))
-
-
 def _delay(seconds: float, session: Session) -> Session:
     """The Earth turned on by so many seconds."""
-    return replace(session, star=replace(session.star, time=session.star.time + seconds))
+    return _state("star", session, time=session.star.time + seconds)
 
 
 def _turn_field(instrument: str, matrix: Array, session: Session) -> Session:
@@ -209,18 +313,3 @@ def _list_clocks(session: Session) -> Iterator[tuple[str, str, float]]:
         side = "late" if hours < 0 else "early"
         words = f"times {abs(hours)} h {side} (a local time taken for UTC)"
         yield words, "give times in UTC", 3600.0 * hours
-
-
-def _list_effects(session: Session) -> Iterator[Mistake]:
-    """Refraction and aberration taken out twice, or not at all."""
-    for effect in ("refraction", "aberration"):
-        present = getattr(session.star, effect) == PRESENT
-        other = REMOVED if present else PRESENT
-        words = "that the star sensor had removed already" if present else "left in by the sensor"
-        undo = partial(_state_effect, effect, other)
-        yield Mistake(f"{effect} {words}", f'state {effect} = "{other}"', undo)
-
-
-def _state_effect(effect: str, stated: str, session: Session) -> Session:
-    changed = {effect: stated}
-    return replace(session, star=replace(session.star, **changed))  # type: ignore[arg-type]

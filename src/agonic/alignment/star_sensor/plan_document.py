@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from agonic.alignment.maths.two_frames import GROUPS
@@ -77,26 +79,19 @@ def _rows(plan: AlignmentPlan) -> list[list[str]]:
 
 
 def _dome(plan: AlignmentPlan) -> Markup:
-    attitude = rot_cn(*np.array(plan.orientations).T)
-    numbers = np.arange(1, len(attitude) + 1)
-    return element(
-        "figure",
-        draw_dome(attitude[:, 2], numbers, np.ones(len(numbers))),
-        element("figcaption", "North is up, east to the right."),
-    )
+    boresight, count = rot_cn(*np.array(plan.orientations).T)[:, 2], len(plan.orientations)
+    drawn = draw_dome(boresight, np.arange(1, count + 1), np.ones(count))
+    return element("figure", drawn, element("figcaption", "North is up, east to the right."))
 
 
 def _describe_expected(plan: AlignmentPlan) -> dict[str, str]:
     """Standard errors of every group that is solved for."""
-    expected = {}
-    for group in plan.solve:
-        unit = UNITS[group]
-        sd = plan.sd[GROUPS[group]] / (ARCSEC_RAD if unit == "″" else 1.0)
-        expected[group] = "  ".join(_with_unit(float(value), unit) for value in sd)
-    return expected
-
-
-def _with_unit(value: float, unit: str) -> str:
-    if not unit:
-        return write_minus(f"{value:.1e}")
-    return f"{significant(value, 2)}″" if unit == "″" else quantity(value, unit, 2)
+    written: dict[str, Callable[[float], str]] = {
+        "″": lambda value: f"{significant(value / ARCSEC_RAD, 2)}″",
+        "nT": lambda value: quantity(value, "nT", 2),
+        "": lambda value: write_minus(f"{value:.1e}"),
+    }
+    return {
+        group: "  ".join(written[UNITS[group]](float(sd)) for sd in plan.sd[GROUPS[group]])
+        for group in plan.solve
+    }

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
 
+from agonic.alignment.findings import tell
+from agonic.alignment.maths.columns import Harmonics, compute_size, fit_harmonics, widen
 from agonic.alignment.maths.stretches import Stretches, average_stretches, split
-from agonic.alignment.maths.turned_platform import Harmonics, compute_size, fit_harmonics, widen
 from agonic.alignment.session.session import put_on_clock
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
@@ -17,7 +19,6 @@ from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.samples import Samples
 from agonic.units import RAW
 
-METHOD = ("harbin-2018",)
 FEWEST, FOR_TWICE = 6, 10
 """Settings of the platform: for a magnet on it, and for what the field induces in it as well."""
 PARABOLA = 2
@@ -115,21 +116,24 @@ def fit_remanence(
     if reference is None:
         found = widen(found, _measure_unrest(samples, visits))
     size, sd, chance = compute_size(found.once, found.once_covariance)
+    induced, induced_sd, induced_chance = None, None, None
+    if found.twice is not None and found.twice_covariance is not None:
+        induced, induced_sd, induced_chance = compute_size(found.twice, found.twice_covariance)
     fit = RemanenceFit(
         samples=samples,
         reference=reference,
         angle_deg=angle,
-        field=_shape(np.radians(angle), found) + found.residuals,
+        field=found.shape + found.residuals,
         noise=found.noise,
         harmonics=found,
         magnitude=float(np.linalg.norm(samples.field, axis=1).mean()),
         size=size,
         sd=sd,
         chance=chance,
+        induced=induced,
+        induced_sd=induced_sd,
+        induced_chance=induced_chance,
     )
-    if found.twice is not None and found.twice_covariance is not None:
-        induced, induced_sd, by_chance = compute_size(found.twice, found.twice_covariance)
-        fit = replace(fit, induced=induced, induced_sd=induced_sd, induced_chance=by_chance)
     judged = replace(fit, findings=tuple(_findings(fit, wanted_arcsec)))
     return replace(judged, remarks=_remarks(fit))
 
@@ -196,44 +200,16 @@ def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
     return np.where(sure, np.sqrt(2.0 * np.maximum(surplus, 0.0)) * turn_s / (2 * np.pi), 0.0)
 
 
-def _shape(angle_rad: Array, found: Harmonics) -> Array:
-    """What goes round with the platform (k, 3) at angles, nT."""
-    shape = np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=1) @ found.once
-    if found.twice is not None:
-        shape = shape + np.stack([np.cos(2 * angle_rad), np.sin(2 * angle_rad)], 1) @ found.twice
-    return np.asarray(shape)
-
-
-def _findings(fit: RemanenceFit, wanted_arcsec: float) -> list[Finding]:
+def _findings(fit: RemanenceFit, wanted_arcsec: float) -> Iterator[Finding]:
     """What is to be looked at."""
-    findings = []
     matters = wanted_arcsec * ARCSEC_RAD * fit.magnitude
     if fit.chance < RARE and fit.size > matters:
-        what = (
-            f"the platform has a field of its own of {figure(fit.size)} nT across its axis, which "
-            f"turns a field by up to {figure(fit.size_arcsec)}″"
-        )
-        move = (
-            "demagnetize or replace what is magnetic on it, or solve for the bias (--solve bias) "
-            "with the magnetometer where it will stay"
-        )
-        findings.append(Finding("platform remanence", "check", what, move))
+        yield tell("platform remanence", size=fit.size, turned=fit.size_arcsec)
     induced, chance = fit.induced, fit.induced_chance
     if induced is not None and chance is not None and chance < RARE and induced > matters:
-        what = (
-            f"something on the platform is magnetized by the field: {figure(induced)} nT go round "
-            "twice in a turn"
-        )
-        move = "find the screw or the motor, or solve for the matrix (--solve bias,matrix)"
-        findings.append(Finding("platform iron", "check", what, move))
+        yield tell("platform iron", size=induced)
     if fit.sd > matters:
-        what = (
-            f"the platform's own field is known to {figure(fit.sd)} nT only, and "
-            f"{figure(matters)} nT matter"
-        )
-        move = "take more readings at each setting, and a reference farther off"
-        findings.append(Finding("remanence loose", "check", what, move))
-    return findings
+        yield tell("remanence loose", sd=fit.sd, wanted=matters)
 
 
 def _remarks(fit: RemanenceFit) -> tuple[str, ...]:

@@ -1,0 +1,268 @@
+"""What the fits of this wing say of their readings: every finding in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from agonic.health import Finding, Judged, figure
+from agonic.health.finding import Severity
+
+
+class Told(NamedTuple):
+    """A finding's message and what to do, values in braces; how severe it is, or can be."""
+
+    message: str
+    action: str = ""
+    severities: tuple[Severity, ...] = ("check",)
+
+
+_NOTE: tuple[Severity, ...] = ("note",)
+_REFUSED: tuple[Severity, ...] = ("refuse",)
+_WORSE: tuple[Severity, ...] = ("check", "refuse")
+
+TOLD: Mapping[str, Told] = {
+    # star sensor
+    "alignment undetermined": Told("{what}", "{action}", _REFUSED),
+    "unknowns undetermined": Told("{what}, which the alignment survives", "{action}"),
+    "no redundancy": Told(
+        "the orientations just determine the unknowns, so nothing tells a mistake",
+        "add orientations",
+    ),
+    "session mistake": Told("{what}", "{action}", _REFUSED),
+    "session misfit": Told("{what}", "{action}"),
+    "nominal mounting": Told("{what}", "check the nominal angles and the axes"),
+    "alignment loose": Told(
+        "the alignment is known to {sd}″ about its worst axis, not to {wanted:g}″", "{action}"
+    ),
+    "reference unchecked": Told(
+        "these orientations do not tell whether the reference's axes and the clocks are right: "
+        "were they off by {by:g}″ (0.7 s of a clock), the alignment would be off by up to {off}″, "
+        "and no residual would show it",
+        "{action}; or state how well north and the clocks are known (axes_sd_arcsec of the "
+        "reference; a second is 15″)",
+    ),
+    "below the horizon": Told(
+        "the star sensor looks below the horizon in {low} of {n} orientations",
+        "check longitude, time scale and the sense of the attitudes",
+    ),
+    "attitude scatter": Told(
+        "within the orientations the attitudes scatter {ratio} times as much {which} the boresight "
+        "as stated",
+        "let the platform settle, check the numbers of the orientations, or state a larger sd",
+    ),
+    "geodetic coordinates": Told(
+        "the site's coordinates are geodetic: north and down may be off by up to 20″, the "
+        "deflection of the vertical",
+        "give astronomical coordinates{otherwise}",
+    ),
+    "predicted earth rotation": Told(
+        "the Earth's rotation on {date} is predicted, not measured, by the installed table, which "
+        "may be off by {sd}″",
+        "{action}",
+        _NOTE,
+    ),
+    "near-zero beta": Told(
+        "the third axes of star sensor and magnetometer are all but parallel, so only the {known} "
+        "of α and γ is determined; quaternion and matrix are good",
+        severities=_NOTE,
+    ),
+    # gyrotheodolite
+    "methods disagree": Told(
+        "{one} and {other} differ by {by}″",
+        "check that all were read on one circle, east increasing, and that amplitudes and times "
+        "belong together",
+    ),
+    "short swing": Told(
+        "the record holds {periods} periods of the swing", "follow the gyro for two periods or more"
+    ),
+    "zero drifts": Told(
+        "the middle of the swing moves by {by}″ over the record, so north is known to half of that "
+        "at best",
+        "let the gyro warm up, keep it out of sun and wind, and follow it again",
+    ),
+    "readings scatter": Told(
+        "the readings of {name} scatter by {excess} times the stated noise; the standard error was "
+        "widened",
+        "look for a misread circle or a zero that drifts, and read again",
+    ),
+    "no spread": Told(
+        "nothing tells how well north is known",
+        "read more turning points, or state reading_sd_arcsec or time_sd_s",
+    ),
+    "faces": Told(
+        "the two faces to {name} differ by {by}″ and half a turn",
+        "check the readings, and adjust the theodolite",
+    ),
+    "orientations": Told(
+        "one orientation leaves the turn about the field open",
+        "turn the platform to at least two others",
+        _REFUSED,
+    ),
+    "platform misfit": Told("{what}", "{action}"),
+    "platform settles": Told(
+        "the magnetometer turned by {by}″ while an orientation was recorded; circle and levels "
+        "tell one moment of it, and the standard error was widened by as much",
+        "wait after each turn until the readings rest, and clamp the platform",
+    ),
+    # fluxgate theodolite
+    "no mark": Told(
+        "the sheet has no azimuth of the mark, so the declination is left open",
+        "give Abs-AzimuthMark",
+        _NOTE,
+    ),
+    "mark read once": Told(
+        "the readings of the mark do not differ, so its own error is not in that of the "
+        "declination",
+        "read it in both faces before and after",
+        _NOTE,
+    ),
+    "off the meridian": Told(
+        "the inclination was taken {off}° off the magnetic meridian; this is corrected",
+        "check the circle's readings there",
+        _NOTE,
+    ),
+    "no scale": Told(
+        "neither the total field nor a reading of known tilt tells what a unit of the fluxgate is",
+        "give --field",
+    ),
+    "reads backwards": Told(
+        "the fluxgate reads less where the field along it is more: its sign is reversed, or the "
+        "first setting of the inclination does not look north and the field dips the other way",
+        "look for settings that were exchanged",
+    ),
+    "settings disagree": Told(
+        "the settings disagree by {by}″ of the field's direction",
+        "look for a misread circle, iron on the observer or a disturbed field",
+    ),
+    "collimation": Told(
+        "the fluxgate is {off}° from the telescope",
+        "adjust it; errors of second order are not small",
+    ),
+    # coil
+    "one polarity": Told(
+        "the current never changes its sign, so what is even in it does not cancel", "reverse it"
+    ),
+    "no reference": Told(
+        "the drift of the ambient field is only what a smooth curve makes of it",
+        "record a reference beside it",
+        _NOTE,
+    ),
+    "no inertial axis": Told(
+        "the readings have no date for which the Earth's rotation is known, so there is no "
+        "inertial axis",
+        "give times as dates, or install a newer astropy-iers-data",
+        _NOTE,
+    ),
+    "nonlinear": Told(
+        "at {current} A the constant is off by {off} ppm",
+        "check shunt and source, and the magnetometer's linearity",
+    ),
+    "even in the current": Told(
+        "reversing does not reverse {left} nT at {largest:g} A",
+        "look for heating, or iron near the coil; the axis is free of it",
+        _NOTE,
+    ),
+    "correlated residuals": Told(
+        "stretches are alike in what is left, {length} counting as one",
+        "reverse the current more often, or put the reference nearer",
+    ),
+    "coil not settled": Told(
+        "the field still changes after each change of the current: the second halves of the "
+        "stretches alone give a constant that differs by {by} %",
+        "give a longer settle_s in the session, and leave each current on for longer",
+        _WORSE,
+    ),
+    "large current": Told(
+        "the largest current is {largest} A, more than such coils carry",
+        "give current_A in amperes; are these milliamperes?",
+    ),
+    "axis not as drawn": Told(
+        "the axis is {away}° from the one drawn", "check the leads and the axes: {cause}"
+    ),
+    "coil in the reference": Told(
+        "the reference sees {share} % of the coil's field, so that much may be missing from the "
+        "constant",
+        "put the reference farther from the coil, or fit without it",
+    ),
+    "ambient field differs": Told(
+        "without the coil the magnetometer reads {by} % {way} than the reference; if that is its "
+        "gain, the constant is as wrong",
+        "give the magnetometer's calibration, or state why the field differs",
+    ),
+    "constant drifts": Told(
+        "the second half of the readings gives a constant {by} % from that of the first: the coil, "
+        "its shunt or its source warms up",
+        "warm it up before, and keep the current on for the same time in both directions",
+    ),
+    # accelerometer
+    "vertical varies": Told(
+        "the vertical field scatters by {by} % of the field between orientations",
+        "calibrate the magnetometer first, and keep away from iron",
+        _WORSE,
+    ),
+    "turn undetermined": Told(
+        "{n} orientations leave the turn about {axis} open",
+        "hold it still also nose up, on either side and upside down, and in between",
+        _REFUSED,
+    ),
+    "turn loose": Told(
+        "the standard error of the turn about {axis} is {sd}°",
+        "add orientations far from the others",
+    ),
+    "uneven gravity": Told(
+        "the accelerometer reads gravity as {by} % larger one way than another",
+        "calibrate it; its bias tilts every orientation",
+    ),
+    "dips the wrong way": Told(
+        "by this fit the field dips {way} by {dip:.0f}°, and {here}: an axis of the magnetometer "
+        "or accelerometer with the wrong sign, or two exchanged, fits as well",
+        "compare the axes with the data sheets{unknown}",
+    ),
+    # turned platform
+    "platform remanence": Told(
+        "the platform has a field of its own of {size} nT across its axis, which turns a field by "
+        "up to {turned}″",
+        "demagnetize or replace what is magnetic on it, or solve for the bias (--solve bias) with "
+        "the magnetometer where it will stay",
+    ),
+    "platform iron": Told(
+        "something on the platform is magnetized by the field: {size} nT go round twice in a turn",
+        "find the screw or the motor, or solve for the matrix (--solve bias,matrix)",
+    ),
+    "remanence loose": Told(
+        "the platform's own field is known to {sd} nT only, and {wanted} nT matter",
+        "take more readings at each setting, and a reference farther off",
+    ),
+}
+"""What is said of each kind of finding, in the order of the instruments."""
+
+
+def tell(name: str, severity: Severity | None = None, /, **values: str | float) -> Finding:
+    """A finding of the table; numbers as two digits tell them, unless their format says how.
+
+    >>> tell("turn loose", axis="all axes", sd=1.2345).what
+    'the standard error of the turn about all axes is 1.2°'
+    """
+    told = TOLD[name]
+    said = {
+        key: _Number(value) if isinstance(value, float) else value for key, value in values.items()
+    }
+    return Finding(
+        name,
+        severity or told.severities[0],
+        told.message.format_map(said),
+        told.action.format_map(said),
+    )
+
+
+class _Number(float):
+    """A number that is written with two significant digits where no format is asked for."""
+
+    def __format__(self, spec: str) -> str:
+        return super().__format__(spec) if spec else figure(float(self))
+
+
+def judge(fit: Judged) -> dict[str, Any]:
+    """What the document of every result says: its verdict, its status and its findings."""
+    return {name: getattr(fit, name) for name in ("verdict", "status", "findings")}

@@ -1,0 +1,220 @@
+"""`fit_gravity`: the rotation from a magnetometer to an accelerometer, by gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from agonic.alignment.calibration import make_calibration, make_provenance
+from agonic.alignment.findings import tell
+from agonic.alignment.maths import gravity as kernel
+from agonic.alignment.maths.gravity import GravityEstimate
+from agonic.alignment.maths.stretches import average, find_rows
+from agonic.alignment.maths.two_frames import compute_turn_sd
+from agonic.alignment.session.session import correct_field
+from agonic.arrays import Array
+from agonic.calibration.alignment import Alignment
+from agonic.calibration.base import Calibration
+from agonic.calibration.chain import Chain
+from agonic.errors import LogError
+from agonic.health import Finding, Judged, figure
+from agonic.maths.estimation.changes.rest import find_rest
+from agonic.maths.rotations.tilt import down_from_force
+from agonic.samples import Samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GravityFit(Judged):
+    """The result of `fit_gravity`.
+
+    Parameters
+    ----------
+    calibration : field_b = rotation.apply(field_m), b the accelerometer's axes; after the
+        magnetometer's own calibration where one was given.
+    estimate : rotation, vertical intensity, bias, covariance, residuals by orientation.
+    down, field : (k, 3) of the orientations at rest. gravity : (k,) its size as it was read.
+    magnitude : of the field, nT or raw.
+    """
+
+    calibration: Alignment | Chain
+    estimate: GravityEstimate
+    down: Array
+    field: Array
+    gravity: Array
+    magnitude: float
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """How many orientations."""
+        return len(self.down)
+
+    @property
+    def rot_bm(self) -> Array:
+        """Magnetometer components into the accelerometer's, (3, 3)."""
+        return self.estimate.rotation
+
+    @property
+    def angle_deg(self) -> float:
+        """By how much the two are turned against each other."""
+        return float(np.degrees(Rotation.from_matrix(self.rot_bm).magnitude()))
+
+    @property
+    def sd_deg(self) -> Array:
+        """Standard errors (3,) of the turn about the accelerometer's axes."""
+        return np.asarray(np.degrees(np.sqrt(np.diag(self.estimate.covariance)[:3])))
+
+    @property
+    def worst_sd_deg(self) -> float:
+        """About the axis about which it is known least."""
+        return float(np.degrees(compute_turn_sd(self.estimate.covariance)))
+
+    @property
+    def inclination_deg(self) -> float:
+        """Of the field, down positive, by magnetometer and accelerometer alone."""
+        return float(np.degrees(np.arcsin(np.clip(self.estimate.vertical / self.magnitude, -1, 1))))
+
+
+METHOD = ("kok-2016",)
+FEWEST = 6
+OPEN_DEG, LOOSE_DEG = 5.0, 1.0
+"""Standard errors of the turn above which it is not determined, and is worth a word."""
+MISFIT = 0.02
+"""Share of the field that the vertical component may scatter by."""
+ODD_GRAVITY = 0.03
+TURNED_DEG = 90.0
+"""A turn as large may stand for an axis of the wrong sign, with the field turned round."""
+EQUATOR_DEG = 25.0
+"""Beyond this latitude the field dips down in the north and up in the south everywhere."""
+
+
+def fit_gravity(
+    samples: Samples, calibration: Calibration | None = None, *, bias: bool = False
+) -> GravityFit:
+    """The rotation from a magnetometer's axes to those of an accelerometer on the same body.
+
+    At one place the angle between field and gravity is constant, so in every orientation at rest
+    d · R (m − b) = Z, with d the direction of down that the accelerometer reads.
+
+    Parameters
+    ----------
+    samples : with acceleration; the orientations at rest are those of `station`, or are found.
+    calibration : of the magnetometer, applied first. bias : whether a bias is sought as well.
+
+    Returns a `GravityFit`, refused where the orientations leave the turn open. Raises `LogError`
+    without acceleration or with too few orientations at rest.
+
+    Source: M. Kok, T. B. Schön, IEEE Sensors Journal 16(14), 2016: the constant inner product of
+    field and gravity.
+
+    >>> from agonic.alignment.simulation.laboratory import simulate_gravity
+    >>> made = simulate_gravity(seed=1)
+    >>> fit = fit_gravity(made.samples)
+    >>> fit.n, bool(fit.worst_sd_deg < 0.1)
+    (24, True)
+    """
+    if samples.acceleration is None:
+        raise LogError(f"{samples.name} was logged without acceleration; record the accelerometer")
+    field = correct_field(samples, calibration)
+    down, means, gravity = _orientations(samples, samples.acceleration, field)
+    need = FEWEST + (3 if bias else 0)
+    if len(down) < need:
+        raise LogError(
+            f"{len(down)} orientations at rest were found and {need} are needed; hold the body "
+            "still for two seconds on each side, and tilted between"
+        )
+    found = kernel.estimate(down, means, bias=bias, gravity=gravity)
+    fit = GravityFit(
+        calibration=make_calibration(
+            found.rotation.T,
+            found.rotation.T @ found.covariance[:3, :3] @ found.rotation,
+            samples,
+            make_provenance(
+                () if samples.source is None else (samples.source,),
+                {samples.name: samples.field},
+                {"fit": "gravity", "bias": bias},
+                *METHOD,
+            ),
+            frame="b",
+            before=calibration,
+        ),
+        estimate=found,
+        down=down,
+        field=means,
+        gravity=gravity,
+        magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
+    )
+    judged = replace(fit, findings=tuple(_examine(fit, samples.latitude_deg)))
+    return judged if judged.verdict == "refused" else replace(judged, remarks=_describe(fit))
+
+
+def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, Array, Array]:
+    """Down (k, 3), field (k, 3) and the size of gravity (k,) of the orientations at rest."""
+    if samples.station is not None:
+        number = samples.station.astype(np.int64)
+    elif samples.time is None:
+        raise LogError("what stands still follows from times; log them, or number the stations")
+    else:
+        number = find_rest(samples.time, force, field)
+    still = number >= 0
+    if not still.any():
+        return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
+    rows = find_rows(number, np.unique(number[still]))
+    forces = average(force, rows)
+    return down_from_force(forces), average(field, rows), np.linalg.norm(forces, axis=1)
+
+
+def _examine(fit: GravityFit, latitude_deg: Array | None) -> Iterator[Finding]:
+    """A vertical field that varies, a turn that is not known well, gravity that is not the same
+    all round, and a dip that cannot be; `latitude_deg` (n,) of the readings, where it is known."""
+    undetermined = not fit.worst_sd_deg < OPEN_DEG
+    left = float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
+    if left > MISFIT:
+        yield tell("vertical varies", "refuse" if undetermined else "check", by=100 * left)
+    elif undetermined:
+        yield tell("turn undetermined", n=fit.n, axis=_name_worst_axis(fit))
+    elif fit.worst_sd_deg > LOOSE_DEG:
+        yield tell("turn loose", axis=_name_worst_axis(fit), sd=fit.worst_sd_deg)
+    uneven = float(np.ptp(fit.gravity) / fit.gravity.mean())
+    if uneven > ODD_GRAVITY:
+        yield tell("uneven gravity", by=100 * uneven)
+    yield from _check_dip(fit, latitude_deg)
+
+
+def _check_dip(fit: GravityFit, latitude_deg: Array | None) -> Iterator[Finding]:
+    """An axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
+    where M mirrors, and the field then dips the other way. Only the hemisphere tells."""
+    dip = fit.inclination_deg
+    north = float("nan") if latitude_deg is None else float(np.nanmedian(latitude_deg))
+    known = abs(north) > EQUATOR_DEG
+    if (known and dip * north >= 0) or (not known and (dip >= 0 or fit.angle_deg < TURNED_DEG)):
+        return
+    yield tell(
+        "dips the wrong way",
+        way="up" if dip < 0 else "down",
+        dip=abs(dip),
+        here=f"at latitude {north:.0f}° it does not" if known else "it does so in the south only",
+        unknown="" if known else ", or log latitude_deg if this is south of the magnetic equator",
+    )
+
+
+def _name_worst_axis(fit: GravityFit) -> str:
+    """The accelerometer's axis, in words, about which the turn is known least."""
+    turn = fit.estimate.covariance[:3, :3]
+    if not np.isfinite(turn).all():
+        return "all axes"
+    worst = np.linalg.eigh(turn)[1][:, -1]
+    return f"({', '.join(f'{part:.2f}' for part in worst)}) of the accelerometer's axes"
+
+
+def _describe(fit: GravityFit) -> tuple[str, ...]:
+    """How good it is, in sentences."""
+    return (
+        f"the magnetometer is misaligned by {figure(fit.angle_deg, 3)}° from the accelerometer, ± "
+        f"{figure(fit.worst_sd_deg)}° about its worst axis, from {fit.n} orientations",
+        f"the field dips by {fit.inclination_deg:.2f}°",
+    )

@@ -1,0 +1,280 @@
+"""A coil, an accelerometer and a fluxgate theodolite as they are read, and what is true of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import newton
+from scipy.spatial.transform import Rotation, Slerp
+
+from agonic.alignment.maths import di_flux as kernel
+from agonic.alignment.session import Site
+from agonic.alignment.session.laboratory import Attitude, CoilSession, DiSheet
+from agonic.alignment.simulation.session import FIELD_N, read_field, vary_field
+from agonic.arrays import Array
+from agonic.calibration.alignment import Alignment
+from agonic.maths.rotations.attitude import make_rotation, rot_nb
+from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import Readable
+from agonic.samples import Samples
+from agonic.units import STANDARD_GRAVITY_M_S2
+
+MOST_VARIATION, PERIODS_S = 20.0, (1400.0, 2300.0, 3700.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedCoil(Readable):
+    """A session and its truth: the coil's vector (3,) by the ampere, nT/A, in the magnetometer's
+    axes, its axis in north-east-down, and its angle to the axis as drawn."""
+
+    session: CoilSession
+    vector: Array
+    axis_n: Array
+    geometric_deg: float
+
+
+def simulate_coil(
+    *,
+    reversals: int = 100,
+    readings: int = 5,
+    field: float = 20_000.0,
+    constant: float = 40_000.0,
+    levels: Sequence[float] = (1.0,),
+    tilt_deg: float = 0.08,
+    noise: float = 0.5,
+    reference_noise: float = 0.3,
+    bias: ArrayLike = (12.0, -40.0, 25.0),
+    even: float = 0.0,
+    alignment_sd_arcsec: float = 1.0,
+    attitude_sd_arcsec: float = 2.0,
+    site: Site | None = None,
+    begins: datetime = datetime(2024, 3, 12, 9, 0, tzinfo=UTC),
+    seed: int = 0,
+) -> SimulatedCoil:
+    """A coil that gives `field` nT at its largest current, its axis tilted from the one as drawn.
+
+    Parameters
+    ----------
+    reversals, readings : of the current, and of the magnetometer in between, one a second.
+    constant : nT/A. levels : shares of the largest current, in turn.
+    tilt_deg : of the axis, degrees.
+    noise, reference_noise : nT. bias : (3,) nT, of the magnetometer. even : nT at the largest
+        current that does not reverse.
+    alignment_sd_arcsec, attitude_sd_arcsec : of alignment and attitude as the observer knows them.
+    site, begins : where and when; None for a usual site. seed : of the noise.
+
+    Source: the model of `fit_coil`.
+
+    >>> simulate_coil(reversals=4, readings=2).session.magnetometer.current_A.tolist()
+    [0.5, 0.5, -0.5, -0.5, 0.5, 0.5, -0.5, -0.5, 0.5, 0.5]
+    """
+    rng = np.random.default_rng(seed)
+    place = site or Site(latitude_deg=52.0725, longitude_deg=12.6750)
+    rot_bm = make_rotation(rng.uniform(-0.5, 0.5, 3))
+    rot_bn = rot_nb(0.4, -0.7, 63.0).T
+    drawn = np.array([0.0, 0.0, 1.0])
+    off = np.radians(tilt_deg) * rng.standard_normal(2)
+    axis_b = make_rotation(np.array([*off, 0.0])) @ drawn
+    vector = constant * rot_bm.T @ axis_b
+    share = np.tile(np.repeat(np.asarray(levels, dtype=np.float64), 2), reversals)[: reversals + 1]
+    current = field / constant * share * np.where(np.arange(reversals + 1) % 2, -1.0, 1.0)
+    flowing = np.repeat(current, readings)
+    time = np.arange(len(flowing), dtype=np.float64)
+    beside = vary_field(time, MOST_VARIATION, PERIODS_S, rng)
+    rising = even * (flowing * constant / field) ** 2
+    true = beside @ (rot_bm.T @ rot_bn).T + np.outer(flowing, vector) + rising[:, None]
+    known = make_rotation(alignment_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bm
+    stood = make_rotation(attitude_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bn
+    return SimulatedCoil(
+        session=CoilSession(
+            name="simulated",
+            magnetometer=read_field(
+                true + np.asarray(bias), noise, rng, begins, time, current_A=flowing
+            ),
+            reference=read_field(beside, reference_noise, rng, begins, time, "reference"),
+            geometric_axis=drawn,
+            geometric_frame="b",
+            alignment=Alignment(
+                rotation=Rotation.from_matrix(known),
+                covariance=np.eye(3) * (alignment_sd_arcsec * ARCSEC_RAD) ** 2,
+                sensor="magnetometer",
+            ),
+            attitude=Attitude(
+                rot_pn=stood, covariance=np.eye(3) * (attitude_sd_arcsec * ARCSEC_RAD) ** 2
+            ),
+            site=place,
+        ),
+        vector=vector,
+        axis_n=rot_bn.T @ axis_b,
+        geometric_deg=float(np.degrees(np.arccos(min(axis_b @ drawn, 1.0)))),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedGravity:
+    """Samples with acceleration, and the true rotation from magnetometer to accelerometer."""
+
+    samples: Samples
+    rot_bm: Array
+
+
+def simulate_gravity(
+    *,
+    orientations: int = 24,
+    still_s: float = 3.0,
+    turn_s: float = 2.0,
+    rate_Hz: float = 50.0,
+    turn_deg: float = 3.0,
+    field_n: ArrayLike = FIELD_N,
+    noise: float = 100.0,
+    force_noise: float = 0.03,
+    tilt_deg: float | None = None,
+    bias: ArrayLike = (0.0, 0.0, 0.0),
+    seed: int = 0,
+) -> SimulatedGravity:
+    """Stretches at rest with turns in between, in directions at random.
+
+    Parameters
+    ----------
+    still_s, turn_s, rate_Hz : how long each lasts, and readings a second.
+    turn_deg : size of the random rotation between the sensors' axes.
+    noise : nT; force_noise : m/s². bias : of the magnetometer, nT.
+    tilt_deg : the most that the body is tilted from level; `None`: all directions.
+
+    Source: the constant angle of field and gravity, as in `fit_gravity`.
+
+    >>> simulate_gravity(orientations=2).samples.acceleration.shape
+    (401, 3)
+    """
+    rng = np.random.default_rng(seed)
+    rot_bm = make_rotation(np.radians(turn_deg) * rng.standard_normal(3))
+    begin = np.arange(orientations) * (still_s + turn_s)
+    if tilt_deg is None:
+        poses = Rotation.random(orientations, rng=rng)
+    else:
+        tilts = rng.uniform(-tilt_deg, tilt_deg, (2, orientations))
+        angles = np.stack([rng.uniform(0, 360, orientations), *tilts], axis=1)
+        poses = Rotation.from_euler("ZYX", angles, degrees=True)
+    knots = np.stack([begin, begin + still_s], axis=1).ravel()
+    path = Slerp(knots, poses[np.repeat(np.arange(orientations), 2)])
+    time = np.arange(int(knots[-1] * rate_Hz) + 1) / rate_Hz
+    rot_nb = path(np.minimum(time, knots[-1])).as_matrix()
+    field_b = np.einsum("nji,j->ni", rot_nb, np.asarray(field_n))
+    force = -STANDARD_GRAVITY_M_S2 * rot_nb[:, 2]
+    samples = Samples(
+        time=time,
+        field=field_b @ rot_bm + np.asarray(bias) + noise * rng.standard_normal(field_b.shape),
+        unit="nT",
+        acceleration=force + force_noise * rng.standard_normal(force.shape),
+    )
+    return SimulatedGravity(samples=samples, rot_bm=rot_bm)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SimulatedDiFlux:
+    """A sheet and its truth: angles in degrees, collimations in arcseconds, offset in nT."""
+
+    sheet: DiSheet
+    declination_deg: float
+    inclination_deg: float
+    delta_arcsec: float
+    epsilon_arcsec: float
+    offset: float
+
+
+def simulate_di_flux(
+    *,
+    declination_deg: float = 4.2,
+    inclination_deg: float = 64.3,
+    magnitude: float = 48_800.0,
+    delta_arcsec: float = 140.0,
+    epsilon_arcsec: float = -230.0,
+    offset: float = 6.0,
+    mark_azimuth_deg: float = 180.137,
+    mark_deg: float = 78.2555,
+    telescope_arcsec: float = 4.0,
+    noise: float = 0.5,
+    mark_sd_arcsec: float = 1.0,
+    seed: int = 0,
+) -> SimulatedDiFlux:
+    """The usual eight settings, twice each, and a ninth of known tilt for the scale.
+
+    Parameters
+    ----------
+    delta_arcsec, epsilon_arcsec, offset : of the fluxgate. telescope_arcsec : collimation of the
+        telescope. mark_deg : reading of the circle to the mark, at `mark_azimuth_deg`.
+    noise : of a setting, nT: field and circle together. mark_sd_arcsec : of a sighting.
+
+    Source: the model of Brunke and Matzka (2018), as in `fit_di_flux`.
+
+    >>> simulate_di_flux().sheet.horizontal_deg.shape
+    (18,)
+    """
+    rng = np.random.default_rng(seed)
+    meridian = declination_deg - mark_azimuth_deg + mark_deg
+    dip, off = inclination_deg, (delta_arcsec / 3600, epsilon_arcsec / 3600)
+    truth = np.array([*np.radians([meridian, dip, *off]), offset / magnitude, magnitude])
+    east, west = meridian + 90.0, meridian - 90.0
+    circles = np.array(
+        [
+            [east, 90.0],
+            [west, 90.0],
+            [west, 270.0],
+            [east, 270.0],
+            [meridian, dip],
+            [meridian, dip + 180],
+            [meridian + 180, 360 - dip],
+            [meridian + 180, 180 - dip],
+            [meridian + 180, 180 - dip + 0.18],
+        ]
+    )
+    # each circle is set to the minute nearest a zero reading, the fluxgate reads the rest
+    circles[:4, 0] = np.round(_read_null(truth, circles[:4], 0) * 60) / 60
+    circles[4:8, 1] = np.round(_read_null(truth, circles[4:8], 1) * 60) / 60
+    circles[8, 1] = circles[7, 1] + 0.18
+    at = _at(circles)
+    reading = kernel.predict(truth, at)[0] + noise * rng.standard_normal(9)
+    faces = np.array([0, 180, 0, 180])
+    collimated = np.where(faces > 90, -1, 1) * telescope_arcsec
+    marks = mark_deg + faces + (collimated + mark_sd_arcsec * rng.standard_normal(4)) / 3600
+    return SimulatedDiFlux(
+        sheet=DiSheet(
+            mark_deg=np.repeat(marks, 2) % 360,
+            mark_azimuth_deg=mark_azimuth_deg,
+            horizontal_deg=np.repeat(circles[:, 0], 2) % 360,
+            zenith_deg=np.repeat(circles[:, 1], 2),
+            reading=np.repeat(reading, 2),
+            setting=np.repeat(np.arange(9), 2),
+            time=1.7e9 + 30.0 * np.arange(18.0),
+            magnitude=magnitude,
+            name="simulated",
+            pillar="A",
+        ),
+        declination_deg=declination_deg,
+        inclination_deg=inclination_deg,
+        delta_arcsec=delta_arcsec,
+        epsilon_arcsec=epsilon_arcsec,
+        offset=offset,
+    )
+
+
+def _read_null(truth: Array, circles: Array, which: int) -> Array:
+    """The readings (n,), degrees, of one circle at which the fluxgate reads nothing."""
+
+    def read(angle_deg: Array) -> Array:
+        turned = circles.copy()
+        turned[:, which] = angle_deg
+        return kernel.predict(truth, _at(turned))[0]
+
+    return np.asarray(newton(read, circles[:, which]))
+
+
+def _at(circles: Array) -> kernel.Settings:
+    """Settings (n, 2) of the circles, degrees, without readings."""
+    horizontal, zenith = np.radians(circles).T
+    nothing = np.zeros(len(circles))
+    return kernel.Settings(horizontal, zenith, nothing, np.zeros(len(circles), dtype=bool))
