@@ -57,7 +57,7 @@ def find_step(calibration: Calibration, kind: type[Step]) -> Step | None:
     return next((step for step in steps_of(calibration) if isinstance(step, kind)), None)
 
 
-def list_origins(calibration: Calibration) -> list[Provenance]:
+def list_origins(calibration: AnyCalibration | Deviation) -> list[Provenance]:
     """Where a calibration, and each of its steps, came from."""
     steps = calibration.steps if isinstance(calibration, Chain) else ()
     return [calibration.provenance, *(step.provenance for step in steps)]
