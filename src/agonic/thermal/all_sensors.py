@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -27,8 +27,14 @@ from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
 OrientationChoice = Literal["auto", "known", "unknown"]
 Rotations = Mapping[int, Rotation] | Literal["unknown"]
-CONTRADICTED = ("swapped stations", "turns")
-"""Findings after which the described orientations are not used."""
+CONTRADICTED = ("swapped stations", "turns", "fixture")
+"""Findings of a fit that the readings kept from the described orientations."""
+NOT_STANDARD = Finding(
+    "turns",
+    "note",
+    "nobody described how the stations stood, and they are not the standard ones: only the "
+    "magnitude is used",
+)
 
 
 class _Task(NamedTuple):
@@ -88,7 +94,7 @@ def calibrate_campaign(
     settings = {"fixture_sd_deg": campaign.description.fixture_sd_deg, **settings}
     Settings(**settings)  # a setting that cannot be is no reason to refuse every sensor
     usable, findings = check_campaign(campaign)
-    stations, reason = _choose_orientations(turns, usable, findings)
+    stations, reason = _choose_orientations(turns, usable)
     given = magnitude or campaign.description.magnitude
     reference = None if given is None else Reference.constant(given, source="the chamber")
     names = _choose_sensors(campaign, only)
@@ -98,12 +104,18 @@ def calibrate_campaign(
         fits = each(partial(_fit_sensor, task), (_sum_sensor(task, usable, name) for name in names))
         made = [one for _, one in zip(progress(names) if progress else names, fits, strict=True)]
     seen = {sensor.name: one for sensor, one in made if one is not None}
+    sensors, against = [sensor for sensor, _ in made], list[Finding]()
+    if stations != "unknown" and any(s.fit and s.fit.reference_kind != "turns" for s in sensors):
+        sensors, against = _find_contradictions(sensors)
+        given = "standard" if usable.description.assumed else "described"
+        reason = f"the readings contradict the {given} turns of the stations"
+        against = [NOT_STANDARD] if usable.description.assumed else against
     return CalibratedCampaign(
         campaign=usable,
-        findings=findings,
-        turns="unknown" if stations == "unknown" else "known",
+        findings=(*findings, *against),
+        turns="unknown" if stations == "unknown" or against else "known",
         reason=reason,
-        sensors=tuple(sensor for sensor, _ in made),
+        sensors=tuple(sensors),
         chamber_field=find_chamber_field(seen, None if isinstance(stations, str) else stations),
     )
 
@@ -118,7 +130,7 @@ def _choose_sensors(campaign: Campaign, only: Iterable[str]) -> list[str]:
 
 
 def _choose_orientations(
-    turns: str, campaign: Campaign, findings: tuple[Finding, ...]
+    turns: str, campaign: Campaign
 ) -> tuple[Mapping[int, Rotation] | Literal["unknown"], str]:
     """How the stations are turned, for `fit_thermal`, and why."""
     rotations = campaign.description.rotations
@@ -131,11 +143,21 @@ def _choose_orientations(
                 "heading_deg of every [[station]] in campaign.toml"
             )
         return "unknown", f"{_name_undescribed(campaign)} not described"
-    against = [finding.name for finding in findings if finding.name in CONTRADICTED]
-    if against and turns == "auto":
-        given = "standard" if campaign.description.assumed else "described"
-        return "unknown", f"the readings contradict the {given} turns of the stations"
     return rotations, "the turns of the stations are described"
+
+
+def _find_contradictions(
+    sensors: Sequence[CalibratedSensor],
+) -> tuple[list[CalibratedSensor], list[Finding]]:
+    """What sensors say against the description, each thing once, and the sensors without it."""
+    against: dict[str, Finding] = {}
+    left = []
+    for sensor in sensors:
+        for finding in sensor.fit.findings if sensor.fit else ():
+            if finding.name in CONTRADICTED:
+                against.setdefault(finding.name, finding)
+        left.append(sensor.without(CONTRADICTED))
+    return left, list(against.values())
 
 
 def _name_undescribed(campaign: Campaign) -> str:
@@ -185,7 +207,8 @@ def _fit_sensor(
         return CalibratedSensor(name=summed.name, fit=fit), None
     unseen = None
     if task.held_out:
-        unseen = tested(sums, facts, task.reference, fit, task.stations, task.settings)
+        used = task.stations if fit.reference_kind == "turns" else "unknown"
+        unseen = tested(sums, facts, task.reference, fit, used, task.settings)
     return CalibratedSensor(name=summed.name, fit=fit, held_out=unseen), FittedSensor(
         fit, sums.cells()
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 
 from agonic.health import Finding, sentences
 from agonic.readable import Readable
@@ -30,6 +31,13 @@ class CalibratedSensor(Readable):
         """What was seen of the sensor: by the fit, then by the test on stations left out."""
         own = () if self.fit is None else self.fit.findings
         return own if self.held_out is None else (*own, *self.held_out.findings)
+
+    def without(self, names: Collection[str]) -> CalibratedSensor:
+        """The sensor without the findings of its fit that have these names."""
+        if self.fit is None:
+            return self
+        kept = tuple(finding for finding in self.fit.findings if finding.name not in names)
+        return replace(self, fit=replace(self.fit, findings=kept))
 
     @property
     def verdict(self) -> str:

@@ -12,7 +12,6 @@ from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.checks import missing_data
 from agonic.thermal.checks.boards import judge_boards
-from agonic.thermal.checks.field import check_field
 from agonic.thermal.checks.thermometers import Course, find_courses
 from agonic.thermal.names import name_stations
 
@@ -59,7 +58,6 @@ calibration holds only where it was measured: record again, or expect less range
     findings += judge_boards(campaign)
     usable = campaign.without({name: set(by) for name, by in still.items()})
     usable = usable.without(missing_data.find_without_temperature(usable))
-    findings += check_field(usable)
     return usable, tuple(findings)
 
 

@@ -13,7 +13,7 @@ from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.fit.scale import find_narrow_range
 from agonic.thermal.fit.solve import Orientations
 from agonic.thermal.maths.binned_sums import Binned
-from agonic.thermal.names import name_stations
+from agonic.thermal.names import Told, name_stations
 
 UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
 REFUSED = 0.05
@@ -118,23 +118,35 @@ def _judge_orientations(orientations: Orientations | None) -> Finding | None:
     """Described turns that the readings contradict."""
     if orientations is None or orientations.agree:
         return None
-    rms = f"{figure(orientations.rms_deg)}°"
-    if orientations.exchange is not None:
-        return Finding(
-            "swapped stations",
-            "check",
-            f"{name_stations(orientations.exchange)} look exchanged in the description: with them "
-            f"exchanged the directions fit the turns to {figure(orientations.exchanged_rms_deg)}°, "
-            f"as described only to {rms}; only the magnitude was used",
-            "exchange them in the description and fit again",
-        )
-    return Finding(
-        "turns",
-        "check",
-        f"the readings do not fit the described turns of the stations: {rms} are left; only the "
-        "magnitude was used",
-        "check how the box stood at each station",
+    told = _CONTRADICTED[len(orientations.mistaken)]
+    message = told.message.format(
+        stations=name_stations(orientations.mistaken),
+        left=figure(orientations.left_deg),
+        rms=figure(orientations.rms_deg),
     )
+    return Finding(told.name, "check", f"{message}; only the magnitude was used", told.action)
+
+
+_CONTRADICTED = (
+    Told(
+        "turns",
+        "the readings do not fit the described turns of the stations: {rms}° are left",
+        "check how the box stood at each station",
+    ),
+    Told(
+        "fixture",
+        "{stations} did not stand as described: without it the directions fit the turns to "
+        "{left}°, with it only to {rms}°",
+        "check how the box stood there, and describe it or leave the station out",
+    ),
+    Told(
+        "swapped stations",
+        "{stations} look exchanged in the description: with them exchanged the directions fit the "
+        "turns to {left}°, as described only to {rms}°",
+        "exchange them in the description and fit again",
+    ),
+)
+"""What is said of turns that the readings contradict, by how many stations explain it."""
 
 
 def _judge_odd(fit: ThermalFit, fixture_sd_deg: float) -> Finding | None:

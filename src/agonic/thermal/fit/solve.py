@@ -48,13 +48,14 @@ _MIDDLE = 0.15  # of the half range: cells that start the search
 
 
 class Orientations(NamedTuple):
-    """What the described orientations are worth: whether the readings agree, their misfit, and two
-    stations that were likely exchanged."""
+    """What the described orientations are worth: whether the readings agree, their misfit, and the
+    stations that explain it: two that were exchanged, or one that stood elsewhere; `left_deg` is
+    the misfit that is left then."""
 
     agree: bool
     rms_deg: float
-    exchange: tuple[int, int] | None = None
-    exchanged_rms_deg: float = np.nan
+    mistaken: tuple[int, ...] = ()
+    left_deg: float = np.nan
 
 
 class Solution(NamedTuple):
@@ -193,12 +194,11 @@ def _add_orientations(
     limit = MISFIT_DEG if len(readings.numbers) >= FEWEST else _MISFIT_FEW_DEG
     limit = max(limit, 4 * settings.fixture_sd_deg)
     if rms > limit:
-        swap = fixture.find_exchanged_directions(seen, rot_nb)
-        left = float(np.degrees(swap.rms))
-        pair = (readings.numbers[swap.first], readings.numbers[swap.second])
-        return problem, Orientations(
-            False, rms, pair if left < min(_BETTER * rms, limit) else None, left
-        )
+        stations, left = fixture.find_mistake(seen, rot_nb)
+        left_deg = float(np.degrees(left))
+        explains = left_deg < min(_BETTER * rms, limit)
+        mistaken = tuple(readings.numbers[k] for k in stations) if explains else ()
+        return problem, Orientations(False, rms, mistaken, left_deg)
     problem = problem._replace(
         rot_nb=rot_nb,
         fixture_sd=float(np.radians(settings.fixture_sd_deg)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from agonic.thermal.maths.fault_candidates import (
 )
 from agonic.thermal.maths.gaussian_process import STEADY
 from agonic.thermal.maths.station_faults import Fault
+from agonic.thermal.names import Told
 
 _HOUR = 3600.0
 _DIFFERENT = 10.0
@@ -64,14 +64,6 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
             "the end",
         )
     ]
-
-
-class Told(NamedTuple):
-    """What is said of a kind of fault: the finding's name, its message, and what to do."""
-
-    name: str
-    message: str
-    action: str
 
 
 _HOLD_LONGER = (

@@ -6,13 +6,14 @@ mounted by M (its axes to the box's) reads p_k = Mᵀ R_kᵀ f.
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.rotations.vectors import find_best_rotation
-from agonic.thermal.maths.stations import MOUNTINGS, Exchange, find_exchange
+from agonic.thermal.maths.stations import MOUNTINGS
 
 _ROUNDS = 200
 
@@ -53,13 +54,22 @@ def _settle(directions: Array, rot_nb: Array, mounts: Array) -> Mounting:
     return Mounting(mounts[best], fields[best], float(np.sqrt(left[best] / len(directions))))
 
 
-def find_exchanged_directions(directions: Array, rot_nb: Array) -> Exchange:
-    """The two stations whose exchange explains the directions (k, 3) best, the rms in rad.
+def find_mistake(directions: Array, rot_nb: Array) -> tuple[tuple[int, ...], float]:
+    """The stations whose description explains the directions (k, 3) least, and the rms, rad, left.
 
-    The others outvote them, so the mounting found with them as described is a start near enough.
+    Two that were exchanged, or one that stood elsewhere. The others outvote them, so the mounting
+    found with them as described is a start near enough.
     """
-    start = find_mounting(directions, rot_nb).mount
-    return find_exchange(rot_nb, lambda order: _settle(directions, order, start[None]).rms)
+    start, places = find_mounting(directions, rot_nb).mount[None], np.arange(len(rot_nb))
+    found: dict[tuple[int, ...], float] = {}
+    for i, j in combinations(places.tolist(), 2):
+        order = places.copy()
+        order[[i, j]] = j, i
+        found[i, j] = _settle(directions, rot_nb[order], start).rms
+    for k in places.tolist():
+        found[(k,)] = _settle(directions[places != k], rot_nb[places != k], start).rms
+    best = min(found, key=lambda stations: found[stations])
+    return best, found[best]
 
 
 def find_tangents(unit: Array) -> Array:
