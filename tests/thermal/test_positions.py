@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.thermal.all_sensors import calibrate_campaign
+from agonic.thermal.campaign.description import Station
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.files.write import write_campaign
@@ -17,6 +18,8 @@ from agonic.thermal.simulation.faults import Faults
 from tests.command_line import answer
 
 SENSORS = "MMC5883MA,MPU-9255"
+FIELD_SD_DEG = np.degrees(50.0 / 48_000.0)
+"""What the field turns by itself in the simulated chamber."""
 
 
 def calibrated(campaign: Campaign, **settings):
@@ -46,6 +49,15 @@ def turn_freely(made: SimulatedCampaign, seed: int = 1) -> SimulatedCampaign:
         spin = Rotation.from_rotvec(field / np.linalg.norm(field) * rng.uniform(-np.pi, np.pi))
         turned[number] = spin * aligned
     return replace(made, rotations=turned)
+
+
+def rms(values) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def measure_angle(one: np.ndarray, other: np.ndarray) -> float:
+    cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def names(findings, severity: str = "check") -> set[str]:
@@ -109,6 +121,11 @@ def test_a_laboratory_s_own_positions_are_a_note(capsys, tmp_path: Path) -> None
     assert [sensor["verdict"] for sensor in said["sensors"]] == ["good", "good"]
     note = next(finding for finding in said["findings"] if finding["name"] == "turns")
     assert note["severity"] == "note"
+    assert said["turns"] == "found"
+    directions = [made.rotations[n].inv().apply(made.field_n(np.zeros(1))[0]) for n in range(1, 13)]
+    for number, position in said["positions"].items():
+        turn = measure_angle(directions[0], directions[int(number) - 1])
+        assert position["turn_deg"] == pytest.approx(turn, abs=0.1 + 3.0 * FIELD_SD_DEG)
 
 
 @pytest.mark.slow
@@ -122,3 +139,54 @@ def test_a_hold_of_three_minutes_is_reported_as_three(capsys, tmp_path: Path) ->
     holds = [finding["what"] for finding in said["findings"] if finding["name"] == "holds"]
     assert len(holds) == 2
     assert all("for 3 min" in what for what in holds)
+
+
+def run_found(seed: int) -> list[list[float]]:
+    """Of a campaign in positions of its own: bias and turns in standard errors, the largest error
+    of a turn, and the bias' standard error over that with turns described as well as boxes stand,
+    to 1°."""
+    made = turn_freely(simulated(seed=seed, field_sd=0.0), seed)
+    undescribed = redescribed(made, stations=tuple(Station(number=n) for n in range(1, 13)))
+    off = np.radians(np.random.default_rng(seed).standard_normal((12, 3)))
+    told = tuple(
+        replace(one, rot_nb=made.rotations[one.number] * Rotation.from_rotvec(error))
+        for one, error in zip(made.description.stations, off, strict=True)
+    )
+    result = calibrated(undescribed, drift=False)
+    known = calibrated(redescribed(made, stations=told), drift=False)
+    assert (result.turns, result.verdict, known.turns) == ("found", "good", "known")
+    levels, rows = np.linspace(-10.0, 50.0, 13), []
+    seen = [made.rotations[n].inv().apply(made.field_n(np.zeros(1))[0]) for n in range(1, 13)]
+    turns = np.array([measure_angle(seen[0], each) for each in seen])
+    positions = result.positions
+    error = np.array(list(positions.turn_deg.values())) - turns
+    sd = np.array(list(positions.turn_sd_deg.values()))
+    for sensor, other in zip(result.sensors, known.sensors, strict=True):
+        found, truth = sensor.fit.calibration, made.truth[sensor.name]
+        own = found.sd_at(levels)[:, :3]
+        away = (found.bias_at(levels) - truth.bias_at(levels)) / own
+        share = own.max() / other.fit.calibration.sd_at(levels)[:, :3].max()
+        rows.append([rms(away), rms(error[1:] / sd[1:]), float(np.abs(error).max()), share])
+    return rows
+
+
+@pytest.mark.slow
+def test_positions_of_any_kind_are_found_and_the_bias_is_as_sure_as_with_known_turns() -> None:
+    seen = np.array([run_found(seed) for seed in range(8)])
+    bias, turn, largest, share = np.moveaxis(seen, 2, 0)
+    assert 0.9 < rms(bias) < 1.1
+    assert 0.9 < rms(turn) < 1.1
+    assert largest.max() < 0.1
+    assert np.median(share) < 1.1
+
+
+@pytest.mark.slow
+def test_a_sensor_that_moved_in_the_fixture_is_named() -> None:
+    made = turn_freely(simulated(seed=2))
+    moved = Rotation.from_rotvec([0.0, 0.05, 0.02]).as_matrix()
+    by = dict(made.campaign.recordings)
+    by["MPU-9255"] = {
+        n: s.with_columns(field=s.field @ moved) if n > 6 else s for n, s in by["MPU-9255"].items()
+    }
+    result = calibrated(replace(redescribed(made, assumed=True), recordings=by))
+    assert "fixture" in names(result.findings)

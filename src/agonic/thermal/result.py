@@ -10,7 +10,7 @@ from agonic.readable import Readable
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
-from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.fit.result import Positions, ThermalFit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +62,8 @@ class CalibratedCampaign(Readable):
     `campaign` is what could be used of it, `findings` what was not as planned; `turns` "known"
     where the fits used the orientations of the stations, `reason` why. `chamber_field` is what
     several sensors saw alike while the stations were recorded; `None` without clocks or with fewer
-    than two sensors.
+    than two sensors. `positions` are the turns of the stations where they were found from the
+    readings, of all sensors together.
     """
 
     campaign: Campaign
@@ -71,6 +72,7 @@ class CalibratedCampaign(Readable):
     reason: str
     sensors: tuple[CalibratedSensor, ...] = field(default_factory=tuple)
     chamber_field: ChamberField | None = None
+    positions: Positions | None = None
 
     def _say(self) -> list[str]:
         """The verdict of each sensor."""

@@ -186,6 +186,9 @@ def _add_orientations(
 ) -> tuple[StationProblem, Orientations | None]:
     """The problem with the described orientations, where the readings do not contradict them."""
     described = settings.orientations
+    if settings.stations == "found" and len(readings.numbers) >= FEWEST:
+        seen = find_directions(problem, first.coefficients)
+        return problem.with_found_turns(seen), None
     if described is None or any(number not in described for number in readings.numbers):
         return problem, None
     rot_nb = np.array([described[number] for number in readings.numbers])

@@ -50,7 +50,7 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
     Nine numbers and a step have as many unknowns as there are twelve stations.
     """
     slow = result.estimate.slow
-    if result.estimate.poses is not None or slow.kind != STEADY or slow.gain < _DIFFERENT:
+    if result.problem.turns_known or slow.kind != STEADY or slow.gain < _DIFFERENT:
         return []
     amount = figure(slow.sd * (readings.scale.magnitude or readings.scale.size))
     return [

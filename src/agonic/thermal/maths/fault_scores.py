@@ -16,7 +16,8 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import chdtrc, fdtrc
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Index, Mask
+from agonic.maths.equation import temperature_model
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.thermal.maths.estimate import IMPLAUSIBLE, StationEstimate
@@ -173,17 +174,24 @@ def with_offsets(fit: LinearisedFit) -> LinearisedFit:
     Twelve stations less nine numbers leave three that another field at each explains as well as
     any fault does: there a fault must show within stations.
     """
-    if fit.state.poses is not None:
+    if fit.problem.turns_known:
         return fit
-    station = fit.problem.station
-    offsets = (station[:, None] == np.arange(fit.problem.stations)).astype(np.float64)
-    p = fit.problem.degree + 1
-    offsets *= np.linalg.norm(fit.jacobian[:, [0, p, 2 * p]], axis=1, keepdims=True)
+    offsets = change_fields(fit, fit.problem.station[:, None] == np.arange(fit.problem.stations))
     (expected, by), k = fit.prior, fit.problem.stations
     return fit._replace(
         jacobian=np.hstack([fit.jacobian, offsets]),
         prior=(np.pad(expected, (0, k)), block_diag(by, np.eye(k) / IMPLAUSIBLE)),
     )
+
+
+def change_fields(fit: LinearisedFit, where: Mask) -> Array:
+    """How residuals follow a field larger by all of itself at some of the means (m, c), (n, c)."""
+    problem, p = fit.problem, fit.problem.degree + 1
+    bias, _ = temperature_model.evaluate_local(fit.state.coefficients, problem.layout, problem.phi)
+    axes = len(fit.jacobian) // len(problem.points)
+    by_bias = fit.jacobian[:, [0, p, 2 * p]]
+    by_field = np.einsum("ni,ni->n", by_bias, np.tile(problem.points - bias, (axes, 1)))
+    return np.asarray(by_field[:, None] * np.tile(where, (axes, 1)))
 
 
 def make_columns(fit: LinearisedFit, candidate: Candidate) -> Array:

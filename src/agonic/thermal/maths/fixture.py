@@ -72,6 +72,26 @@ def find_mistake(directions: Array, rot_nb: Array) -> tuple[tuple[int, ...], flo
     return best, found[best]
 
 
+def measure_turns(directions: Array, covariance: Array) -> tuple[Array, Array]:
+    """The angles (k,) from the first of unit directions (k, 3) to each, and their standard errors.
+
+    Parameters: the covariance (2k, 2k) of the directions along their tangents.
+
+    >>> angle, sd = measure_turns(np.eye(3)[:2], 1e-4 * np.eye(4))
+    >>> np.degrees(angle).round(6).tolist(), sd.round(4).tolist()
+    ([0.0, 90.0], [0.0, 0.0141])
+    """
+    tangents, k = find_tangents(directions), len(directions)
+    first = directions[0]
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(directions - first, axis=1) / 2, 1.0))
+    jacobian = np.zeros((k, 2 * k))
+    for row in range(1, k):
+        sine = max(float(np.sin(angle[row])), 1e-12)
+        jacobian[row, 2 * row : 2 * row + 2] = -first @ tangents[row] / sine
+        jacobian[row, :2] = -directions[row] @ tangents[0] / sine
+    return angle, np.sqrt(np.einsum("ki,ij,kj->k", jacobian, covariance, jacobian))
+
+
 def find_tangents(unit: Array) -> Array:
     """Two unit vectors square to each other and to unit vectors (…, 3), as columns (…, 3, 2).
 

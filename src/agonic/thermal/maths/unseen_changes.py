@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.thermal.maths.estimate import StationEstimate
-from agonic.thermal.maths.fault_scores import linearise
+from agonic.thermal.maths.fault_scores import change_fields, linearise
 from agonic.thermal.maths.gaussian_process import STEADY
 from agonic.thermal.maths.station_residuals import StationProblem, make_whitener
 
@@ -46,12 +46,12 @@ def allow_for_unseen_changes(
     with the whitened Jacobian J, the prior P, and what each step does to the residuals, S. Parts of
     a step that would show count no more than the noise lets them.
     """
-    a, p = problem.layout.shape[1], problem.degree + 1
-    if problem.rot_nb is not None or problem.stations < 2:
+    a = problem.layout.shape[1]
+    if problem.turns_known or problem.stations < 2:
         return [np.zeros((a, a)) for _ in sds]
     fit = linearise(problem, estimate, time, ())
-    by_field = np.linalg.norm(fit.jacobian[:, [0, p, 2 * p]], axis=1, keepdims=True)
-    steps = by_field * (_rank_stations(problem, time)[:, None] >= np.arange(1, problem.stations))
+    later = _rank_stations(problem, time)[:, None] >= np.arange(1, problem.stations)
+    steps = change_fields(fit, later)
     whiten = make_whitener(problem, fit.state._replace(slow=fit.slow))
     rows, (_, by) = whiten(np.hstack([fit.jacobian, steps])), fit.prior
     known, told, steady = by.T @ by, rows.T @ rows, np.eye(problem.stations - 1)
