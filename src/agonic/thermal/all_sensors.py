@@ -112,8 +112,8 @@ def calibrate_campaign(
     used = "found" if "positions" in kinds else "known" if "turns" in kinds else "unknown"
     if not isinstance(stations, str) and kinds - {"turns"}:
         sensors, against = _find_contradictions(sensors)
-        given = "standard" if task.assumed else "described"
-        reason = f"the readings contradict the {given} turns of the stations"
+        whose = "standard" if task.assumed else "described"
+        reason = f"the readings contradict the {whose} turns of the stations"
         used = "found" if task.assumed else "unknown"
     positions, moved = combine_positions([one.fit for one in seen.values()])
     return CalibratedCampaign(
@@ -205,12 +205,12 @@ def _fit_sensor(
     if summed.cells is None:
         return CalibratedSensor(name=summed.name, refused=summed.refused), None
     sums, facts, found = summed.cells
-    settings = {**task.settings, "stations": task.stations}
+    turns, settings = task.stations, task.settings
     try:
-        fit = fit_binned(sums, facts, task.reference, found=found, **settings)
+        fit = fit_binned(sums, facts, task.reference, found=found, stations=turns, **settings)
         if task.assumed and fit.reference_kind == "magnitude":
-            settings = {**settings, "stations": "found"}
-            again = fit_binned(sums, facts, task.reference, found=found, **settings)
+            turns = "found"
+            again = fit_binned(sums, facts, task.reference, found=found, stations=turns, **settings)
             against = tuple(each for each in fit.findings if each.name in CONTRADICTED)
             fit = replace(again, findings=(*again.findings, *against))
     except AgonicError as error:
@@ -219,9 +219,8 @@ def _fit_sensor(
         return CalibratedSensor(name=summed.name, fit=fit), None
     unseen = None
     if task.held_out:
-        kind = fit.reference_kind
-        used = "unknown" if kind == "magnitude" else settings["stations"]
-        unseen = tested(sums, facts, task.reference, fit, used, task.settings)
+        turns = "unknown" if fit.reference_kind == "magnitude" else turns
+        unseen = tested(sums, facts, task.reference, fit, turns, settings)
     return CalibratedSensor(name=summed.name, fit=fit, held_out=unseen), FittedSensor(
         fit, sums.cells()
     )
