@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.campaign.description import list_standard_stations
 from agonic.thermal.plan.document import describe_plan
 from agonic.thermal.plan.figures import FACES, draw_pose, draw_profile
 from agonic.thermal.plan.plan import plan_thermal

@@ -13,8 +13,7 @@ from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.files.write import write_campaign
 from agonic.thermal.plan.plan import plan_thermal
-from agonic.thermal.simulation.campaign import SimulatedCampaign, simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 from tests.command_line import answer
 
 SENSORS = "MMC5883MA,MPU-9255"

@@ -10,8 +10,7 @@ from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.checks.programme import check_campaign
 from agonic.thermal.plan.plan import plan_thermal
-from agonic.thermal.simulation.campaign import simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 
 SENSORS = "2xMMC5883MA,MPU-9255"
 

@@ -28,7 +28,7 @@ from agonic.thermal.fit.station_faults import judge_faults
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.estimate import UNREST
 from agonic.thermal.maths.fixture import measure_turns
-from agonic.thermal.maths.unseen_changes import PLAUSIBLE
+from agonic.thermal.maths.station_faults import PLAUSIBLE
 
 METHOD = ("nikolaev-2023", "huber-1981")
 OF_TURNS, OF_CHANGES, OF_DRIFT = "mackay-1992", "patterson-thompson-1971", "hoeting-1999"

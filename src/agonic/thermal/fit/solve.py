@@ -28,13 +28,14 @@ from agonic.thermal.maths.estimate import (
     estimate_by_magnitude,
     estimate_by_orientations,
 )
-from agonic.thermal.maths.station_faults import Faults, find_faults
-from agonic.thermal.maths.station_residuals import StationProblem, find_directions
-from agonic.thermal.maths.unseen_changes import (
+from agonic.thermal.maths.station_faults import (
     PLAUSIBLE,
+    Faults,
     allow_for_unseen_changes,
+    find_faults,
     measure_shown_change,
 )
+from agonic.thermal.maths.station_residuals import StationProblem, find_directions
 
 SIGNIFICANT = 1e-4
 """A term is kept when chance would make it this seldom."""

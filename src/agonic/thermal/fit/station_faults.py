@@ -9,7 +9,7 @@ import numpy as np
 from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
-from agonic.thermal.maths.fault_candidates import (
+from agonic.thermal.maths.fault_scores import (
     AGEING,
     ODD,
     SETTLING,
