@@ -8,6 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health import Finding
+from agonic.thermal.campaign.description import list_standard_stations
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.checks.boards import judge_boards
@@ -21,7 +22,6 @@ HELD_SHARE = 0.8
 _RATE_MIN = 5
 """Minutes over which a rate is measured: a chamber's control swings faster."""
 _CUT_SHARE = 0.97
-_STANDARD = 12
 
 
 def check_campaign(campaign: Campaign) -> tuple[Campaign, tuple[Finding, ...]]:
@@ -251,7 +251,8 @@ def _count_plateaus(course: Course, profile: Profile) -> int:
 
 def find_missing_stations(campaign: Campaign) -> list[Finding]:
     """Stations of the description that were not recorded."""
-    expected = campaign.description.numbers or tuple(range(1, _STANDARD + 1))
+    standard = tuple(station.number for station in list_standard_stations())
+    expected = campaign.description.numbers or standard
     left_out = sorted(set(expected) - set(campaign.stations))
     if not left_out:
         return []

@@ -120,7 +120,7 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
     if lag is not None and settings.rate is not True and not lag.kept:
         problem = problem._replace(phi=problem.phi[:, :-1], rate=False)
         whole = _estimate(problem, whole, whole.coefficients[:-3])
-    drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
+    drifting, ageing = _test_trends(readings, whole)
     faults = _find_faults(readings, problem, whole, settings)
     changed = max(settings.unseen_change_sd, measure_shown_change(whole))
     allowed, unseen = allow_for_unseen_changes(
@@ -232,36 +232,29 @@ def _test_rate(
     return _test_term(term, whole.covariance[-3:, -3:], ("temperature", "rate"), said, NO_LAG)
 
 
-def _test_drift(
-    readings: ChamberReadings, problem: StationProblem, whole: StationEstimate
-) -> _Term | None:
-    """Whether the chamber's field changed steadily."""
-    if problem.pace is None:
-        return None
-    scale = readings.scale
-    amount = figure(float(np.linalg.norm(whole.drift)) * (scale.magnitude or scale.size))
-    unit = readings.unit if scale.magnitude is None else "nT"
-    return _test_term(
-        whole.drift,
-        whole.drift_covariance,
-        ("constant", "drift"),
-        f"the chamber's field changed by {amount} {unit} from the first reading to the last",
-        "no sign that the chamber's field changed steadily",
+def _test_trends(
+    readings: ChamberReadings, whole: StationEstimate
+) -> tuple[_Term | None, _Term | None]:
+    """Whether the chamber's field changed steadily, and the bias of the sensor in its own axes."""
+    scale, unit = readings.scale, readings.unit
+    known = (scale.magnitude, "nT") if scale.magnitude else (scale.size, unit)
+    drift, ageing = (
+        _test_term(
+            term,
+            covariance,
+            ("constant", name),
+            f"{what} changed by {figure(float(np.linalg.norm(term)) * size)} {unit} from the first "
+            "reading to the last",
+            f"no sign that {what} changed steadily",
+        )
+        if len(term)
+        else None
+        for name, what, term, covariance, (size, unit) in (
+            ("drift", "the chamber's field", whole.drift, whole.drift_covariance, known),
+            ("ageing", "the bias", whole.ageing, whole.ageing_covariance, (scale.size, unit)),
+        )
     )
-
-
-def _test_ageing(readings: ChamberReadings, whole: StationEstimate) -> _Term | None:
-    """Whether the bias of the sensor changed steadily, in its own axes."""
-    if not len(whole.ageing):
-        return None
-    amount = figure(float(np.linalg.norm(whole.ageing)) * readings.scale.size)
-    return _test_term(
-        whole.ageing,
-        whole.ageing_covariance,
-        ("constant", "ageing"),
-        f"the bias changed by {amount} {readings.unit} from the first reading to the last",
-        "no sign that the bias changed steadily",
-    )
+    return drift, ageing
 
 
 def _test_term(

@@ -45,7 +45,7 @@ IMPLAUSIBLE = 0.015
 """Slow changes of the field that are larger, over the field, stand in for something else."""
 _ROUNDS = 25
 _FREE = 4
-_OUTLIER = 5.0
+OUTLIER = 5.0
 _LEAST_ANGLE = 1e-7  # rad: the prior of the fixture is never narrower than this
 
 
@@ -181,7 +181,7 @@ def _renew_slow_changes(
     covariance = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
     step = -covariance @ (z @ jacobian + expected @ by)
     least = z + jacobian @ step  # outliers stand out where the rest fits
-    limit = _OUTLIER * max(robust_scale(least), 1.0)
+    limit = OUTLIER * max(robust_scale(least), 1.0)
     kept, of = np.clip(least, -limit, limit), project_changes(problem, state)
     slow, axes = gaussian_process.estimate_process(
         of, kept, jacobian, (expected + by @ step, by), kinds

@@ -21,7 +21,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation import temperature_model
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import robust_scale
-from agonic.thermal.maths.estimate import IMPLAUSIBLE, StationEstimate
+from agonic.thermal.maths.estimate import IMPLAUSIBLE, OUTLIER, StationEstimate
 from agonic.thermal.maths.gaussian_process import (
     GaussianProcess,
     estimate_process,
@@ -109,7 +109,6 @@ LARGEST, LARGEST_CHANGE = 0.02, 0.05
 """A combination is tested whose standard error is below this of the field, or of half the range of
 temperatures: the readings hardly tell larger ones from the fit."""
 _NEW = 1e-3  # of its information: what must be left of a fault beside all else
-_OUTLIER = 5.0
 _PARTS = (16, 8, 4)  # of a station, over which memory is looked for
 
 
@@ -158,7 +157,7 @@ class LinearisedFit(NamedTuple):
         plain = new._replace(slow=GaussianProcess())
         (step, _), (z, rows) = plain.solve(), plain.whitened
         left = z + rows @ step
-        limit = _OUTLIER * max(robust_scale(left), 1.0)
+        limit = OUTLIER * max(robust_scale(left), 1.0)
         slow, _ = estimate_process(
             project_changes(self.problem, self.state),
             np.clip(left, -limit, limit),
@@ -283,7 +282,7 @@ def score_faults(fit: LinearisedFit, columns: list[Array]) -> tuple[Scores, list
     step, covariance = fit.solve()
     left = z + rows @ step
     scale = max(robust_scale(left), 1.0)
-    bounded = np.clip(left, -_OUTLIER * scale, _OUTLIER * scale)
+    bounded = np.clip(left, -OUTLIER * scale, OUTLIER * scale)
     slow, freedom = _measure_slow(fit, bounded, rows, covariance)
     shared = rows.T @ added
     moved = -covariance @ shared

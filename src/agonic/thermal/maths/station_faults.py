@@ -9,9 +9,9 @@ q is Rao's (1948) score statistic, χ² where there is no fault; how many faults
 counts. δ is what the coefficients would change by if the fault were in the model: by so much they
 may be wrong.
 
-Twelve magnitudes less nine numbers leave three: a field, or a gain, that is another from one station
-on looks in most of its parts like another calibration, and hardly shows. What little shows tells how
-much did not.
+Twelve magnitudes less nine numbers leave three: a field, or a gain, that is another from one
+station on looks in most of its parts like another calibration, and hardly shows. What little shows
+tells how much did not.
 """
 
 from __future__ import annotations
