@@ -117,7 +117,7 @@ def _judge_orientations(orientations: Orientations | None) -> Finding | None:
     """Described turns that the readings contradict."""
     if orientations is None or orientations.agree:
         return None
-    told = _CONTRADICTED[len(orientations.mistaken)]
+    told = OTHER_TURNS[len(orientations.mistaken)]
     message = told.message.format(
         stations=name_stations(orientations.mistaken),
         left=figure(orientations.left_deg),
@@ -126,7 +126,7 @@ def _judge_orientations(orientations: Orientations | None) -> Finding | None:
     return Finding(told.name, "check", f"{message}; only the magnitude was used", told.action)
 
 
-_CONTRADICTED = (
+OTHER_TURNS = (
     Told(
         "turns",
         "the readings do not fit the described turns of the stations: {rms}° are left",
@@ -172,30 +172,33 @@ def _judge_trends(fit: ThermalFit) -> list[Finding]:
         return []
     along = " along itself" if fit.drift is not None and len(fit.drift) == 1 else ""
     found = []
-    for told, trend, gain, unit in (
-        (_DRIFTED, fit.drift, 1.0, f"{c.unit_out}{along}"),
-        (_AGED, fit.ageing, c.mean_gain, c.unit_in),
+    for steady, change, gain, unit in (
+        (TRENDS["drift"], fit.drift, 1.0, f"{c.unit_out}{along}"),
+        (TRENDS["ageing"], fit.ageing, c.mean_gain, c.unit_in),
     ):
-        if trend is not None:
-            size = float(np.linalg.norm(trend))
+        if change is not None:
+            size = float(np.linalg.norm(change))
             large = size * gain > DRIFT_DOUBTFUL * c.magnitude
-            message = told.message.format(amount=f"{figure(size)} {unit}")
-            found.append(Finding(told.name, "check" if large else "note", message, told.action))
+            message = steady.message.format(amount=f"{figure(size)} {unit}")
+            found.append(Finding(steady.name, "check" if large else "note", message, steady.action))
     return found
 
 
-_DRIFTED = Told(
-    "field drifted",
-    "the chamber's field changed by {amount} from the first reading to the last; that was allowed "
-    "for",
-    "keep iron, vehicles and currents away from the chamber",
-)
-_AGED = Told(
-    "ageing",
-    "the bias changed by {amount} from the first reading to the last, in the axes of the sensor; "
-    "that was allowed for, and the calibration is that of the middle",
-    "let the sensor age at its highest temperature first, and calibrate again",
-)
+TRENDS = {
+    "drift": Told(
+        "field drifted",
+        "the chamber's field changed by {amount} from the first reading to the last; that was "
+        "allowed for",
+        "keep iron, vehicles and currents away from the chamber",
+    ),
+    "ageing": Told(
+        "ageing",
+        "the bias changed by {amount} from the first reading to the last, in the axes of the "
+        "sensor; that was allowed for, and the calibration is that of the middle",
+        "let the sensor age at its highest temperature first, and calibrate again",
+    ),
+}
+"""What is said of a field, or a bias, that changed steadily."""
 
 
 def _judge_scatter(fit: ThermalFit) -> Finding | None:
