@@ -151,8 +151,10 @@ def run_found(seed: int) -> list[list[float]]:
         replace(one, rot_nb=made.rotations[one.number] * Rotation.from_rotvec(error))
         for one, error in zip(made.description.stations, off, strict=True)
     )
-    result = calibrated(undescribed, drift=False)
-    known = calibrated(redescribed(made, stations=told), drift=False)
+    result, known = (
+        calibrated(campaign, drift=False, bin_width_C=2.0)
+        for campaign in (undescribed, redescribed(made, stations=told))
+    )
     assert (result.turns, result.verdict, known.turns) == ("found", "good", "known")
     levels, rows = np.linspace(-10.0, 50.0, 13), []
     seen = [made.rotations[n].inv().apply(made.field_n(np.zeros(1))[0]) for n in range(1, 13)]
