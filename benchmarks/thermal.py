@@ -17,8 +17,7 @@ from agonic import Reference
 from agonic.thermal.fit.fit import fit_binned, fit_thermal
 from agonic.thermal.fit.readings import Facts
 from agonic.thermal.maths.binned_sums import Binned
-from agonic.thermal.simulation.campaign import simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 from benchmarks import tables
 
 Array = NDArray[np.float64]

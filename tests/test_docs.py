@@ -23,6 +23,7 @@ from agonic.cli import COMMANDS
 from agonic.model.terms import HIDDEN
 from agonic.model.terms.time import STEP
 from agonic.samples import Logged
+from agonic.thermal.fit.evidence import OTHER_TURNS, TRENDS
 from agonic.thermal.fit.station_faults import TOLD
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -88,6 +89,8 @@ def test_every_command_is_explained(command: str) -> None:
 
 TOLD_BESIDE = {"prior"}
 """Doubts of the heading that become notes beside a graver one."""
+CHAMBER = {"told.name": (*TOLD.values(), *OTHER_TURNS), "steady.name": (*TRENDS.values(),)}
+"""The rows of tables of findings, by how their names stand where they are said."""
 JUDGED = {term.name for term in HIDDEN} | {STEP.name, "ripple", "coverage", "noise with memory"}
 
 
@@ -104,9 +107,9 @@ def findings_in_the_source() -> dict[str, set[str]]:
                 if ast.unparse(node.args[0]) in {"one.term.name", "name"}:  # terms and doubts
                     found |= {name: {"note", "check", "refuse"} for name in JUDGED}
                     continue
-                if ast.unparse(node.args[0]) == "told.name":  # a table of a chamber's faults
-                    for fault in TOLD.values():
-                        found.setdefault(fault.name, set()).add("check")
+                if rows := CHAMBER.get(ast.unparse(node.args[0])):
+                    for row in rows:
+                        found.setdefault(row.name, set()).update(choices(node.args[1]))
                     continue
                 names, severities = map(set, map(choices, node.args[:2]))
                 severities |= {"note"} if names & TOLD_BESIDE else set()

@@ -12,8 +12,7 @@ from agonic.thermal.checks.programme import check_campaign
 from agonic.thermal.common_mode import FittedSensor, find_chamber_field
 from agonic.thermal.fit.readings import sum_readings
 from agonic.thermal.result import CalibratedCampaign
-from agonic.thermal.simulation.campaign import SimulatedCampaign, simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 
 RANGE = np.linspace(-10.0, 50.0, 61)
 

@@ -12,8 +12,7 @@ from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.files.read import read_campaign
 from agonic.thermal.files.schema import read_description
 from agonic.thermal.files.write import write_campaign
-from agonic.thermal.simulation.campaign import SimulatedCampaign, simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign, simulate_campaign
 
 SENSORS = "2xMMC5883MA,MPU-9255"
 

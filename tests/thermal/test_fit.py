@@ -12,8 +12,7 @@ from agonic.thermal.fit.fit import fit_binned, fit_thermal
 from agonic.thermal.fit.readings import Facts
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.stations import list_standard_rotations
-from agonic.thermal.simulation.campaign import simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 from tests.thermal.chambers import FIELD, KNOWN, campaign, efficient, nine
 from tests.thermal.coil import simulate_thermal_coil
 

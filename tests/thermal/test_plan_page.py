@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.thermal.campaign.standard import list_standard_stations
+from agonic.thermal.campaign.description import list_standard_stations
+from agonic.thermal.maths.stations import FACES
 from agonic.thermal.plan.document import describe_plan
-from agonic.thermal.plan.figures import FACES, draw_pose, draw_profile
+from agonic.thermal.plan.figures import draw_pose, draw_profile
 from agonic.thermal.plan.plan import plan_thermal
 
 SENSORS = "2xMMC5883MA,3xMPU-9255"
@@ -33,7 +34,7 @@ def centre(drawing: str, face: str) -> np.ndarray:
 def test_each_drawing_shows_what_is_up_and_what_looks_to_the_door_and_left(station) -> None:
     def face(chamber):
         seen = station.rot_nb.apply(np.array(chamber, float), inverse=True).round().astype(int)
-        return next(name for name, normal in FACES if tuple(seen) == normal)
+        return FACES[tuple(seen.tolist())].removesuffix(" side")
 
     up, door, left = face([0, 0, -1]), face([-1, 0, 0]), face([0, -1, 0])
     drawing = draw_pose(station.rot_nb, station.pose)

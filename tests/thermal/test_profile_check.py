@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.checks.programme import check_campaign
 from agonic.thermal.plan.plan import plan_thermal
-from agonic.thermal.simulation.campaign import simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 
 SENSORS = "2xMMC5883MA,MPU-9255"
 
@@ -76,19 +74,6 @@ def test_stuck_for_a_while_at_one_station(clean) -> None:
     assert 5 in usable.recordings["MMC5883MA-1"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("pair", [(4, 9), (1, 2), (11, 12)])
-def test_swapped_stations(pair) -> None:
-    _, found = checked(faults=Faults(swapped=pair))
-    assert f"stations {pair[0]}, {pair[1]} look swapped" in found["swapped stations"].what
-
-
-def test_a_chamber_that_drifted() -> None:
-    for seed in range(4):
-        made = simulate_campaign(SENSORS, rate_Hz=0.1, seed=seed, faults=Faults(drift=5000.0))
-        assert "field drifted" in {f.name for f in check_campaign(made.campaign)[1]}
-
-
 def test_a_recording_that_ends_early() -> None:
     usable, found = checked(faults=Faults(truncated=(6,)))
     assert "station 6 ends after 1 h 36 min of 4 h 00 min" in found["ends early"].what
@@ -133,19 +118,6 @@ def test_a_station_that_was_held_too_briefly_was_not_cut(clean, where: str, minu
     assert abs(held - minutes) <= 2  # the hold was cut out of the middle: steps of the course
 
 
-@pytest.mark.slow
-def test_own_turns_are_not_called_swapped(clean) -> None:
-    """Stations turned in an own way: no exchange of two of them explains the readings."""
-    turns = Rotation.random(12, rng=np.random.default_rng(1)).as_matrix()
-
-    def change(number, samples):
-        return samples.with_columns(field=samples.field @ turns[number - 1])
-
-    found = {f.name for f in check_campaign(with_samples(clean, change))[1]}
-    assert "swapped stations" not in found
-    assert "turns" in found
-
-
 def test_a_range_that_was_not_reached() -> None:
     plan = plan_thermal(SENSORS, range_C=(0, 40), rate_Hz=0.1)
     campaign = simulate_campaign(plan).campaign
@@ -184,22 +156,6 @@ def test_the_ramps_are_no_part_of_a_hold(minutes: float, cooling: float) -> None
         assert found == pytest.approx(minutes, abs=1.0)
 
 
-def test_own_positions_that_nobody_described_are_a_note(clean) -> None:
-    """A laboratory turns the box as it likes: nothing is wrong with that."""
-    turns = Rotation.random(12, rng=np.random.default_rng(1)).as_matrix()
-
-    def change(number, samples):
-        return samples.with_columns(field=samples.field @ turns[number - 1])
-
-    own = with_samples(clean, change)
-    own = replace(own, description=replace(own.description, assumed=True))
-    _, findings = check_campaign(own)
-    assert [f.name for f in findings if f.severity != "note"] == []
-    said = next(f for f in findings if f.name == "turns")
-    assert "only the magnitude is used" in said.what
-    assert not said.move
-
-
 def test_a_smooth_heating_is_noted_where_steps_were_planned() -> None:
     plan = plan_thermal(SENSORS, profile=Profile(step_hold_min=0.0), rate_Hz=0.1)
     campaign = simulate_campaign(plan).campaign
@@ -222,29 +178,6 @@ def test_gaps(clean) -> None:
     said = next(f for f in findings if f.name == "recording gaps")
     assert said.severity == "check"
     assert "station 8" in said.what
-
-
-def test_a_box_that_stood_askew(clean) -> None:
-    askew = [
-        replace(s, rot_nb=s.rot_nb * type(s.rot_nb).from_rotvec([0.0, 0.25, 0.0]))
-        if s.number == 7
-        else s
-        for s in clean.description.stations
-    ]
-    told = replace(clean.description, stations=tuple(askew))
-    _, findings = check_campaign(replace(clean, description=told))
-    said = next(f for f in findings if f.name == "fixture")
-    assert "station 7" in said.what
-
-
-def test_a_sensor_mounted_otherwise_on_the_board_is_understood(clean) -> None:
-    axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # as in an MPU-9255
-
-    def change(number, samples):
-        return samples.with_columns(field=samples.field @ axes.T)
-
-    _, findings = check_campaign(with_samples(clean, change))
-    assert [f.name for f in findings if f.severity != "note"] == []
 
 
 def test_sensors_without_a_temperature_are_left_out(clean) -> None:

@@ -9,8 +9,7 @@ from agonic.errors import AgonicError
 from agonic.simulation.thermal import random_drifting
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.plan.plan import plan_thermal
-from agonic.thermal.simulation.campaign import simulate_campaign
-from agonic.thermal.simulation.faults import Faults
+from agonic.thermal.simulation.campaign import Faults, simulate_campaign
 from tests.thermal.coil import simulate_thermal_coil
 
 QUIET = {

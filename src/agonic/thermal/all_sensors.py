@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from scipy.spatial.transform import Rotation
 
@@ -16,7 +17,7 @@ from agonic.health import Finding
 from agonic.reference import Reference
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.checks.programme import check_campaign
-from agonic.thermal.common_mode import FittedSensor, find_chamber_field
+from agonic.thermal.common_mode import FittedSensor, combine_positions, find_chamber_field
 from agonic.thermal.cross_validation import cross_validate as tested
 from agonic.thermal.fit.fit import fit_binned
 from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
@@ -25,17 +26,24 @@ from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.names import name_stations
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
-OrientationChoice = Literal["auto", "known", "unknown"]
-Rotations = Mapping[int, Rotation] | Literal["unknown"]
-CONTRADICTED = ("swapped stations", "turns")
-"""Findings after which the described orientations are not used."""
+OrientationChoice = Literal["auto", "known", "found", "unknown"]
+Rotations = Mapping[int, Rotation] | Literal["unknown", "found"]
+CONTRADICTED = ("swapped stations", "turns", "fixture")
+"""Findings of a fit that the readings kept from the described orientations."""
+NOT_STANDARD = Finding(
+    "turns",
+    "note",
+    "nobody described how the stations stood, and they are not the standard ones: their turns were "
+    "found from the readings",
+)
 
 
 class _Task(NamedTuple):
-    """What is to be done with every sensor."""
+    """What is to be done with every sensor; `assumed` where nobody described the stations."""
 
     reference: Reference | None
     stations: Rotations
+    assumed: bool
     settings: Mapping[str, Any]
     held_out: bool
 
@@ -64,8 +72,9 @@ def calibrate_campaign(
     Parameters
     ----------
     campaign : as `read_campaign` gives it.
-    turns : "known" uses the described orientations of the stations, "unknown" the magnitude alone;
-        "auto" the orientations where they are described and the readings do not contradict them.
+    turns : "known" uses the described orientations of the stations, "found" those that the readings
+        show, "unknown" the magnitude alone; "auto" the described ones where the readings do not
+        contradict them, and where nobody described any those that are found.
     magnitude : of the chamber's field, nT; default: that of the description.
     only : names of sensors; default: all. settings : further ones of `fit_thermal`.
     held_out : also fit every sensor without some of the stations, and try the result on those.
@@ -84,27 +93,37 @@ def calibrate_campaign(
     >>> [(sensor.name, sensor.verdict) for sensor in result.sensors]
     [('MMC5883MA', 'good')]
     """
-    check_choice("turns", turns, ("auto", "known", "unknown"))
+    check_choice("turns", turns, get_args(OrientationChoice))
     settings = {"fixture_sd_deg": campaign.description.fixture_sd_deg, **settings}
     Settings(**settings)  # a setting that cannot be is no reason to refuse every sensor
     usable, findings = check_campaign(campaign)
-    stations, reason = _choose_orientations(turns, usable, findings)
+    stations, reason = _choose_orientations(turns, usable)
     given = magnitude or campaign.description.magnitude
     reference = None if given is None else Reference.constant(given, source="the chamber")
     names = _choose_sensors(campaign, only)
-    task = _Task(reference, stations, settings, held_out)
+    task = _Task(reference, stations, usable.description.assumed, settings, held_out)
     with _open_pool(min(workers, len(names))) as pool:
         each = map if pool is None else pool.map
         fits = each(partial(_fit_sensor, task), (_sum_sensor(task, usable, name) for name in names))
         made = [one for _, one in zip(progress(names) if progress else names, fits, strict=True)]
     seen = {sensor.name: one for sensor, one in made if one is not None}
+    sensors, against = [sensor for sensor, _ in made], list[Finding]()
+    kinds = {sensor.fit.reference_kind for sensor in sensors if sensor.fit}
+    used = "found" if "positions" in kinds else "known" if "turns" in kinds else "unknown"
+    if not isinstance(stations, str) and kinds - {"turns"}:
+        sensors, against = _find_contradictions(sensors)
+        whose = "standard" if task.assumed else "described"
+        reason = f"the readings contradict the {whose} turns of the stations"
+        used = "found" if task.assumed else "unknown"
+    positions, moved = combine_positions([one.fit for one in seen.values()])
     return CalibratedCampaign(
         campaign=usable,
-        findings=findings,
-        turns="unknown" if stations == "unknown" else "known",
+        findings=(*findings, *([NOT_STANDARD] if task.assumed and against else against), *moved),
+        turns=used,
         reason=reason,
-        sensors=tuple(sensor for sensor, _ in made),
+        sensors=tuple(sensors),
         chamber_field=find_chamber_field(seen, None if isinstance(stations, str) else stations),
+        positions=positions,
     )
 
 
@@ -117,25 +136,35 @@ def _choose_sensors(campaign: Campaign, only: Iterable[str]) -> list[str]:
     return wanted
 
 
-def _choose_orientations(
-    turns: str, campaign: Campaign, findings: tuple[Finding, ...]
-) -> tuple[Mapping[int, Rotation] | Literal["unknown"], str]:
+def _choose_orientations(turns: str, campaign: Campaign) -> tuple[Rotations, str]:
     """How the stations are turned, for `fit_thermal`, and why."""
     rotations = campaign.description.rotations
     if turns == "unknown":
         return "unknown", "the magnitude alone was asked for"
+    if turns == "known" and rotations is None:
+        raise AgonicError(
+            f"{_name_undescribed(campaign)} not described: give roll_deg, pitch_deg and "
+            "heading_deg of every [[station]] in campaign.toml"
+        )
+    if turns == "found":
+        return "found", "turns that the readings show were asked for"
     if rotations is None:
-        if turns == "known":
-            raise AgonicError(
-                f"{_name_undescribed(campaign)} not described: give roll_deg, pitch_deg and "
-                "heading_deg of every [[station]] in campaign.toml"
-            )
-        return "unknown", f"{_name_undescribed(campaign)} not described"
-    against = [finding.name for finding in findings if finding.name in CONTRADICTED]
-    if against and turns == "auto":
-        given = "standard" if campaign.description.assumed else "described"
-        return "unknown", f"the readings contradict the {given} turns of the stations"
+        return "found", f"{_name_undescribed(campaign)} not described"
     return rotations, "the turns of the stations are described"
+
+
+def _find_contradictions(
+    sensors: Sequence[CalibratedSensor],
+) -> tuple[list[CalibratedSensor], list[Finding]]:
+    """What sensors say against the description, each thing once, and the sensors without it."""
+    against: dict[str, Finding] = {}
+    left = []
+    for sensor in sensors:
+        for finding in sensor.fit.findings if sensor.fit else ():
+            if finding.name in CONTRADICTED:
+                against.setdefault(finding.name, finding)
+        left.append(sensor.without(CONTRADICTED))
+    return left, list(against.values())
 
 
 def _name_undescribed(campaign: Campaign) -> str:
@@ -176,16 +205,22 @@ def _fit_sensor(
     if summed.cells is None:
         return CalibratedSensor(name=summed.name, refused=summed.refused), None
     sums, facts, found = summed.cells
-    settings = {**task.settings, "stations": task.stations}
+    turns, settings = task.stations, task.settings
     try:
-        fit = fit_binned(sums, facts, task.reference, found=found, **settings)
+        fit = fit_binned(sums, facts, task.reference, found=found, stations=turns, **settings)
+        if task.assumed and fit.reference_kind == "magnitude":
+            turns = "found"
+            again = fit_binned(sums, facts, task.reference, found=found, stations=turns, **settings)
+            against = tuple(each for each in fit.findings if each.name in CONTRADICTED)
+            fit = replace(again, findings=(*again.findings, *against))
     except AgonicError as error:
         return CalibratedSensor(name=summed.name, refused=f"{error}."), None
     if fit.verdict == "refused":
         return CalibratedSensor(name=summed.name, fit=fit), None
     unseen = None
     if task.held_out:
-        unseen = tested(sums, facts, task.reference, fit, task.stations, task.settings)
+        turns = "unknown" if fit.reference_kind == "magnitude" else turns
+        unseen = tested(sums, facts, task.reference, fit, turns, settings)
     return CalibratedSensor(name=summed.name, fit=fit, held_out=unseen), FittedSensor(
         fit, sums.cells()
     )

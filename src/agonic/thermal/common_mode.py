@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,8 +10,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index
-from agonic.thermal.fit.result import ThermalFit
+from agonic.health import Finding, figure
+from agonic.thermal.fit.result import Positions, ThermalFit
 from agonic.thermal.maths.binned_sums import Cells
+from agonic.thermal.names import name_stations
 from agonic.units import RAW
 
 
@@ -63,6 +65,48 @@ def _own(product: Array, between: float) -> Array:
     apart = size[:, None] + size[None, :] - 2 * product
     total = apart.sum() / (2 * (s - 1))
     return np.asarray((apart.sum(axis=1) - total) / (s - 2))
+
+
+_DISAGREE_SD, _DISAGREE_DEG = 5.0, 0.5
+"""Turns of two sensors in one fixture differ that are further apart: by chance one in a million,
+and by what a box gives where it is set down."""
+
+
+def combine_positions(fits: Sequence[ThermalFit]) -> tuple[Positions | None, list[Finding]]:
+    """The turns that all sensors of a fixture show, and stations at which they do not agree.
+
+    An angle between two directions is the same in the axes of every sensor; directions are those
+    that the best-known sensor saw.
+    """
+    found = [fit.positions for fit in fits if fit.positions is not None]
+    if not found:
+        return None, []
+    best = min(found, key=lambda one: max(one.turn_sd_deg.values()))
+    turns, sds, odd = {}, {}, {}
+    for number in best.turn_deg:
+        seen = [one for one in found if number in one.turn_deg]
+        turn = np.array([one.turn_deg[number] for one in seen])
+        sd = np.maximum([one.turn_sd_deg[number] for one in seen], 1e-9)
+        turns[number] = float(np.average(turn, weights=sd**-2))
+        sds[number] = float(np.sum(sd**-2) ** -0.5)
+        apart = np.abs(turn - best.turn_deg[number])
+        limit = np.hypot(sd, best.turn_sd_deg[number]) * _DISAGREE_SD
+        if (apart > np.maximum(limit, _DISAGREE_DEG)).any():
+            odd[number] = float(apart.max())
+    first = next(iter(turns))
+    sds[first] = 0.0
+    positions = Positions(direction=best.direction, turn_deg=turns, turn_sd_deg=sds)
+    if not odd:
+        return positions, []
+    return positions, [
+        Finding(
+            "fixture",
+            "check",
+            f"the sensors do not agree how far the box was turned at {name_stations(odd)}: "
+            f"{figure(max(odd.values()))}° lie between them",
+            "see whether a sensor moved in the fixture between the stations",
+        )
+    ]
 
 
 CHAMBER = ("back", "right", "down")

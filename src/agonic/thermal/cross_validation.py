@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
@@ -17,6 +16,7 @@ from agonic.reference import Reference
 from agonic.thermal.fit.fit import fit_binned
 from agonic.thermal.fit.readings import Facts
 from agonic.thermal.fit.result import Spread, ThermalFit
+from agonic.thermal.fit.settings import Stations
 from agonic.thermal.fit.spread import compute_spread
 from agonic.thermal.maths.binned_sums import Binned, Cells
 from agonic.thermal.maths.ellipsoids import FEWEST
@@ -66,7 +66,7 @@ def cross_validate(
     facts: Facts,
     reference: Reference | None,
     fit: ThermalFit,
-    stations: Mapping[int, Rotation] | Literal["unknown"],
+    stations: Stations,
     settings: Mapping[str, Any],
 ) -> HeldOut | None:
     """Fit again without each fold of stations, and try the result on those.
@@ -88,7 +88,7 @@ def cross_validate(
     for fold in range(FOLDS):
         without = numbers[fold::FOLDS]
         kept = [number for number in numbers if number not in without]
-        if stations == "unknown" and len(kept) < FEWEST:
+        if isinstance(stations, str) and len(kept) < FEWEST:
             continue
         calibration = _fit_part(sums.part(kept, coarser), facts, reference, stations, chosen)
         if calibration is not None:
@@ -119,7 +119,7 @@ def _fit_part(
     sums: Binned,
     facts: Facts,
     reference: Reference | None,
-    stations: Mapping[int, Rotation] | Literal["unknown"],
+    stations: Stations,
     settings: Mapping[str, Any],
 ) -> Thermal | None:
     """A calibration from some stations; `None` where they are too few."""

@@ -1,8 +1,9 @@
-"""Stations by number, in words."""
+"""What is said of stations: their numbers in words, and rows of tables of findings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 
 def join_numbers(numbers: Iterable[int]) -> str:
@@ -32,3 +33,11 @@ def name_stations(numbers: Iterable[int]) -> str:
     """
     given = set(numbers)
     return f"station{'s' if len(given) > 1 else ''} {join_numbers(given)}"
+
+
+class Told(NamedTuple):
+    """What is said of a kind of fault: the finding's name, its message, and what to do."""
+
+    name: str
+    message: str
+    action: str

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 
 from agonic.health import Finding, sentences
 from agonic.readable import Readable
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.cross_validation import HeldOut
-from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.fit.result import Positions, ThermalFit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,6 +31,13 @@ class CalibratedSensor(Readable):
         """What was seen of the sensor: by the fit, then by the test on stations left out."""
         own = () if self.fit is None else self.fit.findings
         return own if self.held_out is None else (*own, *self.held_out.findings)
+
+    def without(self, names: Collection[str]) -> CalibratedSensor:
+        """The sensor without the findings of its fit that have these names."""
+        if self.fit is None:
+            return self
+        kept = tuple(finding for finding in self.fit.findings if finding.name not in names)
+        return replace(self, fit=replace(self.fit, findings=kept))
 
     @property
     def verdict(self) -> str:
@@ -54,7 +62,8 @@ class CalibratedCampaign(Readable):
     `campaign` is what could be used of it, `findings` what was not as planned; `turns` "known"
     where the fits used the orientations of the stations, `reason` why. `chamber_field` is what
     several sensors saw alike while the stations were recorded; `None` without clocks or with fewer
-    than two sensors.
+    than two sensors. `positions` are the turns of the stations where they were found from the
+    readings, of all sensors together.
     """
 
     campaign: Campaign
@@ -63,6 +72,7 @@ class CalibratedCampaign(Readable):
     reason: str
     sensors: tuple[CalibratedSensor, ...] = field(default_factory=tuple)
     chamber_field: ChamberField | None = None
+    positions: Positions | None = None
 
     def _say(self) -> list[str]:
         """The verdict of each sensor."""

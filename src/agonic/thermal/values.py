@@ -11,7 +11,7 @@ from agonic.calibration.decomposition import decompose_at, expand_in_temperature
 from agonic.calibration.thermal import Thermal
 from agonic.thermal import tables
 from agonic.thermal.checks.boards import list_boards
-from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.fit.result import Positions, ThermalFit
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
 
@@ -23,6 +23,7 @@ def list_campaign_values(result: CalibratedCampaign) -> dict[str, Any]:
         "reason": result.reason,
         "stations": result.campaign.stations,
         "rows": result.campaign.rows,
+        "positions": result.positions and _list_positions(result.positions),
         "boards": [board._asdict() for board in list_boards(result.campaign)],
         "chamber_field": chamber
         and {
@@ -33,6 +34,17 @@ def list_campaign_values(result: CalibratedCampaign) -> dict[str, Any]:
                 for share in chamber.shares
             },
         },
+    }
+
+
+def _list_positions(positions: Positions) -> dict[str, Any]:
+    return {
+        str(number): {
+            "turn_deg": turn,
+            "sd_deg": positions.turn_sd_deg[number],
+            "field_direction": positions.direction[number],
+        }
+        for number, turn in positions.turn_deg.items()
     }
 
 

@@ -195,9 +195,13 @@ def test_mounting_and_exchanged_stations_are_found() -> None:
     order = np.arange(12)
     order[[2, 9]] = 9, 2
     assert fixture.find_mounting(seen[order], list_standard_rotations()).rms > np.radians(10)
-    swap = fixture.find_exchanged_directions(seen[order], list_standard_rotations())
-    assert (swap.first, swap.second) == (2, 9)
-    assert swap.rms < np.radians(1)
+    swapped, left = fixture.find_mistake(seen[order], list_standard_rotations())
+    assert swapped == (2, 9)
+    assert left < np.radians(1)
+    seen[4] = -seen[4]
+    alone, left = fixture.find_mistake(seen, list_standard_rotations())
+    assert alone == (4,)
+    assert left < np.radians(1)
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ def fit_chamber(
         list[str] | None, typer.Option("--sensor", "-s", help="Only this one; may be repeated.")
     ] = None,
     stations: Annotated[
-        str, typer.Option(help="Turns of the stations: auto, known or unknown.")
+        str, typer.Option(help="Turns of the stations: auto, known, found or unknown.")
     ] = "auto",
     known_turns: Annotated[
         bool, typer.Option("--known-turns", help="The same as --stations known.")

@@ -12,8 +12,7 @@ from agonic.console.options import Json
 from agonic.console.simulation_options import Folder, Format, Seed
 
 if TYPE_CHECKING:
-    from agonic.thermal.simulation.campaign import SimulatedCampaign
-    from agonic.thermal.simulation.faults import Faults
+    from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign
 
 FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
 """How each fault is written."""
@@ -81,7 +80,7 @@ def parse_faults(words: list[str]) -> Faults:
     (3, 7)
     """
     from agonic.errors import AgonicError
-    from agonic.thermal.simulation.faults import Faults
+    from agonic.thermal.simulation.campaign import Faults
 
     given: dict[str, Any] = {}
     for word in words:

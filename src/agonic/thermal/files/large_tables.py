@@ -1,13 +1,12 @@
 """Large tables of a climatic chamber: read fast where they are clean, tolerantly where not.
 
-A clean comma-separated table goes through pyarrow, or NumPy where that is not installed; anything
-odd in it (words among numbers, other separators) sends the file to the reader of all text tables.
+A clean comma-separated table goes through pyarrow, where that is installed; anything odd in it
+(words among numbers, other separators) sends the file to the reader of all text tables.
 """
 
 from __future__ import annotations
 
 import csv
-import warnings
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -32,9 +31,6 @@ WANTED = ("time", "date", "epoch", "field", "temperature", "station", "sensor")
 _LABELS = ("sensor",)
 _TIMES = ("time", "date")
 _HEAD_BYTES = 65536
-_LABEL = 48
-"""Bytes of a label that the fast reader without pyarrow holds."""
-_PIECE = 400_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +120,7 @@ def _read_clean_table(path: Path, head: bytes) -> tuple[Table, tuple[str, ...]] 
     try:
         return _read_by_pyarrow(path, header, wanted)
     except ImportError:
-        return _read_by_numpy(path, wanted)
+        return None
 
 
 def _read_by_pyarrow(
@@ -173,44 +169,3 @@ def _decode_labels(column: Any) -> NDArray[Any]:
     whole = column.combine_chunks().dictionary_encode()
     names = np.array([str(name) for name in whole.dictionary.to_pylist()], dtype=object)
     return np.asarray(names[whole.indices.fill_null(0).to_numpy(zero_copy_only=False)])
-
-
-def _read_by_numpy(path: Path, wanted: dict[int, str]) -> tuple[Table, tuple[str, ...]] | None:
-    """The same without pyarrow, some rows at a time."""
-    quantity = find_quantities(wanted.values())
-    kinds = [
-        (f"{at}", f"S{_LABEL}" if quantity[n] in _LABELS else "f8") for at, n in wanted.items()
-    ]
-    pieces: dict[str, list[NDArray[Any]]] = {name: [] for name in wanted.values()}
-    known: dict[bytes, str] = {}
-    with path.open(encoding="utf-8-sig") as stream, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a last piece without rows
-        next(stream)
-        while True:
-            try:
-                rows = np.loadtxt(
-                    stream,
-                    dtype=kinds,
-                    delimiter=",",
-                    usecols=list(wanted),
-                    comments=None,
-                    ndmin=1,
-                    max_rows=_PIECE,
-                )
-            except (ValueError, UnicodeDecodeError):
-                return None
-            for (at, kind), name in zip(kinds, wanted.values(), strict=True):
-                values = rows[at]
-                pieces[name].append(values.copy() if kind == "f8" else _decode_texts(values, known))
-            if len(rows) < _PIECE:
-                break
-    if any(len(label) == _LABEL for label in known):
-        return None  # perhaps cut
-    return {name: np.concatenate(parts) for name, parts in pieces.items()}, ()
-
-
-def _decode_texts(values: NDArray[Any], known: dict[bytes, str]) -> NDArray[Any]:
-    """Labels as Python strings, each made once."""
-    listed = values.tolist()
-    known.update({label: label.decode("latin-1") for label in set(listed) - known.keys()})
-    return np.array(list(map(known.__getitem__, listed)), dtype=object)

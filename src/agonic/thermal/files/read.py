@@ -6,9 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
-from agonic.thermal.campaign.description import Description
+from agonic.thermal.campaign.description import Description, list_standard_stations
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.campaign.standard import list_standard_stations
 from agonic.thermal.files.gather import GatheredFiles
 from agonic.thermal.files.large_tables import read_recording
 from agonic.thermal.files.schema import FILE_NAME, read_description

@@ -50,10 +50,14 @@ from agonic.errors import LogError
 from agonic.files.toml_sections import read_section, read_toml, try_to_make
 from agonic.logs.headers.column_names import parse_names
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.thermal.campaign.description import Description, Station, find_repeated
+from agonic.thermal.campaign.description import (
+    Description,
+    Station,
+    find_repeated,
+    list_standard_stations,
+)
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor
-from agonic.thermal.campaign.standard import list_standard_stations
 from agonic.units import find_unit
 
 FILE_NAME = "campaign.toml"

@@ -13,7 +13,7 @@ from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.fit.scale import find_narrow_range
 from agonic.thermal.fit.solve import Orientations
 from agonic.thermal.maths.binned_sums import Binned
-from agonic.thermal.names import name_stations
+from agonic.thermal.names import Told, name_stations
 
 UNKNOWN = 0.005  # of the field: a coefficient with a larger standard error is not determined
 REFUSED = 0.05
@@ -44,8 +44,7 @@ def judge_fit(
         *find_narrow_range(readings.scale.low_C, readings.scale.high_C, "cool and heat"),
         _judge_orientations(orientations),
         _judge_odd(fit, fixture_sd_deg),
-        _judge_drift(fit),
-        _judge_ageing(fit),
+        *_judge_trends(fit),
         _judge_scatter(fit),
         _judge_hysteresis(fit),
         _judge_anomalies(fit, sums),
@@ -118,23 +117,35 @@ def _judge_orientations(orientations: Orientations | None) -> Finding | None:
     """Described turns that the readings contradict."""
     if orientations is None or orientations.agree:
         return None
-    rms = f"{figure(orientations.rms_deg)}°"
-    if orientations.exchange is not None:
-        return Finding(
-            "swapped stations",
-            "check",
-            f"{name_stations(orientations.exchange)} look exchanged in the description: with them "
-            f"exchanged the directions fit the turns to {figure(orientations.exchanged_rms_deg)}°, "
-            f"as described only to {rms}; only the magnitude was used",
-            "exchange them in the description and fit again",
-        )
-    return Finding(
-        "turns",
-        "check",
-        f"the readings do not fit the described turns of the stations: {rms} are left; only the "
-        "magnitude was used",
-        "check how the box stood at each station",
+    told = OTHER_TURNS[len(orientations.mistaken)]
+    message = told.message.format(
+        stations=name_stations(orientations.mistaken),
+        left=figure(orientations.left_deg),
+        rms=figure(orientations.rms_deg),
     )
+    return Finding(told.name, "check", f"{message}; only the magnitude was used", told.action)
+
+
+OTHER_TURNS = (
+    Told(
+        "turns",
+        "the readings do not fit the described turns of the stations: {rms}° are left",
+        "check how the box stood at each station",
+    ),
+    Told(
+        "fixture",
+        "{stations} did not stand as described: without it the directions fit the turns to "
+        "{left}°, with it only to {rms}°",
+        "check how the box stood there, and describe it or leave the station out",
+    ),
+    Told(
+        "swapped stations",
+        "{stations} look exchanged in the description: with them exchanged the directions fit the "
+        "turns to {left}°, as described only to {rms}°",
+        "exchange them in the description and fit again",
+    ),
+)
+"""What is said of turns that the readings contradict, by how many stations explain it."""
 
 
 def _judge_odd(fit: ThermalFit, fixture_sd_deg: float) -> Finding | None:
@@ -154,59 +165,64 @@ def _judge_odd(fit: ThermalFit, fixture_sd_deg: float) -> Finding | None:
     )
 
 
-def _judge_drift(fit: ThermalFit) -> Finding | None:
-    if fit.drift is None or fit.calibration.magnitude is None:
-        return None
-    size = float(np.linalg.norm(fit.drift))
-    share = size / fit.calibration.magnitude
-    along = " along itself" if len(fit.drift) == 1 else ""
-    return Finding(
+def _judge_trends(fit: ThermalFit) -> list[Finding]:
+    """A field, or a bias, that changed steadily."""
+    c = fit.calibration
+    if c.magnitude is None:
+        return []
+    along = " along itself" if fit.drift is not None and len(fit.drift) == 1 else ""
+    found = []
+    for steady, change, gain, unit in (
+        (TRENDS["drift"], fit.drift, 1.0, f"{c.unit_out}{along}"),
+        (TRENDS["ageing"], fit.ageing, c.mean_gain, c.unit_in),
+    ):
+        if change is not None:
+            size = float(np.linalg.norm(change))
+            large = size * gain > DRIFT_DOUBTFUL * c.magnitude
+            message = steady.message.format(amount=f"{figure(size)} {unit}")
+            found.append(Finding(steady.name, "check" if large else "note", message, steady.action))
+    return found
+
+
+TRENDS = {
+    "drift": Told(
         "field drifted",
-        "check" if share > DRIFT_DOUBTFUL else "note",
-        f"the chamber's field changed by {figure(size)} {fit.calibration.unit_out}{along} from the "
-        "first reading to the last; that was allowed for",
+        "the chamber's field changed by {amount} from the first reading to the last; that was "
+        "allowed for",
         "keep iron, vehicles and currents away from the chamber",
-    )
-
-
-def _judge_ageing(fit: ThermalFit) -> Finding | None:
-    if fit.ageing is None or fit.calibration.magnitude is None:
-        return None
-    size = float(np.linalg.norm(fit.ageing))
-    share = size * fit.calibration.mean_gain / fit.calibration.magnitude
-    return Finding(
+    ),
+    "ageing": Told(
         "ageing",
-        "check" if share > DRIFT_DOUBTFUL else "note",
-        f"the bias changed by {figure(size)} {fit.calibration.unit_in} from the first reading to "
-        "the last, in the axes of the sensor; that was allowed for, and the calibration is that of "
-        "the middle",
+        "the bias changed by {amount} from the first reading to the last, in the axes of the "
+        "sensor; that was allowed for, and the calibration is that of the middle",
         "let the sensor age at its highest temperature first, and calibrate again",
-    )
+    ),
+}
+"""What is said of a field, or a bias, that changed steadily."""
 
 
 def _judge_scatter(fit: ThermalFit) -> Finding | None:
     """A field that changed slowly, or means of bins that scatter beyond the noise."""
-    if fit.calibration.magnitude is None or fit.excess == fit.field_sd == 0.0:
+    c, limit = fit.calibration, EXCESS_DOUBTFUL
+    if c.magnitude is None or fit.excess == fit.field_sd == 0.0:
         return None
+    size = fit.excess * c.mean_gain
+    said = (
+        f"the means of bins scatter by {figure(fit.excess)} {c.unit_in} beyond the noise of the "
+        "readings: the chamber's field changed, or the polynomial does not hold"
+    )
+    move = "look at the residuals against time"
     if fit.field_sd > 0.0:
         # by the magnitude alone a sensor that changed looks like a field that does
-        limit = EXCESS_DOUBTFUL * (0.5 if fit.fixture is None else 1.0)
-        return Finding(
-            "field changes",
-            "check" if fit.field_sd > limit * fit.calibration.magnitude else "note",
-            f"the chamber's field changed slowly, by {figure(fit.field_sd)} "
-            f"{fit.calibration.unit_out} (one standard deviation), which was allowed for and "
-            "limits the accuracy",
-            "keep vehicles and currents away; compare the sensors of the campaign",
+        limit *= 0.5 if fit.fixture is None else 1.0
+        size = fit.field_sd
+        said = (
+            f"the chamber's field changed slowly, by {figure(size)} {c.unit_out} (one standard "
+            "deviation), which was allowed for and limits the accuracy"
         )
-    share = fit.excess * fit.calibration.mean_gain / fit.calibration.magnitude
-    return Finding(
-        "field changes",
-        "check" if share > EXCESS_DOUBTFUL else "note",
-        f"the means of bins scatter by {figure(fit.excess)} {fit.calibration.unit_in} beyond the "
-        "noise of the readings: the chamber's field changed, or the polynomial does not hold",
-        "look at the residuals against time; compare the sensors of the campaign",
-    )
+        move = "keep vehicles and currents away"
+    move += "; compare the sensors of the campaign"
+    return Finding("field changes", "check" if size > limit * c.magnitude else "note", said, move)
 
 
 def _judge_hysteresis(fit: ThermalFit) -> Finding | None:

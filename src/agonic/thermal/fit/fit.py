@@ -20,14 +20,15 @@ from agonic.thermal.fit.calibration import make_chamber_calibration
 from agonic.thermal.fit.known_field import fit_known_field
 from agonic.thermal.fit.problem import ChamberReadings, select_readings
 from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
-from agonic.thermal.fit.result import Anomaly, Fixture, ThermalFit
+from agonic.thermal.fit.result import Anomaly, Fixture, Positions, ThermalFit
 from agonic.thermal.fit.settings import Settings
 from agonic.thermal.fit.solve import Solution, solve
 from agonic.thermal.fit.spread import compute_spread
 from agonic.thermal.fit.station_faults import judge_faults
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.estimate import UNREST
-from agonic.thermal.maths.unseen_changes import PLAUSIBLE
+from agonic.thermal.maths.fixture import measure_turns
+from agonic.thermal.maths.station_faults import PLAUSIBLE
 
 METHOD = ("nikolaev-2023", "huber-1981")
 OF_TURNS, OF_CHANGES, OF_DRIFT = "mackay-1992", "patterson-thompson-1971", "hoeting-1999"
@@ -63,8 +64,9 @@ def fit_thermal(
     bin_width_C : of the temperature bins, 0.5 by default.
     degree : of the polynomials, 3 by default, or "auto": the smallest after which the variance of
         the residuals stops falling markedly.
-    stations : "unknown" (the magnitude alone), "known" for the standard twelve by number, or a
-        rotation from the box to the chamber for each number.
+    stations : "unknown" (the magnitude alone), "known" for the standard twelve by number, a
+        rotation from the box to the chamber for each number, or "found": a station has one
+        direction of the field at all temperatures, which the readings show.
     fixture_sd_deg : how well the stations stand as described, 1° by default; the readings say
         whether it is better or worse, and that is used, unless `fixture_known`.
     rate : a term in dT/dt of the bias: True, False, or "auto" where the readings ask for it.
@@ -170,7 +172,7 @@ def _record_settings(
     words = "none: mean gain at the centre of the range set to 1"
     if reference is not None:
         words = f"{readings.scale.magnitude:g} nT ({reference.source})"
-    kind = "magnitude" if result.problem.rot_nb is None else "turns"
+    kind = _name_kind(result)
     return {"fit": "thermal", "reference_kind": kind, "reference": words, **settings.recorded()}
 
 
@@ -198,7 +200,7 @@ def _assemble(
     ageing = estimate.ageing * scale.size if result.aged else None
     return ThermalFit(
         calibration=calibration,
-        reference_kind="magnitude" if result.problem.rot_nb is None else "turns",
+        reference_kind=_name_kind(result),
         n=int(readings.cells.n.sum()),
         residuals=estimate.residuals * scale.size,
         weights=estimate.weights,
@@ -216,6 +218,7 @@ def _assemble(
         hysteresis=each_temperature.compute_hysteresis(bins),
         spread=compute_spread(readings.cells, calibration),
         fixture=_describe_fixture(result, readings, unit),
+        positions=_describe_positions(result, readings),
         drift=drift,
         drift_sd=None if drift is None else np.sqrt(np.diag(estimate.drift_covariance)) * unit,
         ageing=ageing,
@@ -233,9 +236,29 @@ def _find_gain(result: Solution) -> float:
     return float(result.estimate.coefficients[[3 * p, 4 * p, 5 * p]].mean())
 
 
+def _name_kind(result: Solution) -> str:
+    """What taught the fit."""
+    if result.problem.rot_nb is None:
+        return "magnitude"
+    return "turns" if result.problem.turns_known else "positions"
+
+
+def _describe_positions(result: Solution, readings: ChamberReadings) -> Positions | None:
+    estimate = result.estimate
+    if _name_kind(result) != "positions" or estimate.poses is None:
+        return None
+    assert estimate.directions_covariance is not None
+    seen = estimate.poses.directions
+    angles, sds = np.degrees(measure_turns(seen, estimate.directions_covariance)).tolist()
+    direction, turn, sd = (
+        dict(zip(readings.numbers, of, strict=True)) for of in (seen, angles, sds)
+    )
+    return Positions(direction=direction, turn_deg=turn, turn_sd_deg=sd)
+
+
 def _describe_fixture(result: Solution, readings: ChamberReadings, unit: float) -> Fixture | None:
     estimate = result.estimate
-    if estimate.poses is None or estimate.turned is None:
+    if estimate.poses is None or estimate.turned is None or not result.problem.turns_known:
         return None
     angles = np.degrees(estimate.turned).tolist()
     return Fixture(
@@ -282,6 +305,9 @@ def _make_remarks(
         sd_deg = fit.fixture.sd_deg
         words = f"to {figure(sd_deg)}°" if sd_deg > _FINEST_DEG else f"to {_FINEST_DEG}° or better"
         said.append(f"the stations stood as described {words}")
+    if fit.positions is not None:
+        known = f"to {figure(max(fit.positions.turn_sd_deg.values()))}°"
+        said.append(f"the turns of the stations were found from the readings, {known}")
     if calibration.rate is not None:
         said += [test.sentence for test in fit.tests if test.larger == "rate"]
     if reference is None and calibration.magnitude is not None:

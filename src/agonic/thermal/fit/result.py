@@ -78,6 +78,20 @@ class Fixture:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Positions:
+    """How the stations stood, as the readings show it.
+
+    By station the field's unit direction in the axes of the sensor, the angle of the shortest turn
+    from the first station, and its standard error. What a station was turned about the field
+    itself no magnetometer sees.
+    """
+
+    direction: Mapping[int, Array]
+    turn_deg: Mapping[int, float]
+    turn_sd_deg: Mapping[int, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Anomaly:
     """Readings of a station that were left out: how many, and when (s), NaN without times."""
 
@@ -90,8 +104,9 @@ class Anomaly:
 class ThermalFit(Estimated):
     """A temperature calibration and what it rests on.
 
-    `reference_kind` is "magnitude", "turns" or "vector". `residuals` are those of the means of
-    bins, (m,) along the normal of the ellipsoid or (m, 3), in the unit of the readings, at
+    `reference_kind` is "magnitude", "turns", "positions" (turns that were found from the readings)
+    or "vector". `residuals` are those of the means of bins, (m,) along the normal of the ellipsoid
+    or (m, 3), in the unit of the readings, at
     `temperature` (m,) of `station` (m,), while `heating` (m,) or not; `weights` (m,) what the
     robust loss left of each. With a vector reference they are those of the readings. `noise` is the
     standard deviation of one reading on one axis, `excess` that by which means of bins scatter
@@ -126,6 +141,7 @@ class ThermalFit(Estimated):
     hysteresis: Hysteresis | None = None
     spread: Spread | None = None
     fixture: Fixture | None = None
+    positions: Positions | None = None
     drift: Array | None = None
     drift_sd: Array | None = None
     ageing: Array | None = None

@@ -13,7 +13,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.thermal.maths.stations import list_standard_rotations
 
-Stations = Literal["known", "unknown"] | Mapping[int, Rotation]
+Stations = Literal["known", "unknown", "found"] | Mapping[int, Rotation]
 
 LARGEST_DEGREE = 9
 LARGEST_AUTO = 5
@@ -52,17 +52,17 @@ class Settings:
             given = getattr(self, name)
             if given not in (True, False, "auto"):
                 raise AgonicError(f"{name} {given!r} is neither True, False nor 'auto'")
-        if isinstance(self.stations, str) and self.stations not in ("known", "unknown"):
+        if isinstance(self.stations, str) and self.stations not in ("known", "unknown", "found"):
             raise AgonicError(
                 f"stations {self.stations!r} is not known; give 'known' for the standard twelve, "
-                "'unknown', or a rotation for each number"
+                "'unknown', 'found', or a rotation for each number"
             )
 
     @property
     def orientations(self) -> dict[int, Array] | None:
         """The described rotation (3, 3), box to chamber, by number; `None` where unknown."""
         if isinstance(self.stations, str):
-            if self.stations == "unknown":
+            if self.stations != "known":
                 return None
             return dict(enumerate(list_standard_rotations(), start=1))
         return {int(number): turn.as_matrix() for number, turn in self.stations.items()}

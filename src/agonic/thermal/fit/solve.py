@@ -28,13 +28,14 @@ from agonic.thermal.maths.estimate import (
     estimate_by_magnitude,
     estimate_by_orientations,
 )
-from agonic.thermal.maths.station_faults import Faults, find_faults
-from agonic.thermal.maths.station_residuals import StationProblem, find_directions
-from agonic.thermal.maths.unseen_changes import (
+from agonic.thermal.maths.station_faults import (
     PLAUSIBLE,
+    Faults,
     allow_for_unseen_changes,
+    find_faults,
     measure_shown_change,
 )
+from agonic.thermal.maths.station_residuals import StationProblem, find_directions
 
 SIGNIFICANT = 1e-4
 """A term is kept when chance would make it this seldom."""
@@ -48,13 +49,14 @@ _MIDDLE = 0.15  # of the half range: cells that start the search
 
 
 class Orientations(NamedTuple):
-    """What the described orientations are worth: whether the readings agree, their misfit, and two
-    stations that were likely exchanged."""
+    """What the described orientations are worth: whether the readings agree, their misfit, and the
+    stations that explain it: two that were exchanged, or one that stood elsewhere; `left_deg` is
+    the misfit that is left then."""
 
     agree: bool
     rms_deg: float
-    exchange: tuple[int, int] | None = None
-    exchanged_rms_deg: float = np.nan
+    mistaken: tuple[int, ...] = ()
+    left_deg: float = np.nan
 
 
 class Solution(NamedTuple):
@@ -118,7 +120,7 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
     if lag is not None and settings.rate is not True and not lag.kept:
         problem = problem._replace(phi=problem.phi[:, :-1], rate=False)
         whole = _estimate(problem, whole, whole.coefficients[:-3])
-    drifting, ageing = _test_drift(readings, problem, whole), _test_ageing(readings, whole)
+    drifting, ageing = _test_trends(readings, whole)
     faults = _find_faults(readings, problem, whole, settings)
     changed = max(settings.unseen_change_sd, measure_shown_change(whole))
     allowed, unseen = allow_for_unseen_changes(
@@ -185,6 +187,9 @@ def _add_orientations(
 ) -> tuple[StationProblem, Orientations | None]:
     """The problem with the described orientations, where the readings do not contradict them."""
     described = settings.orientations
+    if settings.stations == "found" and len(readings.numbers) >= FEWEST:
+        seen = find_directions(problem, first.coefficients)
+        return problem.with_found_turns(seen), None
     if described is None or any(number not in described for number in readings.numbers):
         return problem, None
     rot_nb = np.array([described[number] for number in readings.numbers])
@@ -193,12 +198,11 @@ def _add_orientations(
     limit = MISFIT_DEG if len(readings.numbers) >= FEWEST else _MISFIT_FEW_DEG
     limit = max(limit, 4 * settings.fixture_sd_deg)
     if rms > limit:
-        swap = fixture.find_exchanged_directions(seen, rot_nb)
-        left = float(np.degrees(swap.rms))
-        pair = (readings.numbers[swap.first], readings.numbers[swap.second])
-        return problem, Orientations(
-            False, rms, pair if left < min(_BETTER * rms, limit) else None, left
-        )
+        stations, left = fixture.find_mistake(seen, rot_nb)
+        left_deg = float(np.degrees(left))
+        explains = left_deg < min(_BETTER * rms, limit)
+        mistaken = tuple(readings.numbers[k] for k in stations) if explains else ()
+        return problem, Orientations(False, rms, mistaken, left_deg)
     problem = problem._replace(
         rot_nb=rot_nb,
         fixture_sd=float(np.radians(settings.fixture_sd_deg)),
@@ -228,36 +232,29 @@ def _test_rate(
     return _test_term(term, whole.covariance[-3:, -3:], ("temperature", "rate"), said, NO_LAG)
 
 
-def _test_drift(
-    readings: ChamberReadings, problem: StationProblem, whole: StationEstimate
-) -> _Term | None:
-    """Whether the chamber's field changed steadily."""
-    if problem.pace is None:
-        return None
-    scale = readings.scale
-    amount = figure(float(np.linalg.norm(whole.drift)) * (scale.magnitude or scale.size))
-    unit = readings.unit if scale.magnitude is None else "nT"
-    return _test_term(
-        whole.drift,
-        whole.drift_covariance,
-        ("constant", "drift"),
-        f"the chamber's field changed by {amount} {unit} from the first reading to the last",
-        "no sign that the chamber's field changed steadily",
+def _test_trends(
+    readings: ChamberReadings, whole: StationEstimate
+) -> tuple[_Term | None, _Term | None]:
+    """Whether the chamber's field changed steadily, and the bias of the sensor in its own axes."""
+    scale, unit = readings.scale, readings.unit
+    known = (scale.magnitude, "nT") if scale.magnitude else (scale.size, unit)
+    drift, ageing = (
+        _test_term(
+            term,
+            covariance,
+            ("constant", name),
+            f"{what} changed by {figure(float(np.linalg.norm(term)) * size)} {unit} from the first "
+            "reading to the last",
+            f"no sign that {what} changed steadily",
+        )
+        if len(term)
+        else None
+        for name, what, term, covariance, (size, unit) in (
+            ("drift", "the chamber's field", whole.drift, whole.drift_covariance, known),
+            ("ageing", "the bias", whole.ageing, whole.ageing_covariance, (scale.size, unit)),
+        )
     )
-
-
-def _test_ageing(readings: ChamberReadings, whole: StationEstimate) -> _Term | None:
-    """Whether the bias of the sensor changed steadily, in its own axes."""
-    if not len(whole.ageing):
-        return None
-    amount = figure(float(np.linalg.norm(whole.ageing)) * readings.scale.size)
-    return _test_term(
-        whole.ageing,
-        whole.ageing_covariance,
-        ("constant", "ageing"),
-        f"the bias changed by {amount} {readings.unit} from the first reading to the last",
-        "no sign that the bias changed steadily",
-    )
+    return drift, ageing
 
 
 def _test_term(

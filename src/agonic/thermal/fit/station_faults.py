@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from agonic.health import Finding, figure
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
-from agonic.thermal.maths.fault_candidates import (
+from agonic.thermal.maths.fault_scores import (
     AGEING,
     ODD,
     SETTLING,
@@ -20,6 +19,7 @@ from agonic.thermal.maths.fault_candidates import (
 )
 from agonic.thermal.maths.gaussian_process import STEADY
 from agonic.thermal.maths.station_faults import Fault
+from agonic.thermal.names import Told
 
 _HOUR = 3600.0
 _DIFFERENT = 10.0
@@ -50,7 +50,7 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
     Nine numbers and a step have as many unknowns as there are twelve stations.
     """
     slow = result.estimate.slow
-    if result.estimate.poses is not None or slow.kind != STEADY or slow.gain < _DIFFERENT:
+    if result.problem.turns_known or slow.kind != STEADY or slow.gain < _DIFFERENT:
         return []
     amount = figure(slow.sd * (readings.scale.magnitude or readings.scale.size))
     return [
@@ -64,14 +64,6 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
             "the end",
         )
     ]
-
-
-class Told(NamedTuple):
-    """What is said of a kind of fault: the finding's name, its message, and what to do."""
-
-    name: str
-    message: str
-    action: str
 
 
 _HOLD_LONGER = (

@@ -45,7 +45,7 @@ IMPLAUSIBLE = 0.015
 """Slow changes of the field that are larger, over the field, stand in for something else."""
 _ROUNDS = 25
 _FREE = 4
-_OUTLIER = 5.0
+OUTLIER = 5.0
 _LEAST_ANGLE = 1e-7  # rad: the prior of the fixture is never narrower than this
 
 
@@ -57,7 +57,8 @@ class StationEstimate(NamedTuple):
     scatter beyond their noise; `drift` (1,) or (3,) how the field changed over the campaign (along
     itself, or in the chamber's axes), `ageing` (0,) or (3,) how the bias did, with their
     covariances; `slow` the field's slow changes at each station. Only where turns are known:
-    `poses`, `fixture_sd` (rad), and `turned` (k,), the angle by which each station stood off.
+    `poses`, `fixture_sd` (rad), `turned` (k,), the angle by which each station stood off, and the
+    covariance (2k, 2k) of the directions along their tangents.
     """
 
     coefficients: Array
@@ -77,6 +78,7 @@ class StationEstimate(NamedTuple):
     poses: Poses | None = None
     fixture_sd: float = 0.0
     turned: Array | None = None
+    directions_covariance: Array | None = None
 
 
 def estimate_by_magnitude(problem: StationProblem, start: Array) -> StationEstimate:
@@ -110,7 +112,7 @@ def _iterate(
     none = np.zeros((len(problem.points), axes))
     state = State(
         start,
-        np.zeros(problem.clock.shape[1] * axes),
+        np.zeros(problem.clock.shape[1] * (axes if problem.turns_known else 1)),
         np.zeros(0),
         poses,
         _FIRST_EXCESS,
@@ -179,7 +181,7 @@ def _renew_slow_changes(
     covariance = leastsq.inverse(jacobian.T @ jacobian + by.T @ by)
     step = -covariance @ (z @ jacobian + expected @ by)
     least = z + jacobian @ step  # outliers stand out where the rest fits
-    limit = _OUTLIER * max(robust_scale(least), 1.0)
+    limit = OUTLIER * max(robust_scale(least), 1.0)
     kept, of = np.clip(least, -limit, limit), project_changes(problem, state)
     slow, axes = gaussian_process.estimate_process(
         of, kept, jacobian, (expected + by @ step, by), kinds
@@ -277,10 +279,12 @@ def _summarise(
             covariance = _add_half(covariance, found[ageing], ageing, problem.degree + 1)
         if not problem.drifting:
             found, covariance, _ = average_over_term(found, covariance, drift, likely)
-        state, _ = _renew_slow_changes(problem, _move(problem, state, found), (state.slow.kind,))
+        averaged = found.copy()
+        averaged[a + state.trends :] -= solution.params[a + state.trends :]  # steps taken before
+        state, _ = _renew_slow_changes(problem, _move(problem, state, averaged), (state.slow.kind,))
     left, variance = compute_residuals(problem, state)
     q = _whiten(left, variance + state.excess) ** 2
-    turned = None
+    turned, steps = None, slice(a + state.trends, a + state.trends + 2 * problem.stations)
     if state.poses is not None:
         assert problem.rot_nb is not None
         in_box = np.swapaxes(problem.rot_nb, 1, 2) @ state.poses.field
@@ -304,4 +308,5 @@ def _summarise(
         poses=state.poses,
         fixture_sd=state.fixture_sd,
         turned=turned,
+        directions_covariance=None if turned is None else covariance[steps, steps],
     )

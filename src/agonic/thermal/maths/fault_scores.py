@@ -9,6 +9,7 @@ is Rao's (1948) score statistic, χ² where there is no fault.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,11 +17,11 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import chdtrc, fdtrc
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array, Index, Mask
+from agonic.maths.equation import temperature_model
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import robust_scale
-from agonic.thermal.maths.estimate import IMPLAUSIBLE, StationEstimate
-from agonic.thermal.maths.fault_candidates import OF_TEMPERATURE, Candidate
+from agonic.thermal.maths.estimate import IMPLAUSIBLE, OUTLIER, StationEstimate
 from agonic.thermal.maths.gaussian_process import (
     GaussianProcess,
     estimate_process,
@@ -36,11 +37,78 @@ from agonic.thermal.maths.station_residuals import (
     project_changes,
 )
 
+ODD, STEP, SETTLING, AGEING = "odd", "step", "settling", "ageing"
+THERMOMETER, UNSETTLED = "thermometer", "unsettled"
+OF_TEMPERATURE = (THERMOMETER, UNSETTLED)
+"""Faults of the temperature; the others are of the bias."""
+DECAYS = (0.02, 0.06, 0.2)
+"""Time constants of a bias that settles, of the whole campaign."""
+_UNSETTLED = 0.1  # of a station's recording: how long a temperature takes to settle
+_MOMENTS = 30
+
+
+class Candidate(NamedTuple):
+    """A fault to look for: `weight` (m,) of it at each mean.
+
+    `station` is the odd one, or that in which or before which a step came; `time` the first time
+    (s) with the fault; of a bias that settles, its time constant.
+    """
+
+    kind: str
+    weight: Array
+    station: int = 0
+    time: float = np.nan
+
+
+def list_candidates(problem: StationProblem, time: Array) -> Iterator[Candidate]:
+    """Odd stations, thermometers that are off, and, where times are known, temperatures that had
+    not settled, steps between stations and in the middle of each, and biases that age or settle.
+    """
+    stations = range(problem.stations) if problem.stations > 1 else ()
+    for k in stations:
+        own = (problem.station == k).astype(np.float64)
+        yield Candidate(ODD, own, k)
+        if problem.degree:
+            yield Candidate(THERMOMETER, own, k)
+    if not np.isfinite(time).all() or np.ptp(time) == 0.0:
+        return
+    first = [float(time[problem.station == k].min()) for k in stations]
+    order = sorted(stations, key=lambda k: first[k])
+    for k in order:
+        own = problem.station == k
+        begins, ends = first[k], float(time[own].max())
+        if problem.degree:
+            since = np.maximum(time - begins, 0.0) / (_UNSETTLED * max(ends - begins, 1e-9))
+            yield Candidate(UNSETTLED, np.asarray(own * np.exp(-since), dtype=np.float64), k)
+        for moment in ((begins + ends) / 2,) if k == order[0] else (begins, (begins + ends) / 2):
+            yield Candidate(STEP, _step_at(time, moment), k, moment)
+    last = order[-1]
+    yield Candidate(AGEING, (time - (time.min() + time.max()) / 2) / float(np.ptp(time)), last)
+    for share in DECAYS:
+        constant = share * float(np.ptp(time))
+        left = np.exp((time.min() - time) / constant)
+        yield Candidate(SETTLING, np.asarray(left, dtype=np.float64), order[0], constant)
+
+
+def list_moments(problem: StationProblem, step: Candidate, time: Array) -> Iterator[Candidate]:
+    """A step at moments about that of a candidate, as far as half of a station away."""
+    own = time[problem.station == step.station]
+    reach = 0.55 * float(np.ptp(own))
+    near = np.unique(time[np.abs(time - step.time) <= reach])
+    for moment in near[:: max(len(near) // _MOMENTS, 1)][1:]:
+        place = int(problem.station[np.argmin(np.abs(time - moment))])
+        yield Candidate(STEP, _step_at(time, float(moment)), place, float(moment))
+
+
+def _step_at(time: Array, moment: float) -> Array:
+    """Less one half before a moment, one half after."""
+    return np.where(time >= moment, 0.5, -0.5)
+
+
 LARGEST, LARGEST_CHANGE = 0.02, 0.05
 """A combination is tested whose standard error is below this of the field, or of half the range of
 temperatures: the readings hardly tell larger ones from the fit."""
 _NEW = 1e-3  # of its information: what must be left of a fault beside all else
-_OUTLIER = 5.0
 _PARTS = (16, 8, 4)  # of a station, over which memory is looked for
 
 
@@ -89,7 +157,7 @@ class LinearisedFit(NamedTuple):
         plain = new._replace(slow=GaussianProcess())
         (step, _), (z, rows) = plain.solve(), plain.whitened
         left = z + rows @ step
-        limit = _OUTLIER * max(robust_scale(left), 1.0)
+        limit = OUTLIER * max(robust_scale(left), 1.0)
         slow, _ = estimate_process(
             project_changes(self.problem, self.state),
             np.clip(left, -limit, limit),
@@ -173,17 +241,24 @@ def with_offsets(fit: LinearisedFit) -> LinearisedFit:
     Twelve stations less nine numbers leave three that another field at each explains as well as
     any fault does: there a fault must show within stations.
     """
-    if fit.state.poses is not None:
+    if fit.problem.turns_known:
         return fit
-    station = fit.problem.station
-    offsets = (station[:, None] == np.arange(fit.problem.stations)).astype(np.float64)
-    p = fit.problem.degree + 1
-    offsets *= np.linalg.norm(fit.jacobian[:, [0, p, 2 * p]], axis=1, keepdims=True)
+    offsets = change_fields(fit, fit.problem.station[:, None] == np.arange(fit.problem.stations))
     (expected, by), k = fit.prior, fit.problem.stations
     return fit._replace(
         jacobian=np.hstack([fit.jacobian, offsets]),
         prior=(np.pad(expected, (0, k)), block_diag(by, np.eye(k) / IMPLAUSIBLE)),
     )
+
+
+def change_fields(fit: LinearisedFit, where: Mask) -> Array:
+    """How residuals follow a field larger by all of itself at some of the means (m, c), (n, c)."""
+    problem, p = fit.problem, fit.problem.degree + 1
+    bias, _ = temperature_model.evaluate_local(fit.state.coefficients, problem.layout, problem.phi)
+    axes = len(fit.jacobian) // len(problem.points)
+    by_bias = fit.jacobian[:, [0, p, 2 * p]]
+    by_field = np.einsum("ni,ni->n", by_bias, np.tile(problem.points - bias, (axes, 1)))
+    return np.asarray(by_field[:, None] * np.tile(where, (axes, 1)))
 
 
 def make_columns(fit: LinearisedFit, candidate: Candidate) -> Array:
@@ -207,7 +282,7 @@ def score_faults(fit: LinearisedFit, columns: list[Array]) -> tuple[Scores, list
     step, covariance = fit.solve()
     left = z + rows @ step
     scale = max(robust_scale(left), 1.0)
-    bounded = np.clip(left, -_OUTLIER * scale, _OUTLIER * scale)
+    bounded = np.clip(left, -OUTLIER * scale, OUTLIER * scale)
     slow, freedom = _measure_slow(fit, bounded, rows, covariance)
     shared = rows.T @ added
     moved = -covariance @ shared

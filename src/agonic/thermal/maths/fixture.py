@@ -6,13 +6,14 @@ mounted by M (its axes to the box's) reads p_k = Mᵀ R_kᵀ f.
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.rotations.vectors import find_best_rotation
-from agonic.thermal.maths.stations import MOUNTINGS, Exchange, find_exchange
+from agonic.thermal.maths.stations import MOUNTINGS
 
 _ROUNDS = 200
 
@@ -53,13 +54,42 @@ def _settle(directions: Array, rot_nb: Array, mounts: Array) -> Mounting:
     return Mounting(mounts[best], fields[best], float(np.sqrt(left[best] / len(directions))))
 
 
-def find_exchanged_directions(directions: Array, rot_nb: Array) -> Exchange:
-    """The two stations whose exchange explains the directions (k, 3) best, the rms in rad.
+def find_mistake(directions: Array, rot_nb: Array) -> tuple[tuple[int, ...], float]:
+    """The stations whose description explains the directions (k, 3) least, and the rms, rad, left.
 
-    The others outvote them, so the mounting found with them as described is a start near enough.
+    Two that were exchanged, or one that stood elsewhere. The others outvote them, so the mounting
+    found with them as described is a start near enough.
     """
-    start = find_mounting(directions, rot_nb).mount
-    return find_exchange(rot_nb, lambda order: _settle(directions, order, start[None]).rms)
+    start, places = find_mounting(directions, rot_nb).mount[None], np.arange(len(rot_nb))
+    found: dict[tuple[int, ...], float] = {}
+    for i, j in combinations(places.tolist(), 2):
+        order = places.copy()
+        order[[i, j]] = j, i
+        found[i, j] = _settle(directions, rot_nb[order], start).rms
+    for k in places.tolist():
+        found[(k,)] = _settle(directions[places != k], rot_nb[places != k], start).rms
+    best = min(found, key=lambda stations: found[stations])
+    return best, found[best]
+
+
+def measure_turns(directions: Array, covariance: Array) -> tuple[Array, Array]:
+    """The angles (k,) from the first of unit directions (k, 3) to each, and their standard errors.
+
+    Parameters: the covariance (2k, 2k) of the directions along their tangents.
+
+    >>> angle, sd = measure_turns(np.eye(3)[:2], 1e-4 * np.eye(4))
+    >>> np.degrees(angle).round(6).tolist(), sd.round(4).tolist()
+    ([0.0, 90.0], [0.0, 0.0141])
+    """
+    tangents, k = find_tangents(directions), len(directions)
+    first = directions[0]
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(directions - first, axis=1) / 2, 1.0))
+    jacobian = np.zeros((k, 2 * k))
+    for row in range(1, k):
+        sine = max(float(np.sin(angle[row])), 1e-12)
+        jacobian[row, 2 * row : 2 * row + 2] = -first @ tangents[row] / sine
+        jacobian[row, :2] = -directions[row] @ tangents[0] / sine
+    return angle, np.sqrt(np.einsum("ki,ij,kj->k", jacobian, covariance, jacobian))
 
 
 def find_tangents(unit: Array) -> Array:

@@ -23,7 +23,6 @@ BLOCKS = 10
 """Blocks of readings, in their order, each of which a fit is tried on that has not seen it."""
 _ROWS = 4096  # rows whose temporaries stay in the cache
 _DOUBTED = 0.2  # weight of an outlier
-_CLEARLY = 0.15  # what leaving out stretches of readings must gain on unseen ones
 _GROSS = 6.0  # standard deviations: what no fit foretells says nothing of either
 
 

@@ -21,6 +21,9 @@ from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.vectors import find_smallest_rotation
 from agonic.thermal.maths import fixture, gaussian_process
 
+ANY_TURN = float(np.pi)
+"""The standard deviation of an orientation of which nothing is known before, rad."""
+
 
 class StationProblem(NamedTuple):
     """The means of cells: `points` (m, 3), `covariance` (m, 3, 3) of each, `phi` (m, q), `station`
@@ -47,6 +50,20 @@ class StationProblem(NamedTuple):
     rot_nb: Array | None = None
     fixture_sd: float = 0.0175
     fixture_known: bool = False
+
+    @property
+    def turns_known(self) -> bool:
+        """Whether orientations were described, and not found from the readings themselves."""
+        return self.rot_nb is not None and self.fixture_sd < ANY_TURN
+
+    def with_found_turns(self, seen: Array) -> StationProblem:
+        """With the turns that the directions (k, 3) of the field at the stations show.
+
+        Those about the field itself no magnetometer sees, and no calibration needs: a direction is
+        the same at all temperatures, and anything else is left to it.
+        """
+        turns = find_smallest_rotation(seen, np.broadcast_to(seen[0], seen.shape))
+        return self._replace(rot_nb=turns, fixture_sd=ANY_TURN, fixture_known=True)
 
     @property
     def layout(self) -> Array:
@@ -163,8 +180,16 @@ def _compute_log_residual(
 
 def _change_field(problem: StationProblem, state: State, poses: Poses) -> Array:
     """What the chamber's field had changed by at each mean, in the axes of the sensor, (m, 3)."""
-    changed = problem.clock @ state.drift.reshape(-1, 3) + state.followed
+    axes, clock = list_drift_axes(problem, poses), problem.clock
+    drift = clock @ state.drift.reshape(clock.shape[1], len(axes))
+    changed = drift @ axes + state.followed
     return np.asarray(np.einsum("mij,mj->mi", _rotate_to_sensor(problem, poses), changed))
+
+
+def list_drift_axes(problem: StationProblem, poses: Poses) -> Array:
+    """The directions (d, 3) in which the field may drift: along itself where turns about it are not
+    known."""
+    return np.eye(3) if problem.turns_known else poses.field[None]
 
 
 def _rotate_to_sensor(problem: StationProblem, poses: Poses) -> Array:
@@ -249,6 +274,7 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
     white = _make_noise_whitener(problem, state)
     calmed = make_whitener(problem, state)
     turning, clock = _rotate_to_sensor(problem, poses), problem.clock
+    drifting = list_drift_axes(problem, poses)
     places = np.arange(m)
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
@@ -256,7 +282,7 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
         steps = params[after : after + 2 * k].reshape(k, 2)
         seen, sway = fixture.move_on_sphere(poses.directions, tangent, steps)
         field = seen[problem.station]
-        changed = clock @ params[a : a + width].reshape(-1, 3)
+        changed = clock @ params[a : a + width].reshape(clock.shape[1], len(drifting)) @ drifting
         field = field + np.einsum("mij,mj->mi", turning, changed)
         r, by_local, inverse = temperature_model.reading_residual(
             problem.points, bias, matrix, field
@@ -265,7 +291,7 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
         jacobian[:, :, :a] = temperature_model.chain_to_coefficients(
             by_local, onto, problem.phi[:, None]
         )
-        by_field = -inverse @ turning
+        by_field = -inverse @ turning @ drifting.T
         jacobian[:, :, a : a + width] = np.einsum("mij,md->midj", by_field, clock).reshape(
             m, 3, width
         )

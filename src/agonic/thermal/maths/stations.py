@@ -12,10 +12,7 @@ standard errors at the worst azimuth of the field, and they hardly depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
-from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -59,28 +56,6 @@ FACES = {
 
 MOUNTINGS = Rotation.create_group("O").as_matrix()
 """The 24 ways (24, 3, 3) in which the axes of a sensor can lie along those of the box."""
-
-
-class Exchange(NamedTuple):
-    """Two stations (their places in the list) and the misfit left when they change places."""
-
-    first: int
-    second: int
-    rms: float
-
-
-def find_exchange(rot_nb: Array, measure: Callable[[Array], float]) -> Exchange:
-    """The two of the rotations (k, 3, 3) whose exchange leaves least, by a measure of the misfit.
-
-    >>> find_exchange(np.arange(3.0), lambda order: abs(order[0] - 2.0))
-    Exchange(first=0, second=2, rms=0.0)
-    """
-    best = Exchange(0, 0, np.inf)
-    for i, j in combinations(range(len(rot_nb)), 2):
-        order = np.arange(len(rot_nb))
-        order[[i, j]] = j, i
-        best = min(best, Exchange(i, j, float(measure(rot_nb[order]))), key=lambda e: e.rms)
-    return best
 
 
 def list_standard_rotations() -> Array:

@@ -9,17 +9,10 @@ from agonic.arrays import Array
 from agonic.report.digits import write_minus
 from agonic.report.markup import Markup, element
 from agonic.thermal.campaign.profile import Profile, format_signed
+from agonic.thermal.maths.stations import FACES
 
 HALF = np.array([1.25, 0.85, 0.5])
 """Half the length (front), width (right side) and height (bottom) of the box."""
-FACES: tuple[tuple[str, tuple[int, int, int]], ...] = (
-    ("front", (1, 0, 0)),
-    ("rear", (-1, 0, 0)),
-    ("right", (0, 1, 0)),
-    ("left", (0, -1, 0)),
-    ("bottom", (0, 0, 1)),
-    ("top", (0, 0, -1)),
-)
 AZIMUTH_DEG, ELEVATION_DEG = 28.0, 30.0
 """The eye stands at the door, this far to the left and above: it sees what looks to the door, to
 the left and up."""
@@ -49,9 +42,10 @@ def draw_pose(rot_nb: Rotation, label: str) -> Markup:
     turned = view @ rot_nb.as_matrix()
     low = float(np.abs(rot_nb.as_matrix()[2]) @ HALF)
     parts = [_draw_floor(view, low)]
-    for name, normal in FACES:
+    for normal, name in FACES.items():
         if (turned @ normal)[2] < -1e-9:
-            parts += _draw_face(name, np.array(normal, dtype=np.float64), turned)
+            side = name.removesuffix(" side")
+            parts += _draw_face(side, np.array(normal, dtype=np.float64), turned)
     return element(
         "svg",
         *parts,

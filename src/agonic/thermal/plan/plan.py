@@ -12,10 +12,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
-from agonic.thermal.campaign.description import Description, Station
+from agonic.thermal.campaign.description import Description, Station, list_standard_stations
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, parse_sensors
-from agonic.thermal.campaign.standard import list_standard_stations
 from agonic.thermal.maths.stations import describe_turn
 from agonic.thermal.plan.standard_errors import (
     ExpectedErrors,
