@@ -10,11 +10,6 @@ from agonic.console.options import Json, LogPath, Sensor, Unit
 from agonic.console.sensors import open_sensors
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("latency")(latency)
-
-
 def latency(
     log: LogPath,
     sensor: Sensor = None,

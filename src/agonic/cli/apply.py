@@ -10,11 +10,6 @@ import typer
 from agonic.console.options import CalibrationPath, Json, LogPath, Sensor, Unit
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("apply")(apply)
-
-
 def apply(
     cal: CalibrationPath,
     log: LogPath,

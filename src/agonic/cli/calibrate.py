@@ -22,11 +22,6 @@ from agonic.console.options import (
 )
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("calibrate")(calibrate)
-
-
 def calibrate(
     context: typer.Context,
     log: LogPath,

@@ -19,11 +19,6 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("report")(report)
-
-
 def report(
     cal: CalibrationPath,
     log: Annotated[

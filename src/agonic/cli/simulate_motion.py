@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from agonic.calibration.affine import Affine
     from agonic.simulation import Defect
 
-MOTIONS = {
+HELP = {
     "tumble": "Smooth random rotation, evenly over all attitudes.",
     "sphere": "Independent attitudes, uniform over all rotations.",
     "belt": "The field near a plane in sensor axes.",
@@ -38,12 +38,6 @@ Truths = Annotated[
     list[Path] | None,
     typer.Option("--truth", metavar="CAL", help="Whose readings; default: drawn by the seed."),
 ]
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register a kind for each motion."""
-    for name, what in MOTIONS.items():
-        kinds.command(name, help=what)(motion)
 
 
 def motion(

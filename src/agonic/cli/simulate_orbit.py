@@ -19,11 +19,6 @@ if TYPE_CHECKING:
     from agonic.inflight.simulation.orbit import SimulatedOrbit
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("orbit")(orbit)
-
-
 def orbit(
     out: Table,
     n: Annotated[int, typer.Option("-n", help="Readings; 86400 are a day.", min=1)] = 86_400,

@@ -13,11 +13,6 @@ from agonic.console.simulation_options import Noise, Readings, Seed, Table
 LATITUDE_DEG, LONGITUDE_DEG = 52.1, 5.2
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("rover")(rover)
-
-
 def rover(
     out: Table,
     n: Readings = 6000,

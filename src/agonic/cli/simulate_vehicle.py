@@ -12,11 +12,6 @@ from agonic.console.options import Json
 from agonic.console.simulation_options import Noise, Readings, Seed, Step, Table
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("vehicle")(vehicle)
-
-
 def vehicle(
     out: Table,
     n: Readings = 3000,

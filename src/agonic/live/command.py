@@ -19,11 +19,6 @@ if TYPE_CHECKING:
 PORT = 8737  # of the page
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("live")(live)
-
-
 def live(
     source: Annotated[
         str | None,

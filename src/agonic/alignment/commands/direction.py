@@ -20,11 +20,6 @@ Effect = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("direction")(direction)
-
-
 def direction(
     alignment: Annotated[
         Path, typer.Argument(metavar="ALIGNMENT", help="Calibration of agonic fit alignment.")

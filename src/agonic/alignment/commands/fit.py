@@ -30,12 +30,6 @@ _TURNED = (
 )
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds of fit."""
-    for kind in (alignment, north, coil, gravity, remanence):
-        kinds.command(kind.__name__)(kind)
-
-
 def alignment(
     session: Annotated[
         Path, typer.Argument(metavar="SESSION", help="session.toml, or the folder it is in.")

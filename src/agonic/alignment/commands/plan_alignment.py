@@ -12,11 +12,6 @@ from agonic.console.options import Date, Json
 from agonic.console.parse import parse_names, parse_position
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of plan."""
-    kinds.command("alignment")(alignment)
-
-
 def alignment(
     at: Annotated[
         str, typer.Option("--at", metavar="LAT,LON[,ALT]", help="The observatory, degrees.")

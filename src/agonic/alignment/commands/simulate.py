@@ -12,12 +12,6 @@ from agonic.console.options import Json
 from agonic.console.simulation_options import Folder, Noise, Seed
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds."""
-    for kind in (alignment, north, coil):
-        kinds.command(kind.__name__)(kind)
-
-
 def alignment(
     out: Folder,
     orientations: Annotated[int, typer.Option(help="How many.", min=1)] = 24,

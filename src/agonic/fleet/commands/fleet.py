@@ -21,11 +21,6 @@ if TYPE_CHECKING:
 FAIL_ABOVE = 0.0
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("fleet")(fleet)
-
-
 def fleet(
     inputs: Annotated[
         list[str],

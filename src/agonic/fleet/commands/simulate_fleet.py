@@ -18,11 +18,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("fleet")(fleet)
-
-
 def fleet(
     out: Folder,
     sensors: Annotated[int, typer.Option(help="How many.", min=1)] = 1000,

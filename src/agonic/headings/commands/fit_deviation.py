@@ -21,11 +21,6 @@ if TYPE_CHECKING:
     from agonic.headings.files.swing import Swing
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("deviation")(deviation)
-
-
 def deviation(
     swing: Annotated[
         Path,

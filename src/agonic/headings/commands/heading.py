@@ -16,11 +16,6 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("heading")(heading)
-
-
 def heading(
     setup: Annotated[
         Path, typer.Argument(metavar="SETUP", help="A setup (TOML), or a calibration file alone.")

@@ -15,11 +15,6 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("pair")(pair)
-
-
 def pair(
     log: Annotated[
         Path,

@@ -11,11 +11,6 @@ from agonic.console.options import Json
 from agonic.console.simulation_options import Seed, Table
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("shots")(shots)
-
-
 def shots(
     out: Table,
     attitudes: Annotated[int, typer.Option(help="Shots at no target.", min=0)] = 8,

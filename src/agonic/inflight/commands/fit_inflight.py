@@ -36,11 +36,6 @@ MOST_ROWS = 2_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("inflight")(inflight)
-
-
 def inflight(
     logs: Annotated[
         list[Path],

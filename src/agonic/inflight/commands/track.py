@@ -28,11 +28,6 @@ if TYPE_CHECKING:
 AUTO = "auto"
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("track")(track)
-
-
 def track(
     log: LogPath,
     state: Annotated[

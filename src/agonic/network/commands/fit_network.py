@@ -28,11 +28,6 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("network")(network)
-
-
 def network(
     log: LogPath,
     reference: KnownField = None,

@@ -31,11 +31,6 @@ if TYPE_CHECKING:
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("retrain")(retrain)
-
-
 def retrain(
     log: LogPath,
     window: Annotated[

@@ -6,21 +6,11 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
-import typer
-
 from agonic.console.options import Json
 from agonic.console.simulation_options import Folder, Noise, Readings, Seed, Table
 
 if TYPE_CHECKING:
     from agonic.network.simulate import SimulatedField
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds."""
-    kinds.command("paper")(paper)
-    kinds.command("paper-space")(paper_space)
-    kinds.command("network")(network)
-    kinds.command("nonaffine")(nonaffine)
 
 
 def network(out: Folder, noise: Noise = 2.0, seed: Seed = 0, as_json: Json = False) -> int:

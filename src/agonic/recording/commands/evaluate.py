@@ -24,11 +24,6 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("evaluate")(evaluate)
-
-
 def evaluate(
     log: LogPath,
     truth: Annotated[

@@ -44,7 +44,7 @@ Second = Annotated[
     typer.Option("--second", metavar="SENSOR", help="The second magnetometer, for --with second."),
 ]
 
-AIDED = {
+HELP = {
     "levelled": "Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the "
     "place.",
     "inertial": "Bias and matrix of what cannot be turned over: raw accelerometer and gyro.",
@@ -52,13 +52,6 @@ AIDED = {
     "interference": "What currents on board, or a second magnetometer, say of the disturbance.",
 }
 """The fits that more than the magnitude aids, and what they find from what."""
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds of fit."""
-    kinds.command("ellipsoid")(ellipsoid)
-    for kind, help in AIDED.items():
-        kinds.command(kind, help=help)(aided)
 
 
 def ellipsoid(

@@ -10,12 +10,6 @@ import typer
 from agonic.console.options import Between, Json, Report, Sensor, Unit
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds of plan."""
-    for plan in (calibration, disturbers, placement):
-        kinds.command(plan.__name__)(plan)
-
-
 def placement(
     source: Annotated[
         Path,

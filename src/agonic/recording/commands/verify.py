@@ -13,11 +13,6 @@ if TYPE_CHECKING:
     from agonic.verification import Check
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("verify")(verify)
-
-
 def verify(
     cal: CalibrationPath,
     log: LogPath,

@@ -18,11 +18,6 @@ LARGE = 1_000_000
 """Readings of a campaign above which several processes fit its sensors."""
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("thermal")(fit_chamber)
-
-
 def fit_chamber(
     campaign: Annotated[
         Path,

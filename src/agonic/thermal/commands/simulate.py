@@ -19,11 +19,6 @@ FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
 """How each fault is written."""
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("campaign")(campaign)
-
-
 def campaign(
     out: Folder,
     sensors: Annotated[
