@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import CalibrationPath, Json, LogPath, Sensor, Unit
+from agonic.console.options import CalibrationPath, Json, LogPath, SensorChoice
 
 
 def apply(
@@ -16,8 +16,7 @@ def apply(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="OUT", help="Table to write, .csv or .parquet.")
     ],
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     as_json: Json = False,
 ) -> int:
     """Correct a log's readings and write them with everything recorded beside them."""
@@ -30,7 +29,7 @@ def apply(
     from agonic.recording.calibration_and_log import open_calibration_and_log
 
     as_parquet = out.suffix.lower() == ".parquet"
-    calibration, samples = open_calibration_and_log(cal, log, sensor, unit)
+    calibration, samples = open_calibration_and_log(cal, log, *which)
     if not as_parquet:
         require_table(out)
     corrected = correct(calibration, samples)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
-from functools import partial
+from functools import partial, wraps
 from importlib import import_module
-from typing import Any
+from inspect import Parameter, Signature, signature
+from typing import Any, get_type_hints
 
 import typer
 
@@ -81,7 +82,38 @@ def register(app: typer.Typer, name: str, place: str, heading: str) -> None:
     module = import_module(home)
     help = getattr(module, "HELP", {}).get(name)
     made = app.command(name, help=help, rich_help_panel=heading)
-    made(getattr(module, function or name.replace("-", "_")))
+    made(expand(getattr(module, function or name.replace("-", "_"))))
+
+
+def expand(function: Callable[..., int]) -> Callable[..., int]:
+    """The function of a command with each group of options, a named tuple, field by field.
+
+    >>> from agonic.console.options import Place
+    >>> def where(place: Place, steps: int = 1) -> int: ...
+    >>> list(signature(expand(where)).parameters)
+    ['at', 'date', 'field', 'steps']
+    """
+    hints = get_type_hints(function, include_extras=True)
+    groups = {name: hint for name, hint in hints.items() if hasattr(hint, "_field_defaults")}
+    parameters: list[Parameter] = []
+    for name, given in signature(function).parameters.items():
+        group = groups.get(name)
+        of = {name: hints[name]} if group is None else get_type_hints(group, include_extras=True)
+        defaults = {name: given.default} if group is None else group._field_defaults
+        for field, hint in of.items():
+            default = defaults.get(field, Parameter.empty)
+            parameters.append(
+                Parameter(field, Parameter.KEYWORD_ONLY, default=default, annotation=hint)
+            )
+
+    @wraps(function)
+    def run(**options: Any) -> int:
+        for name, group in groups.items():
+            options[name] = group(**{field: options.pop(field) for field in group._fields})
+        return function(**options)
+
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return run
 
 
 def complete(command: Any, examples: Mapping[str, Sequence[str]], path: str) -> Any:

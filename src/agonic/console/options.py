@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -52,6 +52,23 @@ Magnitude = Annotated[
     float | None,
     typer.Option("--field", metavar="NT", help="Magnitude of the field, nT, where it is known."),
 ]
+
+
+class SensorChoice(NamedTuple):
+    """Options that choose a sensor of a log, and say what its readings are in."""
+
+    sensor: Sensor = None
+    unit: Unit = None
+
+
+class Place(NamedTuple):
+    """Options that say what the field should have been: where and when, or how large."""
+
+    at: At = None
+    date: Date = None
+    field: Magnitude = None
+
+
 KnownField = Annotated[
     str | None,
     typer.Option(

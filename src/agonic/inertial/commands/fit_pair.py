@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Between, Date, Json, Magnitude, Report, Sensor, Unit
+from agonic.console.options import Between, Json, Place, Report, SensorChoice
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -26,11 +26,8 @@ def pair(
         Path | None,
         typer.Option("-o", "--out", metavar="SETUP", help="Setup to write, .toml."),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     between: Between = None,
     check: Annotated[
         Path | None,
@@ -49,8 +46,8 @@ def pair(
     from agonic.inertial.pair import check_pair, fit_pair
     from agonic.inertial.pair.document import describe_check, describe_pair
 
-    samples = open_sensor(log, sensor, unit, between)
-    reference, _ = find_reference(samples, at, date, field)
+    samples = open_sensor(log, *which, between)
+    reference, _ = find_reference(samples, *place)
     if check is not None:
         if out is not None:
             raise AgonicError("--check only looks at a setup and writes none; leave -o out")
