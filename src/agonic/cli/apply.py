@@ -23,7 +23,7 @@ def apply(
     from agonic.atomic import write_atomically
     from agonic.calibration.base import apply as correct
     from agonic.console.finish import require_table
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.exports.csv import make_table, write_csv
     from agonic.exports.parquet import make_parquet
     from agonic.recording.calibration_and_log import open_calibration_and_log
@@ -37,16 +37,12 @@ def apply(
         write_atomically(out, make_parquet(make_table(corrected)))
     else:
         write_csv(corrected, out)
-    if as_json:
-        print_json(
-            "agonic/apply@1",
-            {
-                "sensor": corrected.name,
-                "n": len(corrected),
-                "unit": corrected.unit,
-                "files": [str(out)],
-            },
-        )
-    else:
-        say_made(len(corrected), f"corrected readings of {corrected.name}", out)
-    return 0
+    record = {"sensor": corrected.name, "n": len(corrected), "unit": corrected.unit, "files": [out]}
+    return finish_made(
+        len(corrected),
+        f"corrected readings of {corrected.name}",
+        out,
+        record=record,
+        as_json=as_json,
+        schema="agonic/apply@1",
+    )

@@ -57,7 +57,7 @@ def motion(
     as_json: Json = False,
 ) -> int:
     """Write the readings of one sensor, and beside them the calibration that would undo it."""
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.errors import AgonicError
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
@@ -82,21 +82,16 @@ def motion(
     )
     write_csv(round_as_logged(made.samples), out)
     file = save(made.truth, out.with_suffix(".truth.json"))
-    if as_json:
-        print_json(
-            "agonic/simulate@1",
-            {
-                "kind": kind,
-                "n": len(made.samples),
-                "files": [str(out), str(file)],
-                "bias_nT": made.truth.bias,
-                "matrix": made.truth.matrix,
-            },
-        )
-    else:
-        following = f"agonic calibrate {quote(str(out))} --field {field:g}"
-        say_made(len(made.samples), "readings", out, f"The truth: {file}", next_step=following)
-    return 0
+    record = {"kind": kind, "n": n, "files": [out, file], "bias_nT": made.truth.bias}
+    return finish_made(
+        n,
+        "readings",
+        out,
+        f"The truth: {file}",
+        record={**record, "matrix": made.truth.matrix},
+        as_json=as_json,
+        next_step=f"agonic calibrate {quote(str(out))} --field {field:g}",
+    )
 
 
 def choose_defects(outliers: float, step: float, clip: float, seed: int) -> list[Defect]:

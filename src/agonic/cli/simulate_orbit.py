@@ -52,7 +52,7 @@ def orbit(
     as_json: Json = False,
 ) -> int:
     """A satellite: readings, the calibration from the ground, and what was true in each row."""
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.inflight.simulation.orbit import simulate_orbit
@@ -80,33 +80,22 @@ def orbit(
     files = [out, ground, truth, rows]
     if network:
         files.append(save(train_on_ground(made, noise, seed), out.with_suffix(".network.json")))
-    if as_json:
-        print_json(
-            "agonic/simulate@1",
-            {
-                "kind": "orbit",
-                "n": len(made.samples),
-                "files": [str(file) for file in files],
-                "bias_nT": made.bias.mean(axis=0),
-                "eclipse": float(made.eclipse.mean()),
-            },
-        )
-    else:
-        said = [
-            f"The calibration from the ground: {ground}",
-            f"The truth: {truth}, and row by row: {rows}",
-        ]
+    said = [
+        f"The calibration from the ground: {ground}",
+        f"The truth: {truth}, and row by row: {rows}",
+    ]
+    following = f"agonic fit inflight {quote(str(out))} --ground {quote(str(ground))} -o now.json"
+    if network:
+        said.append(f"The network from the ground: {files[-1]}")
         following = (
-            f"agonic fit inflight {quote(str(out))} --ground {quote(str(ground))} -o now.json"
+            f"agonic retrain {quote(str(out))} --ground {quote(str(files[-1]))} "
+            "--window 90min -o now.json"
         )
-        if network:
-            said.append(f"The network from the ground: {files[-1]}")
-            following = (
-                f"agonic retrain {quote(str(out))} --ground {quote(str(files[-1]))} "
-                "--window 90min -o now.json"
-            )
-        say_made(len(made.samples), "readings", out, *said, next_step=following)
-    return 0
+    record = {"kind": "orbit", "n": n, "files": files, "bias_nT": made.bias.mean(axis=0)}
+    record["eclipse"] = float(made.eclipse.mean())
+    return finish_made(
+        n, "readings", out, *said, record=record, as_json=as_json, next_step=following
+    )
 
 
 def train_on_ground(made: SimulatedOrbit, noise: float, seed: int) -> Network:

@@ -35,7 +35,7 @@ def rover(
 
     import numpy as np
 
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.exports.csv import write_csv
     from agonic.field.place import choose_model
     from agonic.files.calibration import save
@@ -68,18 +68,13 @@ def rover(
     }
     write_csv(round_as_logged(unit(made.samples).with_columns(**where)), out)
     file = save(made.truth, out.with_suffix(".truth.json"))
-    if as_json:
-        print_json(
-            "agonic/simulate@1",
-            {
-                "kind": "rover",
-                "n": n,
-                "files": [str(out), str(file)],
-                "bias_nT": made.truth.bias,
-                "matrix": made.truth.matrix,
-            },
-        )
-    else:
-        following = f"agonic calibrate {quote(str(out))}"
-        say_made(n, "readings", out, f"The truth: {file}", next_step=following)
-    return 0
+    record = {"kind": "rover", "n": n, "files": [out, file], "bias_nT": made.truth.bias}
+    return finish_made(
+        n,
+        "readings",
+        out,
+        f"The truth: {file}",
+        record={**record, "matrix": made.truth.matrix},
+        as_json=as_json,
+        next_step=f"agonic calibrate {quote(str(out))}",
+    )

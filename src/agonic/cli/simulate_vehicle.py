@@ -34,7 +34,7 @@ def vehicle(
     as_json: Json = False,
 ) -> int:
     """A flight with two magnetometers in one table, or those of one --truth or two."""
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.exports.csv import write_sensors
     from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle
@@ -59,22 +59,21 @@ def vehicle(
         sensors = [defect(samples) for samples in sensors]
     write_sensors([round_as_logged(samples) for samples in sensors], out)
     truths = [save(t, out.with_suffix(f".{t.sensor}.truth.json")) for t in made.truths]
-    if as_json:
-        print_json(
-            "agonic/simulate@1",
-            {
-                "kind": "vehicle",
-                "n": len(made.heading_deg),
-                "files": [str(out), *map(str, truths)],
-                "bias_nT": [t.bias for t in made.truths],
-                "matrix": [t.matrix for t in made.truths],
-                "stray_nT_A": [t.matrix @ t.coefficients[:, 0] for t in made.truths],
-                "latency_ms": 1000 * made.latency_s,
-            },
-        )
-    else:
-        what = f"readings of {'one sensor' if len(made.samples) == 1 else 'two sensors'}"
-        said = f"The truths: {', '.join(map(str, truths))}"
-        following = f"agonic calibrate {quote(str(out))}"
-        say_made(len(made.heading_deg), what, out, said, next_step=following)
-    return 0
+    record = {
+        "kind": "vehicle",
+        "n": n,
+        "files": [out, *truths],
+        "bias_nT": [t.bias for t in made.truths],
+        "matrix": [t.matrix for t in made.truths],
+        "stray_nT_A": [t.matrix @ t.coefficients[:, 0] for t in made.truths],
+        "latency_ms": 1000 * made.latency_s,
+    }
+    return finish_made(
+        n,
+        f"readings of {'one sensor' if len(made.samples) == 1 else 'two sensors'}",
+        out,
+        f"The truths: {', '.join(map(str, truths))}",
+        record=record,
+        as_json=as_json,
+        next_step=f"agonic calibrate {quote(str(out))}",
+    )

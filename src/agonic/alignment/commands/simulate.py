@@ -94,14 +94,18 @@ def _finish(
     import json
 
     from agonic.atomic import make_folder, write_atomically
-    from agonic.console.output import plain, print_json, say_made
+    from agonic.console.output import finish_made, plain
 
     facts = plain({"schema": f"agonic/{kind}-truth@1", **truth})
     text = json.dumps(facts, indent=1, ensure_ascii=False)
     written = write_atomically(make_folder(out / "truth") / "truth.json", text + "\n")
-    if as_json:
-        listed = {"files": [str(file) for file in (*files, written)]}
-        print_json(f"agonic/simulate-{kind}@1", listed | said.facts)
-    else:
-        say_made(said.n, said.what, out, f"The truth: {written}", next_step=said.following)
-    return 0
+    return finish_made(
+        said.n,
+        said.what,
+        out,
+        f"The truth: {written}",
+        record={"files": [*files, written], **said.facts},
+        as_json=as_json,
+        next_step=said.following,
+        schema=f"agonic/simulate-{kind}@1",
+    )

@@ -26,7 +26,7 @@ def shots(
     as_json: Json = False,
 ) -> int:
     """Shots of an instrument with an accelerometer and a magnetometer, all errors in."""
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.exports.csv import write_csv
     from agonic.files.setup import save_setup
     from agonic.inertial.pair.simulate import simulate_shots
@@ -43,22 +43,19 @@ def shots(
     )
     write_csv(made.samples, out)
     file = save_setup(made.make_setup(), out.with_suffix(".truth.toml"))
-    if as_json:
-        print_json(
-            "agonic/simulate@1",
-            {
-                "kind": "shots",
-                "n": len(made.samples),
-                "files": [str(out), str(file)],
-                "bias_nT": made.magnetometer.bias,
-                "matrix": made.magnetometer.matrix,
-                "accelerometer_bias_m_s2": made.accelerometer.bias,
-                "accelerometer_matrix": made.accelerometer.matrix,
-                "sight": made.sight,
-                "bad": [int(row) + 1 for row in made.bad],
-            },
-        )
-    else:
-        following = f"agonic fit pair {quote(str(out))} -o setup.toml"
-        say_made(len(made.samples), "shots", out, f"The truth: {file}", next_step=following)
-    return 0
+    record = {
+        "kind": "shots",
+        "n": len(made.samples),
+        "files": [out, file],
+        "bias_nT": made.magnetometer.bias,
+        "matrix": made.magnetometer.matrix,
+        "accelerometer_bias_m_s2": made.accelerometer.bias,
+        "accelerometer_matrix": made.accelerometer.matrix,
+        "sight": made.sight,
+        "bad": made.bad + 1,
+    }
+    following = f"agonic fit pair {quote(str(out))} -o setup.toml"
+    said = f"The truth: {file}"
+    return finish_made(
+        len(made.samples), "shots", out, said, record=record, as_json=as_json, next_step=following
+    )

@@ -61,18 +61,20 @@ def nonaffine(
 
 def _finish(kind: str, made: SimulatedField, out: Path, as_json: bool) -> int:
     """The readings as one table, and the known field as another, FILE.reference.csv."""
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
 
     files = _write(made, out)
-    if as_json:
-        facts = {"kind": kind, "n": len(made.samples), "files": [str(file) for file in files]}
-        print_json("agonic/simulate@1", facts)
-    else:
-        known = quote(str(files[1]))
-        following = f"agonic fit network {quote(str(out))} --reference {known} -o mag.json"
-        said = f"The known field: {files[1]}"
-        say_made(len(made.samples), "readings", out, said, next_step=following)
-    return 0
+    n, known = len(made.samples), files[1]
+    return finish_made(
+        n,
+        "readings",
+        out,
+        f"The known field: {known}",
+        record={"kind": kind, "n": n, "files": files},
+        as_json=as_json,
+        next_step=f"agonic fit network {quote(str(out))} --reference {quote(str(known))} "
+        "-o mag.json",
+    )
 
 
 def _write(made: SimulatedField, out: Path) -> list[Path]:
