@@ -23,18 +23,7 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
-from agonic.calibration.schema import (
-    AffineRecord,
-    AlignmentRecord,
-    AnyRecord,
-    CalibrationFile,
-    ChainRecord,
-    DeviationRecord,
-    InterferenceRecord,
-    NetworkRecord,
-    ThermalRecord,
-)
-from agonic.calibration.schema_fields import ProvenanceRecord
+from agonic.calibration.schema import CalibrationFile
 from agonic.calibration.steps import AnyCalibration, require_calibration
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError
@@ -72,7 +61,10 @@ def decode(data: bytes) -> AnyCalibration | Deviation:
     Raises `AgonicError` or `ValueError` where they are something else.
     """
     _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
-    return _restore(msgspec.json.decode(data, type=CalibrationFile).calibration)
+    restored: AnyCalibration | Deviation = _restore(
+        msgspec.json.decode(data, type=CalibrationFile).calibration
+    )
+    return restored
 
 
 def schema() -> dict[str, Any]:
@@ -130,37 +122,24 @@ def _require_known_version(text: str) -> None:
         )
 
 
-def _restore(record: AnyRecord) -> AnyCalibration | Deviation:
-    if isinstance(record, DeviationRecord):
-        values = msgspec.structs.asdict(record)
-        return Deviation(**{**values, "provenance": _provenance(record.provenance)})
-    if isinstance(record, ChainRecord):
-        steps = tuple(_restore_step(step) for step in record.steps)
-        return Chain(steps=steps, provenance=_provenance(record.provenance))
-    return _restore_step(record)
+_KINDS: dict[str, Any] = {
+    one.kind: one for one in (Affine, Interference, Thermal, Network, Alignment, Chain, Deviation)
+}
 
 
-def _restore_step(
-    record: AffineRecord | ThermalRecord | NetworkRecord | AlignmentRecord,
-) -> Affine | Thermal | Network | Alignment:
+def _restore(record: Any) -> Any:
+    """The calibration of a record."""
     values = msgspec.structs.asdict(record)
-    values["provenance"] = _provenance(record.provenance)
-    if isinstance(record, AffineRecord | ThermalRecord | NetworkRecord):
+    values["provenance"] = msgspec.convert(record.provenance, Provenance, from_attributes=True)
+    if "validity" in values:
         values["validity"] = msgspec.convert(record.validity, Validity, from_attributes=True)
-        if isinstance(record, ThermalRecord):
-            return Thermal(**values)
-        if isinstance(record, NetworkRecord):
-            base = None if record.base is None else _restore_step(record.base)
-            return Network(**{**values, "base": base})
-        return (Interference if isinstance(record, InterferenceRecord) else Affine)(**values)
-    values["rotation"] = _rotation(record.rotation.quat_wxyz)
-    if record.covariance is not None:
-        values["covariance"] = np.array(record.covariance)
-    return Alignment(**values)
-
-
-def _provenance(record: ProvenanceRecord) -> Provenance:
-    return msgspec.convert(record, Provenance, from_attributes=True)
+    if "rotation" in values:
+        values["rotation"] = _rotation(record.rotation.quat_wxyz)
+    if values.get("base") is not None:
+        values["base"] = _restore(record.base)
+    if "steps" in values:
+        values["steps"] = tuple(map(_restore, record.steps))
+    return _KINDS[record.__struct_config__.tag](**values)
 
 
 def _rotation(quat_wxyz: tuple[float, ...]) -> Rotation:
