@@ -46,7 +46,7 @@ _FIT = "agonic.alignment.commands.fit"
 _AIDED = "agonic.recording.commands.fit_affine:aided"
 _PLAN = "agonic.recording.commands.plan"
 _MOTIONS = ["tumble", "sphere", "belt", "hand", "circle", "flight", "boat", "car", "static"]
-_MOTION = "agonic.cli.simulate_motion:motion"
+_MOTION = "agonic.cli.simulate:motion"
 _NETWORK = "agonic.network.commands.simulate_network"
 _SESSION = "agonic.alignment.commands.simulate"
 
@@ -80,8 +80,8 @@ KINDS = {
             "shots": "agonic.inertial.commands.simulate_shots",
         },
         "Vehicles and missions": {
-            "vehicle": "agonic.cli.simulate_vehicle",
-            "rover": "agonic.cli.simulate_rover",
+            "vehicle": "agonic.cli.simulate",
+            "rover": "agonic.cli.simulate",
             "orbit": "agonic.cli.simulate_orbit",
             **dict.fromkeys(("paper", "paper-space", "network", "nonaffine"), _NETWORK),
         },

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Noise, Seed, Step, Table
+from agonic.console.options import Json, Noise, Seed, Step, Table
 
 NODES = 6
 """Of the network that is trained on the ground."""

@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from agonic.console.boundary import stop
-from agonic.console.width import find_width
+from agonic.console.terminal import find_width
 
 Row = tuple[str, str]
 """A name, and what it means."""

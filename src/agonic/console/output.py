@@ -46,7 +46,7 @@ def finish_made(
 ) -> int:
     """Say that so many things were written to a file, what else is beside it, and a command to
     type; for programs, the record. Returns the exit status."""
-    from agonic.console.width import find_width
+    from agonic.console.terminal import find_width
     from agonic.report.digits import group_digits
     from agonic.report.text import wrap_command
 
@@ -90,7 +90,7 @@ def fit_lines(text: str, width: int) -> str:
 
 def say(text: str) -> None:
     """A line or more for people, as wide as the terminal, its verdicts coloured there."""
-    from agonic.console.width import find_width
+    from agonic.console.terminal import find_width
 
     text = fit_lines(text, find_width())
     if not sys.stdout.isatty():

@@ -8,8 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Noise, Seed
+from agonic.console.options import Folder, Json, Noise, Seed
 
 
 def alignment(

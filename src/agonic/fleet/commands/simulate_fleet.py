@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Format, Noise, Seed
+from agonic.console.options import Folder, Format, Json, Noise, Seed
 
 if TYPE_CHECKING:
     from agonic.fleet.simulation.simulate import SimulatedFleet

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Seed, Table
+from agonic.console.options import Json, Seed, Table
 
 
 def shots(

@@ -6,8 +6,7 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Noise, Readings, Seed, Table
+from agonic.console.options import Folder, Json, Noise, Readings, Seed, Table
 
 if TYPE_CHECKING:
     from agonic.network.simulate import SimulatedField

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Format, Seed
+from agonic.console.options import Folder, Format, Json, Seed
 
 if TYPE_CHECKING:
     from agonic.thermal.simulation.campaign import SimulatedCampaign
