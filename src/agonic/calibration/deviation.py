@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from agonic.arrays import Array
-from agonic.calibration.base import read_only
+from agonic.calibration.base import Valued, read_only
 from agonic.calibration.schema_fields import (
     Five,
     Four,
@@ -20,7 +20,6 @@ from agonic.calibration.schema_fields import (
     described,
     stored,
 )
-from agonic.calibration.value import Valued
 from agonic.errors import AgonicError
 from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations import deviation as kernel

@@ -60,7 +60,7 @@ def calibrate(
     Parquet table of more than five million rows is read piece by piece.
     """
     from agonic.console.finish import finish
-    from agonic.console.typed_options import list_typed_options
+    from agonic.console.options import list_typed_options
     from agonic.errors import TwoAxisError, check_choice
     from agonic.health.miscoding import WORDS
     from agonic.recording.document import describe_recording

@@ -55,7 +55,7 @@ def motion(
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.simulation import simulate
-    from agonic.simulation.resolution import round_as_logged
+    from agonic.simulation.defects import round_as_logged
 
     kind = str(context.info_name)
     if tilt is not None and kind not in TILTED:
@@ -136,8 +136,8 @@ def vehicle(
     from agonic.exports.csv import write_sensors
     from agonic.files.calibration import save
     from agonic.simulation import simulate_vehicle
+    from agonic.simulation.defects import round_as_logged
     from agonic.simulation.draws import draw_motors
-    from agonic.simulation.resolution import round_as_logged
 
     known = [load_truth(path) for path in truth or ()]
     settings: dict[str, Any] = {"sensors": len(known), "calibrations": known} if known else {}
@@ -212,7 +212,7 @@ def rover(
     from agonic.field.place import choose_model
     from agonic.files.calibration import save
     from agonic.simulation import simulate, with_inertial_unit
-    from agonic.simulation.resolution import round_as_logged
+    from agonic.simulation.defects import round_as_logged
 
     epoch = datetime(2026, 5, 1, 10, 0, tzinfo=UTC)
     place = choose_model(epoch.year + 0.33).at(LATITUDE_DEG, LONGITUDE_DEG, 0.0, epoch)

@@ -55,7 +55,7 @@ def orbit(
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.inflight.simulation.orbit import simulate_orbit
-    from agonic.simulation.resolution import round_as_logged
+    from agonic.simulation.defects import round_as_logged
 
     made = simulate_orbit(
         n=n,

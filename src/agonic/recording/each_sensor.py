@@ -17,8 +17,8 @@ from numpy.linalg import LinAlgError
 
 from agonic.arrays import Array
 from agonic.attitude.course import with_course
-from agonic.console.mounting import parse_mounting
 from agonic.console.options import Place, SensorChoice
+from agonic.console.parse import parse_mounting
 from agonic.console.place import find_reference
 from agonic.console.progress import counting, progress, waiting
 from agonic.console.sensors import open_sensors

@@ -135,7 +135,7 @@ def mount(setup: Setup, samples: Samples, mounting: str) -> Setup:
 
     from agonic.calibration.affine import Affine
     from agonic.calibration.mounting import turn_field
-    from agonic.console.mounting import parse_mounting
+    from agonic.console.parse import parse_mounting
 
     turn = parse_mounting(mounting)
     compass, *others = setup.compasses

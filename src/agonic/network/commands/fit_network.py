@@ -108,8 +108,7 @@ def _known(
     samples: Samples, log: Path, given: str | None, unit: str | None, place: Place
 ) -> tuple[Samples, Reference]:
     """The rows whose field is known, and that field."""
-    from agonic.console.known_field import match_known_field
-    from agonic.console.place import find_reference
+    from agonic.console.place import find_reference, match_known_field
     from agonic.errors import AgonicError
 
     if given is not None:

@@ -32,7 +32,7 @@ def _mount(log: Log, mounting: str) -> Log:
     """The log with its readings in body axes."""
     from dataclasses import replace
 
-    from agonic.console.mounting import parse_mounting
+    from agonic.console.parse import parse_mounting
     from agonic.recording.mounting import turn_readings
 
     turn = parse_mounting(mounting)

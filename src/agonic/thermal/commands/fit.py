@@ -118,7 +118,7 @@ def _fit_known_field(
     """One sensor in a field that is known at every reading."""
     from agonic.atomic import make_folder, write_atomically
     from agonic.console.finish import finish
-    from agonic.console.known_field import open_beside_known_field
+    from agonic.console.place import open_beside_known_field
     from agonic.files.calibration import save
     from agonic.files.names import file_stem
     from agonic.thermal.document import describe_known_field
