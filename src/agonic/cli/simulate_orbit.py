@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -18,31 +18,42 @@ if TYPE_CHECKING:
     from agonic.inflight.simulation.orbit import SimulatedOrbit
 
 
-def orbit(
-    out: Table,
-    n: Annotated[int, typer.Option("-n", help="Readings; 86400 are a day.", min=1)] = 86_400,
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Readings a second.", min=0.001)] = 1.0,
-    noise: Noise = 100.0,
-    step: Step = 0.0,
+class Mission(NamedTuple):
+    """What is simulated, as for `simulate_orbit`."""
+
+    n: Annotated[int, typer.Option("-n", help="Readings; 86400 are a day.", min=1)] = 86_400
+    rate_Hz: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Readings a second.", min=0.001)
+    ] = 1.0
+    noise: Noise = 100.0
+    step: Step = 0.0
     moved: Annotated[
         float, typer.Option(metavar="NT", help="How far the bias moved since the ground.")
-    ] = 0.0,
-    drift: Annotated[float, typer.Option(metavar="NT", help="Drift of the bias.")] = 0.0,
-    jump: Annotated[float, typer.Option(metavar="NT", help="Step of the bias half-way.")] = 0.0,
+    ] = 0.0
+    drift: Annotated[float, typer.Option(metavar="NT", help="Drift of the bias.")] = 0.0
+    jump: Annotated[float, typer.Option(metavar="NT", help="Step of the bias half-way.")] = 0.0
     external: Annotated[
         float, typer.Option(metavar="NT", help="Standard deviation of the ring current's field.")
-    ] = 20.0,
-    torquer: Annotated[float, typer.Option(metavar="NT", help="Field of the torquers.")] = 0.0,
-    settling: Annotated[
+    ] = 20.0
+    torquer: Annotated[float, typer.Option(metavar="NT", help="Field of the torquers.")] = 0.0
+    torquer_settling_s: Annotated[
         float | None,
         typer.Option(
-            metavar="S", help="Record what torquers are told; their field follows in so long."
+            "--settling",
+            metavar="S",
+            help="Record what torquers are told; their field follows in so long.",
         ),
-    ] = None,
-    scalar: Annotated[
-        float | None, typer.Option(metavar="SD", help="Noise of a scalar sensor beside it, nT.")
-    ] = None,
-    pointing: Annotated[str, typer.Option(help="nadir or tumble.")] = "nadir",
+    ] = None
+    scalar_sd: Annotated[
+        float | None,
+        typer.Option("--scalar", metavar="SD", help="Noise of a scalar sensor beside it, nT."),
+    ] = None
+    pointing: Annotated[str, typer.Option(help="nadir or tumble.")] = "nadir"
+
+
+def orbit(
+    out: Table,
+    mission: Mission,
     network: Annotated[
         bool,
         typer.Option("--network", help="Train a network on the ground too, for agonic retrain."),
@@ -57,28 +68,16 @@ def orbit(
     from agonic.inflight.simulation.orbit import simulate_orbit
     from agonic.simulation.defects import round_as_logged
 
-    made = simulate_orbit(
-        n=n,
-        rate_Hz=rate,
-        noise=noise,
-        step=step,
-        moved=moved,
-        drift=drift,
-        jump=jump,
-        external=external,
-        torquer=torquer,
-        torquer_settling_s=settling,
-        scalar_sd=scalar,
-        pointing=cast(Any, pointing),
-        seed=seed,
-    )
+    made = simulate_orbit(**mission._asdict(), seed=seed)
     write_csv(round_as_logged(made.samples), out)
     ground = save(made.ground, out.with_suffix(".ground.json"))
     truth = save(made.truth, out.with_suffix(".truth.json"))
     rows = write_truth(made, out.with_suffix(".truth.csv"))
     files = [out, ground, truth, rows]
     if network:
-        files.append(save(train_on_ground(made, noise, seed), out.with_suffix(".network.json")))
+        files.append(
+            save(train_on_ground(made, mission.noise, seed), out.with_suffix(".network.json"))
+        )
     said = [
         f"The calibration from the ground: {ground}",
         f"The truth: {truth}, and row by row: {rows}",
@@ -90,10 +89,10 @@ def orbit(
             f"agonic retrain {quote(str(out))} --ground {quote(str(files[-1]))} "
             "--window 90min -o now.json"
         )
-    record = {"kind": "orbit", "n": n, "files": files, "bias_nT": made.bias.mean(axis=0)}
+    record = {"kind": "orbit", "n": mission.n, "files": files, "bias_nT": made.bias.mean(axis=0)}
     record["eclipse"] = float(made.eclipse.mean())
     return finish_made(
-        n, "readings", out, *said, record=record, as_json=as_json, next_step=following
+        mission.n, "readings", out, *said, record=record, as_json=as_json, next_step=following
     )
 
 
