@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from agonic.console.options import Place
 from agonic.errors import AgonicError
 from agonic.recording.each_sensor import calibrate_each
 from agonic.simulation import simulate
@@ -251,9 +252,10 @@ def judge(kind: Kind, record: Record, folder: Path) -> tuple[str, str]:
     """The outcome, and what was said."""
     path = folder / "log.csv"
     path.write_text(record.text, encoding="utf-8")
-    given = {"at": None, "date": None, "field": None} | dict(record.typed)
+    given: dict[str, Any] = dict(record.typed)
+    place = Place(**{name: given.pop(name) for name in Place._fields if name in given})
     try:
-        _, results, failures = calibrate_each(path, None, None, None, "auto", **given)
+        _, results, failures = calibrate_each(path, place=place, **given)
     except AgonicError as error:
         results, failures = [], [("", str(error))]
     said = " ".join([*(f"{r.verdict}: {r.status}" for r in results), *(t for _, t in failures)])

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from agonic.cli import run
-from agonic.cli.simulate_motion import MOTIONS
+from agonic.cli.simulate import HELP as MOTIONS
 from agonic.simulation import kinds
 
 pytestmark = pytest.mark.usefixtures("empty_folder")

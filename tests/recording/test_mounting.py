@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.calibration.mounting import turn_calibration, turn_field
-from agonic.console.mounting import parse_mounting
+from agonic.console.parse import parse_mounting
 from agonic.exports.csv import write_csv
 from agonic.recording.calibrated import calibrate_as_named
 from agonic.recording.mounting import calibrate, find_turn, turn_back, turn_readings

@@ -32,8 +32,7 @@ def test_opposite_disturbance_is_told_and_mixed_away(tmp_path) -> None:
         assert one.verdict == "check"
     path = tmp_path / "flight.csv"
     write_sensors(sensors, path)
-    settings = {"at": None, "date": None, "field": None}
-    _, mixed, _ = calibrate_each(path, None, None, None, "auto", **settings, second="auto")
+    _, mixed, _ = calibrate_each(path, second="auto")
     for alone, one in zip(told, mixed, strict=True):
         assert one.verdict == "good"
         if alone.verdict == "good":  # surer alone

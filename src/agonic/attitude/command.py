@@ -6,19 +6,13 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import Json, LogPath, Sensor, Unit
+from agonic.console.options import Json, LogPath, SensorChoice
 from agonic.console.sensors import open_sensors
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("latency")(latency)
 
 
 def latency(
     log: LogPath,
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     method: Annotated[str, typer.Option(help="auto, attitude, tilt or gyro.")] = "auto",
     limit_ms: Annotated[
         float | None,
@@ -37,7 +31,7 @@ def latency(
     from agonic.console.output import print_json, say
 
     limit_s = None if limit_ms is None else limit_ms / 1000
-    _, sensors = open_sensors(log, sensor, unit)
+    _, sensors = open_sensors(log, *which)
     fits = {
         samples.name: fit_latency(samples, method=cast(Any, method), limit_s=limit_s)
         for samples in sensors

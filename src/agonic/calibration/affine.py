@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,21 @@ from agonic.calibration.base import (
     check_size,
     read_only,
     require_covariance,
+)
+from agonic.calibration.schema_fields import (
+    DeviceId,
+    Frame,
+    Gauge,
+    Magnitude,
+    Matrix,
+    Noise,
+    NotNegative,
+    Rows,
+    Sensor,
+    Unit,
+    Vector,
+    described,
+    stored,
 )
 from agonic.maths.equation import affine as kernel
 from agonic.provenance import Provenance
@@ -38,6 +53,8 @@ PARAMETERS = (
 
 FREE_PARAMETERS = (*PARAMETERS, "matrix_yx", "matrix_zx", "matrix_zy")
 """The same for a matrix that is neither symmetric nor triangular."""
+
+LOWER = FREE_PARAMETERS[len(PARAMETERS) :]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,21 +90,33 @@ class Affine(Correction):
     kind: ClassVar[str] = "affine"
     needs: ClassVar[tuple[str, ...]] = ()
 
-    bias: Array
-    matrix: Array
-    covariance: Array | None = None
-    unit_in: str = "nT"
-    unit_out: str = "nT"
-    gauge: str = "symmetric"
+    bias: Annotated[Array, stored(Vector, "Subtracted from the readings, in unit_in.")]
+    matrix: Annotated[Array, stored(Matrix, "Row by row, unit_out per unit_in.")]
+    covariance: Annotated[
+        Array | None,
+        stored(
+            Rows | None,
+            f"Of {', '.join(PARAMETERS)}; in the gauge free, {', '.join(LOWER)} after "
+            "them; of an interference, its coefficients row by row after those. Bias in unit_in, "
+            "matrix in unit_out per unit_in.",
+        ),
+    ] = None
+    unit_in: Unit = "nT"
+    unit_out: Unit = "nT"
+    gauge: Gauge = "symmetric"
     model: Model = "full"
-    magnitude: float | None = None
-    noise: float | None = None
-    sensor: str = "mag"
-    device_id: int | None = None
-    latency_s: float = 0.0
-    latency_sd_s: float | None = None
-    frame_in: str = "m"
-    frame_out: str = "m"
+    magnitude: Magnitude = None
+    noise: Noise = None
+    sensor: Sensor = "mag"
+    device_id: DeviceId = None
+    latency_s: Annotated[
+        float, described("How late the readings came beside the attitude, seconds.")
+    ] = 0.0
+    latency_sd_s: Annotated[
+        NotNegative | None, described("Standard error of that; null: nothing told it.")
+    ] = None
+    frame_in: Frame = "m"
+    frame_out: Frame = "m"
     validity: Validity = field(default_factory=Validity)
     provenance: Provenance = field(default_factory=Provenance)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.base import Correction
+from agonic.calibration.schema_fields import Frame, Matrix, RotationRecord, Sensor, Unit, stored
 from agonic.errors import AgonicError
 from agonic.maths.rotations.vectors import skew
 from agonic.provenance import Provenance
@@ -34,13 +35,19 @@ class Alignment(Correction):
     kind: ClassVar[str] = "alignment"
     needs: ClassVar[tuple[str, ...]] = ()
 
-    rotation: Rotation
-    covariance: Array | None = None
-    unit_in: str = "nT"
-    frame_in: str = "m"
-    frame_out: str = "b"
-    sensor: str = "mag"
+    rotation: Annotated[Rotation, stored(RotationRecord, "Turns frame_in into frame_out.")]
+    covariance: Annotated[
+        Array | None, stored(Matrix | None, "Of the rotation vector, rad², row by row.")
+    ] = None
+    unit_in: Unit = "nT"
+    frame_in: Frame = "m"
+    frame_out: Frame = "b"
+    sensor: Sensor = "mag"
     provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", np.array(self.covariance))
 
     @property
     def unit_out(self) -> str:

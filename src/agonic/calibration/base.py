@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -10,11 +11,49 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.timing import restore
-from agonic.calibration.value import Valued
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.estimation.series import compute_rates
 from agonic.provenance import Provenance
+from agonic.readable import Readable
 from agonic.samples import Samples
+
+_DIGITS = 12  # of a rotation, which a file holds as a quaternion
+
+
+class Valued(Readable):
+    """Equal where all that it holds is equal, to the last bit of every number.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> one, other = (Affine(bias=[1, 0, 0], matrix=np.eye(3)) for _ in range(2))
+    >>> one == other, one == Affine(bias=[2, 0, 0], matrix=np.eye(3)), len({one, other})
+    (True, False, 1)
+    """
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return bool(_key(self) == _key(other))
+
+    def __hash__(self) -> int:
+        return hash(_key(self))
+
+
+def _key(value: Any) -> Any:
+    """A value as what can be compared and hashed."""
+    if hasattr(value, "as_matrix"):  # a Rotation; what only reads a log loads no SciPy
+        return _key(value.as_matrix().round(_DIGITS))
+    if isinstance(value, np.ndarray):
+        return value.shape, (value + 0.0).tobytes()  # the sum turns −0 into 0
+    if isinstance(value, np.generic):
+        return value.item()
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value).__name__, tuple(_key(getattr(value, f.name)) for f in fields(value))
+    if isinstance(value, Mapping):
+        return tuple(sorted((str(name), _key(one)) for name, one in value.items()))
+    if isinstance(value, list | tuple):
+        return tuple(map(_key, value))
+    return value
+
 
 _UNIT_OFF = 300.0
 """Readings so many times off are in another unit; a shield or a magnet does not do that."""

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
+from functools import reduce
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from operator import or_
+from types import GenericAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import msgspec
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct, defstruct
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
@@ -23,25 +26,15 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
-from agonic.calibration.schema import (
-    AffineRecord,
-    AlignmentRecord,
-    AnyRecord,
-    CalibrationFile,
-    ChainRecord,
-    DeviationRecord,
-    InterferenceRecord,
-    NetworkRecord,
-    ThermalRecord,
+from agonic.calibration.schema_fields import (
+    ProvenanceRecord,
+    Stored,
+    ValidityRecord,
 )
-from agonic.calibration.schema_fields import ProvenanceRecord
 from agonic.calibration.steps import AnyCalibration, require_calibration
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, LogError
 from agonic.provenance import Provenance
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 SCHEMA = "agonic/calibration"
 VERSION = 1
@@ -72,7 +65,10 @@ def decode(data: bytes) -> AnyCalibration | Deviation:
     Raises `AgonicError` or `ValueError` where they are something else.
     """
     _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
-    return _restore(msgspec.json.decode(data, type=CalibrationFile).calibration)
+    restored: AnyCalibration | Deviation = _restore(
+        msgspec.json.decode(data, type=CalibrationFile).calibration
+    )
+    return restored
 
 
 def schema() -> dict[str, Any]:
@@ -130,37 +126,24 @@ def _require_known_version(text: str) -> None:
         )
 
 
-def _restore(record: AnyRecord) -> AnyCalibration | Deviation:
-    if isinstance(record, DeviationRecord):
-        values = msgspec.structs.asdict(record)
-        return Deviation(**{**values, "provenance": _provenance(record.provenance)})
-    if isinstance(record, ChainRecord):
-        steps = tuple(_restore_step(step) for step in record.steps)
-        return Chain(steps=steps, provenance=_provenance(record.provenance))
-    return _restore_step(record)
+_KINDS: dict[str, Any] = {
+    one.kind: one for one in (Affine, Interference, Thermal, Network, Alignment, Chain, Deviation)
+}
 
 
-def _restore_step(
-    record: AffineRecord | ThermalRecord | NetworkRecord | AlignmentRecord,
-) -> Affine | Thermal | Network | Alignment:
+def _restore(record: Any) -> Any:
+    """The calibration of a record."""
     values = msgspec.structs.asdict(record)
-    values["provenance"] = _provenance(record.provenance)
-    if isinstance(record, AffineRecord | ThermalRecord | NetworkRecord):
+    values["provenance"] = msgspec.convert(record.provenance, Provenance, from_attributes=True)
+    if "validity" in values:
         values["validity"] = msgspec.convert(record.validity, Validity, from_attributes=True)
-        if isinstance(record, ThermalRecord):
-            return Thermal(**values)
-        if isinstance(record, NetworkRecord):
-            base = None if record.base is None else _restore_step(record.base)
-            return Network(**{**values, "base": base})
-        return (Interference if isinstance(record, InterferenceRecord) else Affine)(**values)
-    values["rotation"] = _rotation(record.rotation.quat_wxyz)
-    if record.covariance is not None:
-        values["covariance"] = np.array(record.covariance)
-    return Alignment(**values)
-
-
-def _provenance(record: ProvenanceRecord) -> Provenance:
-    return msgspec.convert(record, Provenance, from_attributes=True)
+    if "rotation" in values:
+        values["rotation"] = _rotation(record.rotation.quat_wxyz)
+    if values.get("base") is not None:
+        values["base"] = _restore(record.base)
+    if "steps" in values:
+        values["steps"] = tuple(map(_restore, record.steps))
+    return _KINDS[record.__struct_config__.tag](**values)
 
 
 def _rotation(quat_wxyz: tuple[float, ...]) -> Rotation:
@@ -169,3 +152,99 @@ def _rotation(quat_wxyz: tuple[float, ...]) -> Rotation:
 
     quat = np.roll(np.array(quat_wxyz), -1)
     return Rotation(quat, normalize=bool(abs(np.linalg.norm(quat) - 1.0) > 1e-12))
+
+
+_FIRST = ("sensor", "unit_in", "unit_out", "frame_in", "frame_out", "model", "gauge")
+"""Fields that stand first in a record, and are never left out."""
+_SAME = {"validity": ValidityRecord, "provenance": ProvenanceRecord}
+
+
+def make_record(kind: Any, law: str, **forms: Any) -> type[Struct]:
+    """The record of a kind of calibration: its fields, in their forms, under its law.
+
+    `forms` are of fields that hold calibrations.
+
+    >>> make_record(Alignment, "field_out = rotation.apply(field_in).").__struct_fields__
+    ('sensor', 'unit_in', 'frame_in', 'frame_out', 'rotation', 'covariance', 'provenance')
+    """
+    hints = get_type_hints(kind, localns={"Rotation": Any}, include_extras=True)
+    forms = {name: _find_form(hint) for name, hint in hints.items()} | _SAME | forms
+    known = {f.name: f for f in fields(kind)}
+    order = [name for name in _FIRST if name in known]
+    order += [name for name in known if name not in order]
+    return defstruct(
+        f"{kind.__name__}Record",
+        [(name, forms[name], _find_default(known[name])) for name in order],
+        namespace={"__doc__": law},
+        frozen=True,
+        kw_only=True,
+        tag_field="kind",
+        tag=kind.kind,
+    )
+
+
+def _find_form(hint: Any) -> Any:
+    return next(
+        (one.form for one in getattr(hint, "__metadata__", ()) if type(one) is Stored), hint
+    )
+
+
+def _find_default(field: Any) -> Any:
+    """What a file may leave out."""
+    if field.name in (*_FIRST, "terms", "provenance"):
+        return msgspec.NODEFAULT
+    if field.name == "validity":
+        return ValidityRecord()
+    if field.default_factory is not MISSING:
+        return msgspec.field(default_factory=field.default_factory)
+    return msgspec.NODEFAULT if field.default is MISSING else field.default
+
+
+_AFFINE = [
+    make_record(Affine, "field = matrix @ (raw − bias)."),
+    make_record(
+        Interference, "field = matrix @ (raw − bias − coefficients @ x), x from the sources."
+    ),
+    make_record(
+        Thermal,
+        "field = matrix(T) @ (raw − bias(T) − rate dT/dt), powers of x = (T − centre)/half range.",
+    ),
+]
+_BASE = Meta(description="What corrects alone far from the training; null: nothing.")
+_STEPS = [
+    *_AFFINE,
+    make_record(
+        Network,
+        "field = base(raw) + g(x) · (output_middle + output_half · V [tanh(U [x, 1]), 1]).\n\n"
+        "With `second` it is V [tanh(W [tanh(U [x, 1]), 1]), 1].",
+        base=Annotated[reduce(or_, _AFFINE) | None, _BASE],
+    ),
+    make_record(Alignment, "field_out = rotation.apply(field_in)."),
+]
+_RECORDS = [
+    *_STEPS,
+    make_record(
+        Chain,
+        "Calibrations applied one after the other, in this order.",
+        steps=Annotated[GenericAlias(tuple, (reduce(or_, _STEPS), ...)), Meta(min_length=1)],
+    ),
+    make_record(Deviation, "magnetic = compass + deviation(compass), in one state of the vehicle."),
+]
+
+CalibrationFile: Any = defstruct(
+    "CalibrationFile",
+    [
+        ("schema", Literal["agonic/calibration@1"]),
+        (
+            "equation",
+            Annotated[str, Meta(description="The correction in words, for the reader.")],
+        ),
+        ("calibration", reduce(or_, _RECORDS)),
+    ],
+    namespace={"__doc__": "A calibration of a magnetometer, made with agonic."},
+    frozen=True,
+)
+
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import read_only
 from agonic.calibration.inputs import signals as signals
 from agonic.calibration.inputs import stack_inputs
+from agonic.calibration.schema_fields import Name, Row, described, stored
 from agonic.calibration.sources import list_columns, parse_source
 from agonic.calibration.timing import Timing, find_timing
 from agonic.errors import AgonicError
@@ -57,11 +58,29 @@ class Interference(Affine):
 
     kind: ClassVar[str] = "interference"
 
-    sources: tuple[str, ...]
-    coefficients: Array
-    second_sensor: str | None = None
-    typical: Array | None = None
-    timing_sd_s: Mapping[str, float] = field(default_factory=dict)
+    sources: Annotated[
+        tuple[Name, ...],
+        described(
+            "Columns in x, each as it is, to a power (motor1_duty^1.5) or 1 above a "
+            "value (heater_A>0.5), recorded late (@0.2) or through a filter (~0.3; the field "
+            "follows it: ~-2), s; second is another magnetometer, three numbers."
+        ),
+    ]
+    coefficients: Annotated[
+        Array, stored(tuple[Row, Row, Row], "Row by row, unit_in per unit of x.")
+    ]
+    second_sensor: Annotated[
+        str | None, described("The name of the second magnetometer, where it is a source.")
+    ] = None
+    typical: Annotated[
+        Array | None, stored(Row | None, "What the sources were on average in the log.")
+    ] = None
+    timing_sd_s: Annotated[
+        Mapping[str, float],
+        stored(
+            dict[str, float], "Standard errors of delays and time constants that were found, s."
+        ),
+    ] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.sources:

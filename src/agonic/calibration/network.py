@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,17 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Correction, Validity, read_only, require_covariance
 from agonic.calibration.inputs import check_inputs, measure_width, stack_inputs
 from agonic.calibration.interference import Interference
+from agonic.calibration.schema_fields import (
+    DeviceId,
+    Frame,
+    NotNegative,
+    Row,
+    Rows,
+    Sensor,
+    Unit,
+    described,
+    stored,
+)
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.timing import Timing
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
@@ -76,30 +87,60 @@ class Network(Correction):
     kind: ClassVar[str] = "network"
 
     base: Affine | Thermal | None
-    inputs: tuple[str, ...]
-    input_middle: Array
-    input_half: Array
-    output_middle: Array
-    output_half: float
-    hidden: Array
-    output: Array
-    centres: Array
-    reach: float
-    second: Array | None = None
-    bound: float | None = None
-    misfit: float | None = None
-    unmodelled: float = 0.0
-    base_sd_ratio: float = 1.0
-    covariance: Array | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
-    unit_in: str = "nT"
-    unit_out: str = "nT"
-    magnitude: float | None = None
-    noise: float | None = None
-    sensor: str = "mag"
-    device_id: int | None = None
-    frame_in: str = "m"
-    frame_out: str = "m"
+    inputs: Annotated[
+        tuple[str, ...],
+        described(
+            "What goes in, in order: field (the reading, unit_in), temperature, "
+            "temperature_rate, current_A, throttle, second, or a column such as motor1_duty.",
+            min_length=1,
+        ),
+    ]
+    input_middle: Annotated[Array, stored(Row, "x = (input − middle) / half.")]
+    input_half: Annotated[Array, stored(Row, "x = (input − middle) / half.")]
+    output_middle: Annotated[Array, stored(Row, "Three, or one along the field, unit_out.")]
+    output_half: Annotated[float, described("From output 0 to 1, unit_out.", gt=0)]
+    hidden: Annotated[Array, stored(Rows, "U: a row a node, its constant last.", min_length=1)]
+    output: Annotated[Array, stored(Rows, "V: a row an output, its constant last.", min_length=1)]
+    centres: Annotated[Array, stored(Rows, "Points that cover the training, in x.", min_length=1)]
+    reach: Annotated[
+        float,
+        described("g(x) is 1 so far from the nearest centre, 0 at twice as far.", gt=0),
+    ]
+    second: Annotated[
+        Array | None,
+        stored(Rows | None, "W: the nodes of a second hidden layer; null: there is one."),
+    ] = None
+    bound: Annotated[NotNegative | None, described("The longest correction, unit_out.")] = None
+    misfit: Annotated[
+        NotNegative | None, described("What the base leaves on an axis, sd, unit_out.")
+    ] = None
+    unmodelled: Annotated[
+        NotNegative, described("What the network leaves inside on an axis, sd, unit_out.")
+    ] = 0.0
+    base_sd_ratio: Annotated[
+        NotNegative, described("Standard errors of the base inside, over its own.")
+    ] = 1.0
+    covariance: Annotated[Array | None, stored(Rows | None, "Of U row by row, then W, then V.")] = (
+        None
+    )
+    held: Annotated[
+        Mapping[str, float],
+        stored(dict[str, float], "Inputs that stay at a value instead of being read."),
+    ] = field(default_factory=dict)
+    unit_in: Unit = "nT"
+    unit_out: Unit = "nT"
+    magnitude: Annotated[
+        NotNegative | None,
+        described("Field magnitude it was trained in, in unit_out."),
+    ] = None
+    noise: Annotated[
+        NotNegative | None,
+        described("Standard deviation of what is left on an axis, in unit_out."),
+    ] = None
+    sensor: Sensor = "mag"
+    device_id: DeviceId = None
+    frame_in: Frame = "m"
+    frame_out: Frame = "m"
     validity: Validity = field(default_factory=Validity)
     provenance: Provenance = field(default_factory=Provenance)
 

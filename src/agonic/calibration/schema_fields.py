@@ -1,32 +1,44 @@
-"""What records of a calibration file share: types of their fields, provenance and validity."""
+"""How fields of calibrations stand in a file: their JSON types and descriptions, said once."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from msgspec import Meta, Struct
 
+
+class Stored(NamedTuple):
+    """The form in a file of a field that has another in memory, as an array has."""
+
+    form: Any
+
+
+def described(says: str, **limits: Any) -> Meta:
+    """What is said of a field, and the limits of its values."""
+    return Meta(description=says, **limits)
+
+
+def stored(form: Any, says: str, **limits: Any) -> Stored:
+    """The form of a field in a file, what is said of it, and the limits of its values."""
+    return Stored(Annotated[form, described(says, **limits)])
+
+
 Vector = tuple[float, float, float]
-
-
 Matrix = tuple[Vector, Vector, Vector]
-
-
 Row = tuple[float, ...]
-
-
+Rows = tuple[Row, ...]
 Four = tuple[float, float, float, float]
-
-
 Five = tuple[float, float, float, float, float]
-
+NotNegative = Annotated[float, Meta(ge=0)]
+Name = Annotated[str, Meta(min_length=1, max_length=1000)]
 
 Unit = Annotated[
-    Literal["nT", "raw", "m/s2"],
-    Meta(description="nT, raw where the scale is unknown; of an accelerometer m/s2."),
+    str,
+    stored(
+        Literal["nT", "raw", "m/s2"],
+        "nT, raw where the scale is unknown; of an accelerometer m/s2.",
+    ),
 ]
-
-
 Frame = Annotated[
     str,
     Meta(
@@ -34,31 +46,21 @@ Frame = Annotated[
         description="Axes, one letter: m magnetometer, b body (forward, right, down).",
     ),
 ]
-
-
 Sensor = Annotated[str, Meta(description="Whose readings the calibration corrects.")]
-
-
-NotNegative = Annotated[float, Meta(ge=0)]
-
-
 Gauge = Annotated[
-    Literal["symmetric", "triangular", "free"],
-    Meta(description="How the rotation that magnitude alone leaves open was fixed."),
+    str,
+    stored(
+        Literal["symmetric", "triangular", "free"],
+        "How the rotation that magnitude alone leaves open was fixed.",
+    ),
 ]
-
-
 Magnitude = Annotated[
     NotNegative | None, Meta(description="Field magnitude it was scaled to, in unit_out.")
 ]
-
-
 Noise = Annotated[
     NotNegative | None,
     Meta(description="Standard deviation of one reading on one axis, in unit_in."),
 ]
-
-
 DeviceId = Annotated[
     int | None, Meta(description="The number by which an autopilot knows the sensor.")
 ]
@@ -92,3 +94,9 @@ class ValidityRecord(Struct, frozen=True):
     temperature_C: Annotated[
         tuple[float, float] | None, Meta(description="Lowest and highest temperature seen, °C.")
     ] = None
+
+
+class RotationRecord(Struct, frozen=True):
+    """A rotation as a unit quaternion, Hamilton, scalar first."""
+
+    quat_wxyz: tuple[float, float, float, float]

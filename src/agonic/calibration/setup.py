@@ -8,9 +8,8 @@ from math import isfinite
 from typing import Any, ClassVar, Literal, get_args
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, Valued
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.value import Valued
 from agonic.errors import AgonicError, FrameError, UnitError, check_choice
 from agonic.maths.rotations.tilt import Order
 from agonic.provenance import Provenance

@@ -4,14 +4,28 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
+from agonic.calibration.affine import FREE_PARAMETERS, LOWER, PARAMETERS, Affine
 from agonic.calibration.base import Correction, Validity, read_only, require_covariance
+from agonic.calibration.schema_fields import (
+    DeviceId,
+    Frame,
+    Gauge,
+    Magnitude,
+    Matrix,
+    Noise,
+    Rows,
+    Sensor,
+    Unit,
+    Vector,
+    described,
+    stored,
+)
 from agonic.errors import AgonicError, AgonicWarning
 from agonic.maths.equation import polynomial
 from agonic.maths.equation import temperature_model as kernel
@@ -56,21 +70,40 @@ class Thermal(Correction):
 
     kind: ClassVar[str] = "thermal"
 
-    bias: Array
-    matrix: Array
-    centre_C: float
-    half_range_C: float
-    rate: Array | None = None
-    covariance: Array | None = None
-    unit_in: str = "nT"
-    unit_out: str = "nT"
-    gauge: str = "symmetric"
-    magnitude: float | None = None
-    noise: float | None = None
-    sensor: str = "mag"
-    device_id: int | None = None
-    frame_in: str = "m"
-    frame_out: str = "m"
+    centre_C: Annotated[float, described("Temperature at x = 0, °C.")]
+    half_range_C: Annotated[float, described("From x = 0 to x = 1, °C.", gt=0)]
+    bias: Annotated[
+        Array,
+        stored(tuple[Vector, ...], "Of each power of x, in unit_in.", min_length=1),
+    ]
+    matrix: Annotated[
+        Array,
+        stored(
+            tuple[Matrix, ...],
+            "Of each power of x, row by row, unit_out per unit_in.",
+            min_length=1,
+        ),
+    ]
+    rate: Annotated[
+        Array | None, stored(Vector | None, "Added to the bias, unit_in per °C/s; null: none.")
+    ] = None
+    covariance: Annotated[
+        Array | None,
+        stored(
+            Rows | None,
+            f"Of {', '.join(PARAMETERS)}; in the gauge free, {', '.join(LOWER)} after "
+            "them; each with all its powers, the rates last.",
+        ),
+    ] = None
+    unit_in: Unit = "nT"
+    unit_out: Unit = "nT"
+    gauge: Gauge = "symmetric"
+    magnitude: Magnitude = None
+    noise: Noise = None
+    sensor: Sensor = "mag"
+    device_id: DeviceId = None
+    frame_in: Frame = "m"
+    frame_out: Frame = "m"
     validity: Validity = field(default_factory=Validity)
     provenance: Provenance = field(default_factory=Provenance)
 

@@ -7,50 +7,11 @@ import sys
 import warnings
 from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from typing import Any
 
-from agonic.console.plain_text import allow_any_sign
+from agonic.cli.commands import COMMANDS, GROUPS, KINDS
+from agonic.console.terminal import allow_any_sign
 from agonic.version import __version__
-
-GROUPS = {
-    "Calibrate": {
-        "calibrate": "agonic.cli.calibrate",
-        "live": "agonic.live.command",
-        "fit": "agonic.cli.fit",
-        "verify": "agonic.recording.commands.verify",
-        "evaluate": "agonic.recording.commands.evaluate",
-        "demo": "agonic.recording.commands.demo",
-    },
-    "Heading": {
-        "heading": "agonic.headings.commands.heading",
-        "field": "agonic.cli.field",
-        "direction": "agonic.alignment.commands.direction",
-    },
-    "Missions": {
-        "track": "agonic.inflight.commands.track",
-        "retrain": "agonic.network.commands.retrain",
-    },
-    "Laboratory": {
-        "plan": "agonic.cli.plan",
-        "simulate": "agonic.cli.simulate",
-    },
-    "Fleet": {
-        "fleet": "agonic.fleet.commands.fleet",
-        "history": "agonic.history.command",
-    },
-    "Files": {
-        "info": "agonic.recording.commands.info",
-        "apply": "agonic.cli.apply",
-        "export": "agonic.cli.export",
-        "report": "agonic.cli.report",
-        "cite": "agonic.cli.cite",
-    },
-}
-"""The commands and their modules, under the headings and in the order of `agonic --help`."""
-
-COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
-"""Each command and its module."""
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2
 """Exit status: all well; a check failed or a fit was refused; bad input or usage."""
@@ -132,13 +93,13 @@ def _complain(message: str, status: int, *, as_json: bool) -> int:
 def make_command(only: str = "") -> Any:
     """The command `agonic` with every other below it, or with one: making all takes a while.
 
-    Their heavy imports wait until they run.
+    Kinds are made when they are asked for, and heavy imports wait until a command runs.
     """
     import typer
 
     from agonic.cli.examples import EXAMPLES
-    from agonic.console.boundary import add_columns, add_force
-    from agonic.console.help import App, Group, add_examples
+    from agonic.console.help import App, Group
+    from agonic.console.kinds import Kinds, complete, register
 
     app = App(
         name="agonic",
@@ -153,15 +114,16 @@ def make_command(only: str = "") -> Any:
     def answer(version: bool = shown) -> None:
         """Turn magnetometer readings into headings you can trust."""
 
-    for name, module in COMMANDS.items():
-        if only in ("", name):
-            import_module(module).add_to(app)
-    command: Any = typer.main.get_command(app)
-    command.commands = {name: command.commands[name] for name in COMMANDS if only in ("", name)}
+    wanted = [name for name in COMMANDS if only in ("", name)]
     for heading, group in GROUPS.items():
-        for name in group.keys() & command.commands:
-            command.commands[name].rich_help_panel = heading
-    add_force(command)
-    add_columns(command)
-    add_examples(command, EXAMPLES)
-    return command
+        for name in group.keys() & set(wanted):
+            if name in KINDS:
+                kinds = App(cls=Kinds, help=group[name], subcommand_metavar="KIND ...")
+                app.add_typer(kinds, name=name, rich_help_panel=heading)
+            else:
+                register(app, name, group[name], heading)
+    command: Any = typer.main.get_command(app)
+    command.commands = {name: command.commands[name] for name in wanted}
+    for name in set(wanted) & KINDS.keys():
+        command.commands[name].make_later(KINDS[name], EXAMPLES, f"agonic {name}")
+    return complete(command, EXAMPLES, "agonic")

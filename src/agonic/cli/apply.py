@@ -7,12 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import CalibrationPath, Json, LogPath, Sensor, Unit
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("apply")(apply)
+from agonic.console.options import CalibrationPath, Json, LogPath, SensorChoice
 
 
 def apply(
@@ -21,21 +16,20 @@ def apply(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="OUT", help="Table to write, .csv or .parquet.")
     ],
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     as_json: Json = False,
 ) -> int:
     """Correct a log's readings and write them with everything recorded beside them."""
     from agonic.atomic import write_atomically
     from agonic.calibration.base import apply as correct
     from agonic.console.finish import require_table
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.exports.csv import make_table, write_csv
     from agonic.exports.parquet import make_parquet
     from agonic.recording.calibration_and_log import open_calibration_and_log
 
     as_parquet = out.suffix.lower() == ".parquet"
-    calibration, samples = open_calibration_and_log(cal, log, sensor, unit)
+    calibration, samples = open_calibration_and_log(cal, log, *which)
     if not as_parquet:
         require_table(out)
     corrected = correct(calibration, samples)
@@ -43,16 +37,12 @@ def apply(
         write_atomically(out, make_parquet(make_table(corrected)))
     else:
         write_csv(corrected, out)
-    if as_json:
-        print_json(
-            "agonic/apply@1",
-            {
-                "sensor": corrected.name,
-                "n": len(corrected),
-                "unit": corrected.unit,
-                "files": [str(out)],
-            },
-        )
-    else:
-        say_made(len(corrected), f"corrected readings of {corrected.name}", out)
-    return 0
+    record = {"sensor": corrected.name, "n": len(corrected), "unit": corrected.unit, "files": [out]}
+    return finish_made(
+        len(corrected),
+        f"corrected readings of {corrected.name}",
+        out,
+        record=record,
+        as_json=as_json,
+        schema="agonic/apply@1",
+    )

@@ -8,23 +8,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import (
-    At,
-    Between,
-    Course,
-    Date,
-    Json,
-    LogPath,
-    Magnitude,
-    Mounting,
-    Sensor,
-    Unit,
-)
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("calibrate")(calibrate)
+from agonic.console.options import Between, Course, Json, LogPath, Mounting, Place, SensorChoice
 
 
 def calibrate(
@@ -34,11 +18,8 @@ def calibrate(
         Path | None,
         typer.Option("-o", "--out", metavar="DIR", help="Folder to write to; default: LOG-agonic."),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     method: Annotated[
         str,
         typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
@@ -79,7 +60,7 @@ def calibrate(
     Parquet table of more than five million rows is read piece by piece.
     """
     from agonic.console.finish import finish
-    from agonic.console.typed_options import list_typed_options
+    from agonic.console.options import list_typed_options
     from agonic.errors import TwoAxisError, check_choice
     from agonic.health.miscoding import WORDS
     from agonic.recording.document import describe_recording
@@ -95,13 +76,10 @@ def calibrate(
     try:
         recording, results, failures = calibrate_each(
             log,
-            sensor,
-            unit,
+            which,
             between,
             method,
-            at=at,
-            date=date,
-            field=field,
+            place=place,
             course=course,
             second=second,
             mounting=mounting,
@@ -113,12 +91,9 @@ def calibrate(
         return calibrate_two_axes(
             log,
             folder,
-            sensor=sensor,
-            unit=unit,
+            which=which,
             between=between,
-            at=at,
-            date=date,
-            field=field,
+            place=place,
             asked={
                 f"--method {method}": method != "auto",
                 "--course": course,
@@ -137,8 +112,8 @@ def calibrate(
     if store is not None:
         from agonic.cli.keep import keep_results  # here, so that only a history loads a fleet
 
-        place = (unit, at, date, field)
-        keep_results(store, results, recording, place, method, between, None if word else name)
+        known_as = None if word else name
+        keep_results(store, results, recording, which.unit, place, method, between, known_as)
     document = describe_recording(results, written=written, failures=failures)
     command = choose_command(results, log, folder, list_typed_options(context))
     document = replace(document, next_step=command)

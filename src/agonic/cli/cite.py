@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-import typer
-
 from agonic.console.options import CalibrationPath, Json
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("cite")(cite)
 
 
 def cite(cal: CalibrationPath, as_json: Json = False) -> int:

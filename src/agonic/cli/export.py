@@ -25,11 +25,6 @@ Source = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("export")(export)
-
-
 def export(
     cal: Source,
     to: Annotated[

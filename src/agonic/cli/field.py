@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from agonic.logs.space.positions import Points
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("field")(field)
-
-
 def field(
     at: Annotated[
         str | None,

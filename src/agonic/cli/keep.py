@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from agonic.console.options import Place
 from agonic.console.parse import parse_position
 from agonic.field.decimal_year import parse_date
 from agonic.fleet.inputs import name_sensors
@@ -21,18 +22,19 @@ def keep_results(
     store: Path,
     results: Sequence[Calibrated],
     log: Log,
-    place: tuple[str | None, str | None, str | None, float | None],
+    unit: str | None,
+    place: Place,
     method: str,
     between: str | None,
     name: str | None,
 ) -> int:
     """Add what came of a log to a history; returns how many calibrations were new to it.
 
-    Parameters: `place`, unit, place, date and field as given, the date being that of a log that
-    knows none; `method` and `between`, what the figures depend on besides; `name`, who the sensor
-    is, else its number for autopilots or the log's stem.
+    Parameters: `unit` and `place` as given, its date being that of a log that knows none; `method`
+    and `between`, what the figures depend on besides; `name`, who the sensor is, else its number
+    for autopilots or the log's stem.
     """
-    unit, at, date, field = place
+    at, date, field = place
     asked = FleetSettings(
         unit=unit, at=parse_position(at) if at else None, date=date, field_nT=field, method=method
     )

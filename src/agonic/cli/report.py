@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, CalibrationPath, Date, Json, Magnitude, Sensor, Unit
+from agonic.console.options import CalibrationPath, Json, Place, SensorChoice
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -19,11 +19,6 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("report")(report)
-
-
 def report(
     cal: CalibrationPath,
     log: Annotated[
@@ -33,11 +28,8 @@ def report(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="HTML", help="Page; default beside CAL.")
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     as_json: Json = False,
 ) -> int:
     """Show what a calibration does to a log: spheres, residuals, checks, provenance.
@@ -60,12 +52,12 @@ def report(
     if step is not None:
         samples, reference = None, None
         if log is not None:
-            _, samples = open_calibration_and_log(cal, log, sensor, unit)
-            reference, _ = find_reference(samples, at, date, field)
+            _, samples = open_calibration_and_log(cal, log, *which)
+            reference, _ = find_reference(samples, *place)
         document, values = _describe_file(given, step, cal, samples, reference)
     else:
-        calibration, samples = open_calibration_and_log(cal, log or find_own_log(cal), sensor, unit)
-        reference, settings = find_reference(samples, at, date, field)
+        calibration, samples = open_calibration_and_log(cal, log or find_own_log(cal), *which)
+        reference, settings = find_reference(samples, *place)
         result = judge(calibration, samples, reference, **settings)
         document = describe_recording([result], title=f"{cal.name} on {samples.name}")
         values = document.sensors[0].to_record()

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Noise, Seed, Step, Table
+from agonic.console.options import Json, Noise, Seed, Step, Table
 
 NODES = 6
 """Of the network that is trained on the ground."""
@@ -19,36 +18,42 @@ if TYPE_CHECKING:
     from agonic.inflight.simulation.orbit import SimulatedOrbit
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("orbit")(orbit)
+class Mission(NamedTuple):
+    """What is simulated, as for `simulate_orbit`."""
+
+    n: Annotated[int, typer.Option("-n", help="Readings; 86400 are a day.", min=1)] = 86_400
+    rate_Hz: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Readings a second.", min=0.001)
+    ] = 1.0
+    noise: Noise = 100.0
+    step: Step = 0.0
+    moved: Annotated[
+        float, typer.Option(metavar="NT", help="How far the bias moved since the ground.")
+    ] = 0.0
+    drift: Annotated[float, typer.Option(metavar="NT", help="Drift of the bias.")] = 0.0
+    jump: Annotated[float, typer.Option(metavar="NT", help="Step of the bias half-way.")] = 0.0
+    external: Annotated[
+        float, typer.Option(metavar="NT", help="Standard deviation of the ring current's field.")
+    ] = 20.0
+    torquer: Annotated[float, typer.Option(metavar="NT", help="Field of the torquers.")] = 0.0
+    torquer_settling_s: Annotated[
+        float | None,
+        typer.Option(
+            "--settling",
+            metavar="S",
+            help="Record what torquers are told; their field follows in so long.",
+        ),
+    ] = None
+    scalar_sd: Annotated[
+        float | None,
+        typer.Option("--scalar", metavar="SD", help="Noise of a scalar sensor beside it, nT."),
+    ] = None
+    pointing: Annotated[str, typer.Option(help="nadir or tumble.")] = "nadir"
 
 
 def orbit(
     out: Table,
-    n: Annotated[int, typer.Option("-n", help="Readings; 86400 are a day.", min=1)] = 86_400,
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Readings a second.", min=0.001)] = 1.0,
-    noise: Noise = 100.0,
-    step: Step = 0.0,
-    moved: Annotated[
-        float, typer.Option(metavar="NT", help="How far the bias moved since the ground.")
-    ] = 0.0,
-    drift: Annotated[float, typer.Option(metavar="NT", help="Drift of the bias.")] = 0.0,
-    jump: Annotated[float, typer.Option(metavar="NT", help="Step of the bias half-way.")] = 0.0,
-    external: Annotated[
-        float, typer.Option(metavar="NT", help="Standard deviation of the ring current's field.")
-    ] = 20.0,
-    torquer: Annotated[float, typer.Option(metavar="NT", help="Field of the torquers.")] = 0.0,
-    settling: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S", help="Record what torquers are told; their field follows in so long."
-        ),
-    ] = None,
-    scalar: Annotated[
-        float | None, typer.Option(metavar="SD", help="Noise of a scalar sensor beside it, nT.")
-    ] = None,
-    pointing: Annotated[str, typer.Option(help="nadir or tumble.")] = "nadir",
+    mission: Mission,
     network: Annotated[
         bool,
         typer.Option("--network", help="Train a network on the ground too, for agonic retrain."),
@@ -57,61 +62,38 @@ def orbit(
     as_json: Json = False,
 ) -> int:
     """A satellite: readings, the calibration from the ground, and what was true in each row."""
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
     from agonic.exports.csv import write_csv
     from agonic.files.calibration import save
     from agonic.inflight.simulation.orbit import simulate_orbit
-    from agonic.simulation.resolution import round_as_logged
+    from agonic.simulation.defects import round_as_logged
 
-    made = simulate_orbit(
-        n=n,
-        rate_Hz=rate,
-        noise=noise,
-        step=step,
-        moved=moved,
-        drift=drift,
-        jump=jump,
-        external=external,
-        torquer=torquer,
-        torquer_settling_s=settling,
-        scalar_sd=scalar,
-        pointing=cast(Any, pointing),
-        seed=seed,
-    )
+    made = simulate_orbit(**mission._asdict(), seed=seed)
     write_csv(round_as_logged(made.samples), out)
     ground = save(made.ground, out.with_suffix(".ground.json"))
     truth = save(made.truth, out.with_suffix(".truth.json"))
     rows = write_truth(made, out.with_suffix(".truth.csv"))
     files = [out, ground, truth, rows]
     if network:
-        files.append(save(train_on_ground(made, noise, seed), out.with_suffix(".network.json")))
-    if as_json:
-        print_json(
-            "agonic/simulate@1",
-            {
-                "kind": "orbit",
-                "n": len(made.samples),
-                "files": [str(file) for file in files],
-                "bias_nT": made.bias.mean(axis=0),
-                "eclipse": float(made.eclipse.mean()),
-            },
+        files.append(
+            save(train_on_ground(made, mission.noise, seed), out.with_suffix(".network.json"))
         )
-    else:
-        said = [
-            f"The calibration from the ground: {ground}",
-            f"The truth: {truth}, and row by row: {rows}",
-        ]
+    said = [
+        f"The calibration from the ground: {ground}",
+        f"The truth: {truth}, and row by row: {rows}",
+    ]
+    following = f"agonic fit inflight {quote(str(out))} --ground {quote(str(ground))} -o now.json"
+    if network:
+        said.append(f"The network from the ground: {files[-1]}")
         following = (
-            f"agonic fit inflight {quote(str(out))} --ground {quote(str(ground))} -o now.json"
+            f"agonic retrain {quote(str(out))} --ground {quote(str(files[-1]))} "
+            "--window 90min -o now.json"
         )
-        if network:
-            said.append(f"The network from the ground: {files[-1]}")
-            following = (
-                f"agonic retrain {quote(str(out))} --ground {quote(str(files[-1]))} "
-                "--window 90min -o now.json"
-            )
-        say_made(len(made.samples), "readings", out, *said, next_step=following)
-    return 0
+    record = {"kind": "orbit", "n": mission.n, "files": files, "bias_nT": made.bias.mean(axis=0)}
+    record["eclipse"] = float(made.eclipse.mean())
+    return finish_made(
+        mission.n, "readings", out, *said, record=record, as_json=as_json, next_step=following
+    )
 
 
 def train_on_ground(made: SimulatedOrbit, noise: float, seed: int) -> Network:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
+
+from agonic.atomic import list_written, overwrite_all
 
 _CAUSES: tuple[tuple[tuple[str, ...], str], ...] = (
     (("MemoryError", "ArrayMemoryError"), "there is not enough memory for what it needs"),
@@ -22,8 +25,6 @@ class Interrupted(Exception):
 
 def stop() -> Interrupted:
     """What to raise after Ctrl-C."""
-    from agonic.atomic import list_written
-
     kept = ", ".join(list_written())
     return Interrupted(f"interrupted; {'kept: ' * bool(kept)}{kept or 'nothing was written'}")
 
@@ -47,17 +48,21 @@ def explain(error: Exception, arguments: Sequence[str]) -> str:
 
 
 def add_columns(command: Any) -> None:
-    """Give every command that reads a log with `--unit` the option `--columns`."""
-    option = _make_columns()
-    for one in getattr(command, "commands", {}).values():
-        add_columns(one)
+    """Give a command that reads a log with `--unit` the option `--columns`."""
     at = [k for k, param in enumerate(command.params) if "--unit" in param.opts]
     if at:
-        command.params.insert(at[0] + 1, option)
+        command.params.insert(at[0] + 1, _make_options()["columns"])
 
 
-def _make_columns() -> Any:
-    """The option, as Typer makes it of a command that has nothing else."""
+def add_force(command: Any) -> None:
+    """Give a command that writes a file the option `--force`."""
+    if any("--out" in param.opts for param in command.params):
+        command.params.append(_make_options()["force"])
+
+
+@cache
+def _make_options() -> dict[str, Any]:
+    """The options, as Typer makes them of a command that has nothing else."""
     import typer
 
     def give(named: str | None) -> None:
@@ -65,45 +70,29 @@ def _make_columns() -> Any:
 
         give_names(named)
 
-    help = "What the columns are, where headers do not say: time=t,x=mx,y=my,z=mz."
-    columns = typer.Option(
-        None, "--columns", metavar="NAMES", help=help, callback=give,
-        expose_value=False,
-    )  # fmt: skip
-    app = typer.Typer(add_completion=False)
-
-    @app.command()
-    def only(columns: str | None = columns) -> None:
-        """Nothing but the option."""
-
-    return typer.main.get_command(app).params[0]
-
-
-def add_force(command: Any) -> None:
-    """Give every command that writes a file the option `--force`."""
-    option = _make_force()
-    for one in getattr(command, "commands", {}).values():
-        add_force(one)
-    if any("--out" in param.opts for param in command.params):
-        command.params.append(option)
-
-
-def _make_force() -> Any:
-    """The option, as Typer makes it of a command that has nothing else."""
-    import typer
-
-    from agonic.atomic import overwrite_all
-
     def note(value: bool) -> None:
         if value:
             overwrite_all()
 
-    help = "Replace a file that agonic did not write; never one that is read."
-    force = typer.Option(False, "--force", help=help, callback=note, expose_value=False)
+    columns = typer.Option(
+        None,
+        "--columns",
+        metavar="NAMES",
+        help="What the columns are, where headers do not say: time=t,x=mx,y=my,z=mz.",
+        callback=give,
+        expose_value=False,
+    )
+    force = typer.Option(
+        False,
+        "--force",
+        help="Replace a file that agonic did not write; never one that is read.",
+        callback=note,
+        expose_value=False,
+    )
     app = typer.Typer(add_completion=False)
 
     @app.command()
-    def only(force: bool = force) -> None:
-        """Nothing but the option."""
+    def only(columns: str | None = columns, force: bool = force) -> None:
+        """Nothing but the options."""
 
-    return typer.main.get_command(app).params[0]
+    return {param.name: param for param in typer.main.get_command(app).params}

@@ -49,7 +49,7 @@ def finish(
     `brief` leaves out what only `--verbose` says. The status is 0 where nothing is objected to.
     """
     from agonic.console.output import print_json, say
-    from agonic.console.width import find_width
+    from agonic.console.terminal import find_width
     from agonic.files.calibration import save
     from agonic.report.text import wrap_command
 

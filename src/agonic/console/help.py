@@ -4,14 +4,14 @@ terminal."""
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from agonic.console.boundary import stop
-from agonic.console.width import find_width
+from agonic.console.terminal import find_width
 
 Row = tuple[str, str]
 """A name, and what it means."""
@@ -71,13 +71,6 @@ class App(typer.Typer):
     def command(self, *args: Any, **settings: Any) -> Any:
         """As in Typer."""
         return super().command(*args, **{"cls": Command, **settings})
-
-
-def add_examples(command: Any, examples: Mapping[str, Sequence[str]], path: str = "agonic") -> None:
-    """Give a command and all below it the examples under their names."""
-    command.examples = examples.get(path, ())
-    for name, one in getattr(command, "commands", {}).items():
-        add_examples(one, examples, f"{path} {name}")
 
 
 def render_help(command: Any, ctx: Any, width: int) -> Iterator[str]:

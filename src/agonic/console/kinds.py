@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any, Protocol
+from functools import partial, wraps
+from importlib import import_module
+from inspect import Parameter, Signature, signature
+from typing import Any, get_type_hints
 
 import typer
 
+from agonic.console.boundary import add_columns, add_force
 from agonic.console.help import App, Group
-
-
-class Kind(Protocol):
-    """A module with a command: it adds one or more kinds to the group."""
-
-    def add_to(self, kinds: typer.Typer) -> None:
-        """Register the command."""
 
 
 class Kinds(Group):
     """The kinds of a command: an unknown one is told all, and options may stand before the kind."""
+
+    def make_later(
+        self,
+        places: Mapping[str, Mapping[str, str]],
+        examples: Mapping[str, Sequence[str]],
+        path: str,
+    ) -> None:
+        """Make the kinds when they are asked for; `places` of their functions, by headings."""
+        self._make = partial(_make_kinds, places, examples, path)
+        del self.commands
+
+    def __getattr__(self, name: str) -> Any:
+        """The kinds, made at last."""
+        if name != "commands":
+            raise AttributeError(name)
+        self.commands = self._make()
+        return self.commands
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Move the kind to the front."""
@@ -48,15 +62,65 @@ class Kinds(Group):
         ctx.fail(f"{what}; choose from {', '.join(self.commands)}")
 
 
-def add_kinds(
-    app: typer.Typer, name: str, modules: Mapping[str, Iterable[Kind]], help: str
-) -> None:
-    """Register a command whose kinds are those of the modules, listed under their headings."""
-    kinds = App(cls=Kinds, help=help, subcommand_metavar="KIND ...")
-    for heading, group in modules.items():
-        before = len(kinds.registered_commands)
-        for module in group:
-            module.add_to(kinds)
-        for kind in kinds.registered_commands[before:]:
-            kind.rich_help_panel = heading
-    app.add_typer(kinds, name=name)
+def _make_kinds(
+    places: Mapping[str, Mapping[str, str]], examples: Mapping[str, Sequence[str]], path: str
+) -> dict[str, Any]:
+    app = App(rich_markup_mode=None)
+    for heading, kinds in places.items():
+        for kind, place in kinds.items():
+            register(app, kind, place, heading)
+    return dict(complete(typer.main.get_command(app), examples, path).commands)
+
+
+def register(app: typer.Typer, name: str, place: str, heading: str) -> None:
+    """Make a function a command, listed under a heading.
+
+    `place` is its module, with its name after a colon where the command is called otherwise. Of a
+    function that is several commands the help stands in the `HELP` of its module.
+    """
+    home, _, function = place.partition(":")
+    module = import_module(home)
+    help = getattr(module, "HELP", {}).get(name)
+    made = app.command(name, help=help, rich_help_panel=heading)
+    made(expand(getattr(module, function or name.replace("-", "_"))))
+
+
+def expand(function: Callable[..., int]) -> Callable[..., int]:
+    """The function of a command with each group of options, a named tuple, field by field.
+
+    >>> from agonic.console.options import Place
+    >>> def where(place: Place, steps: int = 1) -> int: ...
+    >>> list(signature(expand(where)).parameters)
+    ['at', 'date', 'field', 'steps']
+    """
+    hints = get_type_hints(function, include_extras=True)
+    groups = {name: hint for name, hint in hints.items() if hasattr(hint, "_field_defaults")}
+    parameters: list[Parameter] = []
+    for name, given in signature(function).parameters.items():
+        group = groups.get(name)
+        of = {name: hints[name]} if group is None else get_type_hints(group, include_extras=True)
+        defaults = {name: given.default} if group is None else group._field_defaults
+        for field, hint in of.items():
+            default = defaults.get(field, Parameter.empty)
+            parameters.append(
+                Parameter(field, Parameter.KEYWORD_ONLY, default=default, annotation=hint)
+            )
+
+    @wraps(function)
+    def run(**options: Any) -> int:
+        for name, group in groups.items():
+            options[name] = group(**{field: options.pop(field) for field in group._fields})
+        return function(**options)
+
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return run
+
+
+def complete(command: Any, examples: Mapping[str, Sequence[str]], path: str) -> Any:
+    """The command, it and all below it with what no function says: examples, shared options."""
+    command.examples = examples.get(path, ())
+    add_columns(command)
+    add_force(command)
+    for name, one in vars(command).get("commands", {}).items():
+        complete(one, examples, f"{path} {name}")
+    return command

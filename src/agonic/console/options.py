@@ -1,9 +1,11 @@
-"""Options that several commands share, and what they mean."""
+"""Options that several commands share, what they mean, and those that were typed."""
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -52,6 +54,23 @@ Magnitude = Annotated[
     float | None,
     typer.Option("--field", metavar="NT", help="Magnitude of the field, nT, where it is known."),
 ]
+
+
+class SensorChoice(NamedTuple):
+    """Options that choose a sensor of a log, and say what its readings are in."""
+
+    sensor: Sensor = None
+    unit: Unit = None
+
+
+class Place(NamedTuple):
+    """Options that say what the field should have been: where and when, or how large."""
+
+    at: At = None
+    date: Date = None
+    field: Magnitude = None
+
+
 KnownField = Annotated[
     str | None,
     typer.Option(
@@ -101,3 +120,44 @@ Out = Annotated[
 Report = Annotated[
     Path | None, typer.Option("--report", metavar="FILE", help="Report to write, .html or .txt.")
 ]
+
+
+Table = Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="CSV file to write.")]
+Folder = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")]
+Readings = Annotated[int, typer.Option("-n", help="Readings.", min=1)]
+Noise = Annotated[float, typer.Option(help="Noise per axis, nT.", min=0)]
+Step = Annotated[float, typer.Option(help="Quantisation, nT; 0 for none.", min=0)]
+Format = Annotated[str, typer.Option(help="csv or parquet.")]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
+
+
+NOT_OF_THE_RESULT = ("--json", "--open", "--verbose", "--force", "--store", "--as")
+"""Options that say how a result is shown or kept, and that another run need not repeat."""
+
+
+def list_typed_options(context: typer.Context) -> dict[str, str]:
+    """The options that were typed for a command with their values, "" for a flag."""
+    from agonic.logs.headers.column_names import write_given_names
+
+    typed = {}
+    for param in context.command.params:
+        name = param.name or ""
+        source = context.get_parameter_source(name)
+        if param.param_type_name != "option" or source is None or source.name != "COMMANDLINE":
+            continue
+        value = context.params[name] if name in context.params else write_given_names()
+        flag = "-o" if "-o" in param.opts else max(param.opts, key=len)
+        if flag not in NOT_OF_THE_RESULT:
+            typed[flag] = "" if value is True else str(value)
+    return typed
+
+
+def write_options(options: Mapping[str, str]) -> str:
+    """Options as one types them, each with the blank before it.
+
+    >>> write_options({"--at": "52.1,5.2", "--course": "", "--mounting": "x up, y forward"})
+    " --at 52.1,5.2 --course --mounting 'x up, y forward'"
+    """
+    return "".join(
+        f" {name}" + (f" {shlex.quote(value)}" if value else "") for name, value in options.items()
+    )

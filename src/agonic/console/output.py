@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,27 +20,43 @@ def print_json(schema: str, values: Mapping[str, Any]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON can hold it: arrays as lists, what is not a number as null."""
+    """A value as JSON can hold it: arrays as lists, paths as text, no number as null."""
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 
 
-def say_made(n: int, what: str, out: object, *lines: str, next_step: str = "") -> None:
-    """That so many things were written to a file, what else is beside it, and a command to type."""
-    from agonic.console.width import find_width
+def finish_made(
+    n: int,
+    what: str,
+    out: Path,
+    *lines: str,
+    record: Mapping[str, Any],
+    as_json: bool,
+    next_step: str = "",
+    schema: str = "agonic/simulate@1",
+) -> int:
+    """Say that so many things were written to a file, what else is beside it, and a command to
+    type; for programs, the record. Returns the exit status."""
+    from agonic.console.terminal import find_width
     from agonic.report.digits import group_digits
     from agonic.report.text import wrap_command
 
+    if as_json:
+        print_json(schema, record)
+        return 0
     say("\n".join([f"{group_digits(n)} {what}: {out}", *lines]))
     if next_step:
         say("\n" + wrap_command(next_step, width=find_width(), label="Next      "))
+    return 0
 
 
 def fit_lines(text: str, width: int) -> str:
@@ -73,7 +90,7 @@ def fit_lines(text: str, width: int) -> str:
 
 def say(text: str) -> None:
     """A line or more for people, as wide as the terminal, its verdicts coloured there."""
-    from agonic.console.width import find_width
+    from agonic.console.terminal import find_width
 
     text = fit_lines(text, find_width())
     if not sys.stdout.isatty():

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agonic.errors import AgonicError
+import numpy as np
+
+from agonic.errors import AgonicError, UnitError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -59,3 +61,105 @@ def set_track(samples: Samples, altitude_m: float | None, elements: Path | None)
     if samples.time is None or samples.epoch is None:
         raise AgonicError(f"--tle {elements}: {samples.name} has no date; give --date")
     return samples.with_columns(**positions_from_tle(elements, samples.time, samples.epoch))
+
+
+_UNIT = re.compile(r"[\[(]([^\])]+)[\])]|[_ ,]([^_ ,()\[\]]+)$")
+
+
+def open_beside_known_field(
+    log: Path, sensor: str | None, given: str, unit: str | None = None
+) -> tuple[Samples, Reference]:
+    """The sensor of a log that was asked for, or the only one that is not the known field itself,
+    with that field; the parameters are those of `match_known_field`."""
+    from agonic.console.sensors import choose_name, open_sensors
+
+    _, sensors = open_sensors(log, sensor, unit)
+    known = _read(given, log, unit)
+    others = [
+        one
+        for one in sensors
+        if one.name != given and not np.array_equal(one.field, known.field, equal_nan=True)
+    ]
+    if not others:
+        raise AgonicError(f"{log.name} holds no magnetometer beside the known field")
+    name = choose_name(one.name for one in others)
+    return match_known_field(next(s for s in others if s.name == name), given, log, unit)
+
+
+def match_known_field(
+    samples: Samples, given: str, log: Path, unit: str | None = None
+) -> tuple[Samples, Reference]:
+    """The rows whose field is known, and that field as vectors in the sensor's axes.
+
+    Parameters: `given` a file with the field, read as a log, three columns of `log` as X,Y,Z, or
+    another of its sensors; matched by time, or row by row where there are no times. Raises
+    `AgonicError` where the two do not meet.
+    """
+    known = _read(given, log, unit)
+    if (known.unit == "raw") != (samples.unit == "raw") and known.unit == "raw":
+        raise AgonicError(f"{given} gives the known field without a unit; name it, or give --unit")
+    return _match(samples, known, given)
+
+
+def _read(given: str, log: Path, unit: str | None) -> Samples:
+    """The known field as samples of a sensor of its own."""
+    from agonic.logs.read import open_log, read
+
+    if Path(given).exists():
+        return read(given, unit=unit)
+    named = [one for one in open_log(log, unit=unit).sensors if one.name == given]
+    if named:
+        return named[0]
+    names = [name.strip() for name in given.split(",")]
+    if len(names) != 3 or not all(names):
+        raise AgonicError(
+            f"--reference {given!r} is neither a file, nor three columns of {log.name} as X,Y,Z, "
+            "nor another of its sensors"
+        )
+    columns = dict(zip("xyz", names, strict=True))
+    return open_log(log, unit=_find_unit(names[0]) or unit, columns=columns).sensors[0]
+
+
+def _find_unit(header: str) -> str | None:
+    """The unit that stands in a header, if one does.
+
+    >>> _find_unit("coil x (uT)"), _find_unit("coil_x_nT"), _find_unit("bx")
+    ('uT', 'nT', None)
+    """
+    from agonic.units import find_unit
+
+    for found in _UNIT.finditer(header):
+        try:
+            return find_unit(found[1] or found[2])
+        except UnitError:
+            continue
+    return None
+
+
+def _match(samples: Samples, known: Samples, given: str) -> tuple[Samples, Reference]:
+    """The known field at the times of the samples, or row by row without times."""
+    from agonic.reference import Reference
+
+    if samples.time is not None and known.time is not None:
+        rows = (samples.time >= known.time[0]) & (samples.time <= known.time[-1])
+        if not rows.any():
+            raise AgonicError(f"{given} and the log were never recorded at the same time")
+        samples = samples.select(rows)
+        axes = [np.interp(samples.time, known.time, axis) for axis in known.field.T]  # type: ignore[arg-type]
+        values = np.stack(axes, axis=1)
+    elif len(known) == len(samples):
+        values = known.field
+    else:
+        raise AgonicError(
+            f"{given} has {len(known)} rows and the log {len(samples)}; give both times, or as "
+            "many rows"
+        )
+    frame = known.frame if known.frame in ("m", "b") else "m"
+    return samples, Reference.vector(values, frame=frame, source=Path(given).name)
+
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from agonic.reference import Reference
+    from agonic.samples import Samples

@@ -10,6 +10,7 @@ from pathlib import Path
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Compass, Setup
 from agonic.console.finish import finish
+from agonic.console.options import Place, SensorChoice
 from agonic.console.place import find_reference
 from agonic.console.sensors import open_sensors
 from agonic.ellipse.document import describe_two_axes
@@ -27,12 +28,9 @@ def calibrate_two_axes(
     log: Path,
     folder: Path,
     *,
-    sensor: str | None,
-    unit: str | None,
+    which: SensorChoice,
     between: str | None,
-    at: str | None,
-    date: str | None,
-    field: float | None,
+    place: Place,
     asked: Mapping[str, object],
     brief: bool,
     as_json: bool,
@@ -49,11 +47,11 @@ def calibrate_two_axes(
                 "work; leave it out, or say with --columns which column is z"
             )
     with allow_two_axes():
-        recording, sensors = open_sensors(log, sensor, unit, between)
+        recording, sensors = open_sensors(log, *which, between)
     fits: list[EllipseFit] = []
     failures: list[tuple[str, str]] = []
     for samples in sensors:
-        reference, _ = find_reference(samples, at, date, field)
+        reference, _ = find_reference(samples, *place)
         try:
             fits.append(fit_ellipse(samples, reference))
         except CoverageError as error:
@@ -70,16 +68,14 @@ def calibrate_two_axes(
     )
     write_atomically(page, document.to_html())
     if files and document.good:
-        document = replace(
-            document, next_step=_choose_command(files[-1], log, at, date, sensors[0])
-        )
+        document = replace(document, next_step=_choose_command(files[-1], log, place, sensors[0]))
     return finish(document, page=page, as_json=as_json, brief=brief, open_page=open_page)
 
 
-def _choose_command(setup: str, log: Path, at: str | None, date: str | None, one: Samples) -> str:
+def _choose_command(setup: str, log: Path, place: Place, one: Samples) -> str:
     """Headings by the setup that was written."""
-    place = at or (None if one.latitude_deg is not None else "LAT,LON")
-    told = {"--at": place, "--date": date}
+    at = place.at or (None if one.latitude_deg is not None else "LAT,LON")
+    told = {"--at": at, "--date": place.date}
     options = " ".join(f"{name} {shlex.quote(value)}" for name, value in told.items() if value)
     files = f"{shlex.quote(setup)} {shlex.quote(str(log))}"
     return " ".join(filter(None, ("agonic heading", files, options, "-o headings.csv")))

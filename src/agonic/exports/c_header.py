@@ -21,8 +21,6 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.network import Network
 from agonic.calibration.steps import find_magnitude, find_step
 from agonic.exports.banner import format_float32, write_banner
-from agonic.exports.c_network.header import make_network_header
-from agonic.exports.c_network.parts import hold_network
 from agonic.exports.convert import Export, hold_sources, list_left_out, reduce
 from agonic.exports.firmware.c_text import (
     fill_template,
@@ -161,6 +159,9 @@ def write_c(
     """
     name = make_c_name(calibration.sensor) if name is None else require_identifier(name)
     if find_step(calibration, Network) is not None:
+        from agonic.exports.c_network.header import make_network_header
+        from agonic.exports.c_network.parts import hold_network
+
         if temperature_C is not None:
             calibration = hold_network(calibration, temperature_C)
         text, warnings = make_network_header(calibration, name)

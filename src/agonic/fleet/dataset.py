@@ -17,12 +17,11 @@ from agonic.arrays import Index, Mask
 from agonic.ellipsoid.many_sensors import fit_many
 from agonic.errors import LogError, check_choice
 from agonic.field.place import choose_reference
-from agonic.fleet.by_rows import Task, calibrate_by_rows
 from agonic.fleet.columns import Columns, make_blank_columns, make_columns
 from agonic.fleet.doubts import find_doubts
 from agonic.fleet.engine import Engine, Here, Lost
 from agonic.fleet.local import Processes
-from agonic.fleet.one_log import describe_log, explain
+from agonic.fleet.one_log import Task, calibrate_by_rows, describe_log, explain
 from agonic.fleet.rows import make_refused_row
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.logs.large.dataset import (

@@ -1,4 +1,5 @@
-"""The work on one log: read it, calibrate each magnetometer in it, and say so in rows."""
+"""The work on one log: read it, calibrate each magnetometer in it, and say so in rows; the same of
+sensors of a dataset by their rows."""
 
 from __future__ import annotations
 
@@ -18,12 +19,15 @@ from agonic.files.names import file_stem
 from agonic.fleet.inputs import SINGLE
 from agonic.fleet.rows import make_refused_row, make_row
 from agonic.fleet.settings import FleetSettings, digest
+from agonic.logs.large.dataset import Channel, Dataset
 from agonic.logs.large.mission import is_long, open_mission
+from agonic.logs.large.sensor_rows import Table
 from agonic.logs.log import Log
 from agonic.logs.read import open_log
 from agonic.logs.remote import locate, name_locally
+from agonic.logs.table import build_log
 from agonic.population import Row
-from agonic.provenance import escape_text, hash_file
+from agonic.provenance import Input, escape_text, hash_file
 from agonic.recording.calibrated import Calibrated, calibrate_recording
 from agonic.recording.files import write_folder
 from agonic.recording.mounting import calibrate
@@ -218,3 +222,50 @@ def _is_final(outcome: Calibrated | Exception) -> bool:
     """Whether another try would end the same."""
     chain = (outcome, getattr(outcome, "__cause__", None))
     return not any(isinstance(part, OSError | MemoryError | MissingExtraError) for part in chain)
+
+
+Task = tuple[tuple[int, str, Table], ...]
+"""Sensors with their place in the table, their name and their rows."""
+
+
+def calibrate_by_rows(
+    task: Task,
+    *,
+    dataset: Dataset,
+    channel: Channel,
+    source: Input,
+    settings: FleetSettings,
+    known: Mapping[str, Any],
+) -> tuple[Row, ...]:
+    """The row of each of these sensors, calibrated by its rows as a log is."""
+    rows = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matters is among the findings of the row
+        for _, name, table in task:
+            try:
+                log = build_log(
+                    table,
+                    path=dataset.path,
+                    source=source,
+                    format="Parquet table",
+                    unit=dataset.unit,
+                )
+                samples = log.sensor(channel.name)
+            except LogError as error:
+                why = explain(error, str(dataset.path))
+                rows.append(make_refused_row(why, sensor=name, **known))
+                continue
+            outcome = try_calibrate(samples, settings)
+            rows.append(_make_row(outcome, samples, name, known))
+    return tuple(rows)
+
+
+def _make_row(
+    outcome: Calibrated | Exception, samples: Samples, name: str, known: Mapping[str, Any]
+) -> Row:
+    known = {key: value for key, value in known.items() if key != "channel"}
+    if isinstance(outcome, Calibrated):
+        return make_row(outcome, sensor=name, **known)
+    return make_refused_row(
+        explain(outcome, known["source"]), sensor=name, samples=samples, **known
+    )

@@ -15,11 +15,6 @@ if TYPE_CHECKING:
     from agonic.population import History
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("history")(history)
-
-
 def history(
     sensor: Annotated[
         str | None, typer.Argument(metavar="[SENSOR]", help="Who to look at; default: list all.")

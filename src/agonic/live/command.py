@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
+from agonic.console.options import Json, Place, SensorChoice
 from agonic.errors import AgonicError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from agonic.reference import Reference
 
 PORT = 8737  # of the page
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("live")(live)
 
 
 def live(
@@ -37,11 +32,8 @@ def live(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")
     ] = Path("live-agonic"),
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     target: Annotated[
         float, typer.Option(metavar="DEG", help="Standard error of the heading that is enough.")
     ] = 0.5,
@@ -82,15 +74,15 @@ def live(
         return _list_ports()
     if not 0 < target < 180:
         raise AgonicError(f"a --target of {target:g}° is none; give one above zero")
-    opened = open_source(source, unit=unit, speed=speed)
+    opened = open_source(source, unit=which.unit, speed=speed)
     _require_writable(out)
-    reference, settings = _find_reference(opened, at, date, field)
+    reference, settings = _find_reference(opened, place)
     plan = Plan(
         folder=out,
         reference=reference,
         settings=settings,
         target_deg=target,
-        sensor=sensor,
+        sensor=which.sensor,
         before=_load_before(before or []),
         fresh=fresh,
     )
@@ -102,9 +94,7 @@ def live(
     return _run_on_page(session, listen, port, browser)
 
 
-def _find_reference(
-    source: Source, at: str | None, date: str | None, field: float | None
-) -> tuple[Reference | None, dict[str, Any]]:
+def _find_reference(source: Source, place: Place) -> tuple[Reference | None, dict[str, Any]]:
     """What the field should be: as told, by the log that is replayed, or by the simulation."""
     import numpy as np
 
@@ -114,10 +104,10 @@ def _find_reference(
     from agonic.samples import Samples
 
     played = source.sensors if isinstance(source, Replay) else ()
-    if field is None and at is None and played and played[0].notes == ("simulated",):
+    if place.field is None and place.at is None and played and played[0].notes == ("simulated",):
         return Reference.vector(FIELD_N, frame="n", source="the simulation"), {}
     samples = played[0] if played else Samples(field=np.array([[0.0, 0.0, 1.0]]))
-    reference, settings = find_reference(samples, at, date, field)
+    reference, settings = find_reference(samples, *place)
     if reference is None:
         return None, settings
     told: dict[str, Any] = {"sd": reference.sd, "source": reference.source}

@@ -17,7 +17,8 @@ from numpy.linalg import LinAlgError
 
 from agonic.arrays import Array
 from agonic.attitude.course import with_course
-from agonic.console.mounting import parse_mounting
+from agonic.console.options import Place, SensorChoice
+from agonic.console.parse import parse_mounting
 from agonic.console.place import find_reference
 from agonic.console.progress import counting, progress, waiting
 from agonic.console.sensors import open_sensors
@@ -166,14 +167,11 @@ _Job = tuple[str, Callable[[], Calibrated]]
 
 def calibrate_each(
     log: Path,
-    sensor: str | None,
-    unit: str | None,
-    between: str | None,
-    method: str,
+    which: SensorChoice = SensorChoice(),
+    between: str | None = None,
+    method: str = "auto",
     *,
-    at: str | None,
-    date: str | None,
-    field: float | None,
+    place: Place = Place(),
     course: bool = False,
     second: str | None = None,
     mounting: str | None = None,
@@ -195,17 +193,17 @@ def calibrate_each(
         "--mounting": mounting,
         "--as": word,
     }
-    long = open_missions(log, sensor, unit, all_rows)
+    long = open_missions(log, *which, all_rows)
     if long:
         results, failures = _run(
-            [(one.head().name, partial(calibrate_mission, one, at, date, field)) for one in long]
+            [(one.head().name, partial(calibrate_mission, one, place)) for one in long]
         )
         return make_log(long[0], results), results, failures
 
     def run(samples: Samples) -> Calibrated:
         if course:
             samples = with_course(samples)
-        reference, settings = find_reference(samples, at, date, field)
+        reference, settings = find_reference(samples, *place)
         kind: Any = method
         if turn is None:
             return calibrate(samples, reference, kind=kind, **settings)
@@ -213,13 +211,13 @@ def calibrate_each(
         return turn_back(calibrate_as_named(turned, reference, kind=kind, **settings), turn)
 
     def mix(samples: Samples) -> Calibrated:
-        reference, settings = find_reference(samples, at, date, field)
+        reference, settings = find_reference(samples, *place)
         known = require_reference(reference)
         return calibrate_as_named(
             samples, known, kind="interference", sources=("second",), **settings
         )
 
-    recording, sensors = open_sensors(log, None if second else sensor, unit, between)
+    recording, sensors = open_sensors(log, None if second else which.sensor, which.unit, between)
     if word is not None:
         sensors = tuple(read_as(samples, word) for samples in sensors)
     if second not in (None, "auto"):
@@ -228,7 +226,7 @@ def calibrate_each(
     if second is None:
         return recording, tell_pairs(results), failures
     mixed = take_mixes(results, mix, second)
-    wanted = recording.sensor(sensor).name if sensor is not None else None
+    wanted = None if which.sensor is None else recording.sensor(which.sensor).name
     return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures
 
 
@@ -273,11 +271,9 @@ def open_missions(
     return tuple(replace(mission, sensor=name) for name in names)
 
 
-def calibrate_mission(
-    mission: Mission, at: str | None, date: str | None, field: float | None, **settings: Any
-) -> Calibrated:
+def calibrate_mission(mission: Mission, place: Place, **settings: Any) -> Calibrated:
     """The calibration of a mission, with the field of the place."""
-    reference, of_place = find_reference(mission.head(), at, date, field)
+    reference, of_place = find_reference(mission.head(), *place)
     with counting(mission.rows) as tell:
         return calibrate_recording(mission, reference, progress=tell, **settings, **of_place)
 

@@ -10,7 +10,6 @@ from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
 from agonic.exports.targets import TARGETS, USE
 from agonic.exports.targets import write as write_target
-from agonic.exports.vehicle import write_vehicle
 from agonic.files.calibration import save
 from agonic.files.names import file_stem, find_stale
 from agonic.files.setup import save_setup
@@ -53,6 +52,8 @@ def _write_all_compasses(results: Sequence[Calibrated], stack: str, folder: Path
     if stack not in USE or len(results) < 2 or not usable:
         return []
     unused = tuple(one.samples.name for one in there if one.verdict == "refused")
+    from agonic.exports.vehicle import write_vehicle  # few logs have several compasses
+
     path = folder / f"compass{TARGETS[stack].suffix}"
     try:
         return [str(write_vehicle(stack, usable, path, unused=unused).path)]

@@ -10,8 +10,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from agonic.console.options import write_options
 from agonic.console.standard_input import NAME
-from agonic.console.typed_options import write_options
 from agonic.files.names import file_stem
 from agonic.health import Finding, figure
 from agonic.recording.advice import TURNING, is_in_space, lacks_place

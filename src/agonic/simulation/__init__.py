@@ -16,8 +16,7 @@ from agonic.simulation.defects import (
     with_outliers,
 )
 from agonic.simulation.draws import random_calibration
-from agonic.simulation.inertial_unit import with_inertial_unit
-from agonic.simulation.sensor import Simulated, kinds, simulate
+from agonic.simulation.sensor import Simulated, kinds, simulate, with_inertial_unit
 from agonic.simulation.vehicle import SimulatedVehicle, simulate_vehicle
 
 __all__ = [

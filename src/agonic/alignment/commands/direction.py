@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.console.options import At, Json, Report, Sensor, Unit
+from agonic.console.options import At, Json, Report, SensorChoice
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -18,11 +18,6 @@ if TYPE_CHECKING:
 Effect = Annotated[
     str, typer.Option(metavar="EFFECT", help="In the attitudes: present or removed.")
 ]
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("direction")(direction)
 
 
 def direction(
@@ -60,8 +55,7 @@ def direction(
         float | None,
         typer.Option("--noise", metavar="NT", help="Noise of one reading on one axis."),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     report: Report = None,
     as_json: Json = False,
 ) -> int:
@@ -87,7 +81,7 @@ def direction(
         samples, attitudes, site = session.magnetometer, session.star, session.site
         noise = session.noise if noise is None else noise
     else:
-        samples, site = open_sensor(log, sensor, unit, None), _make_site(at)
+        samples, site = open_sensor(log, *which), _make_site(at)
         attitudes = _read_attitudes(stars, turns, across, about, samples)
         attitudes = replace(attitudes, refraction=refraction, aberration=aberration)
     found = field_direction(known, samples, attitudes, site, noise=noise, gap_s=gap)

@@ -8,16 +8,7 @@ from typing import Annotated
 import typer
 
 from agonic.alignment.commands.plan_alignment import Solve, Wanted
-from agonic.console.options import (
-    Between,
-    Json,
-    LogPath,
-    Magnitude,
-    Out,
-    Report,
-    Sensor,
-    Unit,
-)
+from agonic.console.options import Between, Json, LogPath, Magnitude, Out, Report, SensorChoice
 from agonic.console.parse import parse_names
 from agonic.console.sensors import open_sensor
 
@@ -25,12 +16,6 @@ _TURNED = (
     "this needs the log of a magnetometer at rest beside a platform that is turned: its field, and "
     "the angle of the platform as heading_deg"
 )
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds of fit."""
-    for kind in (alignment, north, coil, gravity, remanence):
-        kinds.command(kind.__name__)(kind)
 
 
 def alignment(
@@ -104,8 +89,7 @@ def coil(
 def gravity(
     log: LogPath,
     out: Out = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     calibration: Annotated[
         Path | None,
         typer.Option("--calibration", metavar="CAL", help="Of the magnetometer, applied first."),
@@ -121,7 +105,7 @@ def gravity(
     from agonic.console.finish import finish
     from agonic.files.calibration import load
 
-    samples = open_sensor(log, sensor, unit, between)
+    samples = open_sensor(log, *which, between)
     known = None if calibration is None else require_calibration(load(calibration))
     fit = fit_gravity(samples, known, bias=bias)
     return finish(describe_gravity(fit, samples.name), out=out, as_json=as_json)
@@ -134,8 +118,7 @@ def remanence(
         typer.Option(metavar="LOG", help="A magnetometer farther off; its changes are taken out."),
     ] = None,
     wanted: Wanted = 2.0,
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     between: Between = None,
     report: Report = None,
     as_json: Json = False,
@@ -148,7 +131,7 @@ def remanence(
     from agonic.alignment.remanence import fit_remanence
     from agonic.console.finish import finish
 
-    samples = open_sensor(log, sensor, unit, between, needed=_TURNED)
-    beside = None if reference is None else open_sensor(reference, None, unit, None)
+    samples = open_sensor(log, *which, between, needed=_TURNED)
+    beside = None if reference is None else open_sensor(reference, None, which.unit)
     fit = fit_remanence(samples, beside, wanted_arcsec=wanted)
     return finish(describe_remanence(fit), report=report, as_json=as_json)

@@ -18,11 +18,6 @@ Wanted = Annotated[
 ]
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of plan."""
-    kinds.command("alignment")(alignment)
-
-
 def alignment(
     at: Annotated[
         str, typer.Option("--at", metavar="LAT,LON[,ALT]", help="The observatory, degrees.")

@@ -8,17 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Noise, Seed
+from agonic.console.options import Folder, Json, Noise, Seed
 
 if TYPE_CHECKING:
     from agonic.alignment.session.session import Recorded
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds."""
-    for kind in (alignment, north, coil):
-        kinds.command(kind.__name__)(kind)
 
 
 def alignment(
@@ -95,19 +88,20 @@ def _finish(
     import json
 
     from agonic.atomic import make_folder, write_atomically
-    from agonic.console.output import plain, print_json, say_made
+    from agonic.console.output import finish_made, plain
 
     made = plain({"schema": f"agonic/{kind}-truth@1", **truth})
     text = json.dumps(made, indent=1, ensure_ascii=False)
     written = write_atomically(make_folder(out / "truth") / "truth.json", text + "\n")
-    if as_json:
-        listed = {"files": [str(file) for file in (*files, written)]}
-        print_json(f"agonic/simulate-{kind}@1", listed | (facts or truth))
-        return 0
     saved = "-o cal.json " if kind == "alignment" else ""
-    following = f"agonic fit {kind} {quote(str(out))} {saved}--report {kind}.html"
     of = f"in {facts['orientations']} orientations" if facts else "of the magnetometer"
-    say_made(
-        len(session.corrected), f"readings {of}", out, f"The truth: {written}", next_step=following
+    return finish_made(
+        len(session.corrected),
+        f"readings {of}",
+        out,
+        f"The truth: {written}",
+        record={"files": [*files, written], **(facts or truth)},
+        as_json=as_json,
+        next_step=f"agonic fit {kind} {quote(str(out))} {saved}--report {kind}.html",
+        schema=f"agonic/simulate-{kind}@1",
     )
-    return 0

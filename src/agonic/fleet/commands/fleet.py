@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, Magnitude, Sensor, Unit
+from agonic.console.options import Json, Place, SensorChoice
 from agonic.fleet.engine import LONGEST_S
 
 if TYPE_CHECKING:
@@ -19,11 +19,6 @@ if TYPE_CHECKING:
     from agonic.fleet.work import Progress
 
 FAIL_ABOVE = 0.0
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("fleet")(fleet)
 
 
 def fleet(
@@ -42,11 +37,8 @@ def fleet(
             help="Folder to write to; a run that was cut off goes on there.",
         ),
     ],
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     method: Annotated[
         str,
         typer.Option(
@@ -114,12 +106,12 @@ def fleet(
     from agonic.fleet.settings import FleetSettings
 
     settings = FleetSettings(
-        unit=unit,
-        at=parse_position(at) if at else None,
-        date=date,
-        field_nT=field,
+        unit=which.unit,
+        at=parse_position(place.at) if place.at else None,
+        date=place.date,
+        field_nT=place.field,
         method=method,
-        sensor=sensor,
+        sensor=which.sensor,
         name=name,
         sensor_column=sensor_column,
         files=files,

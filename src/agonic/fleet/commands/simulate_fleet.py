@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Format, Noise, Seed
+from agonic.console.options import Folder, Format, Json, Noise, Seed
 
 if TYPE_CHECKING:
     from agonic.fleet.simulation.simulate import SimulatedFleet
@@ -18,26 +17,29 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("fleet")(fleet)
+class Boards(NamedTuple):
+    """What is simulated, as for `simulate_fleet`."""
+
+    n: Annotated[int, typer.Option("--sensors", help="How many.", min=1)] = 1000
+    logs: Annotated[int, typer.Option(help="Logs of each sensor.", min=1)] = 1
+    rows: Annotated[int, typer.Option(help="Readings of a log.", min=20)] = 300
+    noise: Noise = 120.0
+    magnitude: Annotated[float, typer.Option("--field", help="Magnitude of the field, nT.")] = (
+        48_000.0
+    )
+    broken: Annotated[float, typer.Option(metavar="SHARE", help="Broken sensors.")] = 0.03
+    swapped: Annotated[float, typer.Option(metavar="SHARE", help="Sensors with misnamed axes.")] = (
+        0.02
+    )
+    duplicated: Annotated[
+        float, typer.Option(metavar="SHARE", help="Logs that are there twice.")
+    ] = 0.01
+    damaged: Annotated[float, typer.Option(metavar="SHARE", help="Damaged files.")] = 0.01
 
 
 def fleet(
     out: Folder,
-    sensors: Annotated[int, typer.Option(help="How many.", min=1)] = 1000,
-    logs: Annotated[int, typer.Option(help="Logs of each sensor.", min=1)] = 1,
-    rows: Annotated[int, typer.Option(help="Readings of a log.", min=20)] = 300,
-    noise: Noise = 120.0,
-    field: Annotated[float, typer.Option(help="Magnitude of the field, nT.")] = 48_000.0,
-    broken: Annotated[float, typer.Option(metavar="SHARE", help="Broken sensors.")] = 0.03,
-    swapped: Annotated[
-        float, typer.Option(metavar="SHARE", help="Sensors with misnamed axes.")
-    ] = 0.02,
-    duplicated: Annotated[
-        float, typer.Option(metavar="SHARE", help="Logs that are there twice.")
-    ] = 0.01,
-    damaged: Annotated[float, typer.Option(metavar="SHARE", help="Damaged files.")] = 0.01,
+    boards: Boards,
     format: Format = "csv",
     seed: Seed = 0,
     as_json: Json = False,
@@ -49,18 +51,7 @@ def fleet(
     from agonic.fleet.simulation.simulate import simulate_fleet
 
     check_choice("format", format, ("csv", "parquet"))
-    made = simulate_fleet(
-        sensors,
-        logs=logs,
-        rows=rows,
-        noise=noise,
-        magnitude=field,
-        broken=broken,
-        swapped=swapped,
-        duplicated=duplicated,
-        damaged=damaged,
-        seed=seed,
-    )
+    made = simulate_fleet(**boards._asdict(), seed=seed)
     where = _write_logs(made, out) if format == "csv" else _write_dataset(made, out)
     truth = write_truth(made.truth, out / "truth.csv")
     groups, faults = made.truth["group"], made.truth["fault"]

@@ -7,23 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import (
-    Between,
-    Json,
-    Out,
-    Robust,
-    Sensor,
-    Unit,
-)
+from agonic.console.options import Between, Json, Out, Robust, SensorChoice
 
 if TYPE_CHECKING:
     from agonic.headings.deviation.document import CardDocument
     from agonic.headings.files.swing import Swing
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("deviation")(deviation)
 
 
 def deviation(
@@ -42,8 +30,7 @@ def deviation(
             "this setup or calibration.",
         ),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     between: Between = None,
     out: Out = None,
     card: Annotated[
@@ -97,7 +84,7 @@ def deviation(
 
     if current is not None and not math.isfinite(current):
         raise AgonicError(f"--current {current} is no current")
-    read = read_swing(swing) if setup is None else _of_log(swing, setup, sensor, unit, between)
+    read = read_swing(swing) if setup is None else _of_log(swing, setup, which, between)
     fit = fit_deviation(
         read.compass_deg,
         read.reference_deg,
@@ -128,9 +115,7 @@ def deviation(
     return finish(made, files=files, as_json=as_json)
 
 
-def _of_log(
-    log: Path, setup: Path, sensor: str | None, unit: str | None, between: str | None
-) -> Swing:
+def _of_log(log: Path, setup: Path, which: SensorChoice, between: str | None) -> Swing:
     """The swing that a log with a heading of its own is."""
     from agonic.console.sensors import add_second, select_between
     from agonic.files.setup import load_setup
@@ -138,8 +123,8 @@ def _of_log(
     from agonic.logs.read import open_log
 
     compasses = load_setup(setup)
-    first, recording = compasses.compasses[0], open_log(log, unit=unit)
-    samples = recording.sensor(sensor or first.sensor)
+    first, recording = compasses.compasses[0], open_log(log, unit=which.unit)
+    samples = recording.sensor(which.sensor or first.sensor)
     samples = add_second(first.calibration, samples, recording)
     return find_swing(select_between(samples, between), compasses)
 

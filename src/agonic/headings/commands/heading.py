@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Date, Json, LogPath, Mounting, Report, Sensor, Unit
+from agonic.console.options import At, Date, Json, LogPath, Mounting, Report, SensorChoice
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
@@ -16,19 +16,13 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("heading")(heading)
-
-
 def heading(
     setup: Annotated[
         Path, typer.Argument(metavar="SETUP", help="A setup (TOML), or a calibration file alone.")
     ],
     log: LogPath,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="CSV file to write.")],
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     smooth: Annotated[
         bool,
         typer.Option(
@@ -65,8 +59,8 @@ def heading(
     vehicle = load_setup(setup)
     two = any(has_two_axes(compass.calibration) for compass in vehicle.compasses)
     with allow_two_axes() if two else nullcontext():
-        recording = open_log(log, unit=unit)
-    chosen, samples = pair_compasses(vehicle, recording, sensor)
+        recording = open_log(log, unit=which.unit)
+    chosen, samples = pair_compasses(vehicle, recording, which.sensor)
     if mounting is not None:
         chosen = mount(chosen, samples[0], mounting)
     samples = tuple(
@@ -141,7 +135,7 @@ def mount(setup: Setup, samples: Samples, mounting: str) -> Setup:
 
     from agonic.calibration.affine import Affine
     from agonic.calibration.mounting import turn_field
-    from agonic.console.mounting import parse_mounting
+    from agonic.console.parse import parse_mounting
 
     turn = parse_mounting(mounting)
     compass, *others = setup.compasses

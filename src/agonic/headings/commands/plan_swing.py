@@ -10,11 +10,6 @@ import typer
 from agonic.console.options import Json
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of plan."""
-    kinds.command("swing")(swing)
-
-
 def swing(
     headings: Annotated[int, typer.Option(help="Headings, evenly spread from north.")] = 8,
     heel: Annotated[

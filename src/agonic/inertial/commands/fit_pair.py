@@ -8,17 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import At, Between, Date, Json, Magnitude, Report, Sensor, Unit
+from agonic.console.options import Between, Json, Place, Report, SensorChoice
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.reference import Reference
     from agonic.samples import Samples
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("pair")(pair)
 
 
 def pair(
@@ -33,11 +28,8 @@ def pair(
         Path | None,
         typer.Option("-o", "--out", metavar="SETUP", help="Setup to write, .toml."),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     between: Between = None,
     check: Annotated[
         Path | None,
@@ -50,15 +42,15 @@ def pair(
 ) -> int:
     """An accelerometer and a magnetometer together, from shots: attitudes at rest."""
     from agonic.console.finish import finish
+    from agonic.console.options import list_typed_options, write_options
     from agonic.console.place import find_reference
     from agonic.console.sensors import open_sensor
-    from agonic.console.typed_options import list_typed_options, write_options
     from agonic.files.setup import load_setup, save_setup
     from agonic.inertial.pair import check_pair, fit_pair
     from agonic.inertial.pair.document import describe_check, describe_pair
 
-    samples = open_sensor(log, sensor, unit, between)
-    reference, _ = find_reference(samples, at, date, field)
+    samples = open_sensor(log, *which, between)
+    reference, _ = find_reference(samples, *place)
     if check is not None:
         if out is not None:
             raise AgonicError("--check only looks at a setup and writes none; leave -o out")

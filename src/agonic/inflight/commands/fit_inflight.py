@@ -19,8 +19,7 @@ from agonic.console.options import (
     Report,
     Robust,
     Scalar,
-    Sensor,
-    Unit,
+    SensorChoice,
     WorldModel,
 )
 from agonic.console.parse import parse_count, parse_numbers
@@ -34,11 +33,6 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 2_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("inflight")(inflight)
 
 
 def inflight(
@@ -90,8 +84,7 @@ def inflight(
         float | None,
         typer.Option("--within", metavar="NT", help="Leave out readings farther off than this."),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     at: At = None,
     date: Date = None,
     model: WorldModel = None,
@@ -144,10 +137,10 @@ def inflight(
         unfit = [name for name, value in given.items() if value is not None]
         if unfit:
             raise AgonicError(f"a mission is read piece by piece, without {', '.join(unfit)}")
-        fit, samples = _mission(logs, sensor, unit, date, scalar, settings), None
+        fit, samples = _mission(logs, which, date, scalar, settings), None
     else:
         more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
-        samples = set_track(_samples(logs[0], sensor, unit, between, date), altitude, tle)
+        samples = set_track(_samples(logs[0], which, between, date), altitude, tle)
         reference = _reference(samples, at, date, scalar, model)
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
@@ -156,13 +149,11 @@ def inflight(
     return finish(document, out=out, report=report, as_json=as_json)
 
 
-def _samples(
-    log: Path, sensor: str | None, unit: str | None, between: str | None, date: str | None
-) -> Samples:
+def _samples(log: Path, which: SensorChoice, between: str | None, date: str | None) -> Samples:
     """The readings of one recording, with the date that was given where it has none."""
     from agonic.field.decimal_year import parse_date
 
-    samples = open_sensor(log, sensor, unit, between)
+    samples = open_sensor(log, *which, between)
     if date is None or samples.epoch is not None:
         return samples
     return samples.with_columns(epoch=parse_date(date))
@@ -170,8 +161,7 @@ def _samples(
 
 def _mission(
     logs: list[Path],
-    sensor: str | None,
-    unit: str | None,
+    which: SensorChoice,
     date: str | None,
     scalar: bool | None,
     settings: dict[str, Any],
@@ -181,7 +171,7 @@ def _mission(
     from agonic.inflight.fit import fit_mission
     from agonic.logs.large.mission import open_mission
 
-    mission = open_mission(logs, sensor=sensor, unit=unit, date=date)
+    mission = open_mission(logs, sensor=which.sensor, unit=which.unit, date=date)
     if scalar is None:
         scalar = next(mission.pieces()).scalar is not None
     with counting(mission.rows) as progress:

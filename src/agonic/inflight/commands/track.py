@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import (
-    At,
-    Date,
-    Json,
-    LogPath,
-    Magnitude,
-    Scalar,
-    Sensor,
-    Unit,
-)
+from agonic.console.options import Json, LogPath, Place, Scalar, SensorChoice
 from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
 
@@ -28,11 +19,6 @@ if TYPE_CHECKING:
 AUTO = "auto"
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("track")(track)
-
-
 def track(
     log: LogPath,
     state: Annotated[
@@ -41,11 +27,8 @@ def track(
     ground: Annotated[
         Path | None, typer.Option(metavar="CAL", help="Calibration to start from.")
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     solve: Annotated[
         str | None, typer.Option(help="What moves: bias, gains or full; default: full.")
     ] = None,
@@ -95,13 +78,13 @@ def track(
                 f"{state} was started with another {', '.join(other)}; leave that out, or name "
                 "another state to start anew"
             )
-        rows, samples = _usable(open_sensor(log, sensor, unit, preferred=tracker.state.base.sensor))
+        rows, samples = _usable(open_sensor(log, *which, preferred=tracker.state.base.sensor))
         beside_gyro = tracker.state.turn is not None
-        reference = _reference(samples, at, date, field, scalar, needed=not beside_gyro)
+        reference = _reference(samples, place, scalar, needed=not beside_gyro)
     else:
-        rows, samples = _usable(open_sensor(log, sensor, unit))
+        rows, samples = _usable(open_sensor(log, *which))
         turning = gyro is not False and samples.rotation_rate is not None
-        reference = _reference(samples, at, date, field, scalar, needed=not turning)
+        reference = _reference(samples, place, scalar, needed=not turning)
         tracker = _start_tracker(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
     found = None
@@ -154,22 +137,16 @@ def _usable(samples: Samples) -> tuple[int, Samples]:
 
 
 def _reference(
-    samples: Samples,
-    at: str | None,
-    date: str | None,
-    field: float | None,
-    scalar: bool | None,
-    *,
-    needed: bool,
+    samples: Samples, place: Place, scalar: bool | None, *, needed: bool
 ) -> Reference | None:
     """The magnitude of the field at each reading; beside a gyro `None` where it is not known."""
     from agonic.console.place import find_reference, find_scalar_reference
     from agonic.field.place import describe_missing
 
-    recorded = None if field is not None else find_scalar_reference(samples, scalar)
+    recorded = None if place.field is not None else find_scalar_reference(samples, scalar)
     if recorded is not None:
         return recorded
-    reference, _ = find_reference(samples, at, date, field)
+    reference, _ = find_reference(samples, *place)
     if reference is None and needed:
         raise AgonicError(
             f"the field at the readings is not known: {describe_missing(samples)}; give --at "

@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import (
-    At,
     Between,
-    Date,
     Json,
     KnownField,
     LogPath,
-    Magnitude,
     Out,
+    Place,
     Robust,
-    Sensor,
-    Unit,
+    SensorChoice,
 )
 from agonic.console.parse import parse_names, parse_nodes
 from agonic.console.sensors import open_sensor
@@ -26,11 +23,6 @@ from agonic.console.sensors import open_sensor
 if TYPE_CHECKING:
     from agonic.reference import Reference
     from agonic.samples import Samples
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("network")(network)
 
 
 def network(
@@ -68,11 +60,8 @@ def network(
         Path | None,
         typer.Option(metavar="SVG", help="Chart to write: of the training, or of the table."),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     robust: Robust = True,
     seed: Annotated[int, typer.Option(help="Of the random starts.")] = 0,
     between: Between = None,
@@ -89,8 +78,8 @@ def network(
     from agonic.network.report.chart import draw_chart
     from agonic.network.report.document import describe_network
 
-    samples = open_sensor(log, sensor, unit, between)
-    samples, known = _known(samples, log, reference, unit, (at, date, field))
+    samples = open_sensor(log, *which, between)
+    samples, known = _known(samples, log, reference, which.unit, place)
     settings: dict[str, Any] = {
         "inputs": parse_names(inputs),
         "base": _base(base),
@@ -115,15 +104,10 @@ def network(
 
 
 def _known(
-    samples: Samples,
-    log: Path,
-    given: str | None,
-    unit: str | None,
-    place: tuple[Any, Any, Any],
+    samples: Samples, log: Path, given: str | None, unit: str | None, place: Place
 ) -> tuple[Samples, Reference]:
     """The rows whose field is known, and that field."""
-    from agonic.console.known_field import match_known_field
-    from agonic.console.place import find_reference
+    from agonic.console.place import find_reference, match_known_field
     from agonic.errors import AgonicError
 
     if given is not None:

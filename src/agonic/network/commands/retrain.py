@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import (
-    At,
-    Date,
-    Json,
-    KnownField,
-    LogPath,
-    Magnitude,
-    Out,
-    Sensor,
-    Unit,
-)
+from agonic.console.options import Json, KnownField, LogPath, Out, Place, SensorChoice
 from agonic.console.parse import parse_names, parse_nodes
 from agonic.console.sensors import open_sensor
 from agonic.errors import AgonicError
@@ -29,11 +19,6 @@ if TYPE_CHECKING:
     from agonic.samples import Samples
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("retrain")(retrain)
 
 
 def retrain(
@@ -73,11 +58,8 @@ def retrain(
     alarm: Annotated[
         float | None, typer.Option(help="How much of a shift has to add up; 0: never; default: 10.")
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     report: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Page to write about the log.")
     ] = None,
@@ -107,11 +89,11 @@ def retrain(
     if state is not None and state.exists():
         _require_nothing(given, state)
         retrainer = Retrainer.resume(state)
-        samples = open_sensor(log, sensor, unit, preferred=retrainer.state.sensor)
-        samples, known = _known(samples, log, reference, unit, (at, date, field))
+        samples = open_sensor(log, *which, preferred=retrainer.state.sensor)
+        samples, known = _known(samples, log, reference, which.unit, place)
     else:
-        samples = open_sensor(log, sensor, unit)
-        samples, known = _known(samples, log, reference, unit, (at, date, field))
+        samples = open_sensor(log, *which)
+        samples, known = _known(samples, log, reference, which.unit, place)
         retrainer = _start_retrainer(samples, known, given, spans)
     new, seen = _new(retrainer, samples), None
     if new.any():

@@ -6,21 +6,10 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
-import typer
-
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Noise, Readings, Seed, Table
+from agonic.console.options import Folder, Json, Noise, Readings, Seed, Table
 
 if TYPE_CHECKING:
     from agonic.network.simulate import SimulatedField
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds."""
-    kinds.command("paper")(paper)
-    kinds.command("paper-space")(paper_space)
-    kinds.command("network")(network)
-    kinds.command("nonaffine")(nonaffine)
 
 
 def network(out: Folder, noise: Noise = 2.0, seed: Seed = 0, as_json: Json = False) -> int:
@@ -70,18 +59,20 @@ def nonaffine(
 
 def _finish(kind: str, made: SimulatedField, out: Path, as_json: bool) -> int:
     """The readings as one table, and the known field as another, FILE.reference.csv."""
-    from agonic.console.output import print_json, say_made
+    from agonic.console.output import finish_made
 
     files = _write(made, out)
-    if as_json:
-        facts = {"kind": kind, "n": len(made.samples), "files": [str(file) for file in files]}
-        print_json("agonic/simulate@1", facts)
-    else:
-        known = quote(str(files[1]))
-        following = f"agonic fit network {quote(str(out))} --reference {known} -o mag.json"
-        said = f"The known field: {files[1]}"
-        say_made(len(made.samples), "readings", out, said, next_step=following)
-    return 0
+    n, known = len(made.samples), files[1]
+    return finish_made(
+        n,
+        "readings",
+        out,
+        f"The known field: {known}",
+        record={"kind": kind, "n": n, "files": files},
+        as_json=as_json,
+        next_step=f"agonic fit network {quote(str(out))} --reference {quote(str(known))} "
+        "-o mag.json",
+    )
 
 
 def _write(made: SimulatedField, out: Path) -> list[Path]:

@@ -10,11 +10,6 @@ import typer
 from agonic.console.options import Json
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("demo")(demo)
-
-
 def demo(
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")

@@ -7,26 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import (
-    At,
-    Between,
-    Date,
-    Json,
-    LogPath,
-    Magnitude,
-    Report,
-    Sensor,
-    Unit,
-)
+from agonic.console.options import Between, Json, LogPath, Place, Report, SensorChoice
 
 if TYPE_CHECKING:
     from agonic.recording.evaluation.cross_validation import Evaluation
     from agonic.samples import Samples
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("evaluate")(evaluate)
 
 
 def evaluate(
@@ -40,11 +25,8 @@ def evaluate(
             "perhaps roll_deg, pitch_deg, by the clock of the log.",
         ),
     ] = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     method: Annotated[
         str,
         typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
@@ -66,18 +48,18 @@ def evaluate(
     from agonic.recording.evaluation.document import describe_evaluation
 
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
-    recording, sensors = open_sensors(log, sensor, unit, between)
+    recording, sensors = open_sensors(log, *which, between)
     results, failures = [], []
     for one in progress([(one.name, one) for one in sensors], "Evaluating"):
         try:
-            results.append(_run(one[1], truth, method, (at, date, field)))
+            results.append(_run(one[1], truth, method, place))
         except CoverageError as error:
             failures.append((one[0], str(error)))
     document = describe_evaluation(results, title=recording.source.name, failures=failures)
     return finish(document, report=report, as_json=as_json)
 
 
-def _run(samples: Samples, truth: Path | None, method: Any, place: tuple[Any, ...]) -> Evaluation:
+def _run(samples: Samples, truth: Path | None, method: Any, place: Place) -> Evaluation:
     """The evaluation of one sensor."""
     from agonic.console.place import find_reference
     from agonic.logs.attitude_beside import read_attitude_beside

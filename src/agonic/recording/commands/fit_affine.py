@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import (
-    At,
     Between,
     Course,
-    Date,
     Json,
     LogPath,
-    Magnitude,
     Out,
+    Place,
     Robust,
-    Sensor,
+    SensorChoice,
     Sources,
-    Unit,
 )
 from agonic.console.parse import parse_names
 from agonic.console.sensors import choose_name, open_sensor, open_sensors
@@ -44,7 +41,7 @@ Second = Annotated[
     typer.Option("--second", metavar="SENSOR", help="The second magnetometer, for --with second."),
 ]
 
-AIDED = {
+HELP = {
     "levelled": "Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the "
     "place.",
     "inertial": "Bias and matrix of what cannot be turned over: raw accelerometer and gyro.",
@@ -54,21 +51,11 @@ AIDED = {
 """The fits that more than the magnitude aids, and what they find from what."""
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds of fit."""
-    kinds.command("ellipsoid")(ellipsoid)
-    for kind, help in AIDED.items():
-        kinds.command(kind, help=help)(aided)
-
-
 def ellipsoid(
     log: LogPath,
     out: Out = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     model: Annotated[str, typer.Option(help="auto, sphere, diagonal or full.")] = "auto",
     method: Annotated[
         str, typer.Option(help="likelihood, adjusted, li-griffiths or linear.")
@@ -84,23 +71,20 @@ def ellipsoid(
 
     settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
     settings["soft_iron_sd"] = soft_iron_sd or None
-    long = open_missions(log, sensor, unit, {"--between": between})
+    long = open_missions(log, *which, {"--between": between})
     if long:
         choose_name(one.sensor for one in long)
-        return _finish(calibrate_mission(long[0], at, date, field, **settings), out, as_json)
-    samples = open_sensor(log, sensor, unit, between)
-    return _run("ellipsoid", samples, (at, date, field), settings, out, as_json)
+        return _finish(calibrate_mission(long[0], place, **settings), out, as_json)
+    samples = open_sensor(log, *which, between)
+    return _run("ellipsoid", samples, place, settings, out, as_json)
 
 
 def aided(
     context: typer.Context,
     log: LogPath,
     out: Out = None,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     sources: Sources = None,
     second: Second = None,
     course: Course = False,
@@ -114,19 +98,19 @@ def aided(
 ) -> int:
     """Bias and matrix, aided by the attitude; the kind says by how much of it."""
     kind = str(context.info_name)
-    if field is not None and kind != "interference":
+    if place.field is not None and kind != "interference":
         raise AgonicError(f"--field is of no use to a {kind} fit, which needs --at and --date")
     if course and kind in ("levelled", "interference"):
         raise AgonicError(f"--course is of no use to a {kind} fit: ask for inertial or vector")
     if sources is None:
         sources = "current_A" if kind == "interference" else ""
     settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
-    samples = _open_beside_second(log, sensor, unit, between, second, settings["sources"])
+    samples = _open_beside_second(log, which, between, second, settings["sources"])
     if course:
         from agonic.attitude.course import with_course
 
         samples = with_course(samples)
-    return _run(kind, samples, (at, date, field), settings, out, as_json)
+    return _run(kind, samples, place, settings, out, as_json)
 
 
 def _settings(
@@ -145,14 +129,13 @@ def _settings(
 
 def _open_beside_second(
     log: Path,
-    sensor: str | None,
-    unit: str | None,
+    which: SensorChoice,
     between: str | None,
     second: str | None,
     sources: tuple[str, ...],
 ) -> Samples:
     """The sensor of the log that was asked for, or its only one, perhaps beside a second."""
-    recording, sensors = open_sensors(log, sensor, unit, between)
+    recording, sensors = open_sensors(log, *which, between)
     choose_name(samples.name for samples in sensors)
     mixed = "second" in sources
     if second is None:
@@ -174,7 +157,7 @@ def _open_beside_second(
 def _run(
     kind: str,
     samples: Samples,
-    place: tuple[str | None, str | None, float | None],
+    place: Place,
     settings: dict[str, Any],
     out: Path | None,
     as_json: bool,

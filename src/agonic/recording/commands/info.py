@@ -4,18 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from agonic.console.options import Json, LogPath, Mounting, Unit
 
 if TYPE_CHECKING:
     from agonic.logs.log import Log
     from agonic.samples import Samples
-
-
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("info")(info)
 
 
 def info(log: LogPath, unit: Unit = None, mounting: Mounting = None, as_json: Json = False) -> int:
@@ -39,7 +32,7 @@ def _mount(log: Log, mounting: str) -> Log:
     """The log with its readings in body axes."""
     from dataclasses import replace
 
-    from agonic.console.mounting import parse_mounting
+    from agonic.console.parse import parse_mounting
     from agonic.recording.mounting import turn_readings
 
     turn = parse_mounting(mounting)

@@ -7,13 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import Between, Json, Report, Sensor, Unit
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kinds of plan."""
-    for plan in (calibration, disturbers, placement):
-        kinds.command(plan.__name__)(plan)
+from agonic.console.options import Between, Json, Report, SensorChoice, Unit
 
 
 def placement(
@@ -78,8 +72,7 @@ def disturbers(
         str, typer.Option("--with", metavar="NAMES", help="What else is switched on board.")
     ] = "",
     noise: Annotated[float, typer.Option(metavar="NT", help="Of one reading on an axis.")] = 300.0,
-    sensor: Sensor = None,
-    unit: Unit = None,
+    which: SensorChoice = SensorChoice(),
     between: Between = None,
     as_json: Json = False,
 ) -> int:
@@ -94,7 +87,7 @@ def disturbers(
     from agonic.attitude.disturbers.plan import judge_disturbers
     from agonic.console.sensors import open_sensors
 
-    samples = open_sensors(log, sensor, unit, between)[1][0]  # the same stands beside each sensor
+    samples = open_sensors(log, *which, between)[1][0]  # the same stands beside each sensor
     judged = judge_disturbers(samples, noise=noise)
     finish(describe_judged(samples.name, judged), as_json=as_json)
     return 0

@@ -7,25 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from agonic.console.options import At, CalibrationPath, Date, Json, LogPath, Magnitude, Sensor, Unit
+from agonic.console.options import CalibrationPath, Json, LogPath, Place, SensorChoice
 
 if TYPE_CHECKING:
     from agonic.verification import Check
 
 
-def add_to(app: typer.Typer) -> None:
-    """Register the command."""
-    app.command("verify")(verify)
-
-
 def verify(
     cal: CalibrationPath,
     log: LogPath,
-    sensor: Sensor = None,
-    unit: Unit = None,
-    at: At = None,
-    date: Date = None,
-    field: Magnitude = None,
+    which: SensorChoice = SensorChoice(),
+    place: Place = Place(),
     out: Annotated[
         Path | None,
         typer.Option(
@@ -47,10 +39,10 @@ def verify(
     from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.verification import verify as check
 
-    calibration, samples = open_calibration_and_log(cal, log, sensor, unit)
+    calibration, samples = open_calibration_and_log(cal, log, *which)
     read_as = calibration.provenance.settings.get("read_as")
     files = [] if out is None else [str(save(calibration, out))]
-    reference, _ = find_reference(samples, at, date, field)
+    reference, _ = find_reference(samples, *place)
     if calibration.unit_out != "nT":
         reference = None
     verification = check(calibration, samples, reference)

@@ -18,11 +18,6 @@ LARGE = 1_000_000
 """Readings of a campaign above which several processes fit its sensors."""
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of fit."""
-    kinds.command("thermal")(fit_chamber)
-
-
 def fit_chamber(
     campaign: Annotated[
         Path,
@@ -123,7 +118,7 @@ def _fit_known_field(
     """One sensor in a field that is known at every reading."""
     from agonic.atomic import make_folder, write_atomically
     from agonic.console.finish import finish
-    from agonic.console.known_field import open_beside_known_field
+    from agonic.console.place import open_beside_known_field
     from agonic.files.calibration import save
     from agonic.files.names import file_stem
     from agonic.thermal.document import describe_known_field

@@ -14,11 +14,6 @@ if TYPE_CHECKING:
     from agonic.thermal.plan.plan import ThermalPlan
 
 
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind of plan."""
-    kinds.command("thermal")(plan_chamber)
-
-
 def plan_chamber(
     sensors: Annotated[
         str,

@@ -8,19 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agonic.console.options import Json
-from agonic.console.simulation_options import Folder, Format, Seed
+from agonic.console.options import Folder, Format, Json, Seed
 
 if TYPE_CHECKING:
     from agonic.thermal.simulation.campaign import Faults, SimulatedCampaign
 
 FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
 """How each fault is written."""
-
-
-def add_to(kinds: typer.Typer) -> None:
-    """Register the kind."""
-    kinds.command("campaign")(campaign)
 
 
 def campaign(

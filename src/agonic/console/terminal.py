@@ -1,10 +1,26 @@
-"""Signs that a terminal without Unicode does not have, in ASCII."""
+"""How wide the terminal is, and signs that one without Unicode does not have, in ASCII."""
 
 from __future__ import annotations
 
 import codecs
+import os
+import sys
 from io import TextIOWrapper
 from typing import Any
+
+NARROWEST, WIDEST = 40, 200
+NOWHERE = 100
+"""Columns where nobody says how many there are: output that goes into a file or a pipe."""
+
+
+def find_width() -> int:
+    """Columns to write in: those of `COLUMNS`, else of the terminal, else a hundred; 40 to 200."""
+    told = os.environ.get("COLUMNS", "")
+    width = int(told) if told.isdecimal() else 0
+    if not width and sys.stdout.isatty():
+        width = os.get_terminal_size(sys.stdout.fileno()).columns
+    return min(max(width or NOWHERE, NARROWEST), WIDEST)
+
 
 _ASCII = {
     "\N{MINUS SIGN}": "-",
