@@ -97,6 +97,47 @@ def test_readings_in_another_unit_are_not_corrected(scale: float) -> None:
     assert np.isfinite(made.correct(np.zeros(3))).all()
 
 
+def test_what_follows_a_fit_takes_what_the_fit_took(tmp_path: Any) -> None:
+    """Fits and files stand for calibrations, paths, frames and arrays for samples."""
+    pandas = pytest.importorskip("pandas")
+    fit = ag.fit_ellipsoid(SAMPLES, 50_000)
+    log, mag = ag.write_csv(SAMPLES, tmp_path / "log.csv"), ag.save(fit, tmp_path / "mag.json")
+    frame = pandas.DataFrame(table())
+    expected = fit.calibration.correct(FIELD)
+    for calibration in (fit, mag, str(mag), fit.calibration):
+        assert ag.apply(calibration, FIELD) == pytest.approx(expected)
+        assert ag.apply(calibration, log).field == pytest.approx(expected, rel=1e-3)
+        applied = ag.apply(calibration, frame)
+        assert list(applied) == list(frame)
+        assert applied.to_numpy() == pytest.approx(expected)
+        assert not ag.compare(calibration, fit).matters
+        for samples in (log, str(log), frame, SAMPLES):
+            assert ag.verify(calibration, samples, 50_000).passed
+    assert fit.calibration(frame).equals(ag.apply(fit, frame))
+    upright = SAMPLES.with_columns(roll_deg=0 * FIELD[:, 0], pitch_deg=0 * FIELD[:, 0])
+    levelled = ag.write_csv(upright, tmp_path / "level.csv")
+    setup = ag.Setup(compasses=(ag.Compass(calibration=fit.calibration),), declination_deg=0.0)
+    found = ag.heading(levelled, ag.save_setup(setup, tmp_path / "setup.toml"))
+    assert len(found.true_deg) == len(FIELD)
+
+
+def test_a_magnitude_is_in_the_unit_of_the_readings() -> None:
+    for given in (FIELD / 1e3, (FIELD / 1e3).tolist()):
+        assert ag.fit_ellipsoid(given, 50, unit="uT").calibration.magnitude == 50_000
+    with pytest.warns(ag.AgonicWarning, match="give it in uT"):
+        found = ag.fit_ellipsoid(FIELD / 1e3, 50_000, unit="uT")
+    assert found.calibration.magnitude == 50_000
+
+
+def test_readings_without_a_unit_are_raw_in_every_form() -> None:
+    """An array says as little of its unit as columns without one."""
+    columns = {name: FIELD[:, k] for k, name in enumerate("xyz")}
+    for given in (FIELD, FIELD.tolist(), columns):
+        found = ag.fit_ellipsoid(given)
+        assert (found.calibration.unit_in, found.calibration.unit_out) == ("raw", "raw")
+        assert "raw" in repr(found)
+
+
 CALIBRATION = ag.Affine(bias=[0, 0, 0], matrix=np.eye(3))
 MISUSE = {
     "no readings": lambda: ag.fit_ellipsoid(None, 50_000),
@@ -118,7 +159,8 @@ MISUSE = {
     "samples to correct": lambda: CALIBRATION.correct(SAMPLES),
     "two columns to correct": lambda: CALIBRATION.correct(FIELD[:, :2]),
     "words to correct": lambda: CALIBRATION.correct("readings"),
-    "an array to apply to": lambda: ag.apply(CALIBRATION, FIELD),
+    "two columns to apply to": lambda: ag.apply(CALIBRATION, FIELD[:, :2]),
+    "a number to verify": lambda: ag.verify(CALIBRATION, 3.0),
     "the wrong way round": lambda: ag.apply(SAMPLES, CALIBRATION),
 }
 

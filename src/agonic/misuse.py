@@ -1,4 +1,5 @@
-"""`explain_misuse`: what was given and what is needed, where a public function cannot go on."""
+"""What a public function is given: taken in any form that says the same, and explained where it
+cannot be."""
 
 from __future__ import annotations
 
@@ -6,13 +7,43 @@ import re
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields
-from functools import wraps
+from functools import cache, wraps
+from importlib import import_module
 from inspect import getdoc, signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any
+from typing import Any, NamedTuple
 
 from agonic.errors import AgonicError
+
+
+class Form(NamedTuple):
+    """What is taken for a noun, in words; the module and the function that make one of it."""
+
+    words: str
+    module: str
+    function: str
+
+
+FORMS = {
+    "Samples": Form(
+        "Samples, readings (n, 3), a table with named columns, or the path of a recording",
+        "agonic.logs.any_form",
+        "as_samples",
+    ),
+    "Reference": Form("a Reference, or magnitudes in nT", "agonic.reference", "as_reference"),
+    "Calibration": Form(
+        "a calibration, a fit, or the path of a calibration file",
+        "agonic.files.calibration",
+        "as_calibration",
+    ),
+    "Setup": Form(
+        "a Setup, a calibration or a fit, or the path of a setup file",
+        "agonic.files.setup",
+        "as_setup",
+    ),
+}
+"""The nouns that may be given in another form, wherever a public function takes one."""
 
 _CAUGHT = (TypeError, AttributeError, ValueError, LookupError, NotImplementedError)
 _ARRAYS = ("ndarray", "NDArray")
@@ -20,16 +51,17 @@ _ARRAYS = ("ndarray", "NDArray")
 
 
 def explain_misuse(function: Callable[..., Any], package: str) -> Callable[..., Any]:
-    """A function that says so where it failed because of a type that it does not take.
+    """A function that takes nouns in any of their forms, and says so where it failed because of a
+    type that it does not take.
 
-    What was given is compared with the annotations only then, so that nothing is paid for it. An
-    error that has another cause stays what it is.
+    What was given is compared with the other annotations only then, so that nothing is paid for it.
+    An error that has another cause stays what it is.
     """
 
     @wraps(function)
     def call(*args: Any, **given: Any) -> Any:
         try:
-            return function(*args, **given)
+            return function(*_as_meant(function, args, given), **given)
         except AgonicError:
             raise
         except _CAUGHT:
@@ -41,6 +73,61 @@ def explain_misuse(function: Callable[..., Any], package: str) -> Callable[..., 
     call.__module__ = package  # so that it can be pickled by its public name
     call.__qualname__ = function.__name__
     return call
+
+
+def _as_meant(function: Callable[..., Any], args: tuple[Any, ...], given: dict[str, Any]) -> Any:
+    """The arguments, those by name replaced in place, each noun made of the form that it has."""
+    nouns = _find_nouns(function)
+    if not nouns:
+        return args
+    named = {name: _make_noun(given[name], *nouns[name]) for name in nouns.keys() & given.keys()}
+    given |= named
+    order = list(signature(function).parameters)[: len(args)]
+    placed = (nouns.get(name, (None, None)) for name in order)
+    rest = args[len(order) :]
+    return *(_make_noun(value, *one) for value, one in zip(args, placed, strict=False)), *rest
+
+
+@cache
+def _find_nouns(function: Callable[..., Any]) -> dict[str, tuple[Any, str]]:
+    """The annotation of each parameter that is one of the nouns, and which; but of those that take
+    paths by themselves."""
+    try:
+        hints = typing.get_type_hints(function)
+    except (TypeError, NameError):
+        return {}
+    found = {name: (hint, _name_noun(hint)) for name, hint in hints.items() if name != "return"}
+    return {name: one for name, one in found.items() if one[1] and Path not in _list_parts(one[0])}
+
+
+def _name_noun(hint: Any) -> str:
+    """The noun that an annotation, or a part of it, asks for; "" where none is."""
+    for one in _list_parts(hint):
+        for base in getattr(one, "__mro__", ()):
+            name = "Calibration" if base.__name__ == "Correction" else base.__name__
+            if name in FORMS:
+                return name
+    return ""
+
+
+def _list_parts(hint: Any) -> tuple[Any, ...]:
+    """The annotations that a union is of; of another, itself."""
+    is_union = typing.get_origin(hint) in (typing.Union, UnionType)
+    return typing.get_args(hint) if is_union else (hint,)
+
+
+def _make_noun(value: Any, hint: Any, noun: str | None) -> Any:
+    """The noun that was meant; the value itself where it says none."""
+    if noun is None or value is None or is_a(value, hint):
+        return value
+    fitted = getattr(getattr(value, "fit", value), "calibration", None)
+    own = type(value).__module__.startswith("agonic.")
+    if (own and fitted is None) or (own and noun in ("Samples", "Reference")):
+        return value
+    if isinstance(value, float | int) and noun != "Reference":
+        return value
+    form = FORMS[noun]
+    return getattr(import_module(form.module), form.function)(value if fitted is None else fitted)
 
 
 def explain_making(check: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -96,7 +183,9 @@ def describe_kind(value: Any) -> str:
 
 
 def _describe_parameter(function: Callable[..., Any], name: str, hint: Any) -> str:
-    """What a parameter is, as the docstring says it; else its type."""
+    """What a parameter is: in the words of its noun, as the docstring says it, or its type."""
+    if noun := _name_noun(hint):
+        return FORMS[noun].words
     said = (getdoc(function) or "").partition("\nExamples")[0].split(">>>")[0]
     found = re.search(rf"\b{name}\b[^:\n]* : (.+?)(?:[.;]\s|\n\s*\n|\n\S|$)", said, re.DOTALL)
     words = " ".join(found[1].split()) if found else ""

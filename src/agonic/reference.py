@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -9,14 +10,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
-from agonic.errors import AgonicError, UnitError
+from agonic.errors import AgonicError, AgonicWarning, UnitError
 from agonic.readable import Readable
-from agonic.units import nanotesla_per
+from agonic.units import RAW, nanotesla_per
 
 _ONE_PLACE_DEG = 5.0
 _LARGEST_NT = 1e15
+_ARTIFICIAL_NT = 1e6
+"""A millitesla: no field that a compass is in, nor one of a coil for calibrating one."""
 
 Kind = Literal["constant", "magnitude", "horizontal-vertical", "vector"]
+
+
+def _choose_unit(magnitudes: Array, unit: str | None) -> str:
+    """The unit of magnitudes beside readings in a unit: the same.
+
+    They were in nT beside any unit before: such numbers are recognised by their size.
+    """
+    if unit is None or unit in (RAW, "", "nT"):
+        return "nT"
+    if not magnitudes.size or float(np.nanmax(magnitudes)) * nanotesla_per(unit) < _ARTIFICIAL_NT:
+        return unit
+    warnings.warn(
+        f"the reference was taken in nT, as before; beside unit={unit!r} a later version will take "
+        f"it in {unit}: give it in {unit}, or as Reference.constant(…)",
+        AgonicWarning,
+        stacklevel=4,
+    )
+    return "nT"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,14 +56,14 @@ class Reference(Readable):
     frame: str | None = None
 
     @classmethod
-    def of(cls, given: Reference | ArrayLike | None) -> Reference | None:
-        """The reference that was meant: a number is a constant magnitude, nT, (n,) one per sample.
+    def of(cls, given: Reference | ArrayLike | None, unit: str | None = None) -> Reference | None:
+        """The reference that was meant: a number is a constant magnitude, (n,) one per sample.
 
-        Parameters: given, a `Reference`, a number, (n,) numbers, or None. Raises `AgonicError` for
-        anything else.
+        Parameters: given, a `Reference`, a number, (n,) numbers, or None; `unit` of the readings,
+        which numbers have too; default: nT. Raises `AgonicError` for anything else.
 
-        >>> Reference.of(50_000).values
-        array([50000.])
+        >>> Reference.of(50_000).values, Reference.of(48, "uT").values
+        (array([50000.]), array([48000.]))
         """
         if given is None or isinstance(given, Reference):
             return given
@@ -58,7 +79,10 @@ class Reference(Readable):
                 f"the reference was given with shape {array.shape}; needed is {needed}; a vector "
                 "is Reference.vector(values, frame='n')"
             )
-        return cls.constant(float(array)) if array.ndim == 0 else cls.magnitude(array)
+        known = _choose_unit(array, unit)
+        if array.ndim == 0:
+            return cls.constant(float(array), unit=known)
+        return cls.magnitude(array, unit=known)
 
     def _say(self) -> list[str]:
         """Its kind, size and source."""
@@ -212,3 +236,8 @@ def _for_rows(values: Array, n: int) -> Array:
     if len(values) not in (1, n):
         raise UnitError(f"the reference has {len(values)} rows and the samples have {n}")
     return values
+
+
+def as_reference(given: Reference | ArrayLike) -> Reference:
+    """The reference that was meant, as `Reference.required` has it."""
+    return Reference.required(given)

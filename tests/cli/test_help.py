@@ -87,9 +87,15 @@ def test_help_fits_the_terminal_and_names_no_types(width: int, capsys, monkeypat
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("calibrate", "Missing LOG; see agonic calibrate --help"),
+        (
+            "calibrate",
+            "Missing LOG, as in: agonic calibrate flight.bin; see agonic calibrate --help",
+        ),
         ("calibrate a b", "agonic fleet LOG... -o DIR; see agonic calibrate --help"),
-        ("apply a b", "Missing --out; see agonic apply --help"),
+        (
+            "apply a b",
+            "as in: agonic apply mag.json walk.csv -o corrected.csv; see agonic apply --help",
+        ),
         ("calibrte x", "Did you mean 'calibrate', 'cite'? See agonic --help"),
         ("fit ellipsoid x --seed 3", "; see agonic fit ellipsoid --help"),
     ],

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.calibration.affine import Affine
-from agonic.errors import LogError
+from agonic.errors import LogError, UnitError
 from agonic.exports.motioncal import compute_crc16, encode_packet, make_packet, write_motioncal
 from tests.exports.read_back import apply_motioncal, parse_motioncal
 
@@ -28,6 +28,20 @@ def test_a_known_packet_is_read_and_written_byte_for_byte(tmp_path):
     assert packet.field == pytest.approx(40.983, abs=1e-3)
     assert packet.matrix[:3] == pytest.approx((1.0229, 0.9585, 1.0211), abs=1e-4)
     assert encode_packet(packet) == GOLDEN
+
+
+def test_counts_are_tenths_of_a_microtesla_where_the_field_is_known(tmp_path):
+    """A device multiplies its counts by 0.1 uT before it applies the packet."""
+    counted = Affine(
+        bias=[30.0, -20.0, 1.0], matrix=91.7 * MATRIX, unit_in="raw", magnitude=48000.0
+    )
+    written = write_motioncal(counted, tmp_path / "mag.bin")
+    counts = np.array([[310.0, -140.0, 222.0]])
+    found = apply_motioncal(parse_motioncal(written.path), 0.1 * counts)
+    assert found == pytest.approx(counted.correct(counts) / 1000, rel=1e-5)
+    assert "one is 101 nT" in written.warnings[-1]
+    with pytest.raises(UnitError):
+        write_motioncal(Affine(bias=[0] * 3, matrix=MATRIX, unit_in="raw", unit_out="raw"), "m.bin")
 
 
 def test_crc_of_the_standard_check_string():

@@ -112,13 +112,16 @@ class Correction(Valued):
     """What every calibration can do beside correcting: be compared, read, and called."""
 
     def __call__(self, given: Any, **columns: ArrayLike) -> Any:
-        """The field of readings (…, 3), as `correct`; of `Samples`, as `apply`.
+        """The field of readings (…, 3), as `correct`; of `Samples` and data frames, as `apply`.
 
-        Parameters: given, readings (…, 3) or samples; columns (…) that are named in `needs`.
+        Parameters: given, readings (…, 3), samples or a frame; columns (…) that are named in
+        `needs`.
         """
         calibration: Any = self
-        if isinstance(given, Samples):
-            return apply(calibration, given)
+        if isinstance(given, Samples) or (hasattr(given, "columns") and hasattr(given, "index")):
+            from agonic import apply as apply_to_any  # which knows data frames
+
+            return apply_to_any(calibration, given)
         return calibration.correct(given, **columns)
 
     def _say(self) -> list[str]:

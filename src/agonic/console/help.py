@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from agonic.console.boundary import stop
+from agonic.console.progress import timing
 from agonic.console.terminal import find_width
 
 Row = tuple[str, str]
@@ -37,9 +39,10 @@ class Command(TyperCommand):
     examples: Sequence[str] = ()
 
     def invoke(self, ctx: Any) -> Any:
-        """Run it; Ctrl-C is told with what was kept."""
+        """Run it, with a word where it takes long; Ctrl-C is told with what was kept."""
         try:
-            return super().invoke(ctx)
+            with timing(ctx.command_path) if ctx.info_name != "live" else nullcontext():
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             raise stop() from None
 
@@ -168,6 +171,8 @@ def describe_usage_error(error: Any) -> str:
     if type(error).__name__ == "MissingParameter" and param is not None:
         is_argument = param.param_type_name == "argument"
         said = f"Missing {_name_value(param) if is_argument else max(param.opts, key=len)}"
+        for example in getattr(context.command, "examples", ())[:1] if context else ():
+            said += f", as in: {example}"
     if command == "agonic calibrate" and "unexpected extra argument" in said:
         said = "calibrate takes one LOG; for several there is: agonic fleet LOG... -o DIR"
     for jargon, plain in _PLAIN.items():

@@ -16,7 +16,10 @@ from agonic.console.help import App, Group
 
 
 class Kinds(Group):
-    """The kinds of a command: an unknown one is told all, and options may stand before the kind."""
+    """The kinds of a command, where options may stand before the kind.
+
+    An unknown one is told the kind that is spelled nearly so or whose help has the word, and all.
+    """
 
     def make_later(
         self,
@@ -53,7 +56,9 @@ class Kinds(Group):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command of the kind, or an error that names those that there are."""
         if args[0] not in self.commands:
-            near = get_close_matches(args[0], self.commands, n=1)
+            word = args[0].lower()
+            named = [k for k, one in self.commands.items() if word in (one.help or "").lower()]
+            near = get_close_matches(args[0], self.commands, n=1) or named[:1]
             meant = f" (did you mean {near[0]!r}?)" if near else ""
             self._fail(ctx, f"no kind {args[0]!r} to {ctx.info_name}{meant}")
         return super().resolve_command(ctx, args)

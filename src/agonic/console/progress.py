@@ -1,53 +1,93 @@
-"""A progress bar on stderr for work that takes a while, on a terminal only."""
+"""What is told on stderr of work that takes a while, on a terminal only: a bar, or that it goes on
+and how long it took."""
 
 from __future__ import annotations
 
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+SILENT_S = 2.0
+"""Nobody waits longer without a word."""
+LONG_S = 5.0
+"""What took longer says how long."""
+_shown: list[str] = []
+"""What bars are of, since the command began."""
+
+
+@contextmanager
+def timing(name: str) -> Iterator[None]:
+    """A line where a command shows no bar for two seconds, and at the end the time that it took."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    _shown.clear()
+    begun, done = time.monotonic(), threading.Event()
+
+    def tell() -> None:
+        if not done.wait(SILENT_S) and not _shown:
+            print(f"{name} is working …", file=sys.stderr)
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        done.set()
+        teller.join()
+    if (took := time.monotonic() - begun) >= LONG_S:
+        print(f"{name} took {took:.3g} s", file=sys.stderr)
+
+
+@contextmanager
+def _open_bar(what: str, *columns: str) -> Iterator[Any]:
+    """A bar with its name and these columns, of rich or of a text; None where nobody looks."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich import progress as parts
+    from rich.console import Console
+
+    _shown.append(what)
+    own: dict[str, Any] = vars(parts)
+    made = [own[one]() if one in own else parts.TextColumn(one) for one in columns]
+    head = (parts.TextColumn("{task.description}"), parts.BarColumn())
+    with parts.Progress(*head, *made, console=Console(stderr=True), transient=True) as bar:
+        yield bar
+
 
 def progress(items: Sequence[T], what: str) -> Iterable[T]:
     """The items, with a bar on stderr while they are worked through."""
     if len(items) < 2 or not sys.stderr.isatty():
-        return items
-    from rich.console import Console
-    from rich.progress import track
-
-    return track(items, description=what, console=Console(stderr=True), transient=True)
+        yield from items
+        return
+    with _open_bar(what, "TimeRemainingColumn") as bar:
+        yield from bar.track(items, description=what)
 
 
 @contextmanager
 def waiting(what: str) -> Iterator[None]:
     """A moving bar with the time that has passed, while one thing is worked on."""
-    if not sys.stderr.isatty():
-        yield
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    texts = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*texts, console=Console(stderr=True), transient=True) as bar:
-        bar.add_task(what, total=None)
+    with _open_bar(what, "TimeElapsedColumn") as bar:
+        if bar is not None:
+            bar.add_task(what, total=None)
         yield
 
 
 @contextmanager
 def counting(total: int) -> Iterator[Callable[[str, int], None]]:
     """A function that is told the name of a pass and how much of `total` is done in it."""
-    if not sys.stderr.isatty():
-        yield lambda _what, _done: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with _open_bar("passes", "TimeRemainingColumn") as bar:
         tasks: dict[str, Any] = {}
 
         def told(what: str, done: int) -> None:
+            if bar is None:
+                return
             if what not in tasks:
                 tasks[what] = bar.add_task(what, total=total)
             bar.update(tasks[what], completed=done)
@@ -62,22 +102,14 @@ def paced(what: str, things: str) -> Iterator[Callable[[int, int, int, str], Non
     The rate and the remaining time are of those that were not done before; a stage that is told
     stands in their place.
     """
-    if not sys.stderr.isatty():
-        yield lambda _done, _total, _before, _stage: None
-        return
-    import time
-
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    texts = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
-    with Progress(*texts, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None, pace="")
+    with _open_bar(what, "MofNCompleteColumn", "{task.fields[pace]}") as bar:
+        task = None if bar is None else bar.add_task(what, total=None, pace="")
         begun = time.monotonic()
 
         def told(done: int, total: int, before: int, stage: str) -> None:
-            pace = stage or _pace(done - before, total - done, time.monotonic() - begun, things)
-            bar.update(task, completed=done, total=total, pace=pace)
+            if bar is not None:
+                pace = stage or _pace(done - before, total - done, time.monotonic() - begun, things)
+                bar.update(task, completed=done, total=total, pace=pace)
 
         yield told
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Compass, Setup
 from agonic.console.finish import finish
-from agonic.console.options import Place, SensorChoice
+from agonic.console.options import Place, SensorChoice, write_options
 from agonic.console.place import find_reference
 from agonic.console.sensors import open_sensors
 from agonic.ellipse.document import describe_two_axes
@@ -73,12 +73,13 @@ def calibrate_two_axes(
 
 
 def _choose_command(setup: str, log: Path, place: Place, one: Samples) -> str:
-    """Headings by the setup that was written."""
-    at = place.at or (None if one.latitude_deg is not None else "LAT,LON")
-    told = {"--at": at, "--date": place.date}
-    options = " ".join(f"{name} {shlex.quote(value)}" for name, value in told.items() if value)
+    """Headings by the setup that was written, where the place is known."""
+    if place.at is None and one.latitude_deg is None:
+        return ""
+    given = (("--at", place.at), ("--date", place.date))
+    named = {name: value for name, value in given if value}
     files = f"{shlex.quote(setup)} {shlex.quote(str(log))}"
-    return " ".join(filter(None, ("agonic heading", files, options, "-o headings.csv")))
+    return f"agonic heading {files}{write_options(named)} -o headings.csv"
 
 
 def _write_files(fits: Sequence[EllipseFit], folder: Path) -> list[str]:

@@ -144,7 +144,7 @@ def fit_ellipsoid(
     >>> bool(np.all(np.abs(fit.calibration.bias - [3000, -500, 100]) < 4 * fit.sd[:3]))
     True
     """
-    samples, reference = as_samples(samples, unit), Reference.of(reference)
+    samples, reference = as_samples(samples, unit), Reference.of(reference, unit)
     settings = Settings(
         model=model,
         method=method,

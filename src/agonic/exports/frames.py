@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC
 from typing import Any
 
@@ -69,9 +70,10 @@ def apply(calibration: Calibration, samples: Any) -> Any:
 
     Parameters
     ----------
-    calibration : as `load` gives it, or from a fit.
-    samples : `Samples`, which come back in the unit and frame that the calibration gives; or a
-        data frame, which keeps its index, columns and their unit.
+    calibration : as `load` gives it, a fit, or the path of a calibration file.
+    samples : `Samples`, or the path of a recording, which come back in the unit and frame that the
+        calibration gives; a data frame, which keeps its index, columns and their unit; or an array
+        of readings in the unit of the calibration, which gives an array.
 
     Raises `UnitError` and `FrameError` where calibration and samples do not meet, and `LogError`
     where a column is missing that the calibration needs.
@@ -80,9 +82,22 @@ def apply(calibration: Calibration, samples: Any) -> Any:
     >>> apply(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]])).field
     array([[2., 0., 4.]])
     """
-    is_frame = hasattr(samples, "columns") and hasattr(samples, "index")
-    if not is_frame or isinstance(samples, Samples) or not hasattr(calibration, "correct"):
-        return apply_to_samples(calibration, samples)
+    if not isinstance(samples, Samples) and hasattr(calibration, "correct"):
+        if not (hasattr(samples, "columns") and hasattr(samples, "index")):
+            return _apply_to_another_form(calibration, samples)
+        return _apply_to_frame(calibration, samples)
+    return apply_to_samples(calibration, samples)
+
+
+def _apply_to_another_form(calibration: Calibration, given: Any) -> Any:
+    """The samples of a recording or of a table corrected, or an array of readings."""
+    if isinstance(given, np.ndarray | Sequence) and not isinstance(given, str):
+        return calibration.correct(given)
+    return apply_to_samples(calibration, as_samples(given))
+
+
+def _apply_to_frame(calibration: Calibration, samples: Any) -> Any:
+    """A copy of a data frame with the readings of its magnetometer corrected, in their unit."""
     fields = identify_columns(map(str, samples)).get("field", {}).values()
     whole = [axes for axes in fields if len(axes) == 3]
     if len(whole) != 1:

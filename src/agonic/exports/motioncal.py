@@ -15,15 +15,19 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from agonic.atomic import write_atomically
+from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.steps import find_magnitude
 from agonic.exports.convert import Export, hold_sources, take_symmetric
 from agonic.exports.fixed_temperature import hold_temperature
-from agonic.units import NANOTESLA_PER
+from agonic.units import NANOTESLA_PER, RAW
 
 SIGNATURE = b"\x75\x54"
 LENGTH = 68
+COUNT = 100.0  # nT, UT_PER_COUNT of rawdata.c
 USUAL_FIELD = 50.0  # µT, MotionCal's own default for B
 
 
@@ -43,8 +47,8 @@ def write_motioncal(
 
     Parameters: `calibration`; `path` of the file; `temperature_C`. Send the bytes to the device's
     serial port. Accelerometer and gyroscope offsets are zero, as MotionCal sends them.
-    `temperature_C` is where a calibration is held that changes with temperature. Raises
-    `UnitError` for a calibration in raw units.
+    `temperature_C` is where a calibration is held that changes with temperature. Counts are taken
+    for tenths of a microtesla, as MotionCal does. Raises `UnitError` where the field has no unit.
 
     >>> from tempfile import TemporaryDirectory
     >>> import numpy as np
@@ -66,8 +70,9 @@ def write_motioncal(
 def make_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
     """The numbers of the packet, and warnings."""
     calibration, held = hold_sources(calibration)
+    calibration, counted = _convert_counts(calibration)
     bias, six, warnings = take_symmetric(calibration, calibration.frame_in, unit="microtesla")
-    warnings += held
+    warnings += (*held, *counted)
     magnitude = find_magnitude(calibration)
     if magnitude is None:
         warnings += (
@@ -79,6 +84,26 @@ def make_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
         field = magnitude / NANOTESLA_PER["uT"]
     offset = tuple((bias / NANOTESLA_PER["uT"]).tolist())
     return Packet(offset=offset, field=field, matrix=tuple(six.tolist())), warnings
+
+
+def _convert_counts(calibration: Calibration) -> tuple[Calibration, tuple[str, ...]]:
+    """A calibration from counts into a known field as one from nT, and what was assumed."""
+    from_counts = calibration.unit_in == RAW and calibration.unit_out != RAW
+    if not from_counts or not isinstance(calibration, Affine):
+        return calibration, ()
+    gain = float(np.trace(calibration.matrix)) / 3
+    said = (
+        f"counts were taken for tenths of a microtesla ({COUNT:.0f} nT), as MotionCal takes those "
+        f"that a board sends it; by the field one is {gain:.3g} nT"
+    )
+    made = Affine(
+        bias=COUNT * calibration.bias,
+        matrix=calibration.matrix / COUNT,
+        magnitude=calibration.magnitude,
+        frame_in=calibration.frame_in,
+        frame_out=calibration.frame_out,
+    )
+    return made, (said,)
 
 
 def encode_packet(packet: Packet) -> bytes:

@@ -32,6 +32,11 @@ def save(calibration: Calibration | Deviation, path: Path | str) -> Path:
     return write_atomically(path, encode(calibration))
 
 
+def as_calibration(given: Path | str | AnyCalibration) -> AnyCalibration | Deviation:
+    """The calibration itself, or that of a file."""
+    return load(given) if isinstance(given, Path | str) else given
+
+
 def load(path: Path | str) -> AnyCalibration | Deviation:
     """Read a calibration file.
 

@@ -62,6 +62,13 @@ from agonic.units import ACCELERATION
 Made = TypeVar("Made")
 
 
+def as_setup(given: Path | str | Calibration) -> Setup:
+    """The setup of a file, or that of one compass with a calibration."""
+    if isinstance(given, Path | str):
+        return load_setup(given)
+    return Setup(compasses=(Compass(calibration=given),))
+
+
 def load_setup(path: Path | str) -> Setup:
     """Read a setup file; a calibration file alone is the setup of one compass.
 
@@ -81,7 +88,7 @@ def load_setup(path: Path | str) -> Setup:
     file = Path(path)
     data = read_bytes(file)
     if data.lstrip().startswith(b"{"):
-        return Setup(compasses=(Compass(calibration=_calibration(file)),))
+        return as_setup(_calibration(file))
     try:
         table = tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:

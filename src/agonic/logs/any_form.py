@@ -15,6 +15,7 @@ from agonic.logs.table import build_log
 from agonic.maths.moments_of_time import count_seconds, has_moments
 from agonic.provenance import Input
 from agonic.samples import Samples
+from agonic.units import RAW
 
 Given = Samples | ArrayLike | Mapping[str, ArrayLike] | Path | str
 """What a fit takes for its readings."""
@@ -28,7 +29,7 @@ def as_samples(given: Given, unit: str | None = None) -> Samples:
     given : `Samples`; readings (n, 3) as an array or lists; a DataFrame of pandas or polars, a
         table of pyarrow, a record array of NumPy, an xarray Dataset or a mapping, whose columns are
         named as in a text table; or the path of a recording.
-    unit : of the readings, where they do not say.
+    unit : of the readings, where they do not say; else they are raw.
 
     Raises `AgonicError` for anything else.
 
@@ -107,4 +108,4 @@ def _read_array(given: Any, unit: str | None) -> Samples:
         raise AgonicError(
             f"readings were given as {kind} of shape {array.shape}; needed are {needed}"
         )
-    return Samples(field=array, unit=unit or "")
+    return Samples(field=array, unit=unit or RAW)

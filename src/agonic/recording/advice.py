@@ -21,6 +21,8 @@ STANDING_S = 1800.0
 """A sensor that is not turned for longer than this is mounted where it is."""
 TURNING = ("static", "plane", "small tilt", "coverage", "few orientations")
 """Findings that ask somebody to turn the sensor."""
+LEVEL_PAGE = "docs/jobs/calibrate-what-cannot-be-turned-over.md"
+"""The page of vehicles that stay level."""
 NORMALISED = "normalised"
 """Readings that hold directions only: what else a fit to them finds has this cause."""
 
@@ -47,8 +49,8 @@ def suit_advice(
             replace(finding, move=move) if _asks_to_turn(finding, samples) else finding
             for finding in found
         )
-    elif lacks_place(samples, reference):
-        found = tuple(map(_ask_for_place, found))
+    else:
+        found = tuple(_name_other_ways(one, lacks_place(samples, reference)) for one in found)
     if samples.frame == "b":
         found = tuple(map(_correct_orientation, found))
     if reference is not None and samples.altitude_m is None and is_in_space(samples):
@@ -91,15 +93,16 @@ def _asks_to_turn(finding: Finding, samples: Samples) -> bool:
     return finding.name in TURNING and (finding.name == "static" or is_in_space(samples))
 
 
-def _ask_for_place(finding: Finding) -> Finding:
-    """A refusal for want of turning, where the place would make up for some of it."""
+def _name_other_ways(finding: Finding, placeless: bool) -> Finding:
+    """A refusal for want of turning, with what makes up for it: the place, or another method."""
     if finding.name not in TURNING or finding.name == "static" or finding.severity != "refuse":
         return finding
-    return replace(
-        finding,
-        move="give the place (--at LAT,LON): with it the accelerometer or the attitude in this "
-        f"log makes up for much of the turning; or {finding.move}",
+    place = (
+        "give the place (--at LAT,LON): with it the accelerometer or the attitude in this log "
+        "makes up for much of the turning; or "
     )
+    move = f"{place * placeless}{finding.move}; what cannot be tilted: {LEVEL_PAGE}"
+    return replace(finding, move=move)
 
 
 def _correct_orientation(finding: Finding) -> Finding:

@@ -162,7 +162,7 @@ def calibrate_as_named(
 
     Where the bias changed on the way, a stretch is calibrated: the last, or one that tells enough.
     """
-    meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference))
+    meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference, unit))
     return _calibrate_as_measured(without_held(meant), known, kind, settings).with_finding(*wrong)
 
 

@@ -98,13 +98,12 @@ def describe_recording(
     >>> describe_recording([]).to_text()
     'No magnetometer was found in the log.'
     """
-    alone, most = len(results) == 1, figures.MOST_POINTS // max(len(results), 1)
+    most = figures.MOST_POINTS // max(len(results), 1)
     sensors = [
         describe_sensor(
             result,
             (written or {}).get(result.samples.name),
             number=k,
-            alone=alone,
             most=most,
         )
         for k, result in enumerate(results, start=1)
@@ -164,13 +163,11 @@ def describe_sensor(
     written: Written | None = None,
     *,
     number: int = 1,
-    alone: bool = True,
     most: int = figures.MOST_POINTS,
 ) -> Document:
     """What is said and shown of one sensor.
 
-    `number` counts the sensors of a page, on which `most` points are drawn of this one; of a sensor
-    `alone`, the text says why the method was chosen.
+    `number` counts the sensors of a page, on which `most` points are drawn of this one.
     """
     fit, calibration = result.fit, result.fit.calibration
     files, warnings, texts = written or Written([], [])
@@ -195,13 +192,13 @@ def describe_sensor(
         move=choose_move(result),
         remarks=warnings,
         key_figures=() if refused else _list_key_figures(result),
-        entries=list_entries(result) | ({} if alone else summarise_ladder(result)),
-        details=list_details(result),
+        entries=list_entries(result) | summarise_ladder(result),
+        details=list_details(result) | {"Ladder": ""},  # which the section says whole
         entries_title="",
         refused_numbers=True,
         sections=[
             *([] if refused else [*made, *figures_of_fit[:1]]),
-            *describe_ladder(result, printed=alone),
+            *describe_ladder(result),
             *describe_disturbers(result),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
             *([_fold(figures_of_fit)] if refused else figures_of_fit[1:]),

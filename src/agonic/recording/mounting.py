@@ -90,7 +90,7 @@ def calibrate(
     >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
     'good'
     """
-    meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference))
+    meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference, unit))
     found = find_turn(meant, known) if kind == "auto" else None
     if found is not None:
         turned = calibrate_as_named(_turn(meant, found.turn), known, kind=kind, **settings)

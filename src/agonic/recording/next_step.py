@@ -1,4 +1,4 @@
-"""What to type next: the command that follows from the gravest finding, or from a good result."""
+"""What to type next: a command that runs as it stands; where something is missing, none."""
 
 from __future__ import annotations
 
@@ -8,20 +8,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
-
 from agonic.console.options import write_options
 from agonic.console.standard_input import NAME
 from agonic.files.names import file_stem
 from agonic.health import Finding, figure
-from agonic.recording.advice import TURNING, is_in_space, lacks_place
+from agonic.recording.advice import TURNING, is_in_space
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.held_out import sees_enough
 from agonic.recording.stretch import CHANGED, find_rows, list_stretches
 from agonic.samples import Samples
-from agonic.units import NANOTESLA_PER, RAW
+from agonic.units import RAW
 
-EARTH_NT = (20_000.0, 70_000.0)
 _GRAVEST_FIRST = ("refused", "check", "good")
 _OF_READING = ("--unit", "--columns")
 """Options that every command needs which reads the log as this one did."""
@@ -50,12 +47,12 @@ def choose_command(
         return ""
     setup, first = folder / "setup.toml", usable[0]
     read = {name: typed[name] for name in _OF_READING if name in typed}
-    if setup.is_file() and first.samples.pitch_deg is not None:
-        options = write_options(read | _tell_place(first.samples, typed))
+    if setup.is_file() and first.samples.pitch_deg is not None and _is_located(first, typed):
+        options = write_options(read | _name_place(first.samples, typed))
         return f"agonic heading {shlex.quote(str(setup))} {named}{options} -o headings.csv"
     if first.verdict != "good":
         return ""
-    calibration = shlex.quote(_find_calibration(folder, first))
+    calibration = shlex.quote(str(folder / f"{file_stem(first.samples.name)}.json"))
     return f"agonic apply {calibration} {named}{write_options(read)} -o corrected.csv"
 
 
@@ -64,18 +61,18 @@ def has_shots(samples: Samples) -> bool:
     return samples.target is not None and samples.acceleration is not None
 
 
-def _tell_place(samples: Samples, typed: Mapping[str, str]) -> dict[str, str]:
-    """The place and the date that true headings need, where the log does not hold them."""
-    located = samples.latitude_deg is not None and samples.longitude_deg is not None
-    dated = samples.epoch is not None
-    told = {name: typed[name] for name in ("--at", "--date") if name in typed}
-    needed = {} if located else {"--at": "LAT,LON"}
-    needed |= {} if dated else {"--date": datetime.now(UTC).date().isoformat()}
-    return needed | told
+def _is_located(result: Calibrated, typed: Mapping[str, str]) -> bool:
+    """Whether true headings can be had: the place is in the log, or was given."""
+    samples = result.samples
+    return "--at" in typed or not (samples.latitude_deg is None or samples.longitude_deg is None)
 
 
-def _find_calibration(folder: Path, result: Calibrated) -> str:
-    return str(folder / f"{file_stem(result.samples.name)}.json")
+def _name_place(samples: Samples, typed: Mapping[str, str]) -> dict[str, str]:
+    """The place and the date that true headings need beside the log."""
+    named = {name: typed[name] for name in ("--at", "--date") if name in typed}
+    if samples.epoch is None:
+        named.setdefault("--date", datetime.now(UTC).date().isoformat())
+    return named
 
 
 def _find_remedy(result: Calibrated, log: str, typed: Mapping[str, str]) -> str:
@@ -89,21 +86,17 @@ def _find_remedy(result: Calibrated, log: str, typed: Mapping[str, str]) -> str:
         options = new | {name: value for name, value in typed.items() if name not in new}
         return f"agonic calibrate {log}{write_options(options)}"
 
-    if "pair" in grave and "oppositely" in grave["pair"].what:
+    if "pair" in grave and "oppositely" in grave["pair"].what and result.reference is not None:
         return again(second="auto")
     if grave and is_in_space(samples) and samples.frame not in ("n", "e"):
+        if samples.unit == RAW or samples.altitude_m is None or samples.epoch is None:
+            return ""
         options = {name: typed[name] for name in _OF_READING if name in typed}
-        if samples.unit == RAW:
-            options["--unit"] = _guess_unit(result) or "UNIT"
-        if samples.altitude_m is None:
-            options["--altitude"] = "METRES"
-        return f"agonic fit inflight {log}{write_options(options)}"
-    if refused & set(TURNING):  # what was not turned is in no stretch of it, and in no unit
-        return again(at="LAT,LON") if lacks_place(samples, result.reference) else ""
+        return f"agonic fit inflight {log}{write_options(options)} -o inflight.json"
+    if refused & set(TURNING):  # what was not turned is in no stretch of it
+        return ""
     if CHANGED in grave and not refused and samples.time is not None:
         return _leave_change(result, grave[CHANGED], again)
-    if samples.unit == RAW and not refused and (unit := _guess_unit(result)):
-        return again(unit=unit)
     return ""
 
 
@@ -119,12 +112,3 @@ def _leave_change(result: Calibrated, changed: Finding, again: Callable[..., str
     if not sees_enough(result.corrected[find_rows(time, start, stop)]):
         return ""
     return again(between=f"{figure(start, 6)},{figure(stop, 6)}")
-
-
-def _guess_unit(result: Calibrated) -> str:
-    """The unit in which raw readings would have the size of the Earth's field, if one does."""
-    calibration = result.fit.calibration
-    gain = float(np.trace(calibration.matrix)) / 3
-    size = (calibration.magnitude or 0.0) / max(gain, 1e-300)
-    low, high = EARTH_NT
-    return next((u for u in ("uT", "mG", "G", "nT") if low < size * NANOTESLA_PER[u] < high), "")

@@ -83,7 +83,6 @@ def list_entries(result: Calibrated) -> dict[str, str]:
     entries = {
         first.name: _join_numbers(first),
         **({} if mixes_sensors(fit.calibration) else {"Matrix": _write_matrix(fit.calibration)}),
-        **_describe_shape(result),
         "Spread": f"{tables.spread(result.verification)} (held out, before → after)   noise "
         f"{quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)}",
     }
@@ -132,6 +131,7 @@ def list_details(result: Calibrated) -> dict[str, str]:
     views = {group.name: _join_numbers(group) for group in list_views(result)}
     return {
         "Method": f"{result.method}: {result.reason}",
+        **_describe_shape(result),
         **{SHORT.get(name, name): text for name, text in views.items()},
         "Heading": f"{heading} ({place})",
         "Coverage": f"{np.count_nonzero(cells)} of {len(cells)} directions",

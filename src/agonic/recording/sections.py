@@ -19,7 +19,7 @@ from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder import Rung
 from agonic.recording.numbers import describe_heading, describe_origin
 from agonic.report import tables
-from agonic.report.digits import percent, quantity, with_sd
+from agonic.report.digits import degrees, percent, quantity, with_sd
 from agonic.report.fields import make_table
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
@@ -86,8 +86,8 @@ LEFT = 1.5
 """Held-out residual over noise beyond which something is left for a network."""
 
 
-def describe_ladder(result: Calibrated, *, printed: bool) -> list[Section]:
-    """The section; none without a ladder. It is part of the plain text where `printed`."""
+def describe_ladder(result: Calibrated) -> list[Section]:
+    """The section; none without a ladder."""
     rungs = result.ladder
     if not rungs:
         return []
@@ -102,16 +102,18 @@ def describe_ladder(result: Calibrated, *, printed: bool) -> list[Section]:
                 _say_of_network(result),
                 _explain_ladder(),
             ],
-            printed=printed,
+            printed=True,
         )
     ]
 
 
 def summarise_ladder(result: Calibrated) -> dict[str, str]:
-    """The ladder as one line, for the text of several sensors: what unseen magnitudes leave."""
-    rungs = [rung for rung in result.ladder if np.isfinite(rung.spread)]
-    steps = (f"{'✓ ' if one.chosen else ''}{one.name} {percent(one.spread)}" for one in rungs)
-    return {"Ladder": f"spread, unseen: {', '.join(steps)}"} if rungs else {}
+    """The ladder as a line of the text: the heading error that each fit is predicted to have."""
+    rungs = [rung for rung in result.ladder if np.isfinite(rung.heading_error_deg)]
+    steps = (
+        f"{'✓ ' if one.chosen else ''}{one.name} {degrees(one.heading_error_deg)}" for one in rungs
+    )
+    return {"Ladder": f"heading error: {', '.join(steps)}"} if rungs else {}
 
 
 def _say_why(rungs: tuple[Rung, ...]) -> str:

@@ -143,8 +143,8 @@ class Document:
         """The result for people, on a terminal so many characters wide.
 
         One finding a line, the gravest first, with what helps against it; of a refused result no
-        more than those. `brief` leaves out notes, details, and what each of several sensors would
-        say again.
+        more than those. `brief` leaves out notes, details, tables, and what each of several sensors
+        would say again.
 
         >>> made = Document(name="coil", verdict="good", method="4 reversals",
         ...                 status="All is well.", entries={"Constant": "76 nT/A"})
@@ -193,7 +193,7 @@ class Document:
             least = _LABEL if self.verdict else 0
             yield from text.wrap_entries(entries, width=width, least=least)
             for section in self.sections:
-                if section.printed:
+                if section.printed and not brief:
                     yield from section.to_text(width)
         for note in self.remarks:
             if note not in said:

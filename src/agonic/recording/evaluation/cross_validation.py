@@ -202,7 +202,7 @@ def evaluate(
     >>> evaluate(simulate("tumble").samples, 50_000.0).verdict
     'good'
     """
-    meant, reference = as_samples(samples, unit), Reference.of(reference)
+    meant, reference = as_samples(samples, unit), Reference.of(reference, unit)
     known = find_known(meant, reference, truth)
     judged = kind != "vector" and known.heading_deg is not None
     shown = meant.with_columns(heading_deg=None) if judged else meant

@@ -34,7 +34,7 @@ def campaign(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """A climatic chamber: recordings, their campaign.toml, and the truth in a folder of its own."""
+    """A thermal chamber: recordings, their campaign.toml, and the truth in a folder of its own."""
     from agonic.console.output import print_json, say
     from agonic.thermal.files.write import write_campaign
     from agonic.thermal.simulation.campaign import simulate_campaign
