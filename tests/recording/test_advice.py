@@ -183,5 +183,5 @@ def test_every_file_is_listed_with_what_it_is_for(capsys, monkeypatch) -> None:
         assert f"{path.name} " in listed
     assert "mag.h for firmware" in listed
     assert "report.html the report" in listed
-    assert "Next agonic heading out/setup.toml log.csv --date 20" in said
+    assert "Next agonic heading out/setup.toml log.csv --at 48,11 --date 20" in said
     assert opened == [Path("out/report.html").resolve().as_uri()]
