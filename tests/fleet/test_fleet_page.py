@@ -204,9 +204,11 @@ def test_rows_carry_the_numbers_of_the_table(view: Any, fleet: Population) -> No
     assert shown["Verdict"] == "Good"
     assert float(shown["Bias x"].replace(MINUS, "-")) == pytest.approx(row.bias_x, abs=10)
     assert float(shown["Noise"]) == pytest.approx(row.noise, rel=0.02)
-    assert shown["Begins (UTC)"] == f"{row.start:%Y-%m-%d %H:%M}"
     assert shown["Readings"] == str(row.rows)
     view.locator(".scroller tbody tr[data-row] td").nth(3).click()
+    details = view.inner_text(".details")
+    assert f"start\n{row.start:%Y-%m-%d %H:%M}" in details
+    assert row.source in details
     links = view.evaluate(
         "[...document.querySelectorAll('.links a')].map(a => a.getAttribute('href'))"
     )

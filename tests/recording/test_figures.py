@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agonic.recording.figures import draw_histogram, draw_magnitude, draw_strip
+import agonic as ag
+from agonic.recording.figures import draw_headings, draw_histogram, draw_magnitude, draw_strip
 from agonic.recording.residuals import compute_residuals
 from agonic.report.axes import Axis
 from agonic.report.time_axis import along_rows
+from agonic.simulation import simulate
 from tests.recording.handmade import samples_of, tumble
 
 
@@ -121,3 +123,36 @@ def test_strays_that_did_not_count_are_arrows_and_set_no_scale(logged):
     assert "▲" in svg
     mean = path(svg, "mean")
     assert np.std(mean[:, 1]) > 1.5  # not flattened: of a thousand
+
+
+def test_readings_in_another_unit_have_an_axis_of_their_own(good):
+    """Counts on an axis of nanotesla would be a flat line."""
+    counted = replace(good.fit.calibration, unit_in="raw")
+    before = good.verification.magnitude_before / 100.0
+    result = replace(
+        good,
+        fit=replace(good.fit, calibration=counted),
+        verification=replace(good.verification, magnitude_before=before),
+    )
+    drawn = draw_magnitude(result)
+    assert re.findall(r"magnitude, ([^<]+)<", drawn) == ["raw units", "nT"]
+    spread = np.ptp(path(drawn, "before")[:, 1])
+    assert spread > 500  # of a thousand: the strip is used
+
+
+def test_the_heading_is_shown_before_and_after_and_by_each_fit(good):
+    made = ag.calibrate(simulate("hand", n=800, seed=3).samples, 50_000)
+    drawn = "".join(draw_headings(made))
+    before, *others = (np.array(one.errors_deg) for one in made.ladder)
+    assert len(before) == 36
+    assert np.sqrt(np.mean(before**2)) == pytest.approx(made.ladder[0].heading_error_deg, rel=0.02)
+    assert drawn.count('class="mean"') == len(others)  # those between are folded, the chosen is 0
+    assert np.abs(others[-1]).max() < 1e-6
+    assert 'class="noise"' in drawn
+
+
+def test_an_interval_of_time_is_picked_by_the_clock_of_the_log(good):
+    time = 5.0 + 0.1 * np.arange(len(good.samples))
+    axis, _ = along_rows(time, np.arange(len(time)))
+    assert axis.clock == (time[0], time[-1])
+    assert along_rows(None, np.arange(9))[0].clock is None

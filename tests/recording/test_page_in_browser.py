@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agonic.provenance import Input
 from agonic.recording.document import render
 from tests.recording.handmade import BIAS
 
@@ -186,3 +187,23 @@ def test_an_evil_name_neither_runs_nor_breaks_the_page(opened, good):
     assert page.locator("img").count() == 0
     assert page.complaints == []
     assert pixels(page, "before")[..., 3].max() == 255
+
+
+def test_dragging_along_a_strip_gives_the_command_for_that_interval(opened, good):
+    source = Input(name="a flight.ulg", sha256="0" * 64, count=1)
+    samples = good.samples.with_columns(source=source)
+    page = opened(render([replace(good, samples=samples)], title="flight"))
+    area = page.locator("[data-clock] .area").first
+    area.scroll_into_view_if_needed()
+    box = area.bounding_box()
+    for share, act in ((0.25, page.mouse.down), (0.5, page.mouse.up)):
+        page.mouse.move(box["x"] + share * box["width"], box["y"] + 20, steps=4)
+        act()
+    said = page.locator(".interval-command").first.inner_text()
+    command, interval = said.split(" --between ")
+    assert command == f"agonic calibrate 'a flight.ulg' --sensor {samples.name}"
+    start, stop = samples.time[[0, -1]]
+    expected = start + np.array([0.25, 0.5]) * (stop - start)
+    assert np.array(interval.split(","), float) == pytest.approx(
+        expected, abs=0.01 * (stop - start)
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -121,7 +122,7 @@ def describe_recording(
         about=describe_origin(results),
         sections=[Section("", [Table(SUMMARY, rows, style="summary")])] if len(rows) > 1 else (),
         sensors=sensors,
-        scripts=["canvas.js", "sphere.js", "copy.js"],
+        scripts=["canvas.js", "sphere.js", "copy.js", "interval.js"],
         data={"icosphere": figures.list_corners},
         overview=overview,
     )
@@ -197,10 +198,12 @@ def describe_sensor(
         entries_title="",
         refused_numbers=True,
         sections=[
-            *([] if refused else [*made, *figures_of_fit[:1]]),
-            *describe_ladder(result),
-            *describe_disturbers(result),
+            *([] if refused else made),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
+            *_describe_headings(result),
+            *describe_ladder(result),
+            *([] if refused else figures_of_fit[:1]),
+            *describe_disturbers(result),
             *([_fold(figures_of_fit)] if refused else figures_of_fit[1:]),
             Section("Method and model", [lambda: describe_method(result)]),
             Section("Coverage", _describe_coverage(result)),
@@ -210,6 +213,24 @@ def describe_sensor(
         calibration=calibration,
         samples=result.samples,
         data={f"sensor-{number}-data": lambda: figures.pack_sphere(result, residuals(), most)},
+        command=_write_command(result),
+    )
+
+
+def _describe_headings(result: Calibrated) -> list[Section]:
+    """The heading's error over the headings, by each fit of the ladder that one has for it."""
+    if not any(rung.errors_deg for rung in result.ladder):
+        return []
+    return [Section("Heading before and after", [lambda: figures.draw_headings(result)])]
+
+
+def _write_command(result: Calibrated) -> str:
+    """What calibrates the sensor anew; nothing where it was not read from a file."""
+    samples = result.samples
+    if samples.source is None:
+        return ""
+    return (
+        f"agonic calibrate {shlex.quote(samples.source.name)} --sensor {shlex.quote(samples.name)}"
     )
 
 

@@ -4,6 +4,7 @@ from, magnitude, residuals."""
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,11 +15,12 @@ from agonic.arrays import Array
 from agonic.maths.equation.coverage import icosphere
 from agonic.maths.one_pass import find_length, median
 from agonic.recording.calibrated import Calibrated
+from agonic.recording.ladder import Rung
 from agonic.recording.residuals import FEWEST, Residuals, find_held_out, find_level
 from agonic.report.axes import Axis, Columns, down, right
-from agonic.report.digits import count, group_digits, percent, quantity
+from agonic.report.digits import count, degrees, group_digits, percent, quantity
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element
+from agonic.report.markup import Markup, element, markup
 from agonic.report.strips import (
     arrows,
     beyond_words,
@@ -38,6 +40,7 @@ MOST_POINTS = 50_000
 
 _REACH = 4.0  # in radii: what lies farther is drawn there, so that one stray costs no resolution
 _STEPS = 32767  # of an int16
+_EDGE = 0.85  # of a distance that is still inside the picture: above 2 FILL of canvas.js
 
 
 def list_corners() -> list[float]:
@@ -79,10 +82,11 @@ def find_middle(centred: Array) -> tuple[Array, float]:
     About the bias, or where that lies outside the cloud, as of a refused fit, about its middle.
     """
     middle = np.median(centred, axis=0)
-    reach = float(np.percentile(np.linalg.norm(centred - middle, axis=1), 90)) or 1.0
-    if float(np.linalg.norm(middle)) > 1.5 * reach:
-        return middle, reach
-    return np.zeros(3), median(find_length(centred)) or 1.0
+    away = np.linalg.norm(centred - middle, axis=1)
+    if float(np.linalg.norm(middle)) > 1.5 * float(np.percentile(away, 90)):
+        return middle, _EDGE * float(np.percentile(away, 95)) or 1.0
+    size = find_length(centred)
+    return np.zeros(3), max(median(size), _EDGE * float(np.percentile(size, 95))) or 1.0
 
 
 def thin(n: int, most: int) -> NDArray[np.int64]:
@@ -116,6 +120,7 @@ def _quantise(centred: Array, radius: float) -> tuple[NDArray[np.int16], float]:
     return np.round(inside / step).astype("<i2"), step
 
 
+PICK = "Drag along a strip of time for the command that calibrates that interval."
 TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys; Home turns back."
 
 
@@ -211,10 +216,16 @@ def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
     )
     keys = {"before": "before", "after": "after the correction"}
     return [
-        caption("Magnitude over time", draw_magnitude(result), keys),
+        caption("Magnitude over time", draw_magnitude(result), keys, _say_how(result)),
         *strips,
         element("div", histogram, sphere, class_="pair"),
     ]
+
+
+def _say_how(result: Calibrated) -> str:
+    """How an interval is picked, where the log has times and a name."""
+    picked = result.samples.time is not None and result.samples.source is not None
+    return PICK if picked else ""
 
 
 def _caption_strip(result: Calibrated, residuals: Residuals, name: str, noise: str) -> Markup:
@@ -268,24 +279,61 @@ def _normal(at: Array, sd: float) -> Array:
 
 
 def draw_magnitude(result: Calibrated) -> Markup:
-    """The magnitude of the field over time, before and after the correction.
+    """The magnitude of the field over time, before and after the correction: on one axis, or on two
+    where the readings are in another unit than the field."""
+    checked, calibration = result.verification, result.fit.calibration
+    before = {"before": checked.magnitude_before}
+    after = {"after": checked.magnitude_after}
+    into, out = (unit_label(u) for u in (calibration.unit_in, calibration.unit_out))
+    if into == out:
+        return _draw_magnitudes(result, before | after, out)
+    return markup(_draw_magnitudes(result, before, into), _draw_magnitudes(result, after, out))
 
-    The axis holds what counted in the fit; of the rest, arrows say where it lies beyond.
-    """
-    before, after = result.verification.magnitude_before, result.verification.magnitude_after
+
+def _draw_magnitudes(result: Calibrated, magnitudes: Mapping[str, Array], unit: str) -> Markup:
+    """Magnitudes by their class. The axis holds what counted in the fit; of the rest, arrows say
+    where it lies beyond."""
     weights = result.fit.weights
-    counted = np.ones(len(before), dtype=bool) if weights is None else weights > 0
+    counted = np.ones(len(result.samples), dtype=bool) if weights is None else weights > 0
     if not counted.any():
         counted[:] = True
-    both = np.concatenate([before[counted], after[counted]])
-    low, high = (float(v) for v in np.percentile(both, (0.25, 99.75)))
-    reach = 0.25 * (high - low)  # so that noise is not cut off, and strays still are
-    low, high = max(low - reach, float(both.min())), min(high + reach, float(both.max()))
+    every = np.concatenate([values[counted] for values in magnitudes.values()])
+    low, high = (float(v) for v in np.percentile(every, (0.25, 99.75)))
+    reach = 0.25 * (high - low)  # so that noise is not cut off, and outliers still are
+    low, high = max(low - reach, float(every.min())), min(high + reach, float(every.max()))
     margin = max(0.05 * (high - low), 1e-6 * abs(high), 1e-9)
     x, along = along_rows(result.samples.time, np.arange(len(result.samples)))
-    unit = unit_label(result.fit.calibration.unit_out)
     y = Axis(f"magnitude, {unit}", low - margin, high + margin)
     columns = Columns(x, along)
-    layers = [spread(columns, y, before, "before"), spread(columns, y, after, "after")]
-    words = "Magnitude of the field over time, before and after"
-    return plot(x, y, layers, words, arrows(columns, y, after))
+    layers = [spread(columns, y, values, name) for name, values in magnitudes.items()]
+    words = f"Magnitude of the field over time, {' and '.join(magnitudes)}"
+    return plot(x, y, layers, words, arrows(columns, y, [*magnitudes.values()][-1]))
+
+
+def draw_headings(result: Calibrated) -> list[Markup]:
+    """The heading's error over the heading of the level vehicle: as recorded beside the standard
+    error of the calibration; by the fits between, folded."""
+    first, *others = (rung for rung in result.ladder if rung.errors_deg)
+    vehicle = None if result.fit.accuracy is None else result.fit.accuracy.vehicle_heading_deg
+    sd = result.fit.coverage.heading_sd_deg if vehicle is None else vehicle
+    keys = {"mean": f"as recorded, {degrees(first.heading_error_deg)} rms"}
+    keys["noise"] = f"calibrated: ± its standard error, {degrees(sd)}"
+    between = [one for one in others if not one.chosen]
+    folded = [_draw_heading_error(one.name, one, {}) for one in between]
+    said = element("summary", "By the simpler fits")
+    return [
+        _draw_heading_error("Heading error, level", first, keys, sd),
+        element("details", said, *folded, class_="folded") if folded else element("div"),
+    ]
+
+
+def _draw_heading_error(name: str, rung: Rung, keys: dict[str, str], sd: float = 0.0) -> Markup:
+    """The mean error of a fit at each heading, and lines at a standard error where one is given."""
+    errors = np.array([*rung.errors_deg, rung.errors_deg[0]])
+    limit = 1.1 * max(float(np.abs(errors).max()), sd, 0.01)
+    x, y = Axis("true heading, °", 0.0, 360.0), Axis("error, °", -limit, limit)
+    at = points(right(x, np.linspace(0.0, 360.0, len(errors))), down(y, errors))
+    lines = [level(y, side * sd, "noise") for side in (-1.0, 1.0) if sd]
+    drawn = plot(x, y, [*lines, path(f"M{at}", "mean")], f"{name}: error over the heading")
+    note = "" if keys else f"{degrees(rung.heading_error_deg)} rms"
+    return caption(name, drawn, keys, note)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import polar
@@ -50,8 +50,8 @@ class Rung:
 
     `parameters` that it estimates; `spread` of the magnitude of unseen readings over its mean, and
     `held_out_rms` the same in the unit of the field, NaN where parts of the log could not be
-    fitted; `heading_error_deg` of a level vehicle, rms over all headings, with its standard error;
-    `why` it was chosen, or not; `unit` of the field.
+    fitted; `heading_error_deg` of a level vehicle, rms over all headings, with its standard error,
+    and `errors_deg`, its mean at even headings; `why` it was chosen, or not; `unit` of the field.
     """
 
     name: str = shown("Fit")
@@ -62,6 +62,7 @@ class Rung:
         "Heading error, predicted", "°", sd="heading_error_sd_deg", most=180.0
     )
     heading_error_sd_deg: float = shown()
+    errors_deg: tuple[float, ...] = shown(record=False, default=())
     chosen: bool = False
     why: str = ""
     unit: str = shown(record=False, default="")
@@ -175,8 +176,16 @@ def _explain(fit: Fit, method: str, reason: str) -> str:
     return "; ".join(dict.fromkeys(test.sentence for test in fit.tests))
 
 
-def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[float, float]:
-    """The rms error of a level heading by one calibration as another fit sees it, and its sd.
+class HeadingError(NamedTuple):
+    """The rms error of a level heading, its standard error, and its mean at even headings."""
+
+    rms_deg: float
+    sd_deg: float
+    mean_deg: tuple[float, ...] = ()
+
+
+def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> HeadingError:
+    """The error of a level heading by one calibration as another fit sees it.
 
     With truth at the fit's calibration plus an error δ of covariance C, the error at heading k is
     e_k + J_k δ, e the difference of the two headings. Then m = mean (e + J δ)² has
@@ -191,7 +200,7 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[
     """
     chosen, coverage = fit.calibration, fit.coverage
     if chosen.magnitude is None or "second" in (*chosen.needs, *rung.needs):
-        return np.nan, np.nan
+        return HeadingError(np.nan, np.nan)
     axes = make_level_axes(coverage.down).T
     directions, _ = level_directions(coverage.inclination_deg, down=coverage.down)
     jacobian = heading_jacobian_deg(
@@ -216,7 +225,9 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> tuple[
     steady = error.mean(axis=0)
     variance = 2 * np.sum(by_heading**2) / n**2 + 4 * steady @ by_heading @ steady / n**2
     size = float(np.sqrt(mean))
-    return size, float(np.sqrt(variance) / (2 * size)) if size else 0.0
+    sd = float(np.sqrt(variance) / (2 * size)) if size else 0.0
+    order = np.argsort(np.round(true % 360.0, 6))
+    return HeadingError(size, sd, tuple(steady[order].tolist()))
 
 
 def _evaluate_sources(calibration: Affine, samples: Samples, moments: int = 25) -> Array:

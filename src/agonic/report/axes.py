@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,12 +18,14 @@ _GAP = 3  # columns without a reading that break a line
 @dataclass(frozen=True)
 class Axis:
     """What is drawn along an edge of a strip: its label with the unit, and its range; equal ratios
-    are equally long where it is logarithmic."""
+    are equally long where it is logarithmic. Of an axis of time, `clock` is what the clock of the
+    log reads at its ends, from which the page picks an interval."""
 
     label: str
     low: float
     high: float
     logarithmic: bool = False
+    clock: tuple[float, float] | None = field(default=None, repr=False)
 
     def share(self, values: Array) -> Array:
         """Where values lie between the ends, 0…1; what lies beyond is drawn at the end."""

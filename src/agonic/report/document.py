@@ -72,6 +72,7 @@ class Document:
     overview : lines of the text, for a width, that stand for all that the sensors say where the
         text is brief.
     styles, scripts : files of `static/`. data : JSON for the scripts, by its id in the page.
+    command : what makes it anew, to which the page adds an interval that is picked on a strip.
     """
 
     schema: str = ""
@@ -101,6 +102,7 @@ class Document:
     scripts: Sequence[str] = ()
     data: Mapping[str, Callable[[], Any]] | None = None
     overview: Callable[[int], Iterable[str]] | None = None
+    command: str = ""
 
     @property
     def good(self) -> bool:
@@ -298,6 +300,7 @@ class Document:
             id=anchor,
             aria_labelledby=f"{anchor}-name",
             data_source=next(iter(self.data or {}), None),
+            data_command=self.command or None,
         )
 
     def _scripts(self) -> list[Markup]:

@@ -168,6 +168,7 @@ def plot(
         element("svg", *_tick_texts("x", x, foot), class_="ticks-x", aria_hidden="true"),
         element("p", x.label, class_="axis axis-x"),
         class_=f"plot {kind}".strip(),
+        data_clock=None if x.clock is None else f"{x.clock[0]:.6g},{x.clock[1]:.6g}",
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from agonic.arrays import Array, Index
@@ -46,4 +48,5 @@ def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
         return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)
     start, stop = float(time[0]), float(time[-1])
     begun = "" if start == 0.0 else f" (t = {start:.1f} s)"
-    return along_time(time[rows], start, stop, since=f"the first reading{begun}")
+    axis, along = along_time(time[rows], start, stop, since=f"the first reading{begun}")
+    return replace(axis, clock=(start, stop)), along

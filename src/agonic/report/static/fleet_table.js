@@ -3,7 +3,7 @@
 const fleetTable = (() => {
   const ROW = 34;        // height of a row, CSS pixels, as in fleet.css
   const BEYOND = 8;      // rows drawn above and below what is seen
-  const WIDTHS = { name: 10, word: 5.5, said: 17, number: 5.8, date: 9.5, log: 16 };  // rem
+  const WIDTHS = { name: 8, word: 4.8, said: 8.4, number: 5.1 };  // rem: all within 1280 pixels
   const WORDS = ["Good", "Check", "Refused"];
   const { KINDS, make, minused } = fleetRows;
 
@@ -30,19 +30,20 @@ const fleetTable = (() => {
       return { name, head, kind: "number", show: (i) => (data[name][i] === data[name][i] ? show(i) : "–") };
     });
     const dated = data.start.some((t) => t === t)
-      ? [{ name: "start", head: "Begins (UTC)", kind: "date",
+      ? [{ name: "start", head: "Begins (UTC)", aside: true,
            show: (i) => (data.start[i] === data.start[i] ? DATE(data.start[i]) : "–") }] : [];
     return [
       { name: "sensor", head: "Sensor", kind: "name", show: (i) => data.sensor[i] },
       { name: "verdict", head: "Verdict", kind: "word", show: (i) => WORDS[data.verdict[i]] },
       { name: "said", head: "What is said of it", kind: "said", show: (i) => data.said[i] },
       ...numeric, ...dated,
-      { name: "source", head: "Log", kind: "log", show: (i) => data.source[i] },
+      { name: "source", head: "Log", aside: true, show: (i) => data.source[i] },
     ];
   }
 
   function table(chosen, data, rows, changed, picked) {
-    const shown = cells(data);
+    const every = cells(data);
+    const shown = every.filter(({ aside }) => !aside);  // the rest is in the details of a row
     const head = make("tr");
     const body = make("tbody");
     const [above, below] = [make("tr", { className: "space" }), make("tr", { className: "space" })];
@@ -86,7 +87,7 @@ const fleetTable = (() => {
         } else {
           box.textContent = text;
         }
-        if (cell.kind === "said" || cell.kind === "log") box.title = text;
+        if (cell.kind === "said") box.title = text;
       });
     }
 
@@ -128,7 +129,7 @@ const fleetTable = (() => {
     });
     body.addEventListener("click", (event) => {
       const row = event.target.closest("tr[data-row]");
-      if (row && !event.target.closest("a")) picked(Number(row.dataset.row), shown);
+      if (row && !event.target.closest("a")) picked(Number(row.dataset.row), every);
     });
     window.addEventListener("resize", () => draw(true));
 
