@@ -113,7 +113,7 @@ def report_pictures(browser: Browser, folder: str) -> None:
     run(["demo", "-o", folder])
     run([*CAMPAIGN, "-o", f"{folder}/recorded"])
     run(["fit", "thermal", f"{folder}/recorded", "-o", f"{folder}/chamber"])
-    page = browser.new_page(viewport={"width": 1100, "height": 1640})
+    page = browser.new_page(viewport={"width": 1100, "height": 1420})
     for file, picture in (
         ("report.html", "report.png"),
         ("chamber/report.html", "campaign.png"),
