@@ -50,18 +50,14 @@ def demo(
         rows.append([name, f"{true:.{digits}f}", f"{value:.{digits}f}", round_to_sd(sd, sd), error])
     table = Table(["", "truth", "found", "sd", "error/sd"], rows)
     document = describe_recording([result], written=written, schema="agonic/demo@1")
-    compared = [  # the table has the bias and the matrix
-        replace(
-            s,
-            entries={k: v for k, v in (s.entries or {}).items() if k not in ("Bias", "Matrix")},
-            details=None,
-            sections=[Section("", [table], printed=True)],
-        )
-        for s in document.sensors
-    ]
+    (shown,) = document.sensors
+    table_has = ("Bias", "Matrix")
+    entries = {k: v for k, v in (shown.entries or {}).items() if k not in table_has}
+    section = Section("", [table], printed=True)
+    shown = replace(shown, entries=entries, details=None, sections=[section])
     values = {"truth": dict(zip(PARAMETERS, truth, strict=True))}
     return finish(
-        replace(document, values=values, sensors=compared),
+        replace(document, values=values, sensors=[shown]),
         page=out / "report.html",
         as_json=as_json,
     )
