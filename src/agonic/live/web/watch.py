@@ -21,6 +21,7 @@ from agonic.live.web.messages import Number, Problem, Rose, Sensor
 from agonic.live.web.results import SensorReadings
 from agonic.live.web.view import RecentReadings
 from agonic.maths.equation.symmetric import pack_symmetric
+from agonic.report.digits import group_digits
 from agonic.units import nanotesla_per
 
 PAUSE_S = 10.0
@@ -116,7 +117,7 @@ class WatchedSensor:
         count = self.live.left_out
         word = "reading was" if count == 1 else "readings were"
         reason = "no sensor gives them, or they lie far from all others"
-        return f"{self.name}: {count:,} {word} left out: {reason}" if count else ""
+        return f"{self.name}: {group_digits(count)} {word} left out: {reason}" if count else ""
 
     @property
     def rate_Hz(self) -> float:

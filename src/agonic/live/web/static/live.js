@@ -149,12 +149,16 @@
 
   // ---- one sensor ---------------------------------------------------------------------------
 
-  const digits = (value) => {
-    if (value === null || value === undefined) return "";
-    const size = Math.abs(value);
-    const places = size >= 100 ? 0 : size >= 10 ? 1 : size >= 0.1 ? 3 : 5;
+  const grouped = (value, places = 0) => {
     const shown = { minimumFractionDigits: places, maximumFractionDigits: places };
     return strips.minus(value.toLocaleString("en", shown).replaceAll(",", "\u202f"));
+  };
+  // To the second digit of the standard error, where there is one, as reports have it.
+  const digits = (value, sd) => {
+    if (value === null || value === undefined) return "";
+    const size = Math.abs(sd || value);
+    const places = sd ? 1 - Math.floor(Math.log10(size)) : size >= 100 ? 0 : size >= 10 ? 1 : 3;
+    return grouped(value, Math.max(0, Math.min(6, places)));
   };
 
   function sensor(name) {
@@ -207,9 +211,9 @@
       list.forEach((number, i) => {
         const unitText = number.unit ? `, ${number.unit}` : "";
         text(rows[i].cells[0], number.name + unitText);
-        text(rows[i].cells[1], digits(number.now));
-        text(rows[i].cells[2], digits(number.sd));
-        text(rows[i].cells[3], digits(number.before));
+        text(rows[i].cells[1], digits(number.now, number.sd));
+        text(rows[i].cells[2], digits(number.sd, number.sd));
+        text(rows[i].cells[3], digits(number.before, number.sd));
       });
     }
 
@@ -241,7 +245,7 @@
         : now.heading_sd_deg >= OPEN_DEG ? "the heading is not determined yet"
         : `heading standard error ${now.heading_sd_deg.toFixed(2)}°${BESIDE[now.method] || ""}, enough at ${now.target_deg}°`
           + (now.vehicle_sd_deg === null ? "" : `; ${now.vehicle_sd_deg.toFixed(2)}° with how the sensor sits in the vehicle`));
-      text(part(".count"), `${now.n.toLocaleString("en")} readings, ${now.rate_Hz} a second`);
+      text(part(".count"), `${grouped(now.n)} readings, ${now.rate_Hz} a second`);
       problems(now.problems);
       numbers(now.numbers);
       const device = part(".device");
@@ -401,7 +405,9 @@
     if (now.outcomes.some((one) => one.files.length)) return "Calibrated: the files are written";
     if (good) return "Enough: accept the calibration";
     if (now.ended) return "The source has ended: accept, or start again";
-    return now.sensors.some((one) => one.rose) ? "Drive on" : "Turn the sensor";
+    if (now.sensors.length > 1) return now.sensors.some((one) => one.rose) ? "Drive on" : "Turn the sensors";
+    const [{ say }] = now.sensors;
+    return say.charAt(0).toUpperCase() + say.slice(1);
   }
 
   // Beside the button: whether the target is reached, and what stands against the result.
@@ -425,7 +431,11 @@
     find("finish").hidden = sensors.length === 0;
     const good = now.sensors.length > 0 && now.sensors.every((one) => one.done);
     text(find("state"), headline(now, good));
-    text(find("accept"), now.busy ? "Working …" : "Accept and write the files");
+    const written = now.outcomes.some((one) => one.files.length);
+    const again = written ? "Write the files again" : "Accept and write the files";
+    text(find("accept"), now.busy ? "Working …" : again);
+    find("accept").classList.toggle("main", good && !written);
+    document.body.classList.toggle("enough", good && !written);
     text(find("enough"), tellWhetherEnough(now, good));
     find("trouble").hidden = !now.trouble;
     text(find("trouble"), now.trouble);
@@ -481,7 +491,7 @@
   find("accept").addEventListener("click", () => { if (!status.busy) ask({ type: "accept" }); });
   find("restart").addEventListener("click", () => {
     const total = status.sensors.reduce((sum, one) => sum + one.n, 0);
-    text(find("forget-says"), `${total.toLocaleString("en")} readings would be thrown away. Files that were written stay.`);
+    text(find("forget-says"), `${grouped(total)} readings would be thrown away. Files that were written stay.`);
     find("forget").showModal();
   });
   find("keep").addEventListener("click", () => find("forget").close());
