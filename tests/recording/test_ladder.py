@@ -90,8 +90,8 @@ def test_a_mounting_by_right_angles_is_no_error():
     plain = predict_heading_error(alone, fit=fit, samples=made.samples)
     again = predict_heading_error(turned, fit=fit, samples=made.samples)
     assert again[:2] == pytest.approx(plain[:2])
-    assert again.mean_deg == pytest.approx(plain.mean_deg, abs=1e-9)
-    assert plain.rms_deg < 0.2
+    assert again.errors_deg == pytest.approx(plain.errors_deg, abs=1e-9)
+    assert plain.heading_error_deg < 0.2
 
 
 def test_the_ladder_is_printed_and_recorded():

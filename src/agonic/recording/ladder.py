@@ -94,10 +94,10 @@ def climb(
     fold = block if single else block % 2
     compare = partial(predict_heading_error, fit=fit, samples=some)
     unit = unit_label(chosen.unit_out)
-    heading = compare(_identity(chosen))
+    heading = compare(_identity(chosen))._asdict()
     before = verification.spread_before
     size = chosen.magnitude or np.nan
-    rungs = [Rung("as recorded", 0, before, before * size, *heading, unit=unit)]
+    rungs = [Rung("as recorded", 0, before, before * size, **heading, unit=unit)]
     for name, open_parts, why in _list_others(fit, method):
         try:
             fit_part = open_parts(some, known, near=near)
@@ -109,9 +109,13 @@ def climb(
         if folds is not None:
             judged = verify(found, some, known, corrected=folds.unseen, held_out=used)
             held_out = (judged.spread_after, judged.residual_rms)
-        rungs.append(Rung(name, _count(found), *held_out, *compare(found), why=why, unit=unit))
+        rungs.append(
+            Rung(name, _count(found), *held_out, **compare(found)._asdict(), why=why, unit=unit)
+        )
     held_out = (verification.spread_after, verification.residual_rms)
-    own = Rung(_name(chosen, method), _count(chosen), *held_out, *compare(chosen), unit=unit)
+    own = Rung(
+        _name(chosen, method), _count(chosen), *held_out, **compare(chosen)._asdict(), unit=unit
+    )
     rungs.append(replace(own, chosen=True, why=_explain(fit, method, reason)))
     return tuple(sorted(rungs, key=lambda rung: rung.parameters))
 
@@ -179,9 +183,9 @@ def _explain(fit: Fit, method: str, reason: str) -> str:
 class HeadingError(NamedTuple):
     """The rms error of a level heading, its standard error, and its mean at even headings."""
 
-    rms_deg: float
-    sd_deg: float
-    mean_deg: tuple[float, ...] = ()
+    heading_error_deg: float
+    heading_error_sd_deg: float
+    errors_deg: tuple[float, ...] = ()
 
 
 def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> HeadingError:
