@@ -12,7 +12,12 @@ CITATIONS: dict[str, str] = tomllib.loads(Path(__file__).with_suffix(".toml").re
 """Full references by the key that `Provenance.method` holds."""
 
 
-WORLD_MODELS = ("igrf-14", "wmm2025", "wmmhr2025")
+WORLD_MODELS = {
+    "IGRF-14": "iaga-2024",
+    "WMM2025": "ncei-wmm2025-2024",
+    "WMMHR2025": "ncei-wmmhr2025-2024",
+}
+"""What gave a reference, and where it was published."""
 
 
 def find_citation(key: str) -> str:
@@ -32,7 +37,7 @@ def list_cited(method: Iterable[str], settings: Mapping[str, object]) -> list[st
     """The keys of what a result is made by: its methods, and a world model that its settings name.
 
     >>> list_cited(["huber-1981"], {"reference": "48000 nT (IGRF-14)"})
-    ['huber-1981', 'igrf-14']
+    ['huber-1981', 'iaga-2024']
     """
-    named = " ".join(map(str, settings.values())).lower()
-    return [*method, *(key for key in WORLD_MODELS if key in named)]
+    named = " ".join(map(str, settings.values()))
+    return [*method, *(key for model, key in WORLD_MODELS.items() if model in named)]

@@ -199,7 +199,7 @@ def gather_evidence(
     assert fit.residuals is not None
     assert fit.weights is not None
     assert calibration.magnitude is not None
-    gain = float(np.cbrt(abs(np.linalg.det(calibration.matrix))))  # however its axes are turned
+    gain = float(np.cbrt(np.linalg.det(calibration.matrix)))  # however its axes are turned
     rows = slice(None) if usable.all() else usable  # a slice copies nothing
     return Evidence(
         readings=readings[rows],

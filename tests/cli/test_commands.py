@@ -235,7 +235,7 @@ def test_a_chain_is_reported_and_cites_what_its_steps_are_made_by(cal, capsys) -
     _, own = answer(capsys, "report", cal, "--field", "50000")
     assert said["bias_sd"] == pytest.approx(own["bias_sd"], rel=0.01)
     _, cited = answer(capsys, "cite", "chain.json")
-    assert {"huber-1981", "iers-2010", "igrf-14"} <= cited["sources"].keys()
+    assert {"huber-1981", "iers-2010", "iaga-2024"} <= cited["sources"].keys()
     assert cited["inputs"][0]["name"] == "log.csv"
 
 

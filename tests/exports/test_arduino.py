@@ -84,7 +84,7 @@ KINDS = {
     ),
     "tracker": (tracker, (), "Follow", "atmega328p"),
     "tracker beside a gyro": (tracker_with_gyro, (), "Follow", "atmega328p"),
-    "training": (lambda p: ag.save(network(), p), ("--window", "100"), "Train", "atmega2560"),
+    "training": (lambda p: ag.save(network(), p), ("--window", "100"), "Train", "atmega1284p"),
 }
 
 
@@ -132,7 +132,7 @@ def build(library: Path, sketch: Path, controller: str) -> None:
     subprocess.run(link, check=True)
     shown = subprocess.run(["avr-size", program], capture_output=True, text=True, check=True).stdout
     _, data, bss = map(int, shown.splitlines()[1].split()[:3])
-    assert data + bss < {"atmega328p": 1200, "atmega2560": 7000}[controller]
+    assert data + bss < {"atmega328p": 1200, "atmega1284p": 11_000}[controller]
 
 
 def test_other_layouts_and_targets_are_refused(tmp_path, capsys):

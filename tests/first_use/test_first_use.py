@@ -20,7 +20,8 @@ pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.fixture
-def person(capsys: pytest.CaptureFixture[str]) -> Person:
+def person(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Person:
+    monkeypatch.delenv("COLUMNS", raising=False)  # as wide as where there is no terminal
     return Person(capsys)
 
 

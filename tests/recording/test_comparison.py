@@ -58,4 +58,6 @@ def test_what_cannot_be_compared_is_told():
     with pytest.raises(ag.FrameError):
         ag.compare(one, ag.Affine(bias=[0, 0, 0], matrix=np.eye(3), frame_out="b"))
     with pytest.raises(ag.AgonicError, match="two Affine or Thermal"):
+        ag.compare(one, 3.0)
+    with pytest.raises(ag.AgonicError, match="there is no such file"):
         ag.compare(one, "mag.json")

@@ -215,4 +215,4 @@ def assess(
 
 def find_wrong_scale(affine: Affine) -> Finding | None:
     """A wrong unit or a wrong reference; by the volume, which no turn of the axes changes."""
-    return check_scale(float(np.cbrt(abs(np.linalg.det(affine.matrix)))), affine.unit_in)
+    return check_scale(float(np.cbrt(np.linalg.det(affine.matrix))), affine.unit_in)
