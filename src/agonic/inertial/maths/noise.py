@@ -109,7 +109,8 @@ def update_variances(
         size = share * group.size
         freedom = max(size - float(fitted) / variance, _LEAST_FREEDOM * size)
         cost = max(predict_cost(group, step), 0.0)
-        found.append(settle_variance(cost / freedom, freedom, start))
+        spread = cost / freedom if freedom > 0.0 else start  # where none tells it
+        found.append(settle_variance(spread, freedom, start))
     return np.array(found)
 
 
