@@ -82,22 +82,6 @@ def expected_square(loss: Loss) -> float:
     >>> round(expected_square(squares()), 6), round(expected_square(tukey()), 3)
     (1.0, 0.892)
     """
-    return _weighted_square(loss, 1.0)
-
-
-def elasticity(loss: Loss) -> float:
-    """By which power of their scale that grows where residuals grow: d ln E / d ln scale.
-
-    >>> round(elasticity(squares()), 6), round(elasticity(tukey()), 2)
-    (2.0, 1.77)
-    """
-    grown, shrunk = (_weighted_square(loss, 1.0 + small) for small in (1e-3, -1e-3))
-    return float(np.log(grown / shrunk) / np.log(1.001 / 0.999))
-
-
-def _weighted_square(loss: Loss, scale: float) -> float:
-    grid = np.linspace(-8, 8, 1601)
-    density = np.exp(-(grid**2) / 2)
-    q = (grid * scale) ** 2
-    w = loss.weight(q)
-    return float((density * w * q).sum() / (density * w).sum())
+    z = np.linspace(-8, 8, 1601)
+    density = np.exp(-(z**2) / 2) * loss.weight(z**2)
+    return float((density * z**2).sum() / density.sum())
