@@ -158,3 +158,15 @@ def test_a_damaged_archive_is_one_sentence(phone, tmp_path, at) -> None:
     with pytest.raises(ag.LogError) as caught:
         ag.read(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_member_without_a_name_is_passed_over(phone, tmp_path):
+    path = tmp_path / "phone.zip"
+    with ZipFile(path, "w") as archive:
+        for file in phone.iterdir():
+            archive.write(file, file.name)
+        archive.writestr("x", "no name")
+    with ZipFile(path, "a") as archive:
+        archive.infolist()[-1].filename = ""
+        archive._didModify = True  # so that the directory is written again
+    assert len(ag.read(path)) == N

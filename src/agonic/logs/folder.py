@@ -176,7 +176,7 @@ def _unpack(path: Path, folder: Path) -> None:
     """The files of an archive by their last names; folders in it, links and sizes do no harm."""
     try:
         with ZipFile(path) as archive:
-            members = [m for m in archive.infolist() if not m.is_dir() and m.file_size]
+            members = [m for m in archive.infolist() if m.file_size and m.filename[-1:] != "/"]
             if _OFFICE in archive.namelist():
                 raise LogError("this is a workbook or a document; save the sheet as CSV")
             if len(members) > _MOST_FILES:
