@@ -49,3 +49,10 @@ def test_json_that_ends_in_the_middle_is_read_as_far_as_it_goes(
     text = f'{{"session": {{"rows": {OBJECTS}}}}}' if nested else OBJECTS
     samples = read(tmp_path, text[: text.rindex('"my"')].encode(), "log.json")
     assert samples.field == pytest.approx(READINGS[:-1])
+
+
+def test_a_torn_json_whose_bytes_are_no_text_is_refused_with_words(tmp_path: Path) -> None:
+    path = tmp_path / "log.json"
+    path.write_bytes(b'\xf8[{"mag_x": 1, "mag_y": 2,\n "mag_z": 3}, {"mag_x":\n 4, "mag')
+    with pytest.raises(ag.LogError):
+        ag.read(path)

@@ -119,7 +119,7 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
     if broken > len(records):
         try:
             return _find_records(msgspec.json.decode(_mend(data))), 1
-        except (msgspec.DecodeError, RecursionError):
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             raise LogError(
                 "damaged JSON, or none: most of its lines are no objects; fetch it again"
             ) from None
