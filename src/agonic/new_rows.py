@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.one_pass import median
+from agonic.maths.one_pass import interpolate, median
 from agonic.maths.rotations.angles import wrap_deg
-from agonic.maths.rotations.vectors import interpolate
 from agonic.samples import Samples
 
 HELD = 1 / 3

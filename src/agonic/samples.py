@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.moments_of_time import count_seconds, has_moments
-from agonic.maths.rotations.vectors import interpolate
+from agonic.maths.one_pass import interpolate
 from agonic.provenance import Input
 from agonic.readable import Readable
 from agonic.units import RAW, find_unit, nanotesla_per

@@ -85,7 +85,8 @@ def test_readings_drawn_say_what_all_say(write, monkeypatch, strays) -> None:
     assert said.keys() == {f.name for f in memory.findings}
     assert ("outliers" in said) == (strays > 0)
     ours = ag.fit_recording(mission, REFERENCE, method="adjusted")
-    assert np.abs((parameters(ours) - TRUTH) / ours.sd).max() < (4.0 if not strays else np.inf)
+    if not strays:  # which it does not weigh less
+        assert np.abs((parameters(ours) - TRUTH) / ours.sd).max() < 4.0
 
 
 @pytest.mark.slow

@@ -16,8 +16,8 @@ from agonic.errors import AgonicError, CoverageError
 from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
+from agonic.maths.one_pass import interpolate
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
-from agonic.maths.rotations.vectors import interpolate
 from agonic.model.posterior import LEAST_SHARE
 from agonic.model.verdict import check_coverage
 from agonic.reference import Reference

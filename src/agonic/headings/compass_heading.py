@@ -16,9 +16,9 @@ from agonic.errors import FrameError, LogError, UnitError
 from agonic.headings.attitude import LEVEL, Attitude, select_rows
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
+from agonic.maths.one_pass import interpolate
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
-from agonic.maths.rotations.vectors import interpolate
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 from agonic.usable_rows import VECTORS

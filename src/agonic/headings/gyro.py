@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.headings.acceleration import SMOOTHED_S, Speed, compute_turn_axis, smooth
+from agonic.maths.one_pass import interpolate
 from agonic.maths.rotations.low_pass import filter_both_ways
-from agonic.maths.rotations.vectors import interpolate
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 GAP_S = 1.0

@@ -22,6 +22,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import LogError
+from agonic.maths.one_pass import interpolate
 from agonic.maths.rotations.attitude import integrate_rates
 from agonic.maths.rotations.low_pass import (
     low_pass,
@@ -29,7 +30,7 @@ from agonic.maths.rotations.low_pass import (
     measure_rate_variance,
 )
 from agonic.maths.rotations.tilt import down_from_force
-from agonic.maths.rotations.vectors import interpolate, skew
+from agonic.maths.rotations.vectors import skew
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 

@@ -1,4 +1,4 @@
-"""The median of values and the length of vectors, in a third of the time that NumPy's take.
+"""Vectors between their times; medians and lengths in a third of the time that NumPy's take.
 
 `np.median` parts an array at three places, one of them to look for NaN; `np.linalg.norm` runs an
 inner loop over each short row.
@@ -35,3 +35,14 @@ def find_length(vectors: Array) -> Array:
     [5.0, 2.0]
     """
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+
+
+def interpolate(wanted: Array, time: Array, values: Array) -> Array:
+    """Values (n,) or (n, k) at wanted times (m,), linear between their own (n,).
+
+    >>> interpolate(np.array([0.5]), np.arange(2.0), np.array([[0.0, 1.0], [2.0, 3.0]])).tolist()
+    [[1.0, 2.0]]
+    """
+    if values.ndim == 1:
+        return np.interp(wanted, time, values)
+    return np.stack([np.interp(wanted, time, axis) for axis in values.T], axis=1)

@@ -104,8 +104,6 @@ LEAST_SHARE = 0.01
 SOFT_IRON_SDS = np.geomspace(0.003, 0.3, 7)
 """Of soft iron over the mean gain, from a bare sensor to one beside steel."""
 _SOFT_IRON_FREEDOM = 5  # a symmetric matrix but for its mean gain
-
-
 _FREE = Held(0.0, 0.0, np.zeros(3))
 
 
@@ -191,10 +189,10 @@ def find_posterior(
     if rows is None or not np.isfinite(rows.feet.points).all():
         return None
     level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
-    at = None if alone else _explain_rows(rows, estimate, level, problem, None)
+    at = None if alone else _explain_rows(rows, estimate, level, None)
     if len(problem.channels) > 1 and (at is None or at.found.memory.any()):
         alone = True
-        at = _explain_rows(rows, estimate, level, problem, estimate.solution.covariance)
+        at = _explain_rows(rows, estimate, level, estimate.solution.covariance)
     if at is None:
         return None
     at = at._replace(soft_iron=problem if shrink else None)
@@ -203,7 +201,7 @@ def find_posterior(
 
 @or_none
 def _explain_rows(
-    rows: Rows, estimate: Estimate, level: Level, problem: Problem, known: Array | None
+    rows: Rows, estimate: Estimate, level: Level, known: Array | None
 ) -> Scene | None:
     """What explains the residuals, with ripples if there are any; of the magnitude alone where the
     `known` covariance of the estimate is by more than that."""
@@ -212,7 +210,7 @@ def _explain_rows(
     left = search.leave(found)[0]
     left = left / max(float(left.std()), LEAST_NOISE)
     rows = rows._replace(seen=rows.seen._replace(blur=float(found.sds[0])))
-    step = problem.rounding * 12**0.5 / rows.radius
+    step = rows.problem.rounding * 12**0.5 / rows.radius
     waves = find_ripple(rows.seen, left, search.stacks[0].columns[:3], step)
     if waves is not None:
         search, seen = pose(rows, estimate, (*HIDDEN, waves), known)

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
+from agonic.maths.one_pass import interpolate
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll
-from agonic.maths.rotations.vectors import interpolate
 from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation import motions, surface

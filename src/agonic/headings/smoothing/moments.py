@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from agonic.arrays import Array, Index, Mask
 from agonic.headings.gyro import LONGEST_STEP_S
 from agonic.headings.maths.gyro_heading import GyroHeading, carry_heading
-from agonic.maths.rotations.vectors import interpolate
+from agonic.maths.one_pass import interpolate
 
 SPACING_S = 0.1
 """Between the moments at which compass and gyro are compared, at least."""

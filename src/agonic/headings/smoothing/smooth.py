@@ -45,7 +45,7 @@ from agonic.headings.smoothing.errors import (
     turn_by_tilt,
 )
 from agonic.headings.smoothing.moments import FEWEST, Moments, carry, put_together
-from agonic.maths.rotations.vectors import interpolate
+from agonic.maths.one_pass import interpolate
 
 GAIN_SD = np.repeat([0.01, 0.004], 3)
 """Of a common gyro: the scale of each axis, and what goes into another."""

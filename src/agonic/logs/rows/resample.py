@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
-from agonic.maths.rotations.vectors import interpolate
+from agonic.maths.one_pass import interpolate
 
 ESTIMATED_ATTITUDE = (
     "roll, pitch and heading are the autopilot's own estimate, which itself follows its compasses"

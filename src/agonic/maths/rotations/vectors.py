@@ -19,17 +19,6 @@ def skew(vector: Array) -> Array:
     return matrix - np.swapaxes(matrix, -1, -2)
 
 
-def interpolate(wanted: Array, time: Array, values: Array) -> Array:
-    """Values (n,) or (n, k) at wanted times (m,), linear between their own (n,).
-
-    >>> interpolate(np.array([0.5]), np.arange(2.0), np.array([[0.0, 1.0], [2.0, 3.0]])).tolist()
-    [[1.0, 2.0]]
-    """
-    if values.ndim == 1:
-        return np.interp(wanted, time, values)
-    return np.stack([np.interp(wanted, time, axis) for axis in values.T], axis=1)
-
-
 def find_best_rotation(start: Array, end: Array, weights: Array | None = None) -> Array:
     """The rotation R (…, 3, 3), active, with R start ≈ end in the least-squares sense.
 
