@@ -48,8 +48,8 @@ bench-quick: $(VENV)/.dev  ## name what became slower than the kept ratios, in t
 	$(BIN)/python -m benchmarks.ratios --compare
 
 MINUTES ?= 2
-fuzz: $(VENV)/.dev  ## damage and extreme values against readers and commands, MINUTES=2
-	$(BIN)/python -m benchmarks.fuzz --minutes $(MINUTES) $(if $(FIRST),--first $(FIRST))
+fuzz: $(VENV)/.dev  ## damage and extreme values against readers and commands, MINUTES=2 or TRIES=600
+	$(BIN)/python -m benchmarks.fuzz --minutes $(MINUTES) $(if $(TRIES),--tries $(TRIES)) $(if $(FIRST),--first $(FIRST))
 
 lock: $(VENV)/.dev  ## write the hashed lock files anew
 	$(BIN)/python -m pip install -q uv

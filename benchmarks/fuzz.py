@@ -226,19 +226,21 @@ def stop(*_: Any) -> None:
 
 
 def main() -> int:
-    """Try seeds until the time is over; returns 1 where something broke."""
+    """Try seeds until their number or the time is over; returns 1 where something broke."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--tries", type=int, help="so many instead: the same on every machine")
     parser.add_argument("--seed", type=int, help="repeat this one alone")
     parser.add_argument("--first", type=int, help="seeds from here on; default: by the clock")
     given = parser.parse_args()
     os.environ["AGONIC_DEBUG"] = "1"
+    most = 1 if given.seed is not None else given.tries
     first = next(n for n in (given.seed, given.first, int(time.time()) * 1000) if n is not None)
     preload()
     end = time.monotonic() + 60 * given.minutes
     print(f"seeds from {first}", flush=True)
     tried = broken = 0
-    while not tried or (given.seed is None and time.monotonic() < end):
+    while tried < most if most else time.monotonic() < end:
         if trouble := try_seed(first + tried):
             broken += 1
             print(f"\nseed {first + tried}: {trouble}", flush=True)

@@ -7,23 +7,18 @@ these in a child process, which imports nothing but this.
 from __future__ import annotations
 
 import mmap
-import zlib
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.errors import LogError
+from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import check_declared
 from agonic.logs.headers.columns import refuse_many
 
 _DEEPEST = 4
 _MOST_IN_A_ROW = 4  # a quaternion
-_DAMAGE = (ValueError, SyntaxError, TokenError, EOFError, OSError, BadZipFile, zlib.error)
-"""What NumPy, which reads the head of an array as Python, and the archive raise of damage."""
 _HEAP = b"GCOL"
 _HEADER = 16
 """Bytes before the objects of a heap, and before the data of an object."""
@@ -180,7 +175,9 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
                 return {path.stem: found}
             refuse_many(len(found.files), "arrays")
             arrays = {name: found[name] for name in found.files}
-    except _DAMAGE as error:
+    except (AgonicError, MemoryError):
+        raise
+    except Exception as error:  # NumPy, its Python parser, ZIP and zlib each have their own
         reason = " ".join(str(error).split())[:200]
         raise LogError(f"no arrays of numbers, or damaged ({reason}); fetch it again") from None
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # bytes as they are
