@@ -245,6 +245,24 @@ def test_a_long_rest_and_few_tilts_show_no_drift() -> None:
         assert fit.verdict == "good"
 
 
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("attitudes", [60, 90])
+def test_a_few_attitudes_after_a_long_rest_are_not_taken_for_outliers(
+    attitudes: int, seed: int
+) -> None:
+    """The noise of the readings at rest is a small ellipsoid of its own; and where all turns lie in
+    one part of the log, the others foretell nothing of it."""
+    rng = np.random.default_rng(seed)
+    field = rng.normal(size=(3000, 3))
+    field *= MAGNITUDE / np.linalg.norm(field, axis=1)[:, None]
+    field[:-attitudes] = field[0]
+    iron = 30_000.0 * rng.normal(size=3)
+    readings = field + iron + 300.0 * rng.normal(size=field.shape)
+    fit = ag.fit_ellipsoid(ag.Samples(field=readings, time=0.02 * np.arange(3000)))
+    assert fit.verdict == "good"
+    assert np.all(abs(fit.calibration.bias - iron) < 4 * fit.sd[:3])
+
+
 def test_clean_readings_of_few_tilts_show_no_common_bend() -> None:
     clean = [fitted(seed, motion=tilts(30), n=300 + 90 * seed)[1] for seed in range(12)]
     assert not any(causes(fit) & {"non-linear", "compressed"} for fit in clean)

@@ -15,12 +15,14 @@ class Unseen(NamedTuple):
     """What blocks that a fit has not seen say of it.
 
     `residuals` is the rms of their residuals over what it should be; `moves_deg` by how much the
-    heading moves, rms, as each block is left out, and `expected_deg` by how much it should.
+    heading moves, rms, as each block is left out, `expected_deg` by how much it should, and
+    `independent` how many blocks of equal weight that is: one, where one holds all turns.
     """
 
     residuals: float
     moves_deg: float
     expected_deg: float
+    independent: float
 
 
 class LeftOut(NamedTuple):
@@ -61,14 +63,16 @@ def predict_unseen(blocks: Array, counts: Array, base: Base, level: Array) -> Un
     Parameters as in `leave_out`, `counts` (b,) of residuals, `level` (h, m) derivatives of the
     heading.
     """
-    m, squares, moves, spread = level.shape[1], list[float](), 0.0, 0.0
+    m, squares, moves, expected = level.shape[1], list[float](), 0.0, list[float]()
     for one in leave_out(blocks, base):
         squares.append(one.standard)
         moves += float(np.mean((level @ one.apart[:m]) ** 2))
-        spread += float(np.einsum("hi,ij,hj->", level, one.wider[:m, :m], level)) / len(level)
+        spread = float(np.einsum("hi,ij,hj->", level, one.wider[:m, :m], level)) / len(level)
+        expected.append(max(spread, 0.0))
     ratio = np.array(squares) / counts
     return Unseen(
         float(np.sqrt(max(float(np.average(ratio, weights=counts)), 0.0))),
         float(np.sqrt(moves)),
-        float(np.sqrt(max(spread, 0.0))),
+        float(np.sqrt(sum(expected))),
+        sum(expected) ** 2 / max(float(np.square(expected).sum()), 1e-300),
     )

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from agonic.arrays import Array
 from agonic.coverage import OPEN_DEG, Coverage
@@ -28,6 +29,8 @@ PRIOR_SHARE = 0.5
 UNSEEN_RESIDUALS = 1.3
 """Unseen blocks scatter by so much more than stated where the model is not that of the log: twenty
 times what chance makes of 300 rows."""
+CHANCE = 0.01
+"""How often the heading may move by more as parts are left out where nothing is wrong (χ²)."""
 PRIOR_TOLD = 0.25
 """Of the variance of a bias: what priors hold more of is said to be theirs."""
 OPEN_BIAS = 0.035
@@ -99,12 +102,13 @@ def _name_held_axes(posterior: Posterior, unit: str, radius: float) -> Iterator[
 def _check_unseen(posterior: Posterior, stated_deg: float) -> Iterator[Finding]:
     """Parts of the log that contradict what is stated: their residuals, or by how much the heading
     moves without each (its jackknife error)."""
-    residuals, moves = posterior.unseen.residuals, posterior.unseen.moves_deg
-    foretold = float(np.hypot(stated_deg, posterior.unseen.expected_deg))
+    residuals, moves, expected, independent = posterior.unseen
+    foretold = float(np.hypot(stated_deg, expected))
+    most = foretold * np.sqrt(chdtri(max(independent, 1.0), CHANCE) / max(independent, 1.0))
     if residuals > UNSEEN_RESIDUALS:
         what = f"scatter {figure(residuals)} times as much as it states"
-    elif moves >= HEADING_DOUBTFUL_DEG and moves > UNSEEN_RESIDUALS * foretold:
-        what = f"leave the heading uncertain by {figure(moves)}°, by how it moves without each"
+    elif moves >= HEADING_DOUBTFUL_DEG and moves > most:
+        what = f"leave the heading {_say_uncertain(moves)}, by how it moves without each"
     else:
         return
     yield Finding(

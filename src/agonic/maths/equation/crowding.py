@@ -39,7 +39,7 @@ def find_places(points: Array) -> Index:
     """The cube that each of points (n, 3) lies in, numbered; no centre has to be known.
 
     Cubes are halved until a dozen hold points in succession, so far outliers do not set them; or
-    until a dozen hold any beside one in which most points are nothing but noise about one place.
+    until a dozen hold two beside one in which most points are nothing but noise about one place.
     """
     axes = np.array(points.T, order="C")  # passes along an axis are many times faster so
     axes -= np.array([[median(along)] for along in axes])
@@ -59,7 +59,7 @@ def find_places(points: Array) -> Index:
         counts = np.bincount(cells)
         if np.count_nonzero((counts >= 3) & (stays > 0)) >= _FEWEST_CELLS:
             break
-        if np.count_nonzero(counts >= 3) >= _FEWEST_CELLS and 2 * counts.max() > len(cells):
+        if np.count_nonzero(counts >= 2) >= _FEWEST_CELLS and 2 * counts.max() > len(cells):
             fullest = cells == counts.argmax()
             if looks_like_noise(points[fullest]):
                 break

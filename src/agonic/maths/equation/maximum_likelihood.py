@@ -24,7 +24,7 @@ from agonic.maths.equation.outliers import (
     compute_surprise,
     find_bad_readings,
     find_corroborated,
-    loses_dip,
+    is_no_field,
     weigh,
 )
 from agonic.maths.equation.starting_values import find_starts, fit_at_once
@@ -132,12 +132,13 @@ def _choose_likeliest(problem: Problem, tried: Sequence[Estimate]) -> Estimate:
     """The minimum about which the readings are the least unlikely; the only one as it is.
 
     A circle driven level is a sphere about its own centre as well, in which no reading dips as its
-    attitude says: that is no minimum where another one has the dip.
+    attitude says, and readings at rest are one of noise: those are no minima where there is
+    another.
     """
     if len(tried) == 1:
         return tried[0]
-    dipping = [one for one in tried if not loses_dip(problem, one.solution.params, one.noise)]
-    return min(dipping or tried, key=lambda found: compute_surprise(problem, *_list_parts(found)))
+    sound = [one for one in tried if not is_no_field(problem, one.solution.params, one.noise)]
+    return min(sound or tried, key=lambda found: compute_surprise(problem, *_list_parts(found)))
 
 
 def _list_parts(found: Estimate) -> tuple[Array, dict[str, Noise], dict[str, Array]]:
