@@ -98,8 +98,7 @@ def assess(
     mounted = compute_mounted_heading(plain, coverage)
     own = replace(coverage, heading_sd_deg=mounted.own_sd_deg)
     evidence = replace(evidence, coverage=own)
-    changes = shows_changes(posterior)
-    found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd, changes)
+    found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd, posterior)
     named = {one.name for one in found}
     judged = judge(posterior, own, samples.unit, evidence.radius, evidence.time, found)
     found += tuple(one for one in judged if one.name not in named)
@@ -211,7 +210,7 @@ def _findings(
     cleaned: Array,
     channels: dict[str, Channel],
     tilt_sd: float | None,
-    changes: bool,
+    posterior: Posterior | None,
 ) -> tuple[Finding, ...]:
     """What is wrong with readings and fit; one cause is not reported twice."""
     seen = inspect(samples)
@@ -229,7 +228,8 @@ def _findings(
         return (REVERSED_FIELD, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
-    examined = examine(evidence, attitude_aided=True, changes=changes, left=0.0)
+    left = None if posterior is None else posterior.left
+    examined = examine(evidence, shows_changes(posterior), left, attitude_aided=True)
     coarse = check_resolution(samples.field, evidence.radius, samples.unit)
     known = evidence.known_radius
     size = median(find_length(samples.field)) / known if known else None

@@ -28,15 +28,15 @@ from agonic.maths.one_pass import find_length, median
 
 def examine(
     evidence: Evidence,
-    *,
-    attitude_aided: bool = False,
     changes: bool = True,
     left: float | None = None,
+    *,
+    attitude_aided: bool = False,
 ) -> tuple[Finding, ...]:
     """The findings of a fit, the gravest first; one cause is not reported twice.
 
     Readings in a plane are no fault of an attitude-aided fit. Without any sign of `changes` two
-    biases are not sought; `left` is the noise that terms leave, over the radius.
+    biases are not sought; `left` is what terms leave, over the radius.
     """
     shape = None if attitude_aided else _static(evidence) or _flat(evidence)
     few = None if attitude_aided or shape else _few_orientations(evidence)

@@ -51,8 +51,8 @@ FAR = 0.2
 """Of the radius: how far off a row is counts no more beyond."""
 SHORT = 0.03
 """Of the log: a stretch is longer. Less is a magnet that was passed, which outliers tell."""
-AS_LITTLE = 1.3
-"""Of the noise that terms leave: so much is the same."""
+AS_LITTLE = 1.7
+"""Of the noise that terms leave, which bend where states are stiff: so much is the same."""
 MIXED_REFUSED = 0.1
 """Of the field between two sensors, or of what comes and goes: less errs a row as noise may."""
 MOST_EDGES = 6
@@ -134,9 +134,9 @@ def _measure_cost(off: Array) -> float:
 def check_states(e: Evidence, left: float | None) -> Finding | None:
     """The finding that two sensors are mixed, or that the bias was another for a while.
 
-    A small step is told where it leaves as little as the terms that compete with it: `left`, the
-    noise over the radius, None where there are none. Few readings tell nothing: of 36 with ten
-    outliers, 13 unknowns put half on either ellipsoid.
+    It is told where it leaves as little as the terms that compete with it: `left`, noise and memory
+    over the radius, None where there are none. Few readings tell nothing: of 36 with ten outliers,
+    13 unknowns put half on either ellipsoid.
     """
     if len(e.readings) < 5 * FEWEST:
         return None
@@ -149,8 +149,8 @@ def check_states(e: Evidence, left: float | None) -> Finding | None:
         return None
     if found is None:
         return None
-    least = SHIFT_DOUBTFUL if left is None or found.noise < AS_LITTLE * left else SHIFT_REFUSED
-    if len(found.edges) and found.shift < least:
+    explained = left is not None and found.noise > AS_LITTLE * left
+    if len(found.edges) and (explained or found.shift < SHIFT_DOUBTFUL):
         return None
     if not len(found.edges):
         grave = found.shift >= MIXED_REFUSED

@@ -111,7 +111,7 @@ class Posterior(NamedTuple):
     """Parameters (m,) averaged over the sizes of all terms, their covariance, what makes it.
 
     `shares` by term, the largest first; `noise_deg` is that of noise and coverage, `memory_deg` of
-    disturbances with memory whose cause is not known, `left` the noise that terms leave and
+    disturbances with memory whose cause is not known, `left` the noise and memory that terms leave and
     `bias_sd` (3,), over the radius, `considered_deg` of errors that all rows share; `held` by
     priors; `unseen` blocks.
     """
@@ -312,7 +312,7 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
         shares=tuple(sorted(shares, key=lambda one: -one.heading_deg)),
         noise_deg=float(np.sqrt(level.spread(noise))),
         memory_deg=float(np.sqrt(memory * level.per_error)),
-        left=float(found.sds[0]) / rows.radius,
+        left=float(np.sqrt(found.sds[0] ** 2 + found.memory[0])) / rows.radius,
         considered_deg={
             name: float(np.sqrt(np.mean((level.by_params @ move) ** 2)))
             for name, move in considered.items()
