@@ -29,7 +29,7 @@ def alignment(
     as_json: Json = False,
 ) -> int:
     """The rotation between star sensor and magnetometer, from a session of many orientations."""
-    from agonic.alignment.files.read_session import read_session
+    from agonic.alignment.files.read import read_session
     from agonic.alignment.star_sensor import fit_alignment
     from agonic.alignment.star_sensor.document import describe_alignment
     from agonic.console.finish import finish
@@ -50,8 +50,8 @@ def north(
     as_json: Json = False,
 ) -> int:
     """True north by a gyrotheodolite, carried on; or declination and inclination of a sheet."""
+    from agonic.alignment.files.read import read_north
     from agonic.alignment.files.read_di_flux import is_di_flux, read_di_flux
-    from agonic.alignment.files.read_north import read_north
     from agonic.alignment.north import fit_di_flux, fit_north
     from agonic.alignment.north.document import describe_di_flux, describe_north
     from agonic.console.finish import finish
@@ -80,7 +80,7 @@ def coil(
     """The axis of a coil in every known frame, its constant and linearity, from reversals."""
     from agonic.alignment.coil import fit_coil
     from agonic.alignment.document import describe_coil
-    from agonic.alignment.files.read_coil import read_coil
+    from agonic.alignment.files.read import read_coil
     from agonic.console.finish import finish
 
     return finish(describe_coil(fit_coil(read_coil(session))), report=report, as_json=as_json)

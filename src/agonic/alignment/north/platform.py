@@ -68,13 +68,15 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
 
     Vectors in two frames as with a star sensor, the platform's attitude R_bn from azimuth and
     levels. What north is wrong by turns all azimuths alike: a turn of the reference about down with
-    north's standard error as its prior.
+    north's standard error as its prior, beside what is stated of the reference's axes.
     """
     platform = session.platform
     assert platform is not None, "asked for only with a platform"
     heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
     rot_bn = np.swapaxes(rot_nb(platform.roll_deg, platform.pitch_deg, heading), -1, -2)
-    prior = make_prior({"alignment"}, session.pier.sd, (0.0, 0.0, north_sd_arcsec))
+    axes_sd = session.reference_sd_arcsec or 0.0
+    turns = (axes_sd, axes_sd, float(np.hypot(axes_sd, north_sd_arcsec)))
+    prior = make_prior({"alignment"}, session.pier.sd, turns)
 
     def align(rows: list[Index]) -> Solution:
         fields = average_fields(session, rows)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths.solution import Solution, solve
+from agonic.alignment.maths.solution import ROUNDS, Solution, solve
 from agonic.alignment.maths.stretches import (
     Stretches,
     average,
@@ -192,10 +192,12 @@ def _covariance(star: StarReadings, scatter: Array) -> Array:
     return np.broadcast_to(np.diag(scatter[[0, 0, 1]] ** 2), star.rot_ci.shape)
 
 
-def solve_session(session: Session, observed: Observed, groups: Collection[str]) -> Solution:
+def solve_session(
+    session: Session, observed: Observed, groups: Collection[str], rounds: int = ROUNDS
+) -> Solution:
     """The most probable unknowns, those of `groups` free.
 
     What the session knows with a standard deviation (pier, axes of the reference) joins by itself.
     """
     prior = make_prior({"alignment", *groups}, session.pier.sd, session.reference_sd_arcsec)
-    return solve(observed.measured, prior, session.pier.difference)
+    return solve(observed.measured, prior, session.pier.difference, rounds=rounds)
