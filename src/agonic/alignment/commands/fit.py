@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -32,11 +34,16 @@ def alignment(
     from agonic.alignment.files.read import read_session
     from agonic.alignment.star_sensor import fit_alignment
     from agonic.alignment.star_sensor.document import describe_alignment
-    from agonic.console.finish import finish
+    from agonic.console.finish import finish, is_folder
 
     groups = parse_names(solve)
     fit = fit_alignment(read_session(session), solve=groups, wanted_sd_arcsec=wanted)
-    return finish(describe_alignment(fit), out=out, report=report, as_json=as_json)
+    made = describe_alignment(fit)
+    if out is not None and made.verdict != "refused":
+        saved = out / f"{made.name}.json" if is_folder(out) else out
+        command = f"agonic direction {quote(str(saved))} {quote(str(session))} -o field.csv"
+        made = replace(made, next_step=command)
+    return finish(made, out=out, report=report, as_json=as_json)
 
 
 def north(

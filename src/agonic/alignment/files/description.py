@@ -95,7 +95,7 @@ def read_description(path: Path | str, name: str) -> Description:
     table, known = read_toml(file, needed_file), (*kind.sections, *kind.repeated)
     mistakes: list[str] = []
     plain = {key: value for key, value in table.items() if key not in known}
-    head = read_section(plain, _structure(kind.head), "the file", mistakes, known)
+    head = read_section(plain, _structure(kind.find_keys("")), "the file", mistakes, known)
     parts = {
         section: read_section(
             table.get(section), _structure(SECTIONS[section]), f"[{section}]", mistakes
@@ -141,7 +141,7 @@ def _list_given(
         if part is None:
             continue
         nested: dict[str, Any] = {}
-        for name, key in (SECTIONS[section] if section else kind.head).items():
+        for name, key in kind.find_keys(section).items():
             if key.holds:
                 *within, last = key.holds.split(".")
                 at = nested
@@ -189,8 +189,8 @@ def write_description(
     where it is among them. What is None is left out.
     """
     kind, lines = KINDS[name], []
-    for section, keys in {"": kind.head, **{one: SECTIONS[one] for one in kind.sections}}.items():
-        others = beside.get(section)
+    for section in ("", *kind.sections):
+        keys, others = kind.find_keys(section), beside.get(section)
         if "file" in keys and others is None:
             continue
         held = {key: _find(session, how.holds) for key, how in keys.items() if how.holds}

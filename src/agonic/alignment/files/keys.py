@@ -27,18 +27,8 @@ class Key(NamedTuple):
 Keys = Mapping[str, Key]
 
 Effect = Literal["present", "removed"]
-OPTIONAL = float | None
-VECTOR = tuple[float, float, float]
-NAME: Keys = {"name": Key(str, "", "name")}
-GYRO = {
-    "constant_arcsec": 0.0,
-    "constant_sd_arcsec": 0.0,
-    "reading_sd_arcsec": None,
-    "time_sd_s": None,
-    "transit_constant": None,
-    "transit_constant_sd": 0.0,
-}
-"""What is known of a gyro, and what is taken where it is not."""
+Optional = float | None
+Vector = tuple[float, float, float]
 
 
 def _file(name: str, /, **others: Key) -> Keys:
@@ -52,6 +42,10 @@ def _readings(name: str, sensor: str, **others: Key) -> Keys:
 
 
 SECTIONS: Mapping[str, Keys] = {
+    "": {
+        "name": Key(str, "", "name"),
+        "time_scale": Key(Literal["UTC", "TAI", "GPS", "TT"], "UTC"),
+    },
     "site": {
         "latitude_deg": Key(float, holds="site.latitude_deg"),
         "longitude_deg": Key(float, holds="site.longitude_deg"),
@@ -67,10 +61,17 @@ SECTIONS: Mapping[str, Keys] = {
         "file": Key(str, "star.csv"),
         "name": Key(str, "star sensor", "star.name"),
         "turns": Key(Literal["ci", "ic"], "ci"),
-        "across_sd_arcsec": Key(OPTIONAL, None),
-        "about_sd_arcsec": Key(OPTIONAL, None),
+        "across_sd_arcsec": Key(Optional, None),
+        "about_sd_arcsec": Key(Optional, None),
     },
-    "gyro": {name: Key(OPTIONAL if v is None else float, v, name) for name, v in GYRO.items()},
+    "gyro": {
+        "constant_arcsec": Key(float, 0.0, "constant_arcsec"),
+        "constant_sd_arcsec": Key(float, 0.0, "constant_sd_arcsec"),
+        "reading_sd_arcsec": Key(Optional, None, "reading_sd_arcsec"),
+        "time_sd_s": Key(Optional, None, "time_sd_s"),
+        "transit_constant": Key(Optional, None, "transit_constant"),
+        "transit_constant_sd": Key(float, 0.0, "transit_constant_sd"),
+    },
     "reversal": _file("reversal"),
     "transit": _file("transit"),
     "swing": _file("swing"),
@@ -82,7 +83,7 @@ SECTIONS: Mapping[str, Keys] = {
     ),
     "coil": {
         "name": Key(str, "coil", "coil"),
-        "axis": Key(VECTOR | None, None, "geometric_axis"),
+        "axis": Key(Vector | None, None, "geometric_axis"),
         "frame": Key(Literal["m", "b", "c", "n"], "m", "geometric_frame"),
         "settle_s": Key(float, 0.0, "settle_s"),
         "current_sd": Key(float, 0.0, "current_sd"),
@@ -90,19 +91,19 @@ SECTIONS: Mapping[str, Keys] = {
     "magnetometer": _readings(
         "magnetometer",
         "magnetometer",
-        noise_nT=Key(OPTIONAL, None, "noise"),
+        noise_nT=Key(Optional, None, "noise"),
         calibration=Key(str, ""),
     ),
     "reference": _readings(
         "reference",
         "reference",
         axes=Key(Literal["NED", "XYZ", "ENU", "NWU"], "NED"),
-        noise_nT=Key(OPTIONAL, None, "reference_noise"),
-        axes_sd_arcsec=Key(OPTIONAL, None, "reference_sd_arcsec"),
+        noise_nT=Key(Optional, None, "reference_noise"),
+        axes_sd_arcsec=Key(Optional, None, "reference_sd_arcsec"),
     ),
     "pier": {
-        "difference_nT": Key(VECTOR, (0.0, 0.0, 0.0), "pier.difference"),
-        "sd_nT": Key(OPTIONAL, None, "pier.sd"),
+        "difference_nT": Key(Vector, (0.0, 0.0, 0.0), "pier.difference"),
+        "sd_nT": Key(Optional, None, "pier.sd"),
     },
     "remanence": _readings("remanence", "magnetometer"),
     "mounting": {
@@ -113,9 +114,9 @@ SECTIONS: Mapping[str, Keys] = {
     },
     "alignment": {"file": Key(str)},
     "attitude": {
-        **dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"), Key(OPTIONAL, None)),
+        **dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"), Key(Optional, None)),
         **dict.fromkeys(("level_sd_arcsec", "heading_sd_arcsec"), Key(float, 0.0)),
-        **dict.fromkeys(("ra_deg", "dec_deg", "rot_deg"), Key(OPTIONAL, None)),
+        **dict.fromkeys(("ra_deg", "dec_deg", "rot_deg"), Key(Optional, None)),
         "utc": Key(str | None, None),
         **dict.fromkeys(("across_sd_arcsec", "about_sd_arcsec"), Key(float, 0.0)),
     },
@@ -130,34 +131,37 @@ SECTIONS: Mapping[str, Keys] = {
 
 
 class Kind(NamedTuple):
-    """A kind of session: its fit, the keys before the first section, its sections, those that must
-    be there, those that may stand several times, and whether a standard deviation may be 0."""
+    """A kind of session: its fit, its sections, the keys before the first of them, sections that
+    must be there and that may stand several times, and whether a standard deviation may be 0."""
 
     fit: str
-    head: Keys
     sections: tuple[str, ...]
+    head: tuple[str, ...] = ("name",)
     needed: tuple[str, ...] = ()
     repeated: tuple[str, ...] = ()
     zero: bool = True
+
+    def find_keys(self, section: str) -> Keys:
+        """The keys of a section; of "" those before the first."""
+        keys = SECTIONS[section]
+        return keys if section else {name: keys[name] for name in self.head}
 
 
 KINDS: Mapping[str, Kind] = {
     "session.toml": Kind(
         "alignment",
-        {**NAME, "time_scale": Key(Literal["UTC", "TAI", "GPS", "TT"], "UTC")},
         ("site", "star", "magnetometer", "reference", "pier", "remanence", "mounting"),
+        head=("name", "time_scale"),
         needed=("site", "star", "magnetometer", "reference"),
         zero=False,
     ),
     "north.toml": Kind(
         "north",
-        NAME,
         ("gyro", "reversal", "transit", "swing", "platform", "magnetometer", "reference", "pier"),
         repeated=("sighting",),
     ),
     "coil.toml": Kind(
         "coil",
-        NAME,
         ("coil", "magnetometer", "reference", "alignment", "attitude", "site"),
         needed=("magnetometer",),
     ),

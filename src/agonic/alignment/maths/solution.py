@@ -16,7 +16,7 @@ from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.vectors import find_best_rotation
 
-ROUNDS, STEPS, FEW_STEPS = 6, 30, 3
+ROUNDS, STEPS = 6, 30
 HOPELESS = 1e4
 """Mean square of residuals, in units of the noise, that no further round will mend."""
 UNDETERMINED = 1e-3
@@ -146,7 +146,7 @@ def solve(
             scale=1.0,
             prior=partial(_prior, root, away, units),
             tolerance=1e-6,
-            max_iterations=STEPS if rounds > 1 else FEW_STEPS,
+            max_iterations=STEPS if rounds > 1 else STEPS // 10,
         )
         at = at.add_step(_whole(solution.params / units, free))
         iterations += solution.iterations

@@ -16,7 +16,7 @@ from agonic.alignment.maths.two_frames import (
     make_prior,
 )
 from agonic.alignment.session.laboratory import NorthSession, Platform
-from agonic.alignment.session.observed import average_fields, make_measured
+from agonic.alignment.session.observed import average_beside, make_measured
 from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
@@ -78,8 +78,10 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
     turns = (axes_sd, axes_sd, float(np.hypot(axes_sd, north_sd_arcsec)))
     prior = make_prior({"alignment"}, session.pier.sd, turns)
 
+    magnetometer, reference = session.instruments
+
     def align(rows: list[Index]) -> Solution:
-        fields = average_fields(session, rows)
+        fields = average_beside(rows, magnetometer, session.corrected, reference)
         measured = make_measured(session, fields, rot_bn, _attitude_covariance(platform))
         return solve(measured, prior, session.pier.difference)
 
@@ -96,7 +98,7 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         solution=found,
         heading_deg=heading % 360.0,
         orientation=platform.orientation,
-        time=average(compute_unix_s(session.instruments[0]), rows),
+        time=average(compute_unix_s(magnetometer), rows),
         settled_by=settled,
     )
 

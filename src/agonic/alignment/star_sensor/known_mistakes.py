@@ -26,9 +26,6 @@ from agonic.units import DAY_S
 
 TRIED = 8
 """How many are tried on the whole session, after one reading of every orientation told which."""
-SURE_NT, SURE_ARCSEC = 1.0, 10.0
-"""Noise of one reading, where the first of every orientation stand for all."""
-
 
 Change = Callable[[Session], Session]
 
@@ -58,10 +55,10 @@ def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -
     few = _select_first_readings(session)
     promising = sorted(_try_mistakes(few, solve, list(list_mistakes(few)), rounds=1))[:TRIED]
     every = list(list_mistakes(session))
-    tried = sorted(_try_mistakes(session, solve, [every[k] for _, k in promising]))
+    mistakes = [every[k] for _, k in promising]
     named = [
-        Explanation(every[promising[k][1]].words, every[promising[k][1]].move, left, 0)
-        for left, k in tried
+        Explanation(mistakes[k].words, mistakes[k].move, left, 0)
+        for left, k in sorted(_try_mistakes(session, solve, mistakes))
     ]
     if not named or not named[0].left < EXPLAINED * now:
         return []
@@ -76,7 +73,8 @@ def _try_mistakes(
         with suppress(AgonicError, ValueError, np.linalg.LinAlgError):
             changed = mistake.undo(session)
             found = solve_session(changed, observe(changed), solve, rounds)
-            yield compute_misfit(changed, found), k
+            if np.isfinite(left := compute_misfit(changed, found)):
+                yield left, k
 
 
 def _select_first_readings(session: Session) -> Session:
@@ -84,13 +82,15 @@ def _select_first_readings(session: Session) -> Session:
     star, readings = session.star, session.magnetometer
     assert readings.station is not None, "checked when the session is"
     own, theirs = (np.unique(n, return_index=True)[1] for n in (star.orientation, readings.station))
-    spread = np.broadcast_to((SURE_ARCSEC * ARCSEC_RAD) ** 2 * np.eye(3), (len(own), 3, 3))
+    ten_arcsec = (10.0 * ARCSEC_RAD) ** 2 * np.eye(3)  # one reading does not tell its own noise
     return replace(
         session,
-        star=replace(star.select(np.sort(own)), covariance=spread),
+        star=replace(
+            star.select(np.sort(own)), covariance=np.broadcast_to(ten_arcsec, (len(own), 3, 3))
+        ),
         magnetometer=readings.select(np.sort(theirs)),
-        noise=SURE_NT,
-        reference_noise=SURE_NT,
+        noise=1.0,
+        reference_noise=1.0,
     )
 
 
