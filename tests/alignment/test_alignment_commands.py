@@ -1,6 +1,7 @@
 """`agonic simulate|fit|plan alignment` as a person at an observatory would run them."""
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,20 @@ def test_for_people(capsys) -> None:
     assert "Bias" in said
     assert "Nothing was written." in said
     assert max(map(len, said.splitlines())) <= 100
+
+
+def read_next(said: str) -> list[str]:
+    """The command after "Next", without "agonic"."""
+    return shlex.split(said.split("Next", 1)[1].replace("\\\n", " "))[1:]
+
+
+@pytest.mark.parametrize("out", ["cal.json", "aligned"])
+def test_what_is_said_to_be_next_runs_as_it_is_printed(capsys, out: str) -> None:
+    assert run(["simulate", "alignment", "-o", "a night"]) == 0
+    simulated = capsys.readouterr().out
+    assert run(read_next(simulated.replace("cal.json", out))) == 0
+    assert run(read_next(capsys.readouterr().out)) == 0
+    assert Path("field.csv").is_file()
 
 
 def test_a_refused_session_writes_no_calibration(capsys) -> None:

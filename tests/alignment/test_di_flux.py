@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.alignment.files.read_coil import read_coil
+from agonic.alignment.files.read import read_coil, read_north
 from agonic.alignment.files.read_di_flux import read_di_flux
-from agonic.alignment.files.read_north import read_north
 from agonic.alignment.files.write import write_coil, write_north
 from agonic.alignment.north import fit_di_flux
 from agonic.alignment.simulation.laboratory import simulate_coil

@@ -10,6 +10,7 @@ from agonic.alignment.simulation.laboratory import simulate_gravity
 from agonic.cli import run
 from agonic.exports.csv import write_csv
 from agonic.files.calibration import load
+from agonic.maths.rotations.frames import ARCSEC_RAD
 from tests.command_line import answer, complaint
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
@@ -43,6 +44,18 @@ def test_north_for_people(capsys, monkeypatch) -> None:
     assert "mark" in said
     assert max(map(len, said.splitlines())) <= 100
     assert Path("pier.txt").read_text() in said.replace("\nWritten", "Written")
+
+
+def test_uncertain_axes_of_the_reference_widen_the_alignment(capsys) -> None:
+    assert run(["simulate", "north", "-o", "pier"]) == 0
+    capsys.readouterr()
+    _, exact = answer(capsys, "fit", "north", "pier")
+    file = Path("pier/north.toml")
+    file.write_text(file.read_text().replace('axes = "NED"', 'axes = "NED"\naxes_sd_arcsec = 30'))
+    _, uncertain = answer(capsys, "fit", "north", "pier")
+    np.testing.assert_allclose(uncertain["matrix_mb"], exact["matrix_mb"], atol=30 * ARCSEC_RAD)
+    assert exact["worst_sd_arcsec"] < 5
+    assert 10 < uncertain["worst_sd_arcsec"] < 40
 
 
 @pytest.mark.recordings

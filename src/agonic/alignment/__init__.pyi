@@ -8,10 +8,10 @@ from agonic.alignment.coil import fit_coil as fit_coil
 from agonic.alignment.direction import FieldDirection as FieldDirection
 from agonic.alignment.direction import field_direction as field_direction
 from agonic.alignment.direction import follow_direction as follow_direction
-from agonic.alignment.files.read_coil import read_coil as read_coil
+from agonic.alignment.files.read import read_coil as read_coil
+from agonic.alignment.files.read import read_north as read_north
+from agonic.alignment.files.read import read_session as read_session
 from agonic.alignment.files.read_di_flux import read_di_flux as read_di_flux
-from agonic.alignment.files.read_north import read_north as read_north
-from agonic.alignment.files.read_session import read_session as read_session
 from agonic.alignment.files.write import write_coil as write_coil
 from agonic.alignment.files.write import write_north as write_north
 from agonic.alignment.files.write import write_session as write_session

@@ -6,7 +6,7 @@ calibrated: the residuals are linear in all of them, so that what each leaves ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from agonic.alignment.findings import tell
 from agonic.alignment.maths import two_frames as kernel
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.session import Site
 from agonic.alignment.session.earth import ARCSEC_PER_S
 from agonic.arrays import Array
-from agonic.health import figure
+from agonic.health import Finding, figure
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
@@ -91,11 +92,14 @@ def find_explanations(
     return sorted(good, key=lambda one: (one.unknowns, one.left))[:NAMED]
 
 
-def say_explanations(seen: str, found: list[Explanation]) -> str:
-    """A misfit that was seen, with what would explain it, in one sentence."""
-    others = " or ".join(one.words for one in found[1:])
+def tell_misfit(name: str, seen: str, found: Sequence[Explanation], otherwise: str = "") -> Finding:
+    """The finding of a misfit that was `seen`, with what would explain it, or else what to do."""
+    if not found:
+        return tell(name, what=seen, action=otherwise)
+    others = " or ".join(one.words for one in found[1:4])
     also = f"; so would {others}" if others else ""
-    return f"{seen}; {found[0].words} would explain it{also}"
+    said = f"{seen}; {found[0].words} would explain it{also}"
+    return tell(name, what=said, action=found[0].move)
 
 
 def _list_motions(

@@ -10,8 +10,8 @@ from scipy.special import chdtri
 
 from agonic.alignment.findings import tell
 from agonic.alignment.maths.columns import Harmonics, compute_size, fit_harmonics, widen
-from agonic.alignment.maths.stretches import Stretches, average_stretches, split
-from agonic.alignment.session.session import put_on_clock
+from agonic.alignment.maths.stretches import split
+from agonic.alignment.session.observed import average_beside
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
 from agonic.health import Finding, Judged, figure
@@ -108,7 +108,7 @@ def fit_remanence(
         raise UnitError("name the unit of the readings: what the platform does is told in nT")
     visits, angle = _visit(samples)
     _check_circle(angle, len(visits))
-    seen = _read(samples, reference, visits)
+    seen = average_beside(visits, samples, samples.field, reference)
     drift = PARABOLA if samples.time is not None and seen.beside is None else 0
     ambient = 3 if seen.beside is not None else drift
     twice = len(visits) >= FOR_TWICE + ambient - PARABOLA
@@ -162,15 +162,6 @@ def _check_circle(angle_deg: Array, count: int) -> None:
             f"{gaps.max():.0f}° of the circle empty; turn it in steps of 45° or less all round, "
             "and leave the magnetometer where it is"
         )
-
-
-def _read(samples: Samples, reference: Samples | None, visits: list[Index]) -> Stretches:
-    """Means of every setting, beside the reference where both have times."""
-    time = np.arange(float(len(samples))) if samples.time is None else samples.time
-    if reference is None or reference.time is None or samples.time is None:
-        return average_stretches(visits, time, samples.field)
-    beside = put_on_clock(reference, samples), reference.field
-    return average_stretches(visits, time, samples.field, beside)
 
 
 def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:

@@ -14,10 +14,11 @@ from agonic.alignment.coil.result import CoilFit, Direction, Level
 from agonic.alignment.findings import tell
 from agonic.alignment.maths import columns as kernel
 from agonic.alignment.maths.columns import CoilEstimate
-from agonic.alignment.maths.stretches import Stretches, average, average_stretches, split
+from agonic.alignment.maths.stretches import Stretches, average, split
 from agonic.alignment.session import load_earth_rotation
 from agonic.alignment.session.laboratory import CoilSession
-from agonic.alignment.session.session import compute_unix_s, put_on_clock
+from agonic.alignment.session.observed import average_beside
+from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array
 from agonic.errors import CoverageError, ValidityError
 from agonic.health import Finding, figure
@@ -115,7 +116,7 @@ def _fit_late(fit: CoilFit) -> CoilEstimate | None:
 
 def _read(session: CoilSession) -> tuple[Array, Stretches]:
     """The current (k,) of the stretches in which it is constant, and their means."""
-    samples, reference = session.magnetometer, session.reference
+    samples = session.magnetometer
     current, time = samples.current_A, samples.time
     assert time is not None, "checked with the session"
     assert current is not None, "checked with the session"
@@ -128,8 +129,8 @@ def _read(session: CoilSession) -> tuple[Array, Stretches]:
             undetermined="drift and coil together",
             turns=f"switch it to and fro, {FEWEST} times at least",
         )
-    beside = None if reference is None else (put_on_clock(reference, samples), reference.field)
-    return average(current, rows), average_stretches(rows, time, session.corrected, beside)
+    read = average_beside(rows, samples, session.corrected, session.reference)
+    return average(current, rows), read
 
 
 def _take_out_ambient(session: CoilSession, read: Stretches) -> Stretches:

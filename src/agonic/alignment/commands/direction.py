@@ -66,8 +66,8 @@ def direction(
     """
     from agonic.alignment.direction import field_direction
     from agonic.alignment.direction.document import describe_direction
-    from agonic.alignment.files.read_session import FILE_NAME, read_session
-    from agonic.alignment.files.write import write_direction
+    from agonic.alignment.files.read import SESSION, read_session
+    from agonic.alignment.files.tables import write_direction
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, require_table
     from agonic.console.sensors import open_sensor
@@ -76,7 +76,7 @@ def direction(
     require_table(out)
     known = require_calibration(load(alignment))
     site: Site | None
-    if log.is_dir() or log.name == FILE_NAME:
+    if log.is_dir() or log.name == SESSION:
         session = read_session(log)
         samples, attitudes, site = session.magnetometer, session.star, session.site
         noise = session.noise if noise is None else noise
@@ -107,7 +107,7 @@ def _read_attitudes(
     """The star sensor's attitudes, with the errors that its table or the command line states."""
     import numpy as np
 
-    from agonic.alignment.files.star_table import make_diagonal, read_stars
+    from agonic.alignment.files.tables import make_diagonal, read_stars
     from agonic.errors import check_choice
 
     if table is None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -29,14 +31,19 @@ def alignment(
     as_json: Json = False,
 ) -> int:
     """The rotation between star sensor and magnetometer, from a session of many orientations."""
-    from agonic.alignment.files.read_session import read_session
+    from agonic.alignment.files.read import read_session
     from agonic.alignment.star_sensor import fit_alignment
     from agonic.alignment.star_sensor.document import describe_alignment
-    from agonic.console.finish import finish
+    from agonic.console.finish import finish, is_folder
 
     groups = parse_names(solve)
     fit = fit_alignment(read_session(session), solve=groups, wanted_sd_arcsec=wanted)
-    return finish(describe_alignment(fit), out=out, report=report, as_json=as_json)
+    made = describe_alignment(fit)
+    if out is not None and made.verdict != "refused":
+        saved = out / f"{made.name}.json" if is_folder(out) else out
+        command = f"agonic direction {quote(str(saved))} {quote(str(session))} -o field.csv"
+        made = replace(made, next_step=command)
+    return finish(made, out=out, report=report, as_json=as_json)
 
 
 def north(
@@ -50,8 +57,8 @@ def north(
     as_json: Json = False,
 ) -> int:
     """True north by a gyrotheodolite, carried on; or declination and inclination of a sheet."""
+    from agonic.alignment.files.read import read_north
     from agonic.alignment.files.read_di_flux import is_di_flux, read_di_flux
-    from agonic.alignment.files.read_north import read_north
     from agonic.alignment.north import fit_di_flux, fit_north
     from agonic.alignment.north.document import describe_di_flux, describe_north
     from agonic.console.finish import finish
@@ -80,7 +87,7 @@ def coil(
     """The axis of a coil in every known frame, its constant and linearity, from reversals."""
     from agonic.alignment.coil import fit_coil
     from agonic.alignment.document import describe_coil
-    from agonic.alignment.files.read_coil import read_coil
+    from agonic.alignment.files.read import read_coil
     from agonic.console.finish import finish
 
     return finish(describe_coil(fit_coil(read_coil(session))), report=report, as_json=as_json)

@@ -7,39 +7,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from msgspec.structs import asdict
 
-from agonic.alignment.direction.result import FieldDirection
-from agonic.alignment.files import read_coil, read_north, read_session
-from agonic.alignment.files.description import GyroSection, PlatformSection
-from agonic.alignment.files.star_table import format_stars, format_table
-from agonic.alignment.session import Session, Site
-from agonic.alignment.session.laboratory import Attitude, CoilSession, NorthSession
-from agonic.arrays import Array
+from agonic.alignment.files.description import (
+    write_description,
+)
+from agonic.alignment.files.read import COIL, NORTH, SESSION, TABLES
+from agonic.alignment.files.tables import (
+    format_stars,
+    format_table,
+)
+from agonic.alignment.session import (
+    Session,
+)
+from agonic.alignment.session.laboratory import (
+    Attitude,
+    CoilSession,
+    NorthSession,
+)
+from agonic.alignment.session.session import Recorded
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
 from agonic.files.calibration import save
-from agonic.files.toml_text import write_value
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
-
-DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
-"""Decimals of a column, by the unit that its name ends in: a tenth of what can be known."""
-
-
-def write_direction(found: FieldDirection, file: Path) -> Path:
-    """Write a row a reading that has an attitude, its columns those of `FieldDirection.columns`."""
-    cells = {
-        name: [f"{value:.{digits}f}" for value in values.tolist()]
-        for name, values in found.columns().items()
-        for unit, digits in DIGITS.items()
-        if name.endswith(unit)
-    }
-    return write_atomically(file, format_table(cells))
-
-
-Sections = dict[str, Mapping[str, Any] | None]
 
 
 def write_session(session: Session, folder: Path | str) -> list[Path]:
@@ -55,21 +46,8 @@ def write_session(session: Session, folder: Path | str) -> list[Path]:
     ...     print(*(file.name for file in files))
     star.csv magnetometer.csv reference.csv session.toml
     """
-    home = make_folder(folder)
-    star, turned, sky = session.star, session.remanence, session.site.air._asdict()
-    files = [write_atomically(home / "star.csv", format_stars(star)), *_write(session, home)]
-    if turned is not None:
-        files.append(write_csv(turned, home / "remanence.csv"))
-    about = ("name", "refraction", "aberration")
-    sections: Sections = {
-        "": {"name": session.name, "time_scale": "UTC"},
-        "site": _place(session.site) | {"coordinates": session.site.coordinates} | sky,
-        "star": {"file": "star.csv", **{key: getattr(star, key) for key in about}},
-        **_describe_instruments(session),
-        "remanence": None if turned is None else {"file": "remanence.csv"},
-        "mounting": None if session.mounting is None else asdict(session.mounting),
-    }
-    return [*files, _write_toml(home / read_session.FILE_NAME, sections)]
+    stars = {"star": format_stars(session.star)}
+    return _write(session, folder, SESSION, stars, {"": {"time_scale": "UTC"}})
 
 
 def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
@@ -84,35 +62,17 @@ def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
     ...     print(*(file.name for file in files))
     reversal.csv transit.csv swing.csv north.toml
     """
-    home, platform = make_folder(folder), session.platform
-    given = {"transit": session.transits, "swing": session.swing, "platform": platform}
-    tables: dict[str, dict[str, Array]] = {}
-    if session.turning_deg is not None:
-        tables["reversal"] = {"reading_deg": session.turning_deg}
-    for name, part in given.items():
+    turning = session.turning_deg
+    held = {"transit": session.transits, "swing": session.swing, "platform": session.platform}
+    tables = {} if turning is None else {"reversal": format_table({"reading_deg": turning})}
+    for name, part in held.items():
         if part is not None:
-            tables[name] = {key: getattr(part, key) for key in read_north.TABLES[name]}
-    files = [
-        write_atomically(home / f"{name}.csv", format_table(columns))
-        for name, columns in tables.items()
-    ]
-    sections: Sections = {
-        "": {"name": session.name},
-        "gyro": {key: getattr(session, key) for key in GyroSection.__struct_fields__},
-        **{name: {"file": f"{name}.csv"} for name in tables if name != "platform"},
-    }
+            tables[name] = format_table({key: getattr(part, key) for key in TABLES[name]})
     sighted = [
-        {"name": one.name, "readings_deg": one.reading_deg.tolist(), "mirror": one.mirror}
+        {"name": one.name, "readings_deg": one.reading_deg, "mirror": one.mirror}
         for one in session.sightings
     ]
-    if platform is not None:
-        keys = PlatformSection.__struct_fields__[1:]
-        stood = {key: getattr(platform, key) for key in keys}
-        sections["platform"] = {"file": "platform.csv", **stood}
-    if session.magnetometer is not None:
-        sections |= _describe_instruments(session)
-    files += _write(session, home)
-    return [*files, _write_toml(home / read_north.FILE_NAME, sections, sighted)]
+    return _write(session, folder, NORTH, tables, {"sighting": sighted})
 
 
 def write_coil(session: CoilSession, folder: Path | str) -> list[Path]:
@@ -128,26 +88,33 @@ def write_coil(session: CoilSession, folder: Path | str) -> list[Path]:
     ...     print(*(file.name for file in files))
     magnetometer.csv reference.csv alignment.json coil.toml
     """
+    stood = None if session.attitude is None else _describe_attitude(session.attitude)
+    return _write(session, folder, COIL, {}, {"attitude": stood})
+
+
+def _write(
+    session: Recorded,
+    folder: Path | str,
+    name: str,
+    tables: Mapping[str, str],
+    beside: Mapping[str, Any],
+) -> list[Path]:
+    """Write tables by the name of their section, readings, what is calibrated, the description."""
     home = make_folder(folder)
-    axis, site, files = session.geometric_axis, session.site, _write(session, home)
-    if session.alignment is not None:
-        files.append(save(session.alignment, home / "alignment.json"))
-    sections: Sections = {
-        "": {"name": session.name},
-        "coil": {
-            "name": session.coil,
-            "axis": None if axis is None else axis.tolist(),
-            "frame": session.geometric_frame,
-            "settle_s": session.settle_s,
-            "current_sd": session.current_sd,
-        },
-        "magnetometer": _describe_magnetometer(session),
-        "reference": None if session.reference is None else {"file": "reference.csv"},
-        "alignment": None if session.alignment is None else {"file": "alignment.json"},
-        "attitude": None if session.attitude is None else _describe_attitude(session.attitude),
-        "site": None if site is None else _place(site),
-    }
-    return [*files, _write_toml(home / read_coil.FILE_NAME, sections)]
+    files = {one: write_atomically(home / f"{one}.csv", text) for one, text in tables.items()}
+    for one in ("magnetometer", "reference", "remanence"):
+        if (samples := getattr(session, one, None)) is not None:
+            files[one] = write_csv(samples, home / f"{one}.csv")
+    if (turn := getattr(session, "alignment", None)) is not None:
+        files["alignment"] = save(turn, home / "alignment.json")
+    sections: dict[str, Any] = {one: {"file": file.name} for one, file in files.items()}
+    if "reference" in sections:
+        sections["reference"]["axes"] = "NED"
+    written = [*files.values()]
+    if session.calibration is not None:
+        written.append(save(session.calibration, home / "calibration.json"))
+        sections["magnetometer"]["calibration"] = written[-1].name
+    return [*written, write_description(session, home, name, {**sections, **beside})]
 
 
 def _describe_attitude(attitude: Attitude) -> dict[str, float]:
@@ -164,57 +131,3 @@ def _describe_attitude(attitude: Attitude) -> dict[str, float]:
         "level_sd_arcsec": float(np.sqrt(max(level, 0.0))) / ARCSEC_RAD,
         "heading_sd_arcsec": float(np.sqrt(about)) / ARCSEC_RAD,
     }
-
-
-def _place(site: Site) -> dict[str, Any]:
-    return {"latitude_deg": site.latitude_deg, "longitude_deg": site.longitude_deg}
-
-
-def _describe_magnetometer(session: Session | NorthSession | CoilSession) -> dict[str, Any]:
-    known = session.calibration is not None
-    return {"file": "magnetometer.csv", "calibration": "calibration.json" if known else None}
-
-
-def _describe_instruments(session: Session | NorthSession) -> Sections:
-    """The sections of magnetometer, reference and pier."""
-    pier, axes_sd = session.pier, getattr(session, "reference_sd_arcsec", None)
-    return {
-        "magnetometer": _describe_magnetometer(session) | {"noise_nT": session.noise},
-        "reference": {
-            "file": "reference.csv",
-            "axes": "NED",
-            "noise_nT": session.reference_noise,
-            "axes_sd_arcsec": axes_sd,
-        },
-        "pier": {"difference_nT": [float(v) for v in pier.difference], "sd_nT": pier.sd},
-    }
-
-
-def _write(session: Session | NorthSession | CoilSession, home: Path) -> list[Path]:
-    """Write the readings of magnetometer and reference, and the calibration: what there is."""
-    given = {"magnetometer": session.magnetometer, "reference": session.reference}
-    files = [
-        write_csv(samples, home / f"{name}.csv")
-        for name, samples in given.items()
-        if samples is not None
-    ]
-    if session.calibration is not None:
-        files.append(save(session.calibration, home / "calibration.json"))
-    return files
-
-
-def _write_toml(
-    file: Path, sections: Sections, sighted: list[dict[str, Any]] | None = None
-) -> Path:
-    """Write sections of keys one after the other, the one without a name first; what is None is
-    left out. The `sighted` stand in sections of one name, after all others."""
-    every = [*sections.items(), *(("[sighting]", one) for one in sighted or ())]
-    lines = []
-    for name, keys in every:
-        if keys is None:
-            continue
-        lines += ["", f"[{name}]"] if name else []
-        lines += [
-            f"{key} = {write_value(value)}" for key, value in keys.items() if value is not None
-        ]
-    return write_atomically(file, "\n".join(lines) + "\n")

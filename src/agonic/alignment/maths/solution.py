@@ -120,12 +120,15 @@ def solve(
     prior: Array,
     offset: ArrayLike = (0.0, 0.0, 0.0),
     rot_mc: Array | None = None,
+    *,
+    rounds: int = ROUNDS,
 ) -> Solution:
     """Levenberg–Marquardt about a start, the rotations taken anew each round.
 
     Parameters: `prior` (18,) the information on the unknowns before (`make_prior`), about `offset`
     (3,) of the field between the piers and a reference that is not turned; `rot_mc` to start from,
-    without which it is the one that fits best.
+    without which it is the one that fits best; `rounds`, the most: after one the misfit is told
+    roughly.
     """
     prior_at = kernel.start_unknowns(offset)
     free = np.isfinite(prior)
@@ -134,7 +137,7 @@ def solve(
     units = kernel.find_unit_sizes(magnitude)[free]
     root = np.sqrt(prior[free])
     iterations, converged, cost = 0, False, np.inf
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         white = kernel.compute_whitener(at, measured)
         away = _departure(at, prior_at)[free]
         solution = leastsq.solve(
@@ -143,7 +146,7 @@ def solve(
             scale=1.0,
             prior=partial(_prior, root, away, units),
             tolerance=1e-6,
-            max_iterations=STEPS,
+            max_iterations=STEPS if rounds > 1 else STEPS // 10,
         )
         at = at.add_step(_whole(solution.params / units, free))
         iterations += solution.iterations

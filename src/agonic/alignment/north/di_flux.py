@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -41,15 +41,39 @@ COPIED_DEG = 1e-7
 class DiFluxFit(Judged):
     """The result of `fit_di_flux`: angles in degrees, standard errors in arcseconds.
 
-    `estimate` holds the unknowns: meridian, inclination, collimation δ and ε, offset, scale;
-    `mark` the direction to the azimuth mark on the circle and the telescope's own collimation.
-    `scaled`: whether sheet or caller say how many units of the fluxgate an angle is.
+    Parameters
+    ----------
+    estimate : the unknowns: meridian, inclination, collimation δ and ε, offset, scale. mark : the
+        direction to the azimuth mark on the circle and the telescope's own collimation.
+    scaled : whether sheet or caller say how many units of the fluxgate an angle is.
+    meridian_deg : the circle's reading in the magnetic meridian, looking north.
+    declination_deg : east positive, within ±90°: the sheet does not say which face the mark was
+        read in first; `None` where the azimuth of the mark is not known. Its standard error has the
+        meridian's and, where its readings tell one, the mark's.
+    inclination_deg : down positive.
+    collimation_arcsec : (2,) δ, to the right of the telescope, and ε, to greater zenith angles, of
+        the fluxgate. offset_arcsec : S₀/F as an angle, and its standard error.
+    offset, scale : S₀ and F in the unit of the fluxgate's readings.
+    noise_arcsec : what is left of a setting, as an angle of the field.
     """
 
     sheet: DiSheet
     estimate: SheetEstimate
     mark: Pointing
-    scaled: bool = True
+    scaled: bool
+    meridian_deg: float
+    meridian_sd_arcsec: float
+    declination_deg: float | None
+    declination_sd_arcsec: float
+    inclination_deg: float
+    inclination_sd_arcsec: float
+    collimation_arcsec: tuple[float, float]
+    collimation_sd_arcsec: tuple[float, float]
+    offset_arcsec: tuple[float, float]
+    offset: float
+    offset_sd: float
+    scale: float
+    noise_arcsec: float
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -57,84 +81,6 @@ class DiFluxFit(Judged):
     def n(self) -> int:
         """How many settings of the circles."""
         return len(self.estimate.residuals)
-
-    @cached_property
-    def _sd_arcsec(self) -> dict[str, float]:
-        sd = np.sqrt(np.diag(self.estimate.covariance)) / ARCSEC_RAD
-        return dict(zip(NAMES, sd.tolist(), strict=True))
-
-    def _deg(self, name: str) -> float:
-        return float(np.degrees(self.estimate.params[NAMES.index(name)]))
-
-    @property
-    def meridian_deg(self) -> float:
-        """The circle's reading in the magnetic meridian, looking north."""
-        return self._deg("meridian") % 360.0
-
-    @property
-    def meridian_sd_arcsec(self) -> float:
-        """Its standard error."""
-        return self._sd_arcsec["meridian"]
-
-    @property
-    def declination_deg(self) -> float | None:
-        """East positive, within ±90°: the sheet does not say which face the mark was read in
-        first. `None` where the azimuth of the mark is not known."""
-        if self.sheet.mark_azimuth_deg is None:
-            return None
-        turned = self.sheet.mark_azimuth_deg - self.mark.reading_deg
-        return float(wrap_deg(2 * (self.meridian_deg + turned)) / 2)
-
-    @property
-    def declination_sd_arcsec(self) -> float:
-        """Its standard error: the meridian's and, where its readings tell one, the mark's."""
-        mark = 3600.0 * self.mark.sd_deg if np.isfinite(self.mark.sd_deg) else 0.0
-        return float(np.hypot(self.meridian_sd_arcsec, mark))
-
-    @property
-    def inclination_deg(self) -> float:
-        """Down positive."""
-        return self._deg("inclination")
-
-    @property
-    def inclination_sd_arcsec(self) -> float:
-        """Its standard error."""
-        return self._sd_arcsec["inclination"]
-
-    @property
-    def collimation_arcsec(self) -> tuple[float, float]:
-        """δ, to the right of the telescope, and ε, to greater zenith angles, of the fluxgate."""
-        return 3600.0 * self._deg("delta"), 3600.0 * self._deg("epsilon")
-
-    @property
-    def collimation_sd_arcsec(self) -> tuple[float, float]:
-        """Their standard errors."""
-        return self._sd_arcsec["delta"], self._sd_arcsec["epsilon"]
-
-    @property
-    def offset_arcsec(self) -> tuple[float, float]:
-        """S₀/F as an angle, and its standard error."""
-        return float(self.estimate.params[4]) / ARCSEC_RAD, self._sd_arcsec["offset"]
-
-    @property
-    def scale(self) -> float:
-        """F in the unit of the fluxgate's readings."""
-        return float(self.estimate.params[-1])
-
-    @property
-    def offset(self) -> float:
-        """S₀, in the unit of the fluxgate's readings."""
-        return float(self.estimate.params[4]) * self.scale
-
-    @property
-    def offset_sd(self) -> float:
-        """Its standard error."""
-        return self._sd_arcsec["offset"] * ARCSEC_RAD * self.scale
-
-    @property
-    def noise_arcsec(self) -> float:
-        """What is left of a setting, as an angle of the field."""
-        return abs(self.estimate.noise / self.scale) / ARCSEC_RAD
 
 
 def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
@@ -165,8 +111,37 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     measured = bool(np.abs(sheet.reading).max() > SCALE_READING)
     found, at = estimate_sheet(sheet, magnitude, measured)
     scaled = measured or magnitude is not None or sheet.magnitude is not None
-    fit = DiFluxFit(sheet=sheet, estimate=found, mark=_mark(sheet), scaled=scaled)
+    mark = _mark(sheet)
+    values = _derive(sheet, found, mark)
+    fit = DiFluxFit(sheet=sheet, estimate=found, mark=mark, scaled=scaled, **values)
     return replace(fit, findings=tuple(_examine(fit, at)), remarks=_remarks(fit))
+
+
+def _derive(sheet: DiSheet, found: SheetEstimate, mark: Pointing) -> dict[str, Any]:
+    """What the unknowns mean: angles, offset and scale, with their standard errors."""
+    values = dict(zip(NAMES, found.params.tolist(), strict=True))
+    sd = dict(zip(NAMES, (np.sqrt(np.diag(found.covariance)) / ARCSEC_RAD).tolist(), strict=True))
+    meridian, scale = np.degrees(values["meridian"]) % 360, values["scale"]
+    azimuth = sheet.mark_azimuth_deg
+    turned = None
+    if azimuth is not None:
+        turned = float(wrap_deg(2 * (meridian + azimuth - mark.reading_deg)) / 2)
+    of_mark = 3600.0 * mark.sd_deg if np.isfinite(mark.sd_deg) else 0.0
+    return {
+        "meridian_deg": float(meridian),
+        "meridian_sd_arcsec": sd["meridian"],
+        "declination_deg": turned,
+        "declination_sd_arcsec": float(np.hypot(sd["meridian"], of_mark)),
+        "inclination_deg": float(np.degrees(values["inclination"])),
+        "inclination_sd_arcsec": sd["inclination"],
+        "collimation_arcsec": (values["delta"] / ARCSEC_RAD, values["epsilon"] / ARCSEC_RAD),
+        "collimation_sd_arcsec": (sd["delta"], sd["epsilon"]),
+        "offset_arcsec": (values["offset"] / ARCSEC_RAD, sd["offset"]),
+        "offset": values["offset"] * scale,
+        "offset_sd": sd["offset"] * ARCSEC_RAD * scale,
+        "scale": scale,
+        "noise_arcsec": abs(found.noise / scale) / ARCSEC_RAD,
+    }
 
 
 def _mark(sheet: DiSheet) -> Pointing:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.alignment.calibration import make_calibration, make_provenance
-from agonic.alignment.explanations import find_explanations, say_explanations
+from agonic.alignment.explanations import find_explanations, tell_misfit
 from agonic.alignment.findings import tell
 from agonic.alignment.maths import north as kernel
 from agonic.alignment.maths.north import North, Swing, fit_reversals
@@ -283,15 +283,13 @@ def _examine_platform(found: Aligned) -> Iterator[Finding]:
         yield tell("orientations")
     elif solution.p_value < RARE:
         more = figure(float(np.sqrt(solution.chi2 / solution.freedom)))
-        action = (
+        yield tell_misfit(
+            "platform misfit",
+            f"the residuals are {more} times what the noise explains",
+            find_explanations(solution, found.time, found.orientation),
             "check mirror, orientation numbers, axes of the reference, and the magnetometer's "
-            "calibration"
+            "calibration",
         )
-        what = f"the residuals are {more} times what the noise explains"
-        causes = find_explanations(solution, found.time, found.orientation)
-        if causes:
-            what, action = say_explanations(what, causes), causes[0].move
-        yield tell("platform misfit", what=what, action=action)
     if found.settled_by.any():
         yield tell("platform settles", by=float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
 

@@ -16,7 +16,7 @@ from agonic.alignment.maths.two_frames import (
     make_prior,
 )
 from agonic.alignment.session.laboratory import NorthSession, Platform
-from agonic.alignment.session.observed import average_fields, make_measured
+from agonic.alignment.session.observed import average_beside, make_measured
 from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
@@ -68,16 +68,20 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
 
     Vectors in two frames as with a star sensor, the platform's attitude R_bn from azimuth and
     levels. What north is wrong by turns all azimuths alike: a turn of the reference about down with
-    north's standard error as its prior.
+    north's standard error as its prior, beside what is stated of the reference's axes.
     """
     platform = session.platform
     assert platform is not None, "asked for only with a platform"
     heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
     rot_bn = np.swapaxes(rot_nb(platform.roll_deg, platform.pitch_deg, heading), -1, -2)
-    prior = make_prior({"alignment"}, session.pier.sd, (0.0, 0.0, north_sd_arcsec))
+    axes_sd = session.reference_sd_arcsec or 0.0
+    turns = (axes_sd, axes_sd, float(np.hypot(axes_sd, north_sd_arcsec)))
+    prior = make_prior({"alignment"}, session.pier.sd, turns)
+
+    magnetometer, reference = session.instruments
 
     def align(rows: list[Index]) -> Solution:
-        fields = average_fields(session, rows)
+        fields = average_beside(rows, magnetometer, session.corrected, reference)
         measured = make_measured(session, fields, rot_bn, _attitude_covariance(platform))
         return solve(measured, prior, session.pier.difference)
 
@@ -94,7 +98,7 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         solution=found,
         heading_deg=heading % 360.0,
         orientation=platform.orientation,
-        time=average(compute_unix_s(session.instruments[0]), rows),
+        time=average(compute_unix_s(magnetometer), rows),
         settled_by=settled,
     )
 

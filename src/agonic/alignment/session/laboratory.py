@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.alignment.session.session import Pier, Recorded, Site
+from agonic.alignment.session.session import Recorded, Site
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.provenance import Input
@@ -177,7 +177,6 @@ class NorthSession(Recorded):
     sightings : marks and instruments that get an azimuth.
     platform, magnetometer, reference : for the alignment of a magnetometer: orientations, readings
         with `station` the number of the orientation, and the field north-east-down beside it.
-    noise, reference_noise : of one reading on one axis, nT; `None`: from the scatter.
     """
 
     turning_deg: Array | None = None
@@ -193,9 +192,6 @@ class NorthSession(Recorded):
     platform: Platform | None = None
     magnetometer: Samples | None = None
     reference: Samples | None = None
-    pier: Pier = field(default_factory=Pier)
-    noise: float | None = None
-    reference_noise: float | None = None
 
     def _list_mistakes(self) -> Iterator[str]:
         if self.turning_deg is None and self.transits is None and self.swing is None:

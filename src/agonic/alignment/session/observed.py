@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths.solution import Solution, solve
+from agonic.alignment.maths.solution import ROUNDS, Solution, solve
 from agonic.alignment.maths.stretches import (
     Stretches,
     average,
@@ -20,12 +20,13 @@ from agonic.alignment.maths.stretches import (
 from agonic.alignment.maths.two_frames import Measured, compute_rotation_vector, make_prior
 from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
 from agonic.alignment.session.laboratory import NorthSession
-from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, compute_unix_s
+from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, put_on_clock
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.maths.earth.starlight import apply_aberration, apply_refraction, observer_velocity_i
 from agonic.maths.rotations.frames import rot_en
 from agonic.maths.rotations.vectors import find_smallest_rotation
+from agonic.samples import Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,7 +84,7 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
     station = session.magnetometer.station
     assert station is not None, "checked when the session is"
     stood = find_rows(station.astype(np.int64), session.orientations)
-    fields = average_fields(session, stood)
+    fields = average_beside(stood, session.magnetometer, session.corrected, session.reference)
     boresight = average(attitude[:, 2], rows)
     rotation = Rotation.from_rotvec(means).as_matrix() @ first
     return Observed(
@@ -96,11 +97,15 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
     )
 
 
-def average_fields(session: Session | NorthSession, rows: list[Index]) -> Stretches:
-    """Magnetometer and reference by orientation."""
-    magnetometer, reference = session.instruments
-    time, beside = compute_unix_s(magnetometer), (compute_unix_s(reference), reference.field)
-    return average_stretches(rows, time, session.corrected, beside)
+def average_beside(
+    rows: list[Index], samples: Samples, field: Array, reference: Samples | None
+) -> Stretches:
+    """Means of a field (n, 3) over the rows of each stretch, beside a reference where both have
+    times; without times rows count as seconds."""
+    time = np.arange(float(len(field))) if samples.time is None else samples.time
+    if reference is None or reference.time is None or samples.time is None:
+        return average_stretches(rows, time, field)
+    return average_stretches(rows, time, field, (put_on_clock(reference, samples), reference.field))
 
 
 def make_measured(
@@ -192,10 +197,12 @@ def _covariance(star: StarReadings, scatter: Array) -> Array:
     return np.broadcast_to(np.diag(scatter[[0, 0, 1]] ** 2), star.rot_ci.shape)
 
 
-def solve_session(session: Session, observed: Observed, groups: Collection[str]) -> Solution:
+def solve_session(
+    session: Session, observed: Observed, groups: Collection[str], rounds: int = ROUNDS
+) -> Solution:
     """The most probable unknowns, those of `groups` free.
 
     What the session knows with a standard deviation (pier, axes of the reference) joins by itself.
     """
     prior = make_prior({"alignment", *groups}, session.pier.sd, session.reference_sd_arcsec)
-    return solve(observed.measured, prior, session.pier.difference)
+    return solve(observed.measured, prior, session.pier.difference, rounds=rounds)

@@ -132,12 +132,20 @@ class Recorded:
     ----------
     magnetometer : its readings in nT. calibration : of it, applied before everything else.
     reference : the field beside it, north-east-down, which takes out the ambient's changes.
+    pier : difference of the field between the two. noise, reference_noise : standard deviation of
+        one reading on one axis, nT; `None`: by the scatter within the orientations.
+    reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
+        `None`: exactly, unless they are solved for.
     sources : the files that were read.
     """
 
     magnetometer: Samples | None
     reference: Samples | None
     calibration: Calibration | None = None
+    pier: Pier = field(default_factory=Pier)
+    noise: float | None = None
+    reference_noise: float | None = None
+    reference_sd_arcsec: float | None = None
     name: str = ""
     sources: tuple[Input, ...] = ()
 
@@ -172,11 +180,7 @@ class Session(Recorded, Readable):
     site, star : where, and the attitudes.
     magnetometer : its readings in nT, with `station` the number of the orientation, times since
         `epoch`. reference : the variometer or vector standard, north-east-down.
-    noise, reference_noise : standard deviation of one reading on one axis, nT; `None`: by
-        the scatter within the orientations.
-    reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
-        `None`: exactly, unless they are solved for.
-    pier : difference of the field between the two. mounting : the nominal angles, if known.
+    mounting : the nominal angles, if known.
     remanence : readings of a magnetometer that stood still while the platform was turned to the
         angles in `heading_deg`, for `fit_remanence`.
     """
@@ -185,11 +189,7 @@ class Session(Recorded, Readable):
     star: StarReadings
     magnetometer: Samples
     reference: Samples
-    pier: Pier = field(default_factory=Pier)
     mounting: Mounting | None = None
-    noise: float | None = None
-    reference_noise: float | None = None
-    reference_sd_arcsec: float | None = None
     remanence: Samples | None = None
     notes: tuple[str, ...] = ()
 

@@ -18,13 +18,13 @@ from agonic.alignment.session.laboratory import (
     SwingRecord,
     Transits,
 )
-from agonic.alignment.simulation.session import read_field, vary_field
+from agonic.alignment.simulation.session import TURN_S, make_clock, read_field, vary_field
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation, rot_nb
 from agonic.readable import Readable
 
 MOST_VARIATION, PERIODS_S = 15.0, (2400.0, 3100.0, 5100.0)
-TURN_S, READINGS = 40, 20
+READINGS = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,7 +177,7 @@ def _stand(
     heading = np.arange(count) * 360.0 / count + rng.uniform(-5, 5, count)
     roll, pitch = rng.uniform(-3, 3, (2, count))
     number = np.repeat(np.arange(count), READINGS)
-    whole = number * (READINGS + TURN_S) + np.tile(np.arange(READINGS), count) + 5
+    whole = make_clock(count, READINGS)
     seconds = whole.astype(np.float64)
     clock = np.arange(float(whole[-1] + TURN_S))
     beside = vary_field(clock, MOST_VARIATION, PERIODS_S, rng)

@@ -172,7 +172,7 @@ def simulate_session(
     w = np.eye(3) if matrix is None else np.asarray(matrix, dtype=np.float64)
     turn = np.asarray(reference_turn_arcsec, dtype=np.float64) * ARCSEC_RAD
     number = np.repeat(np.arange(len(rot)), readings).astype(np.int64)
-    clock = _clock(len(rot), readings)
+    clock = make_clock(len(rot), readings)
     seconds = clock.astype(np.float64)
     beside = np.asarray(field_n) + _vary_field(np.arange(clock[-1] + TURN_S, dtype=np.float64), rng)
     offset, zero = np.asarray(pier, dtype=np.float64), np.asarray(bias, dtype=np.float64)
@@ -225,7 +225,7 @@ def _orientations(
     return rot_cn(azimuth, np.degrees(np.arcsin(height)), roll)
 
 
-def _clock(count: int, readings: int) -> NDArray[np.int64]:
+def make_clock(count: int, readings: int) -> NDArray[np.int64]:
     """Whole seconds of every reading: one a second, and time to turn in between."""
     begin = np.arange(count) * (readings + TURN_S)
     return np.asarray((begin[:, None] + np.arange(readings)).ravel() + 5)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtrc
 
-from agonic.alignment.explanations import find_explanations, say_explanations
+from agonic.alignment.explanations import find_explanations, tell_misfit
 from agonic.alignment.findings import tell
 from agonic.alignment.maths.solution import RARE, UNDETERMINED, Solution
 from agonic.alignment.maths.two_frames import (
@@ -167,28 +167,20 @@ def _check_misfit(fit: AlignmentFit) -> Finding | None:
         if bad
         else f"the alignment is {figure(away_deg, 3)}° from the nominal mounting"
     )
-    causes = find_likely_mistakes(fit.session, fit.solve, compute_misfit(fit.session, result))
-    if causes:
-        others = "; ".join(cause.words for cause in causes[1:4])
-        also = f" (as well: {others})" if others else ""
-        said = f"{seen}; {causes[0].words} would explain it{also}"
-        return tell("session mistake", what=said, action=causes[0].move)
-    return _describe_misfit(fit, seen) if bad else tell("nominal mounting", what=seen)
-
-
-def _describe_misfit(fit: AlignmentFit, seen: str) -> Finding:
-    """Residuals that no usual mistake explains, with what else would."""
-    seen_at = fit.observed.time, fit.observed.orientation
-    found = find_explanations(fit.solution, *seen_at, fit.session.site)
-    if found:
-        said = say_explanations(seen, found)
-        return tell("session misfit", what=said, action=found[0].move)
-    said = f"{seen}; none of the usual mistakes explains it"
-    action = (
-        "look at the residuals of each orientation; solve for the magnetometer's bias and "
-        "matrix, or for the pier"
+    mistakes = find_likely_mistakes(fit.session, fit.solve, compute_misfit(fit.session, result))
+    if mistakes:
+        return tell_misfit("session mistake", seen, mistakes)
+    if not bad:
+        return tell("nominal mounting", what=seen)
+    times = fit.observed.time, fit.observed.orientation
+    found = find_explanations(result, *times, fit.session.site)
+    return tell_misfit(
+        "session misfit",
+        seen if found else f"{seen}; none of the usual mistakes explains it",
+        found,
+        "look at the residuals of each orientation; solve for the magnetometer's bias and matrix, "
+        "or for the pier",
     )
-    return tell("session misfit", what=said, action=action)
 
 
 def _find_way_from_nominal(fit: AlignmentFit) -> tuple[float, float]:

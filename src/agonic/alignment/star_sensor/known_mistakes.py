@@ -2,32 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.explanations import AS_GOOD, EXPLAINED
-from agonic.alignment.maths import two_frames as kernel
-from agonic.alignment.maths.solution import Solution
+from agonic.alignment.explanations import AS_GOOD, EXPLAINED, Explanation
+from agonic.alignment.maths.solution import ROUNDS, Solution
 from agonic.alignment.maths.two_frames import compute_rotation_vector
 from agonic.alignment.session import Session, load_earth_rotation, observe
 from agonic.alignment.session.observed import solve_session
 from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
-from agonic.maths.rotations.frames import angles_323_deg, r3, rot_ci
-from agonic.maths.rotations.vectors import find_best_rotation
+from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, r3, rot_ci
 from agonic.units import DAY_S
 
-TRIED, FEW = 8, 1
-"""How many are tried on the whole session, and on how many readings of an orientation first."""
+TRIED = 8
+"""How many are tried on the whole session, after one reading of every orientation told which."""
+
+Change = Callable[[Session], Session]
+
+
+class Mistake(NamedTuple):
+    """A mistake by name, what to do, and the change of the session that would undo it."""
+
+    words: str
+    move: str
+    undo: Change
 
 
 def compute_misfit(session: Session, result: Solution) -> float:
@@ -39,143 +47,92 @@ def compute_misfit(session: Session, result: Solution) -> float:
     return (result.chi2 + away) / max(result.freedom, 1)
 
 
-def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Mistake]:
+def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Explanation]:
     """The mistakes that would explain the misfit, the best first; none where none does.
 
-    All are tried on a few readings of each orientation; the most promising on the whole session.
+    All are tried on one reading of each orientation; the most promising on the whole session.
     """
-    few = _few(session)
-    promising = sorted(
-        (
-            (_promise(few, mistake, solve), k, mistake)
-            for k, mistake in enumerate(list_mistakes(few))
-        ),
-        key=lambda one: one[:2],
-    )
-    order = [k for left, k, _ in promising[:TRIED] if np.isfinite(left)]
-    whole = list(list_mistakes(session))
-    tried = []
-    for mistake in (whole[k] for k in order):
-        try:
-            changed = mistake.undo(session)
-            left = compute_misfit(changed, solve_session(changed, observe(changed), solve))
-        except (AgonicError, ValueError, np.linalg.LinAlgError):
-            continue
-        tried.append((left, mistake))
-    best = min((left for left, _ in tried), default=np.inf)
-    if not best < EXPLAINED * now:
+    few = _select_first_readings(session)
+    promising = sorted(_try_mistakes(few, solve, list(list_mistakes(few)), rounds=1))[:TRIED]
+    every = list(list_mistakes(session))
+    mistakes = [every[k] for _, k in promising]
+    named = [
+        Explanation(mistakes[k].words, mistakes[k].move, left, 0)
+        for left, k in sorted(_try_mistakes(session, solve, mistakes))
+    ]
+    if not named or not named[0].left < EXPLAINED * now:
         return []
-    close = [(left, mistake) for left, mistake in tried if left <= AS_GOOD * best]
-    return [mistake for _, mistake in sorted(close, key=lambda pair: pair[0])]
+    return [one for one in named if one.left <= AS_GOOD * named[0].left]
 
 
-def _few(session: Session) -> Session:
-    """The session with the first readings of each orientation only."""
+def _try_mistakes(
+    session: Session, solve: Collection[str], mistakes: Sequence[Mistake], rounds: int = ROUNDS
+) -> Iterator[tuple[float, int]]:
+    """What misfit is left with each mistake undone, and its number, where it can be undone."""
+    for k, mistake in enumerate(mistakes):
+        with suppress(AgonicError, ValueError, np.linalg.LinAlgError):
+            changed = mistake.undo(session)
+            found = solve_session(changed, observe(changed), solve, rounds)
+            if np.isfinite(left := compute_misfit(changed, found)):
+                yield left, k
+
+
+def _select_first_readings(session: Session) -> Session:
+    """The session with the first reading of each orientation only."""
     star, readings = session.star, session.magnetometer
     assert readings.station is not None, "checked when the session is"
-    own, theirs = _first(star.orientation), _first(readings.station)
-    few = star.select(own)
+    own, theirs = (np.unique(n, return_index=True)[1] for n in (star.orientation, readings.station))
+    ten_arcsec = (10.0 * ARCSEC_RAD) ** 2 * np.eye(3)  # one reading does not tell its own noise
     return replace(
         session,
-        star=replace(few, covariance=np.broadcast_to(np.eye(3), few.rot_ci.shape)),
-        magnetometer=readings.select(theirs),
+        star=replace(
+            star.select(np.sort(own)), covariance=np.broadcast_to(ten_arcsec, (len(own), 3, 3))
+        ),
+        magnetometer=readings.select(np.sort(theirs)),
         noise=1.0,
         reference_noise=1.0,
     )
 
 
-def _first(numbers: NDArray[Any]) -> Index:
-    """The rows of the first readings of each orientation."""
-    return np.sort(np.concatenate([np.flatnonzero(numbers == n)[:FEW] for n in np.unique(numbers)]))
-
-
-def _promise(few: Session, mistake: Mistake, solve: Collection[str]) -> float:
-    """What is left, nT rms, with the mistake undone, of the best rotation and way to nominal.
-
-    Where bias or matrix are solved for, any linear map of the field stands for the rotation.
-    """
-    try:
-        changed = mistake.undo(few)
-        measured = observe(changed).measured
-    except (AgonicError, ValueError, np.linalg.LinAlgError):
-        return np.inf
-    at = kernel.start_unknowns(changed.pier.difference)
-    expected = kernel.predict_field_c(at, measured)
-    turn = find_best_rotation(expected, measured.field)
-    away = 0.0
-    if changed.mounting is not None:
-        vector = compute_rotation_vector(turn @ changed.mounting.rot_mc.T)
-        beyond = np.linalg.norm(vector) - 4 * np.radians(changed.mounting.sd_deg)
-        away = float(max(beyond, 0.0)) * float(np.linalg.norm(measured.reference[0]))
-    if {"bias", "matrix"} & set(solve) and len(expected) > 6:
-        design = np.column_stack([expected, np.ones(len(expected))])
-        left = measured.field - design @ np.linalg.lstsq(design, measured.field, rcond=None)[0]
-    else:
-        left = measured.field - expected @ turn.T
-    return float(np.sqrt((left**2).mean() + away**2))
-
-
-Change = Callable[[Session], Session]
-Angles = tuple[Array, Array, Array]
-
-
-class Mistake(NamedTuple):
-    """A mistake by name, what to do, and the change of the session that would undo it."""
-
-    words: str
-    move: str
-    undo: Change
-
-
-ANGLES: tuple[tuple[str, str, Callable[[Array, Array, Array], Angles]], ...] = (
-    (
-        "roll counted from north, not from south",
-        "add 180° to rot_deg",
-        lambda ra, dec, rot: (ra, dec, rot + 180),
-    ),
-    (
-        "roll counted the other way round",
-        "change the sign of rot_deg",
-        lambda ra, dec, rot: (ra, dec, -rot),
-    ),
+ANGLES = (
+    ("roll counted from north, not from south", "add 180° to rot_deg", (1, 1, 1), (0, 0, 180)),
+    ("roll counted the other way round", "change the sign of rot_deg", (1, 1, -1), (0, 0, 0)),
     (
         "roll counted from north and the other way round",
         "give 180° − rot_deg",
-        lambda ra, dec, rot: (ra, dec, 180 - rot),
+        (1, 1, -1),
+        (0, 0, 180),
     ),
-    ("roll counted from east", "add 90° to rot_deg", lambda ra, dec, rot: (ra, dec, rot + 90)),
-    ("roll counted from west", "take 90° from rot_deg", lambda ra, dec, rot: (ra, dec, rot - 90)),
+    ("roll counted from east", "add 90° to rot_deg", (1, 1, 1), (0, 0, 90)),
+    ("roll counted from west", "take 90° from rot_deg", (1, 1, 1), (0, 0, -90)),
     (
         "active elementary rotations for passive ones",
         "change the sign of all three angles",
-        lambda ra, dec, rot: (-ra, 180 - dec, -rot),
+        (-1, -1, -1),
+        (0, 180, 0),
     ),
-    ("right ascension in hours", "multiply ra_deg by 15", lambda ra, dec, rot: (15 * ra, dec, rot)),
-    (
-        "polar distance for declination",
-        "give 90° − dec_deg",
-        lambda ra, dec, rot: (ra, 90 - dec, rot),
-    ),
+    ("right ascension in hours", "multiply ra_deg by 15", (15, 1, 1), (0, 0, 0)),
+    ("polar distance for declination", "give 90° − dec_deg", (1, -1, 1), (0, 90, 0)),
 )
-"""Mistakes with Ra, Dec and Rot, degrees: what should have been given."""
-PLACES: tuple[tuple[str, str, Callable[[float, float], tuple[float, float]]], ...] = (
+"""Mistakes with Ra, Dec and Rot: what each is multiplied by, and what is added then, degrees."""
+PLACES = (
     (
         "longitude counted west",
         "change the sign of longitude_deg: east is positive",
-        lambda north, east: (north, -east),
+        ((1, 0), (0, -1)),
     ),
     (
         "latitude with the sign reversed",
         "change the sign of latitude_deg: north is positive",
-        lambda north, east: (-north, east),
+        ((-1, 0), (0, 1)),
     ),
     (
         "latitude and longitude exchanged",
         "exchange latitude_deg and longitude_deg",
-        lambda north, east: (east, north),
+        ((0, 1), (1, 0)),
     ),
 )
-"""Mistakes with the site: latitude and longitude as they should be."""
+"""Mistakes with the site: the matrix from what was given of latitude and longitude to both."""
 AXES = (
     (
         "a reference whose third axis points up",
@@ -193,12 +150,12 @@ AXES = (
 
 def list_mistakes(session: Session) -> Iterator[Mistake]:
     """All of them."""
-    for words, move, angles in ANGLES:
-        yield Mistake(words, move, partial(_change_attitudes, partial(_change_angles, angles)))
+    for words, move, sign, more in ANGLES:
+        yield Mistake(words, move, partial(_change_attitudes, partial(_change_angles, sign, more)))
     for words, move, attitudes in (*_list_senses(), *_list_date_frames(session)):
         yield Mistake(words, move, partial(_change_attitudes, attitudes))
     for words, move, place in PLACES:
-        north, east = place(session.site.latitude_deg, session.site.longitude_deg)
+        north, east = np.array(place) @ [session.site.latitude_deg, session.site.longitude_deg]
         yield Mistake(words, move, partial(_state, "site", latitude_deg=north, longitude_deg=east))
     for words, move, seconds in _list_clocks(session):
         yield Mistake(words, move, partial(_delay, seconds))
@@ -232,9 +189,9 @@ def _change_attitudes(change: Callable[[StarReadings], Array], session: Session)
     return _state("star", session, rot_ci=change(session.star))
 
 
-def _change_angles(change: Callable[[Array, Array, Array], Angles], star: StarReadings) -> Array:
+def _change_angles(sign: Sequence[int], more: Sequence[int], star: StarReadings) -> Array:
     alpha, beta, gamma = angles_323_deg(star.rot_ci).T
-    return rot_ci(*change(alpha, 90.0 - beta, gamma))
+    return rot_ci(*(np.array(sign) * np.stack([alpha, 90.0 - beta, gamma], axis=1) + more).T)
 
 
 def _delay(seconds: float, session: Session) -> Session:

@@ -1,4 +1,6 @@
-"""The table of a star sensor: times, numbers of the orientations, attitudes and their errors.
+"""Tables of columns as CSV: angles of a circle, attitudes of a star sensor, directions of a field.
+
+The table of a star sensor has
 
 time_s, epoch_unix      seconds and what they count from; or Unix seconds; or utc, ISO 8601
 orientation             the number of the static orientation (also station)
@@ -21,8 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.direction.result import FieldDirection
 from agonic.alignment.session import StarReadings
 from agonic.arrays import Array
+from agonic.atomic import write_atomically
 from agonic.errors import LogError
 from agonic.logs.clocks.clock import read_clock
 from agonic.logs.contents import read_text
@@ -228,3 +232,18 @@ def format_stars(star: StarReadings) -> str:
         cells = [[f"{v:.12g}" for v in part / ARCSEC_RAD**2] for part in parts]
         columns |= dict(zip(COVARIANCE, cells, strict=True))
     return format_table(columns)
+
+
+DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
+"""Decimals of a column, by the unit that its name ends in: a tenth of what can be known."""
+
+
+def write_direction(found: FieldDirection, file: Path) -> Path:
+    """Write a row a reading that has an attitude, its columns those of `FieldDirection.columns`."""
+    cells = {
+        name: [f"{value:.{digits}f}" for value in values.tolist()]
+        for name, values in found.columns().items()
+        for unit, digits in DIGITS.items()
+        if name.endswith(unit)
+    }
+    return write_atomically(file, format_table(cells))
