@@ -263,8 +263,8 @@ class _Fitting:
             degree = max((1 + i // 2 for i in shown if i < 2 * self.highest), default=0)
         for i, one in averaged.items():
             own = self.groups[i].columns
-            ridge[own] = len(own) / max(float(np.trace(one.square)), 1e-24)
             stays = i < 2 * degree
+            ridge[own] = len(own) / max(float(np.trace(one.square)), 1e-24) if stays else 1e24
             spread = one.covariance if stays else one.square
             covariance[np.ix_(base.columns, base.columns)] += one.alias @ spread @ one.alias.T
             if stays:
