@@ -172,8 +172,8 @@ class _Fitting:
         weights = np.ones(len(self.problem.points))
         if len(self.groups) - 1 not in self._fit(self.start, weights, None, self.groups).there:
             return self._estimate_robustly(self.groups[:-1])
-        both = [self._estimate_robustly(terms) for terms in (self.groups, self.groups[:-1])]
-        return _choose_best(*both, _CLEARLY)
+        drifting = self._estimate_robustly(self.groups)
+        return _choose_best(drifting, self._estimate_robustly(self.groups[:-1]), _CLEARLY)
 
     def _estimate_robustly(self, terms: list[Group]) -> KnownFieldEstimate:
         """With some of the terms; outliers are down-weighted where that foretells unseen readings
@@ -238,7 +238,7 @@ class _Fitting:
         """Values of some unknowns among all, (m, 3)."""
         flat = np.zeros(3 * len(self.start))
         flat[self.places[columns]] = values
-        return flat.reshape(3, -1).T
+        return np.asarray(flat.reshape(3, -1).T)
 
     def _conclude(
         self, start: Array, weights: Array, noise: Noise, terms: list[Group]
