@@ -232,7 +232,7 @@ class _Fitting:
             gram[own, -1] = gram[-1, own] = sums[:m, m + axis]
         gram[-1, -1] = np.trace(sums[m:, m:])
         at = np.append(self.places, 3 * m)
-        return gram[np.ix_(at, at)]
+        return np.asarray(gram[np.ix_(at, at)])
 
     def _place(self, columns: Index, values: Array) -> Array:
         """Values of some unknowns among all, (m, 3)."""
