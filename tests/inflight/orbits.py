@@ -42,12 +42,14 @@ def precise(seed: int, n: int, days: float) -> tuple[SimulatedOrbit, ag.inflight
 
 class FromChamber(NamedTuple):
     """A fit in orbit on top of one in a chamber: error of the bias over its standard error and in
-    nT, at the middle temperature (3,) and over the swing (t, 3), and that swing, °C."""
+    nT, at the middle temperature (3,) and over the swing (t, 3), what ground and change together
+    state there (t, 3), and that swing, °C."""
 
     fit: ag.inflight.InflightFit
     z: Array
     error: Array
     over_swing: Array
+    stated: Array
     swing_C: float
 
 
@@ -76,7 +78,10 @@ def from_chamber(seed: int, *, magnitude_known: bool, iron: float = 2000.0) -> F
     error = fit.after.bias - true_bias(np.array([(low + high) / 2]))[0]
     at = np.linspace(low, high, 9)
     over_swing = fit.calibration.correct(true_bias(at), temperature=at)
-    return FromChamber(fit, error / fit.after.sd[:3], error, over_swing, float(high - low))
+    known = fit.calibration.uncertainty(true_bias(at), temperature=at)
+    stated = np.sqrt(np.einsum("tii->ti", known))
+    away = error / fit.after.sd[:3]
+    return FromChamber(fit, away, error, over_swing, stated, float(high - low))
 
 
 def _sensor() -> Thermal:

@@ -16,3 +16,5 @@ def test_iron_added_since_the_chamber_is_found_within_its_standard_error(magnitu
     assert np.abs([one.error for one in found]).max() < 2.0
     assert 0.5 < np.sqrt(np.mean(np.square([one.z for one in found]))) < 1.4
     assert np.sqrt(np.mean(np.square([one.over_swing for one in found]))) < 1.5
+    stated = np.array([one.over_swing / one.stated for one in found])
+    assert 0.7 < np.sqrt(np.mean(np.square(stated))) < 1.3  # 0.4 with the ground counted twice

@@ -73,6 +73,9 @@ class Chain(Correction):
 
             C ← M C Mᵀ + C_step,   M = ∂correct/∂raw of each step in turn
 
+        A change that was fitted in flight had the errors of the ground before it as its prior: its
+        own covariance is all that is left, and C begins anew there.
+
         Parameters: raw (n, 3) in `unit_in`; columns (n,) that are named in `needs`. Raises
         `AgonicError` where a step carries no covariance.
         """
@@ -80,7 +83,8 @@ class Chain(Correction):
         covariance = np.zeros((len(values), 3, 3))
         for step in self.steps:
             slope = _slope(step, values, columns)
-            covariance = slope @ covariance @ np.swapaxes(slope, -1, -2)
+            before = np.zeros_like(covariance) if contains_ground(step) else covariance
+            covariance = slope @ before @ np.swapaxes(slope, -1, -2)
             covariance = covariance + step.uncertainty(values, **columns)
             values = step.correct(values, **columns)
         return covariance
@@ -220,6 +224,12 @@ def _slope(step: Calibration, values: Array, columns: dict[str, ArrayLike]) -> A
         for axis in np.eye(3)
     ]
     return np.asarray(np.stack(moved, axis=-1) / (2 * small))
+
+
+def contains_ground(step: Affine | Thermal | Network | Alignment) -> bool:
+    """Whether the covariance of a step contains what is left of the errors of those before it."""
+    of_flight = isinstance(step, Affine | Thermal) and step.covariance is not None
+    return of_flight and step.provenance.settings.get("ground") is not None
 
 
 def _require_affine(step: Affine | Thermal | Network) -> Affine:

@@ -223,6 +223,6 @@ def test_a_known_field_gives_every_entry_and_noise_does_not_shrink_them() -> Non
         readings = KnownFieldReadings(raw, field, x, None, scale, 1.0)
         _, found, *_ = choose_model(readings, Settings(degree=1, robust=False), "nT")
         assert found.noise.sd == pytest.approx(0.1, rel=0.05)
-        sd = np.sqrt(np.diag(found.solution.covariance))
-        errors.append((found.solution.params - truth) / sd)
+        sd = np.sqrt(np.diag(found.covariance))
+        errors.append((found.coefficients - truth) / sd)
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.0, abs=0.15)

@@ -118,6 +118,10 @@ def build_calibration(
         last = _thermal(problem, estimate, change)
     elif terms.sources:
         last = _interference(problem, estimate, change)
+    elif ground is not None and type(ground) is not Affine:  # its rotation the flight does not tell
+        plain = Affine(bias=np.zeros(3), matrix=np.eye(3))
+        plain = replace(plain, unit_in=change.unit_in, frame_in=change.frame_in)
+        last = join_affine(plain, change, samples, find_rotation_covariance(problem, estimate))
     if ground is None and not steps:
         return last
     if type(ground) is Affine and type(last) is Affine:

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, apply
-from agonic.calibration.chain import Chain
+from agonic.calibration.chain import Chain, contains_ground
 from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import polynomial
@@ -84,6 +84,8 @@ def compute_ground_covariance(ground: Calibration, temperatures_C: Array) -> Arr
         matrices = [_find_matrix(step, float(one)) for one in temperatures_C]
         carried = block_diag(*(block_diag(np.kron(w, np.linalg.inv(w).T), w) for w in matrices))
         whole = carried @ whole @ carried.T
+        if contains_ground(step):
+            whole = np.zeros_like(whole)
         if isinstance(step, (Affine, Thermal)) and step.covariance is not None:
             own = _differentiate(step, temperatures_C, matrices)
             whole += own @ step.covariance[: own.shape[1], : own.shape[1]] @ own.T

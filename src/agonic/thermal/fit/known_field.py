@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -16,7 +16,12 @@ from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.thermal.fit.calibration import make_calibration
-from agonic.thermal.fit.known_field_model import KnownFieldReadings, choose_model, normalise
+from agonic.thermal.fit.known_field_model import (
+    KnownFieldEstimate,
+    KnownFieldReadings,
+    choose_model,
+    normalise,
+)
 from agonic.thermal.fit.readings import (
     collect_facts,
     convert_to_celsius,
@@ -30,14 +35,9 @@ from agonic.thermal.maths.alternatives import (
     FIELD,
     NETWORK,
     TEMPERATURE,
-    Alternative,
     compare_alternatives,
 )
-from agonic.thermal.maths.known_field import (
-    BLOCKS,
-    KnownFieldEstimate,
-    KnownFieldProblem,
-)
+from agonic.thermal.maths.known_field import BLOCKS
 from agonic.thermal.maths.thermometer import calm_thermometer
 
 FEWEST = 24
@@ -57,17 +57,14 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     readings = normalise(samples, field, level, settings)
     scale = readings.scale
     problem, estimate, tests, curve = choose_model(readings, settings, samples.unit)
-    calibration = _restore(estimate, problem, readings, samples, reference, settings)
+    calibration = _restore(estimate, readings, samples, reference, settings)
     outlier = estimate.weights == 0
     found = [*findings, *noisy, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
     unseen = rms * _compare_to_seen(estimate)
-    noise = estimate.noise
-    prior = estimate.prior * noise.sd**2 * noise.correlation
-    at = (problem, estimate.solution.params, estimate.weights, readings.x)
-    tried = compare_alternatives(*at, prior)
-    alternatives = list_unseen(tried, unseen)
+    ratios = compare_alternatives(problem, estimate.fitted, estimate.weights, readings.x)
+    alternatives = {name: ratio * unseen for name, ratio in ratios.items()}
     found += [*judge_unseen(unseen, before), *judge_alternatives(alternatives, unseen)]
     remark = (
         f"the corrected readings are {figure(rms)} nT (rms of an axis) from the known field, "
@@ -86,9 +83,9 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
         noise=estimate.noise.sd * scale.size,
         excess=0.0,
         correlation=estimate.noise.correlation,
-        condition=estimate.solution.condition,
-        iterations=estimate.solution.iterations,
-        converged=estimate.solution.converged,
+        condition=estimate.condition,
+        iterations=1,
+        converged=True,
         variances=None if curve is None else curve[None] * scale.size**2,
         findings=tuple(found),
         tests=tests,
@@ -104,7 +101,6 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
 
 def _restore(
     estimate: KnownFieldEstimate,
-    problem: KnownFieldProblem,
     readings: KnownFieldReadings,
     samples: Samples,
     reference: Reference,
@@ -113,11 +109,11 @@ def _restore(
     """The calibration in the units of the readings."""
     facts = collect_facts(samples)
     return make_calibration(
-        estimate.solution.params,
-        estimate.solution.covariance,
+        estimate.coefficients,
+        estimate.covariance,
         readings.scale,
         facts,
-        degree=problem.degree,
+        degree=estimate.degree,
         gauge=FREE,
         gain=readings.magnitude / readings.scale.size,
         magnitude=readings.magnitude,
@@ -220,11 +216,6 @@ def judge_unseen(unseen: float, before: float) -> list[Finding]:
             "are of the same moments and axes",
         )
     ]
-
-
-def list_unseen(found: Sequence[Alternative], unseen: float) -> dict[str, float]:
-    """The rms of each alternative on blocks that it has not seen, for `unseen` without any."""
-    return {one.name: one.ratio * unseen for one in found}
 
 
 def judge_alternatives(alternatives: Mapping[str, float], unseen: float) -> list[Finding]:

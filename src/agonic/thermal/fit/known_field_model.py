@@ -1,11 +1,11 @@
 """Bias and matrix over temperature in a known field: the orders in temperature are terms.
 
-    raw = b(x) + W(x)⁻¹ field + l dT/dt,   b(x) = Σ b_k xᵏ,   W(x) = Σ W_k xᵏ,   x = −1…1
-
-Every order of the bias and of the matrix, and the lag l, is a term of the one model
-(`model.average`): how large it is the residuals tell, under a half-Cauchy prior of what sensors do,
-and estimate and covariance are averages over that size. So no order is chosen and then taken for
-known, and what hardly shows stays small outside of the temperatures and directions that were seen.
+Every order of the bias and of the matrix, the lag in dT/dt, and a drift of the bias over time is a
+term of the one model (`model.average`): how large it is the residuals tell, under a half-Cauchy
+prior of what sensors do, and estimate and covariance are averages over that size. So no order is
+chosen and then taken for known, and what hardly shows stays small outside of the temperatures and
+directions that were seen. The drift is no part of a calibration: what it may have moved is in the
+covariance. Where it shows, unseen blocks say whether it, or the temperature, is meant.
 """
 
 from __future__ import annotations
@@ -17,25 +17,24 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.errors import CoverageError
 from agonic.fit import ModelTest
-from agonic.maths.equation.temperature_model import build_covariates
+from agonic.maths.equation import polynomial
 from agonic.maths.estimation import leastsq, series
 from agonic.maths.estimation.loss import squares
-from agonic.maths.estimation.noise.residuals import Noise
+from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 from agonic.model.average import EVIDENCE, Base, Group, Prior, average, choose, solve
+from agonic.model.terms.time import TIME
 from agonic.samples import Samples
 from agonic.thermal.fit.scale import NO_LAG, Scale
 from agonic.thermal.fit.settings import LARGEST_AUTO, Settings
 from agonic.thermal.maths.known_field import (
-    KnownFieldEstimate,
     KnownFieldProblem,
+    Linearised,
     compare_unseen,
-    estimate_noise_of,
     find_start,
-    leave,
-    list_blocks,
+    linearise,
+    map_to_coefficients,
     measure_clustering,
-    sum_up,
-    summarise,
+    predict_unseen,
 )
 
 BIAS_PER_C, GAIN_PER_C = 5e-4, 1e-3
@@ -43,6 +42,9 @@ BIAS_PER_C, GAIN_PER_C = 5e-4, 1e-3
 without compensation (RM3100, MMC5983, HMC5883L data sheets)."""
 SMALLER = 0.3
 """Of an order, the scale of the next."""
+DRIFTS = 24
+"""Cosines of time that a drift has: with noise whose memory is a sixtieth of the record, error over
+standard error is 0.8, with twelve 1.25."""
 LAG = 2e-3
 """Scale of what lags, of the field, at the rms pace of the temperature."""
 ODDS = (0.9, 0.5, 0.25, 0.1, 0.05)
@@ -65,10 +67,33 @@ class KnownFieldReadings(NamedTuple):
     scale: Scale
     magnitude: float
 
-    def pose(self, degree: int, rate: bool) -> KnownFieldProblem:
-        """The problem of an order, with the term in dT/dt or without."""
-        phi = build_covariates(self.x, 0.0, degree, self.lag if rate else None)
-        return KnownFieldProblem(self.points, self.fields, phi, degree, rate)
+    def pose(self, degree: int) -> KnownFieldProblem:
+        """The problem of an order, with the pace of the temperature and cosines of time."""
+        at = (np.arange(len(self.x)) + 0.5) / len(self.x)
+        order = np.arange(1, DRIFTS + 1)
+        drift = np.cos(np.pi * at[:, None] * order) / order
+        lag = np.empty((len(self.x), 0)) if self.lag is None else self.lag[:, None]
+        powers = polynomial.powers(self.x, degree)
+        return KnownFieldProblem(self.points, self.fields, powers, np.hstack([lag, drift]))
+
+
+class KnownFieldEstimate(NamedTuple):
+    """Coefficients (a,) with their covariance, the noise of a reading on one axis, residuals (n, 3)
+    by them and weights (n,); `unseen` (n, 3) are the residuals by the fit without the block in
+    which a reading lies. `fitted` are the readings about the solution by the columns that it
+    keeps."""
+
+    degree: int
+    rate: bool
+    coefficients: Array
+    covariance: Array
+    noise: Noise
+    residuals: Array
+    weights: Array
+    unseen: Array
+    condition: float
+    odds: float
+    fitted: Linearised
 
 
 def normalise(
@@ -92,213 +117,254 @@ def normalise(
 def choose_model(
     readings: KnownFieldReadings, settings: Settings, unit: str
 ) -> tuple[KnownFieldProblem, KnownFieldEstimate, tuple[ModelTest, ...], Array | None]:
-    """The estimate up to the order that was asked for, or to the last that shows, with
-    the lag where it shows or is asked for; and the variance of unseen residuals by order where it
-    was looked for."""
-    auto = settings.degree == "auto"
+    """The estimate up to the order that was asked for, or to the last that shows, with the lag
+    where it shows or is asked for; and the variance of unseen residuals by order where it was
+    looked for."""
     highest = LARGEST_AUTO if settings.degree == "auto" else settings.degree
-    curve = None
-    if auto:
-        curve = _measure_orders(readings, highest, settings.robust)
-    problem, estimate, odds = _estimate(readings, highest, settings, auto=auto)
-    tests: tuple[ModelTest, ...] = ()
-    if readings.lag is not None:
-        term = estimate.solution.params[-3:]
-        words = readings.scale.describe_lag(term, unit) if problem.rate else NO_LAG
-        chance = float(1.0 / (1.0 + np.exp(np.clip(odds, -700.0, 700.0))))
-        tests = (
-            ModelTest(
-                smaller="temperature",
-                larger="rate",
-                statistic=2.0 * odds,
-                p_value=chance,
-                sentence=words,
-            ),
-        )
-    return problem, estimate, tests, curve
+    problem = readings.pose(highest)
+    estimate = _Fitting(problem, readings, settings).estimate()
+    curve = _measure_orders(problem, estimate) if settings.degree == "auto" else None
+    if readings.lag is None:
+        return problem, estimate, (), curve
+    words = NO_LAG
+    if estimate.rate:
+        words = readings.scale.describe_lag(estimate.coefficients[-3:], unit)
+    test = ModelTest(
+        smaller="temperature",
+        larger="rate",
+        statistic=2.0 * estimate.odds,
+        p_value=float(1.0 / (1.0 + np.exp(np.clip(estimate.odds, -700.0, 700.0)))),
+        sentence=words,
+    )
+    return problem, estimate, (test,), curve
 
 
-class _Orders(NamedTuple):
-    """The terms that orders and lag form, after the twelve numbers that do not change, and where
-    each of these unknowns stands among the coefficients."""
+class _State(NamedTuple):
+    """Unknowns (m, 3), the readings about them, cross-products of blocks by weight, and what the
+    residuals show: terms by their sizes, their base, and the cross-products of all axes."""
 
-    groups: list[Group]
-    places: Index
-    highest: int
-    lag: int | None
-
-    def find_kept(self, there: set[int]) -> int:
-        """The highest order that is there."""
-        return max((1 + i // 2 for i in there if i != self.lag), default=0)
-
-
-def _list_orders(problem: KnownFieldProblem, half_C: float) -> _Orders:
-    p, highest = problem.degree + 1, problem.degree
-    starts = p * np.arange(12)
-    places, groups, at = [starts], list[Group](), 12
-    listed = [
-        (f"{what} {k}", own + k, per_C * half_C * SMALLER ** (k - 1), ODDS[min(k, len(ODDS)) - 1])
-        for k in range(1, highest + 1)
-        for what, own, per_C in (
-            ("bias", starts[:3], BIAS_PER_C),
-            ("matrix", starts[3:], GAIN_PER_C),
-        )
-    ]
-    listed += [("lag", 12 * p + np.arange(3), LAG, ODDS[3])] if problem.rate else []
-    for name, own, scale, odds in listed:
-        places.append(own)
-        groups.append(Group(name, at + np.arange(len(own)), scale, odds, MOST))
-        at += len(own)
-    lag = len(groups) - 1 if problem.rate else None
-    return _Orders(groups, np.concatenate(places), highest, lag)
-
-
-class _Fitted(NamedTuple):
-    """All coefficients, the sizes of the terms that are there, their base, and cross-products."""
-
-    params: Array
+    unknowns: Array
+    fitted: Linearised
+    sums: Array
     there: dict[int, float]
     base: Base
     gram: Array
 
 
-def _fit(
-    problem: KnownFieldProblem, orders: _Orders, start: Array, weights: Array, noise: Noise | None
-) -> _Fitted:
-    """Gauss–Newton on the coefficients with the terms that are there; without a noise it is found
-    along."""
-    params, there = start, dict[int, float]()
-    of_axes, n = np.repeat(weights, 3).reshape(-1, 3), 3 * len(weights)
-    for _ in range(_STEPS):
-        information, gradient, square = sum_up(problem, params, of_axes)
-        variance = square / n if noise is None else noise.sd**2 * noise.correlation
-        gram = np.empty((len(params) + 1, len(params) + 1))
-        own = information[np.ix_(orders.places, orders.places)]
-        right = own @ params[orders.places] - gradient[orders.places]
-        gram[:-1, :-1], gram[:-1, -1], gram[-1, :-1] = own, right, right
-        gram[-1, -1] = square + params[orders.places] @ (2 * right - own @ params[orders.places])
-        gram /= max(variance, 1e-24)
-        there, base = choose(gram, NONE, orders.groups, there)
-        before, params = params, _place(orders, base.columns, base.estimate)
-        if float((params - before) @ information @ (params - before)) < _SETTLED * variance:
-            break
-    return _Fitted(params, there, base, gram)
+class _Fitting:
+    """One problem with its terms."""
+
+    def __init__(
+        self, problem: KnownFieldProblem, readings: KnownFieldReadings, settings: Settings
+    ) -> None:
+        self.problem, self.settings = problem, settings
+        self.start, self.response = find_start(problem)
+        self.timed = readings.lag is not None
+        self.highest = problem.powers.shape[1] - 1
+        self.groups, self.columns = _list_terms(problem, readings.scale.half_C, self.timed)
+        axes = len(self.start) * np.arange(3)[:, None]
+        whole = [np.arange(4)[None] + axes, *(own[None] + axes for own in self.columns)]
+        self.places = np.concatenate([each.ravel() for each in whole])
+
+    def estimate(self) -> KnownFieldEstimate:
+        """The estimate that foretells unseen readings best: with a drift where one shows, and
+        outliers down-weighted."""
+        weights = np.ones(len(self.problem.points))
+        if len(self.groups) - 1 not in self._fit(self.start, weights, None, self.groups).there:
+            return self._estimate_robustly(self.groups[:-1])
+        drifting = self._estimate_robustly(self.groups)
+        return _choose_best(drifting, self._estimate_robustly(self.groups[:-1]), _CLEARLY)
+
+    def _estimate_robustly(self, terms: list[Group]) -> KnownFieldEstimate:
+        """With some of the terms; outliers are down-weighted where that foretells unseen readings
+        better.
+
+        What a model lacks (hysteresis, a lag) spoils whole stretches of readings, and to leave
+        those out fits the rest only.
+        """
+        weights = np.ones(len(self.problem.points))
+        fitted = self._fit(self.start, weights, None, terms)
+        noise = self._estimate_noise(fitted, False)
+        plain = self._conclude(fitted.unknowns, weights, noise, terms)
+        noise = self._estimate_noise(fitted, self.settings.robust)
+        if noise.loss == squares():
+            return plain
+        for _ in range(_ROUNDS):
+            weights = noise.loss.weight((fitted.fitted.residuals / noise.sd) ** 2).min(axis=1)
+            fitted = self._fit(fitted.unknowns, weights, noise, terms)
+            before, noise = noise, self._estimate_noise(fitted, True)
+            if noise.settled(before):
+                break
+        weighted = self._conclude(fitted.unknowns, weights, noise, terms)
+        return _choose_best(plain, weighted, _CLEARLY * measure_clustering(weights))
+
+    def _estimate_noise(self, state: _State, robust: bool) -> Noise:
+        """The noise of residuals, each axis in time order, one after the other."""
+        return estimate_noise(
+            state.fitted.residuals.T.ravel(), robust, len(state.base.columns) // 3
+        )
+
+    def _fit(self, start: Array, weights: Array, noise: Noise | None, terms: list[Group]) -> _State:
+        """Gauss–Newton on the unknowns with the terms that are there; without a noise it is found
+        along."""
+        unknowns, there, blocks = start, dict[int, float](), self.problem.blocks()
+        for _ in range(_STEPS):
+            fitted = linearise(self.problem, unknowns, self.response)
+            square = float(np.mean(weights[:, None] * fitted.residuals**2))
+            variance = square if noise is None else noise.sd**2 * noise.correlation
+            sums = fitted.sum_up(weights, blocks)
+            gram = self._join_axes(sums.sum(axis=0)) / max(variance, 1e-24)
+            there, base = choose(gram, NONE, terms, there)
+            before = unknowns
+            unknowns = self._place(base.columns, base.estimate)
+            step = np.asarray(fitted.design @ (unknowns - before))
+            if float(np.sum(weights[:, None] * step**2)) < _SETTLED * variance:
+                break
+        return _State(unknowns, fitted, sums, there, base, gram)
+
+    def _join_axes(self, sums: Array) -> Array:
+        """The cross-products of all unknowns (u + 1, u + 1), whose design every axis has."""
+        m = len(self.start)
+        gram = np.zeros((3 * m + 1, 3 * m + 1))
+        for axis in range(3):
+            own = slice(axis * m, axis * m + m)
+            gram[own, own] = sums[:m, :m]
+            gram[own, -1] = gram[-1, own] = sums[:m, m + axis]
+        gram[-1, -1] = np.trace(sums[m:, m:])
+        at = np.append(self.places, 3 * m)
+        return np.asarray(gram[np.ix_(at, at)])
+
+    def _place(self, columns: Index, values: Array) -> Array:
+        """Values of some unknowns among all, (m, 3)."""
+        flat = np.zeros(3 * len(self.start))
+        flat[self.places[columns]] = values
+        return np.asarray(flat.reshape(3, -1).T)
+
+    def _conclude(
+        self, start: Array, weights: Array, noise: Noise, terms: list[Group]
+    ) -> KnownFieldEstimate:
+        """Estimate and covariance averaged over the sizes of all terms, as a calibration has
+        them."""
+        _, _, sums, there, base, gram = self._fit(start, weights, noise, terms)
+        lag = 2 * self.highest if self.timed else -1
+        if self.timed and self.settings.rate is True and lag not in there:
+            there = {**there, lag: self.groups[lag].scale}
+            base = solve(gram, NONE, self.groups, there)
+        size = len(self.places)
+        found, covariance, ridge = np.zeros(size), np.zeros((size, size)), np.zeros(size)
+        found[base.columns] = base.estimate
+        covariance[np.ix_(base.columns, base.columns)] = base.inverse
+        averaged = {
+            i: average(gram, base, one) for i, one in enumerate(self.groups) if i not in there
+        }
+        shown = {*there, *(i for i, one in averaged.items() if one.odds > 0.0)}
+        degree = self.highest
+        if self.settings.degree == "auto":
+            degree = max((1 + i // 2 for i in shown if i < 2 * self.highest), default=0)
+        for i, one in averaged.items():
+            own = self.groups[i].columns
+            stays = i < 2 * degree
+            ridge[own] = len(own) / max(float(np.trace(one.square)), 1e-24) if stays else 1e24
+            spread = one.covariance if stays else one.square
+            covariance[np.ix_(base.columns, base.columns)] += one.alias @ spread @ one.alias.T
+            if stays:
+                found[base.columns] -= one.alias @ one.mean
+                found[own] = one.mean
+                across = -one.alias @ one.covariance
+                covariance[np.ix_(own, own)] = one.covariance
+                covariance[np.ix_(base.columns, own)] = across
+                covariance[np.ix_(own, base.columns)] = across.T
+        for i, each in there.items():
+            ridge[self.groups[i].columns] = each**-2
+        ridge *= noise.sd**2 * noise.correlation
+        odds = averaged[lag].odds if lag in averaged else EVIDENCE
+        return self._summarise(
+            found, covariance, ridge, sums, noise, weights, degree, lag in there, float(odds)
+        )
+
+    def _summarise(
+        self,
+        found: Array,
+        covariance: Array,
+        ridge: Array,
+        sums: Array,
+        noise: Noise,
+        weights: Array,
+        degree: int,
+        rate: bool,
+        odds: float,
+    ) -> KnownFieldEstimate:
+        """In the coefficients of a calibration, with what it leaves of blocks that it has not
+        seen."""
+        m, own = len(self.start), np.arange(4 * (degree + 1))
+        kept = np.append(own, self.problem.orders) if rate else own
+        flat = (kept + m * np.arange(3)[:, None]).ravel()
+        whole, precisions = np.zeros((3 * m, 3 * m)), np.zeros(3 * m)
+        whole[np.ix_(self.places, self.places)] = covariance
+        precisions[self.places] = ridge
+        unknowns = np.zeros((m, 3))
+        unknowns[kept] = self._place(np.arange(len(found)), found)[kept]
+        fitted = linearise(self.problem, unknowns, self.response)
+        fitted = fitted._replace(design=fitted.design[:, kept])
+        without, _ = predict_unseen(sums, np.arange(m), precisions[:m])
+        unseen = [
+            fitted.targets[rows] - fitted.design[rows] @ own[kept]
+            for rows, own in zip(self.problem.blocks(), without, strict=True)
+        ]
+        onto = map_to_coefficients(self.response, degree, rate)
+        return KnownFieldEstimate(
+            degree=degree,
+            rate=rate,
+            coefficients=onto @ unknowns[kept].T.ravel(),
+            covariance=onto @ whole[np.ix_(flat, flat)] @ onto.T,
+            noise=noise,
+            residuals=fitted.residuals,
+            weights=weights,
+            unseen=np.concatenate(unseen),
+            condition=float(leastsq.condition(sums.sum(axis=0)[np.ix_(kept, kept)])),
+            odds=odds,
+            fitted=fitted,
+        )
 
 
-def _place(orders: _Orders, columns: Index, values: Array) -> Array:
-    params = np.zeros(len(orders.places))
-    params[orders.places[columns]] = values
-    return params
+def _choose_best(
+    plain: KnownFieldEstimate, other: KnownFieldEstimate, needed: float = 0.0
+) -> KnownFieldEstimate:
+    """The one that leaves less of unseen readings, the other by a share that is needed."""
+    left = [compare_unseen(one.unseen, other.unseen) for one in (plain, other)]
+    return other if left[1] < (1.0 - needed) * left[0] else plain
 
 
-def _estimate(
-    readings: KnownFieldReadings, highest: int, settings: Settings, *, auto: bool
-) -> tuple[KnownFieldProblem, KnownFieldEstimate, float]:
-    """The problem up to an order, its estimate, and the log-odds of the lag.
-
-    Outliers are down-weighted where that foretells unseen readings better: what a model lacks
-    (hysteresis, a lag) spoils whole stretches of readings, and to leave those out fits the rest
-    only.
-    """
-    problem = readings.pose(highest, readings.lag is not None)
-    orders = _list_orders(problem, readings.scale.half_C)
-    weights, count = np.ones(len(readings.x)), 4 * (highest + 1)
-    fitted = _fit(problem, orders, find_start(problem), weights, None)
-    left = leave(problem, fitted.params)
-    noise = estimate_noise_of(left.ravel(), False, count)
-    plain = _conclude(problem, orders, readings, settings, fitted.params, weights, noise, auto)
-    noise = estimate_noise_of(left.ravel(), settings.robust, count)
-    if noise.loss == squares():
-        return plain
-    for _ in range(_ROUNDS):
-        weights = noise.loss.weight((left / noise.sd) ** 2).min(axis=1)
-        left = leave(problem, _fit(problem, orders, fitted.params, weights, noise).params)
-        before, noise = noise, estimate_noise_of(left.ravel(), True, count)
-        if noise.settled(before):
-            break
-    weighted = _conclude(problem, orders, readings, settings, fitted.params, weights, noise, auto)
-    needed = 1.0 - _CLEARLY * measure_clustering(weighted[1].weights)
-    unseen = [compare_unseen(one[1], weighted[1]) for one in (weighted, plain)]
-    return weighted if unseen[0] < needed * unseen[1] else plain
+def _list_terms(
+    problem: KnownFieldProblem, half_C: float, timed: bool
+) -> tuple[list[Group], list[Index]]:
+    """The terms after the twelve numbers that do not change, and the columns of each on an axis."""
+    first = np.arange(4)
+    listed: list[tuple[str, Index, float, float, float]] = []
+    for k in range(1, problem.powers.shape[1]):
+        odds, less = ODDS[min(k, len(ODDS)) - 1], half_C * SMALLER ** (k - 1)
+        listed.append((f"bias {k}", 4 * k + first[:1], BIAS_PER_C * less, odds, MOST))
+        listed.append((f"matrix {k}", 4 * k + first[1:], GAIN_PER_C * less, odds, MOST))
+    if timed:
+        listed.append(("lag", np.array([problem.orders]), LAG, ODDS[3], MOST))
+    drift = np.arange(problem.orders + timed, problem.orders + problem.others.shape[1])
+    of = TIME[0]
+    listed.append(("drift", drift, of.scale, of.odds, of.most))
+    groups, at = [], 12
+    for name, own, scale, odds, most in listed:
+        groups.append(Group(name, at + np.arange(3 * len(own)), scale, odds, most))
+        at += 3 * len(own)
+    return groups, [own for _, own, *_ in listed]
 
 
-def _conclude(
-    problem: KnownFieldProblem,
-    orders: _Orders,
-    readings: KnownFieldReadings,
-    settings: Settings,
-    start: Array,
-    weights: Array,
-    noise: Noise,
-    auto: bool,
-) -> tuple[KnownFieldProblem, KnownFieldEstimate, float]:
-    """Estimate and covariance averaged over the sizes of all terms, as a calibration has them."""
-    _, there, base, gram = _fit(problem, orders, start, weights, noise)
-    if orders.lag is not None and settings.rate is True and orders.lag not in there:
-        there = {**there, orders.lag: orders.groups[orders.lag].scale}
-        base = solve(gram, NONE, orders.groups, there)
-    highest = orders.find_kept(set(there)) if auto else orders.highest
-    size = len(orders.places)
-    found, covariance = np.zeros(size), np.zeros((size, size))
-    found[base.columns] = base.estimate
-    covariance[np.ix_(base.columns, base.columns)] = base.inverse
-    odds = EVIDENCE
-    for i, group in enumerate(orders.groups):
-        if i in there:
-            continue
-        one = average(gram, base, group)
-        odds = one.odds if i == orders.lag else odds
-        stays = i != orders.lag and 1 + i // 2 <= highest
-        spread = one.covariance if stays else one.square
-        covariance[np.ix_(base.columns, base.columns)] += one.alias @ spread @ one.alias.T
-        if stays:
-            found[base.columns] -= one.alias @ one.mean
-            found[group.columns] = one.mean
-            across = -one.alias @ one.covariance
-            covariance[np.ix_(group.columns, group.columns)] = one.covariance
-            covariance[np.ix_(base.columns, group.columns)] = across
-            covariance[np.ix_(group.columns, base.columns)] = across.T
-    rate = orders.lag in there
-    kept = readings.pose(highest, rate)
-    stay = _find_stay(orders, highest, rate)
-    params, whole = np.empty(size), np.empty((size, size))
-    params[orders.places] = found
-    whole[np.ix_(orders.places, orders.places)] = covariance
-    known = whole[np.ix_(stay, stay)]
-    return kept, summarise(kept, params[stay], known, noise, weights), float(odds)
-
-
-def _find_stay(orders: _Orders, highest: int, rate: bool) -> Index:
-    """Which coefficients a calibration of an order keeps."""
-    p = orders.highest + 1
-    powers = np.arange(12 * p) % p <= highest
-    of_lag = np.full(len(orders.places) - 12 * p, rate)
-    return np.flatnonzero(np.concatenate([powers, of_lag]))
-
-
-def _measure_orders(readings: KnownFieldReadings, highest: int, robust: bool) -> Array:
+def _measure_orders(problem: KnownFieldProblem, estimate: KnownFieldEstimate) -> Array:
     """The mean square of what each order (highest + 1,) leaves of blocks that it has not seen, by
     algebra about the fit of all orders."""
-    problem = readings.pose(highest, False)
-    orders = _list_orders(problem, readings.scale.half_C)
-    params = _fit(problem, orders, find_start(problem), np.ones(len(readings.x)), None).params
-    left = leave(problem, params)
-    noise = estimate_noise_of(left.ravel(), robust, len(params))
-    weights = noise.loss.weight((left / noise.sd) ** 2).min(axis=1)
-    of_axes = np.repeat(weights, 3).reshape(-1, 3)
-    sums = [
-        sum_up(problem.select(rows), params, of_axes[rows]) for rows in list_blocks(len(readings.x))
+    weights, highest = estimate.weights, problem.powers.shape[1] - 1
+    design = problem.expand(estimate.fitted.design[:, 1:4])
+    sums = estimate.fitted._replace(design=design).sum_up(weights, problem.blocks())
+    left = [
+        predict_unseen(sums, np.arange(4 * order), np.zeros(4 * order))[1].sum()
+        for order in range(1, highest + 2)
     ]
-    whole = [np.sum(part, axis=0) for part in zip(*((one[0], one[1]) for one in sums), strict=True)]
-    squares = np.zeros(highest + 1)
-    for order in range(highest + 1):
-        own = _find_stay(orders, order, False)
-        gone = np.setdiff1d(np.arange(len(params)), own)
-        for information, gradient, square in sums:
-            # the orders above leave the model: their coefficients move to zero
-            move = np.zeros(len(params))
-            move[gone] = -params[gone]
-            rest, pull = whole[0] - information, whole[1] - gradient
-            move[own] = -leastsq.inverse(rest[np.ix_(own, own)]) @ (pull + rest @ move)[own]
-            squares[order] += square + 2 * gradient @ move + move @ information @ move
-    return np.asarray(squares / (3 * float(weights.sum())))
+    return np.array(left) / (3 * float(weights.sum()))

@@ -223,7 +223,7 @@ def _test_rate(
     """Whether the bias depends on how fast the temperature changes.
 
     A rate that goes unseen hardly moves the others, for all temperatures were cooled and heated
-    through; it is decided upon. A drift would move them: it is averaged (`model_averaging`).
+    through; it is decided upon. A drift would move them: it is averaged (`model.average`).
     """
     if not problem.rate:
         return None

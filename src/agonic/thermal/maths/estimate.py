@@ -15,9 +15,10 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.inference.model_averaging import average_over_term
 from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.estimation.noise.residuals import estimate_noise, robust_scale
+from agonic.model.average import Base, Group, average
+from agonic.model.terms.time import TIME
 from agonic.thermal.maths import fixture, gaussian_process
 from agonic.thermal.maths.prior import estimate_width, make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (
@@ -35,9 +36,10 @@ _FIRST_EXCESS = 0.01**2
 UNREST = 16.0
 """Twice the logarithm of the likelihood by which slow changes must show to be spoken of."""
 RARE, LIKELY = 0.05, 0.5
-"""Probability of a drift before the readings are seen: of a field at rest, of one that changes."""
+"""Probability of a drift before the readings are seen: of a field at rest, of one that changes; a
+bias ages as seldom as a field at rest drifts, where directions tell one from the other."""
 AGED = 0.2
-"""That of a bias that aged."""
+"""That of a bias that aged by the magnitude alone, which shows 20 nT a day too little."""
 HARDLY = 0.001
 """The same by the magnitude alone beside slow changes of the field: twelve magnitudes are hardly
 more than the numbers that they determine; what changes from station to station fits as ageing."""
@@ -259,6 +261,25 @@ def _add_half(covariance: Array, aged: Array, ageing: slice, p: int) -> Array:
     return added
 
 
+def _average_over_size(
+    params: Array, covariance: Array, term: slice, odds: float
+) -> tuple[Array, Array]:
+    """Parameters (p,) and covariance averaged over how large a steady change is (`model.average`).
+
+    With d and V of the term, information and score beside all others are V⁻¹ and V⁻¹ d; the others
+    follow it along C_od V⁻¹.
+    """
+    d, spread = params[term], covariance[term, term]
+    information, nature, k = leastsq.inverse(spread), TIME[0], len(d)
+    gram = np.zeros((k + 1, k + 1))
+    gram[:k, :k], gram[:k, k] = information, information @ d
+    beside = Base(np.zeros(0, dtype=np.intp), np.zeros((0, 0)), np.zeros(0), 0.0)
+    group = Group(nature.name, np.arange(k), nature.scale, odds, nature.most)
+    one = average(gram, beside, group)
+    by = covariance[:, term] @ information
+    return params - by @ (d - one.mean), covariance + by @ (one.covariance - spread) @ by.T
+
+
 def _summarise(
     problem: StationProblem,
     state: State,
@@ -274,11 +295,12 @@ def _summarise(
     if state.trends:
         likely = LIKELY if state.slow.gain > UNREST else RARE
         if len(state.ageing):
-            aged = HARDLY if _resemble_ageing(state) else AGED
-            found, covariance, _ = average_over_term(found, covariance, ageing, aged)
+            aged = AGED if state.poses is None else RARE
+            aged = HARDLY if _resemble_ageing(state) else aged
+            found, covariance = _average_over_size(found, covariance, ageing, aged)
             covariance = _add_half(covariance, found[ageing], ageing, problem.degree + 1)
         if not problem.drifting:
-            found, covariance, _ = average_over_term(found, covariance, drift, likely)
+            found, covariance = _average_over_size(found, covariance, drift, likely)
         averaged = found.copy()
         averaged[a + state.trends :] -= solution.params[a + state.trends :]  # steps taken before
         state, _ = _renew_slow_changes(problem, _move(problem, state, averaged), (state.slow.kind,))

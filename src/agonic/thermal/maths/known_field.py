@@ -1,96 +1,138 @@
 """W(T) and b(T) where the field's components are known at every reading, as in a coil.
 
-The residual is raw − b(T) − W(T)⁻¹ field, in the space of the readings where their noise is, so
-noise does not pull the gains towards zero. Points are scaled to about one, as are fields.
+    raw = b(x) + W(x)⁻¹ field + l dT/dt + D(t) u,   b(x) = Σ b_k xᵏ,   W(x) = Σ W_k xᵏ
+
+The residual is in the space of the readings where their noise is, so noise does not pull the gains
+towards zero. At the feet v = W⁻¹ field, with A = W_0⁻¹, an increment of W_k moves the reading by
+−A dW_k v xᵏ: so one design [1, v]·xᵏ, dT/dt, D serves all three axes, and everything that is asked
+is algebra on its cross-products by blocks of time. Points are scaled to about one, as are fields.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
-from agonic.maths.equation import temperature_model
-from agonic.maths.equation.affine import FREE
-from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.noise.noise_with_memory import STRETCHES, Stretches, find_memory
-from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, robust_scale
+from agonic.arrays import Array, Index
+from agonic.maths.equation.affine import FREE, model_basis
+from agonic.maths.estimation.noise.residuals import robust_scale
 
 BLOCKS = 10
 """Blocks of readings, in their order, each of which a fit is tried on that has not seen it."""
-_ROWS = 4096  # rows whose temporaries stay in the cache
 _DOUBTED = 0.2  # weight of an outlier
 _GROSS = 6.0  # standard deviations: what no fit foretells says nothing of either
+_FIRM = 1e-12  # of a column's own square
 
 
 class KnownFieldProblem(NamedTuple):
-    """Points (n, 3), fields (n, 3), covariates φ (n, q), and what they multiply."""
+    """Points and fields (n, 3), powers of x (n, d + 1), and further columns (n, h) of every axis:
+    the pace of the temperature where it is known, then what else may have been there."""
 
     points: Array
-    field: Array
-    phi: Array
-    degree: int
-    rate: bool = False
+    fields: Array
+    powers: Array
+    others: Array
 
     @property
-    def layout(self) -> Array:
-        """From the coefficients to the local numbers: all nine entries of the matrix are free."""
-        return temperature_model.build_layout(self.degree, FREE, self.rate)
+    def orders(self) -> int:
+        """How many columns the powers have."""
+        return 4 * int(self.powers.shape[1])
 
-    def select(self, rows: slice) -> KnownFieldProblem:
-        """Some of the rows."""
-        return self._replace(points=self.points[rows], field=self.field[rows], phi=self.phi[rows])
+    def blocks(self) -> list[slice]:
+        """The rows of each of `BLOCKS` blocks."""
+        edges = np.linspace(0, len(self.points), BLOCKS + 1).astype(int)
+        return [slice(a, b) for a, b in pairwise(edges.tolist())]
+
+    def expand(self, feet: Array, rows: slice = slice(None)) -> Array:
+        """The design (n, m) at feet (n, 3): four columns a power, then the others."""
+        ones = np.concatenate([np.ones((len(feet), 1)), feet], axis=1)
+        by = (self.powers[rows, :, None] * ones[:, None]).reshape(len(feet), -1)
+        return np.concatenate([by, self.others[rows]], axis=1)
 
 
-class KnownFieldEstimate(NamedTuple):
-    """The solution, the noise of a reading on one axis, residuals (n, 3) and weights (n,);
-    `unseen` (n, 3) are the residuals by the fit without the block in which a reading lies;
-    `prior` (a, a) is the information of the prior."""
+class Linearised(NamedTuple):
+    """What each reading would be by a design, less its constants: design (n, m), targets (n, 3),
+    residuals (n, 3)."""
 
-    solution: leastsq.Solution
-    noise: Noise
+    design: Array
+    targets: Array
     residuals: Array
-    weights: Array
-    unseen: Array
-    prior: Array
+
+    def sum_up(self, weights: Array, blocks: list[slice], more: Array | None = None) -> Array:
+        """Cross-products (blocks, …) of design, `more` columns, and targets, by weight (n,)."""
+        parts = [self.design, self.targets] if more is None else [self.design, more, self.targets]
+        whole = np.concatenate(parts, axis=1)
+        light = whole * weights[:, None]
+        return np.stack([light[rows].T @ whole[rows] for rows in blocks])
 
 
-def make_pieces(problem: KnownFieldProblem) -> leastsq.Pieces:
-    """Residuals of the readings block by block, three to a row."""
-    onto = problem.layout
-
-    def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        for start in range(0, len(problem.points), _ROWS):
-            rows = slice(start, start + _ROWS)
-            phi = problem.phi[rows]
-            bias, matrix = temperature_model.evaluate_local(params, onto, phi)
-            r, jacobian, _ = temperature_model.reading_residual(
-                problem.points[rows], bias, matrix, problem.field[rows]
-            )
-            by = temperature_model.chain_to_coefficients(jacobian, onto, phi[:, None])
-            yield r.ravel(), by.reshape(r.size, -1)
-
-    return blocks
-
-
-def find_start(problem: KnownFieldProblem) -> Array:
-    """Coefficients that do not change with temperature, by linear least squares."""
-    rows = np.hstack([problem.field, np.ones((len(problem.field), 1))])
+def find_start(problem: KnownFieldProblem) -> tuple[Array, Array]:
+    """Unknowns (m, 3) that do not change with temperature, by linear least squares, and W_0⁻¹."""
+    rows = problem.expand(problem.fields)[:, :4]
     solution = np.linalg.lstsq(rows, problem.points, rcond=None)[0]
-    response = solution[:3].T
-    matrix = np.linalg.inv(response)
-    q = problem.phi.shape[1]
-    local = np.zeros((12, q))
-    local[:, 0] = np.concatenate([solution[3], matrix.ravel()])
-    return np.asarray(np.linalg.lstsq(problem.layout, local.ravel(), rcond=None)[0])
+    found = np.zeros((problem.orders + problem.others.shape[1], 3))
+    found[0], found[1:4] = solution[0], -np.eye(3)
+    return found, np.asarray(solution[1:].T)
 
 
-def leave(problem: KnownFieldProblem, params: Array) -> Array:
-    """The residuals (n, 3)."""
-    return np.concatenate([r for r, _ in make_pieces(problem)(params)]).reshape(-1, 3)
+def make_matrices(unknowns: Array, response: Array, orders: int) -> Array:
+    """W_k (d + 1, 3, 3) of unknowns (m, 3) = (b_k, −(A W_k)ᵀ, …), with A the `response` (3, 3)."""
+    tilted = unknowns[:orders].reshape(-1, 4, 3)[:, 1:]
+    return -np.linalg.inv(response) @ np.swapaxes(tilted, 1, 2)
+
+
+def linearise(problem: KnownFieldProblem, unknowns: Array, response: Array) -> Linearised:
+    """The readings about unknowns (m, 3)."""
+    matrices = make_matrices(unknowns, response, problem.orders)
+    each = (problem.powers @ matrices.reshape(len(matrices), 9)).reshape(-1, 3, 3)
+    feet = np.linalg.solve(each, problem.fields[:, :, None])[:, :, 0].astype(np.float64, copy=False)
+    design = problem.expand(feet)
+    moved = unknowns.copy()
+    moved[: problem.orders].reshape(-1, 4, 3)[:, 1:] = 0.0  # these are in the feet
+    residuals = problem.points - feet - design @ moved
+    return Linearised(design, residuals + design @ unknowns, residuals)
+
+
+def map_to_coefficients(response: Array, degree: int, rate: bool) -> Array:
+    """From the unknowns of the axes, one axis after the other (3 m,), to the coefficients (a,) of a
+    calibration: bias x y z, xx yy zz xy xz yz yx zx zy, each with its powers, then the rates."""
+    p, m = degree + 1, 4 * (degree + 1) + rate
+    entries = model_basis("full", FREE)[3:, 3:]  # (9 local, 9 named)
+    onto = np.zeros((12 * p + 3 * rate, 3, m))
+    back = -np.linalg.inv(response)
+    for power in range(p):
+        for axis in range(3):
+            onto[axis * p + power, axis, 4 * power] = 1.0
+            for j in range(3):
+                local = np.zeros((3, 3))
+                local[:, j] = back[:, axis]
+                named = (3 + np.arange(9)) * p + power
+                onto[named, axis, 4 * power + 1 + j] = local.ravel() @ entries
+    if rate:
+        onto[12 * p + np.arange(3), np.arange(3), -1] = 1.0
+    return onto.reshape(len(onto), -1)
+
+
+def predict_unseen(
+    sums: Array, columns: Index, ridge: Array, gone: Array | None = None
+) -> tuple[Array, Array]:
+    """Unknowns (blocks, c, 3) of `columns` without each block, and the squares (blocks,) that they
+    leave of it.
+
+    Parameters: cross-products (blocks, m + 3, m + 3), the precision (c,) of each column's prior.
+    """
+    whole = sums.sum(axis=0)
+    rest = (whole - sums)[:, columns][:, :, columns] + np.diag(ridge)
+    size = np.sqrt(np.maximum(np.einsum("bii->bi", rest), 1e-300))
+    scaled = rest / (size[:, :, None] * size[:, None]) + _FIRM * np.eye(len(columns))
+    right = (whole - sums)[:, columns, -3:] / size[:, :, None]
+    found = np.linalg.solve(scaled, right) / size[:, :, None]
+    own = sums[:, columns][:, :, columns]
+    left = np.einsum("bii->b", sums[:, -3:, -3:])
+    left = left - 2 * np.einsum("bci,bci->b", found, sums[:, columns, -3:])
+    return found, left + np.einsum("bci,bcd,bdi->b", found, own, found, optimize=True)
 
 
 def measure_clustering(weights: Array) -> float:
@@ -100,125 +142,8 @@ def measure_clustering(weights: Array) -> float:
     return float(beside[out].mean()) if out.any() else 0.0
 
 
-def compare_unseen(one: KnownFieldEstimate, other: KnownFieldEstimate) -> float:
-    """The rms of what an estimate leaves unseen; no reading counts for more than what is gross to
-    the other."""
-    limit = _GROSS * robust_scale(other.unseen.ravel())
-    return float(np.sqrt(np.mean(np.minimum(np.abs(one.unseen), limit) ** 2)))
-
-
-def summarise(
-    problem: KnownFieldProblem, params: Array, covariance: Array, noise: Noise, weights: Array
-) -> KnownFieldEstimate:
-    """An estimate with its residuals, and its covariance as noise with memory makes it.
-
-    Parameters: coefficients (a,), their covariance (a, a) by white noise and prior, weights (n,) of
-    the readings.
-    """
-    of_axes = np.repeat(weights, 3).reshape(-1, 3)
-    left = leave(problem, params)
-    r = left.ravel()
-    information = sum_up(problem, params, of_axes)[0] / noise.sd**2
-    prior = _find_prior(covariance, information / noise.correlation)
-    covariance = _allow_for_memory(problem, params, covariance, prior, noise.sd, of_axes.ravel())
-    solution = leastsq.Solution(
-        params,
-        covariance,
-        r,
-        float(r @ r) / noise.sd**2 / 2,
-        information,
-        float(leastsq.condition(information)),
-        1,
-        True,
-    )
-    unseen = _predict_unseen(problem, params, of_axes, prior * noise.sd**2 * noise.correlation)
-    return KnownFieldEstimate(solution, noise, left, weights, unseen, prior)
-
-
-def _find_prior(covariance: Array, information: Array) -> Array:
-    """What is known beyond the readings' own information, (a, a), positive."""
-    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    outer = np.outer(size, size)
-    values, axes = np.linalg.eigh(leastsq.inverse(covariance) * outer - information * outer)
-    return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T / outer)
-
-
-def _allow_for_memory(
-    problem: KnownFieldProblem,
-    params: Array,
-    covariance: Array,
-    prior: Array,
-    sd: float,
-    weights: Array,
-) -> Array:
-    """The covariance that noise with memory makes, where residuals show some.
-
-    One correlation length is that of all coefficients; but those of a temperature that changes
-    slowly feel slow errors, and those of a field that switches do not.
-    """
-    each, done, parts = -(-len(problem.points) // STRETCHES), 0, []
-    information = np.zeros_like(covariance)
-    rows = max(_ROWS // each, 1) * each
-    for start in range(0, len(problem.points), rows):
-        block = problem.select(slice(start, start + rows))
-        r, jacobian = (
-            np.concatenate(part) / sd for part in zip(*make_pieces(block)(params), strict=True)
-        )
-        own = weights[done : done + len(r)]
-        done += len(r)
-        information += (jacobian.T * own) @ jacobian
-        axes = np.tile(np.eye(3), (len(r) // 3, 1))
-        parts.append(Stretches.of(r, jacobian, own, axes, 3 * each))
-    response = leastsq.inverse(information + prior)
-    stretches = Stretches(*(np.concatenate(of) for of in zip(*parts, strict=True)))
-    memory = find_memory(stretches, response, (slice(0, 3),))
-    if memory is None:
-        return covariance
-    scatter = memory.white * information + memory.scatter + prior
-    return np.asarray(response @ scatter @ response)
-
-
-def list_blocks(n: int) -> list[slice]:
-    """The rows of each of `BLOCKS` blocks of n readings."""
-    edges = np.linspace(0, n, BLOCKS + 1).astype(int)
-    return [slice(a, b) for a, b in pairwise(edges.tolist())]
-
-
-def _predict_unseen(
-    problem: KnownFieldProblem, params: Array, weights: Array, prior: Array
-) -> Array:
-    """The residuals (n, 3) of each of `BLOCKS` blocks by the fit of the others.
-
-    With A = Σ w JᵀJ + P, P the prior, and g = Σ w Jᵀr, the fit without block b lies (A − A_b)⁻¹ g_b
-    from that of the whole: a Gauss–Newton step, exact where residuals are linear.
-    """
-    blocks = list_blocks(len(problem.points))
-    sums = [sum_up(problem.select(rows), params, weights[rows])[:2] for rows in blocks]
-    whole = prior + np.sum([information for information, _ in sums], axis=0)
-    unseen = np.empty((len(problem.points), 3))
-    for rows, (information, gradient) in zip(blocks, sums, strict=True):
-        step = leastsq.inverse(whole - information) @ gradient
-        pieces = make_pieces(problem.select(rows))(params)
-        unseen[rows] = np.concatenate([r + jacobian @ step for r, jacobian in pieces]).reshape(
-            -1, 3
-        )
-    return unseen
-
-
-def sum_up(problem: KnownFieldProblem, params: Array, weights: Array) -> tuple[Array, Array, float]:
-    """Information, gradient, and squares of the residuals of some readings."""
-    a, done, square = len(params), 0, 0.0
-    information, gradient, flat = np.zeros((a, a)), np.zeros(a), weights.ravel()
-    for r, jacobian in make_pieces(problem)(params):
-        own = flat[done : done + len(r)]
-        weighted = jacobian * own[:, None]
-        information += weighted.T @ jacobian
-        gradient += r @ weighted
-        square += float(own @ r**2)
-        done += len(r)
-    return information, gradient, square
-
-
-def estimate_noise_of(residuals: Array, robust: bool, parameters: int) -> Noise:
-    """The noise of residuals, three to a row: each axis in time order, one after the other."""
-    return estimate_noise(residuals.reshape(-1, 3).T.ravel(), robust, parameters)
+def compare_unseen(one: Array, other: Array) -> float:
+    """The rms of what is left unseen (n, 3); no reading counts for more than what is gross to the
+    other."""
+    limit = _GROSS * robust_scale(other.ravel())
+    return float(np.sqrt(np.mean(np.minimum(np.abs(one), limit) ** 2)))
