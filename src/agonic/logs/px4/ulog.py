@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.contents import explain_damage
 from agonic.logs.log import Log, Readings, Stream
 from agonic.logs.px4.topics import (
     BESIDE,
@@ -185,15 +186,12 @@ def _parse(path: Path) -> Any:
     """The log as pyulog understands it, without what it prints on the way."""
     from pyulog import ULog
 
-    with _Forward(path.open("rb", buffering=0)) as stream, redirect_stdout(io.StringIO()):
-        try:
-            return ULog(stream, (RAW, CORRECTED, *BESIDE))
-        except Exception as error:  # damage makes it fail in many ways
-            raise LogError(
-                f"cannot be read as a PX4 log ({error or type(error).__name__}); "
-                "fetch it again from the vehicle",
-                path=path,
-            ) from error
+    with (
+        _Forward(path.open("rb", buffering=0)) as stream,
+        redirect_stdout(io.StringIO()),
+        explain_damage("cannot be read as a PX4 log"),
+    ):
+        return ULog(stream, (RAW, CORRECTED, *BESIDE))
 
 
 class _Forward(io.BufferedReader):
