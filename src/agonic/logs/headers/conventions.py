@@ -41,12 +41,19 @@ class Convention:
 
     def fits(self, headers: Iterable[str], stem: str, title: str = "") -> bool:
         """Whether a table with these headers, in a file of that name, is of the format."""
-        text = "\n".join(headers)
+        text = "\n".join(["", *headers, ""])
         return (
             self.above in title
+            and all(_find_mark(mark, text) for mark in self.marks)
             and bool(re.search(self.file, stem, re.IGNORECASE))
-            and all(re.search(mark, text, re.MULTILINE) for mark in self.marks)
         )
+
+
+def _find_mark(mark: str, text: str) -> bool:
+    """Whether an expression finds anything in lines; a name alone is looked for as it is."""
+    if (name := mark[1:-1]).isidentifier():  # ^name$, which costs no compiling
+        return f"\n{name}\n" in text
+    return re.search(mark, text, re.MULTILINE) is not None
 
 
 CORRECTED = "MAG of ArduPilot, already corrected by the autopilot; read its own log (.bin)"

@@ -65,13 +65,13 @@ class Dialect:
     """How the rows of a text are known and what they hold: a row of `texts` in the table."""
 
     name: str
-    row: re.Pattern[str]
+    row: str
     kinds: Mapping[str, Kind]
     source: str
     above: str = ""
     share: float = 0.5
     separator: str | None = None
-    pair: re.Pattern[str] | None = None
+    pair: str = ""
 
 
 def _make_dialect(row: Mapping[str, Any]) -> Dialect:
@@ -80,8 +80,7 @@ def _make_dialect(row: Mapping[str, Any]) -> Dialect:
         known = find_group(kinds)
     else:
         known = {kind: Kind(tuple(_read_cells(cells))) for kind, cells in kinds.items()}
-    patterns = {part: re.compile(row[part]) for part in ("row", "pair") if part in row}
-    return Dialect(**{**row, **patterns, "kinds": known})
+    return Dialect(**{**row, "kinds": known})
 
 
 @cache
@@ -98,7 +97,7 @@ def find_dialect(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
 def _fits(dialect: Dialect, head: Sequence[str], rows: Sequence[str]) -> bool:
     if dialect.above and not any(dialect.above in line for line in head):
         return False
-    found = [match for row in rows if (match := dialect.row.match(row))]
+    found = [match for row in rows if (match := re.match(dialect.row, row))]
     kinds = {name_kind(match.groupdict().get("kind", ""), dialect) for match in found}
     known = [dialect.kinds[kind] for kind in kinds & dialect.kinds.keys()]
     field = any(cell.header.startswith("mag_x") for kind in known for cell in kind.cells)
