@@ -89,7 +89,7 @@ SAMPLES = {
         "5, 344, 23559, 792, 11436, 20633, -351, 2, 350.59, -0.06, 88.54, 0.3000, 0\n",
         (4946, 8555, 22431),
         "raw",
-        (0.01 * G, 0, G),
+        (-0.01 * G, 0, -G),
     ),
     "MicroStrain": Sample(
         "SESSION_INFO\nSession Name,run\nFormat Version,1.0.0.0\n\nDATA_START\n"

@@ -30,7 +30,8 @@ def accepts(head: bytes) -> bool:
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that an Arrow table is; `unit` is that of the field where no column names one."""
-    columns = _read_columns(path)
+    with explain_damage():
+        columns = _read_columns(path)
     names = list(columns)
     wanted = find_columns(rename_headers(names))
     table = {name: columns[names[i]].to_numpy() for i, name in wanted.items()}
@@ -51,7 +52,7 @@ def _read_columns(path: Path) -> dict[str, Any]:
     except ImportError:
         raise MissingExtraError("reading an Arrow file", "tables") from None
     # no message can ask for more than there is
-    with pa.BufferReader(path.read_bytes()) as file, explain_damage():
+    with pa.BufferReader(path.read_bytes()) as file:
         batches = list(_read_batches(pa, file))
     if not batches:
         raise LogError("it holds no rows")
