@@ -134,9 +134,9 @@ def _read_column(
         if begun is None:
             return _read_column(table, found, {"": part}, date, start)
         seconds = to_numbers(table[part.header]) * part.quantity.units[part.unit or "s"][0]
-        known = np.isfinite(begun) & np.isfinite(seconds)
-        within = (begun[known] % 1 == 0) & (seconds[known] >= 0) & (seconds[known] < 1)
-        if within.all():
+        both = np.isfinite(begun) & np.isfinite(seconds)
+        parts = (begun[both] % 1 == 0) & (seconds[both] >= 0) & (seconds[both] < 1)
+        if parts.all():
             return begun + seconds, epoch, notes
         return begun, epoch, (*notes, f"{part.header[:30]} is another clock: left out")
     if start is not None and values.dtype.kind in "fiu":
