@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.logs.headers.conventions import CONVENTIONS
+from agonic.logs.headers.conventions import list_conventions
 from agonic.logs.read import open_log
-from agonic.logs.text.dialects import DIALECTS
+from agonic.logs.text.dialects import list_dialects
 
 G = 9.80665
 
@@ -89,7 +89,7 @@ SAMPLES = {
         "5, 344, 23559, 792, 11436, 20633, -351, 2, 350.59, -0.06, 88.54, 0.3000, 0\n",
         (4946, 8555, 22431),
         "raw",
-        (0.01 * G, 0, G),
+        (-0.01 * G, 0, -G),
     ),
     "MicroStrain": Sample(
         "SESSION_INFO\nSession Name,run\nFormat Version,1.0.0.0\n\nDATA_START\n"
@@ -198,9 +198,9 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_every_dialect_has_a_sample_and_a_source() -> None:
-    renaming = [convention for convention in CONVENTIONS if convention.columns]
-    assert {one.name for one in (*DIALECTS, *renaming)} <= SAMPLES.keys()
-    assert all(one.source for one in (*DIALECTS, *CONVENTIONS))
+    renaming = [convention for convention in list_conventions() if convention.columns]
+    assert {one.name for one in (*list_dialects(), *renaming)} <= SAMPLES.keys()
+    assert all(one.source for one in (*list_dialects(), *list_conventions()))
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -217,7 +217,7 @@ def test_a_sample_is_read_in_the_documented_units(tmp_path: Path, name: str) -> 
             assert values[0] == pytest.approx(wanted, abs=1e-6), column
 
 
-@pytest.mark.parametrize("name", [one.name for one in DIALECTS])
+@pytest.mark.parametrize("name", [one.name for one in list_dialects()])
 def test_a_unit_that_is_given_fills_in_none_that_is_documented(tmp_path: Path, name: str) -> None:
     sample = SAMPLES[name]
     samples = ag.read(write(tmp_path, sample.text), unit="mG")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.contents import explain_damage
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
 from agonic.logs.log import Log
@@ -29,7 +30,8 @@ def accepts(head: bytes) -> bool:
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that an Arrow table is; `unit` is that of the field where no column names one."""
-    columns = _read_columns(path)
+    with explain_damage():
+        columns = _read_columns(path)
     names = list(columns)
     wanted = find_columns(rename_headers(names))
     table = {name: columns[names[i]].to_numpy() for i, name in wanted.items()}
@@ -49,15 +51,9 @@ def _read_columns(path: Path) -> dict[str, Any]:
         import pyarrow as pa
     except ImportError:
         raise MissingExtraError("reading an Arrow file", "tables") from None
-    with pa.BufferReader(path.read_bytes()) as file:  # no message can ask for more than there is
-        try:
-            batches = list(_read_batches(pa, file))
-        except MemoryError:
-            raise
-        except (pa.ArrowException, OSError) as error:
-            raise LogError(
-                f"damaged ({' '.join(str(error).split())[:200]}); fetch it again"
-            ) from None
+    # no message can ask for more than there is
+    with pa.BufferReader(path.read_bytes()) as file:
+        batches = list(_read_batches(pa, file))
     if not batches:
         raise LogError("it holds no rows")
     table = pa.Table.from_batches(batches).flatten().flatten()

@@ -175,8 +175,9 @@ def _answer(request: bytes) -> bytes:
     except (AgonicError, MemoryError) as error:
         return pickle.dumps((True, error))
     except BaseException as error:
-        words = f"{type(error).__name__}: {error}"
-        return pickle.dumps((True, RuntimeError(words, traceback.format_exc())))
+        failed = RuntimeError(f"{type(error).__name__}: {error}")
+        failed.add_note(traceback.format_exc())
+        return pickle.dumps((True, failed))
 
 
 def _limit_memory(most: int) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from agonic.atomic import mark_input
-from agonic.errors import LogError
+from agonic.errors import AgonicError, LogError
 
 _SECTION = re.compile(rb"^\[{1,2}([\w.]+)\]{1,2}\s*(?:#.*)?$", re.MULTILINE)
 _SETTING = re.compile(rb"^[\w.-]+ *= *(?:[\"'\[{\d+-]|true|false)", re.MULTILINE)
@@ -82,6 +83,24 @@ def name_own_table(headers: Iterable[str]) -> str:
     """
     there = set(headers)
     return next((what for marks, what in _TABLES if marks <= there), "")
+
+
+@contextmanager
+def explain_damage(said: str = "damaged") -> Iterator[None]:
+    """What a library makes of damaged bytes, which may be any exception, as a `LogError`.
+
+    >>> with explain_damage("cannot be read as CDF"):
+    ...     [][0]
+    Traceback (most recent call last):
+    agonic.errors.LogError: cannot be read as CDF (list index out of range); fetch it again
+    """
+    try:
+        yield
+    except (AgonicError, MemoryError):
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise LogError(f"{said} ({reason}); fetch it again") from error
 
 
 MOST_BYTES = 500_000_000

@@ -45,7 +45,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     try:
         with _open(path) as database:
             tables, others = _read_tables(database)
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         why = " ".join(str(error).split())[:160]
         raise LogError(f"the database cannot be read ({why}); copy it with its journal") from None
     facts: dict[str, Any] = {"path": path, "source": source, "format": "SQLite database"}

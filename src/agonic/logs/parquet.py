@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.contents import explain_damage
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
 from agonic.logs.headers.header import identify_column
@@ -34,7 +35,8 @@ _AHEAD = 2
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a Parquet table is; `unit` is that of the field where no column names one."""
-    table, facts = read_table(path)
+    with explain_damage():
+        table, facts = read_table(path)
     return build_tables_log(table, path=path, source=source, unit=unit, **facts)
 
 

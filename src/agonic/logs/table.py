@@ -28,7 +28,7 @@ from agonic.logs.headers.conventions import (
     find_correction,
     is_corrected,
 )
-from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.header import LONGEST, identify_column
 from agonic.logs.headers.words import FALLBACK, LAST
 from agonic.logs.log import TORN, Log, Stream, are_two_axes_allowed
 from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
@@ -274,7 +274,7 @@ def _list_streams(
     rows = len(next(iter(table.values())))
     rate = None if first.time is None else compute_rate_Hz(first.time)
     unused = [*(header for header in table if header not in used), *others]
-    return tuple(Stream(name=header, rows=rows, rate_Hz=rate) for header in unused)
+    return tuple(Stream(name=header[:LONGEST], rows=rows, rate_Hz=rate) for header in unused)
 
 
 _CLOCKS = frozenset(("time", "date", "hour", "gps_tow"))
@@ -301,7 +301,7 @@ def tell_doubtful(headers: Iterable[str]) -> tuple[str, ...]:
 
 def tell_no_clock(found: Identified, others: Iterable[str]) -> tuple[str, ...]:
     """What could be the clock of a table that has none that is known."""
-    free = [header for header in others if header.strip()]
+    free = [header[:30] for header in others if header.strip()]
     if _CLOCKS.intersection(found) or not free:
         return ()
     return (f"no column is known for a time ({', '.join(free[:5])}): --columns time=… names it",)

@@ -351,7 +351,7 @@ CUT_AMONG_DEFINITIONS = ulog({}, {f"P{k:09}": 1.0 for k in range(1000)}) + b"\xe
 def test_a_file_without_topics_is_refused(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "empty.ulg"
     path.write_bytes(data)
-    with pytest.raises(LogError, match=r"empty\.ulg: (cannot be read|holds no readings)"):
+    with pytest.raises(LogError, match=r"cannot be read|holds no readings"):
         load(path)
 
 

@@ -6,7 +6,7 @@ import agonic as ag
 from agonic.logs.ardupilot.beside import list_headings as list_ardupilot
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.px4.topics import list_headings as list_px4
-from agonic.logs.rows.heading_source import Candidate, choose_heading
+from agonic.logs.rows.tracks import Candidate, choose_heading
 from tests.logs.dataflash_writer import dataflash
 from tests.logs.ulog_writer import ulog
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.parameters import look_up
-from agonic.logs.rows.heading_source import Candidate
 from agonic.logs.rows.resample import resample
+from agonic.logs.rows.tracks import Candidate, Track
 
 Tables = Mapping[str, Table]
 
@@ -34,25 +33,40 @@ _REVERSIBLE = re.compile(rb"(Ardu)?(Sub|Rover|Boat|Blimp) V\d")
 _PULSE_COLUMNS = tuple((k, (f"C{k}", f"Ch{k}", f"Chan{k}")) for k in range(1, 15))
 
 
-def resample_columns(mag: Table, tables: Tables) -> dict[str, Any]:
-    """Attitude, motion, power, place and disturbers at the rows of the magnetometer."""
-    attitude, control = tables.get("ATT"), tables.get("CTUN")
+def list_tracks(mag: Table, tables: Tables) -> Iterator[Track]:
+    """Attitude, motion, power, place and disturbers, as recorded beside a magnetometer.
+
+    Motors by their duty (0 stopped, 1 the longest pulse), speed controllers and further batteries
+    by their current. Source: ArduPilot, libraries/AP_Logger/LogStructure.h, AP_Motors.
+    """
+    attitude, control, fixes = tables.get("ATT"), tables.get("CTUN"), _fixes(tables)
     imu, battery = _first_instance(tables, "IMU"), _first_instance(tables, "BAT", "CURR")
     throttle, full = _throttle(control)
-    fixes = _fixes(tables)
-    return {
-        "roll_deg": _resample_onto(mag, attitude, "Roll", period=360.0),
-        "pitch_deg": _resample_onto(mag, attitude, "Pitch", period=360.0),
-        "heading_deg": _resample_onto(mag, attitude, "Yaw", period=360.0),
-        "acceleration": _resample_onto(mag, imu, "AccX", "AccY", "AccZ"),
-        "rotation_rate": _resample_onto(mag, imu, "GyrX", "GyrY", "GyrZ"),
-        "current_A": _resample_onto(mag, battery, "Curr", per_unit=_per_ampere(battery)),
-        "throttle": _resample_onto(mag, control, throttle, per_unit=full),
-        "latitude_deg": _resample_onto(mag, fixes, "Lat"),
-        "longitude_deg": _resample_onto(mag, fixes, "Lng", period=360.0),
-        "altitude_m": _resample_onto(mag, fixes, "Alt"),
-        "disturbers": read_disturbers(mag, tables),
-    }
+    for name, table, columns, per_unit in (
+        ("roll_deg", attitude, ["Roll"], 1.0),
+        ("pitch_deg", attitude, ["Pitch"], 1.0),
+        ("heading_deg", attitude, ["Yaw"], 1.0),
+        ("acceleration", imu, ["AccX", "AccY", "AccZ"], 1.0),
+        ("rotation_rate", imu, ["GyrX", "GyrY", "GyrZ"], 1.0),
+        ("current_A", battery, ["Curr"], _per_ampere(battery)),
+        ("throttle", control, [throttle], full),
+        ("latitude_deg", fixes, ["Lat"], 1.0),
+        ("longitude_deg", fixes, ["Lng"], 1.0),
+        ("altitude_m", fixes, ["Alt"], 1.0),
+    ):
+        if table is not None and {*columns} <= {*table.columns}:
+            values = np.stack([table.columns[column] for column in columns], axis=1) / per_unit
+            yield _track(mag, name, table, values if len(columns) > 1 else values[:, 0])
+    for name, table, values in (*_list_duties(tables), *_list_currents(tables)):
+        yield _track(mag, name, table, values)
+
+
+def _track(mag: Table, name: str, table: Table, values: Array) -> Track:
+    """A quantity of another message; without times it meets the rows by place in the file."""
+    here, there = mag.time_s, table.time_s
+    if here is None or there is None:
+        here, there = mag.position.astype(float), table.position.astype(float)
+    return Track(name, there, values, here)
 
 
 def list_headings(tables: Tables) -> Iterator[Candidate]:
@@ -78,23 +92,6 @@ def list_headings(tables: Tables) -> Iterator[Candidate]:
         assert one.time_s is not None
         yield Candidate("EKF-GSF yaw", one.time_s, one.columns["YC"], one.columns["YCS"])
         return
-
-
-def _resample_onto(
-    mag: Table,
-    other: Table | None,
-    *names: str,
-    period: float | None = None,
-    per_unit: float = 1.0,
-) -> Array | None:
-    """Columns of another message at the rows of `mag`; without times, by place in the file."""
-    if other is None or not set(names) <= set(other.columns):
-        return None
-    values = np.stack([other.columns[name] for name in names], axis=1) / per_unit
-    here, there = mag.time_s, other.time_s
-    if here is None or there is None:
-        here, there = mag.position.astype(float), other.position.astype(float)
-    return resample(there, values if len(names) > 1 else values[:, 0], here, period=period)
 
 
 def _first_instance(tables: Tables, *names: str) -> Table | None:
@@ -140,25 +137,7 @@ def _fixes(tables: Tables) -> Table | None:
     return None
 
 
-def read_disturbers(mag: Table, tables: Tables) -> dict[str, Array]:
-    """What may disturb a compass, at its rows, by name; what never changes is left out.
-
-    Motors by their duty (0 stopped, 1 the longest pulse), speed controllers and further batteries
-    by their current. Source: ArduPilot, libraries/AP_Logger/LogStructure.h, AP_Motors.
-    """
-    found: dict[str, Array] = {}
-    for name, values in (*_list_duties(tables), *_list_currents(tables)):
-        table, numbers = values
-        there, here = table.time_s, mag.time_s
-        if there is None or here is None:
-            there, here = table.position.astype(float), mag.position.astype(float)
-        at_rows = resample(there, numbers, here)
-        if at_rows is not None and np.ptp(at_rows) > 0:
-            found[name] = at_rows
-    return found
-
-
-def _list_duties(tables: Tables) -> Iterator[tuple[str, tuple[Table, Array]]]:
+def _list_duties(tables: Tables) -> Iterator[tuple[str, Table, Array]]:
     """The outputs that drive motors; where the parameters do not tell which do, all of them."""
     table, parameters = tables.get(OUTPUTS), tables.get("PARM")
     if table is None:
@@ -177,7 +156,7 @@ def _list_duties(tables: Tables) -> Iterator[tuple[str, tuple[Table, Array]]]:
         pulses = table.get(*columns)
         name = _name_output(k, told)
         if pulses is not None and name is not None:
-            yield name, (table, np.clip((pulses - low) / (high - low), least, 1.0))
+            yield name, table, np.clip((pulses - low) / (high - low), least, 1.0)
 
 
 def _list_texts(tables: Tables) -> list[bytes]:
@@ -200,11 +179,11 @@ def _name_output(number: int, functions: Mapping[int, int]) -> str | None:
     return THROTTLES.get(function) if motor is None else f"motor{motor}_duty"
 
 
-def _list_currents(tables: Tables) -> Iterator[tuple[str, tuple[Table, Array]]]:
+def _list_currents(tables: Tables) -> Iterator[tuple[str, Table, Array]]:
     """The currents of speed controllers, and of all batteries but the first."""
     for k in range(1, 9):
         if (own := tables.get(f"{SPEED_CONTROLLERS}{k}")) is not None and "Curr" in own.columns:
-            yield f"esc{k}_A", (own, own.columns["Curr"])
+            yield f"esc{k}_A", own, own.columns["Curr"]
     for message, name, first in ((SPEED_CONTROLLERS, "esc", 0), ("BAT", "battery", 1)):
         table = tables.get(message)
         instance = None if table is None else table.get("I", "Inst", "Instance")
@@ -212,4 +191,4 @@ def _list_currents(tables: Tables) -> Iterator[tuple[str, tuple[Table, Array]]]:
             continue
         for k, which in enumerate(sorted(set(instance.tolist()))[first:], start=first + 1):
             one = table.select(instance == which)
-            yield f"{name}{k}_A", (one, one.columns["Curr"])
+            yield f"{name}{k}_A", one, one.columns["Curr"]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from agonic.logs.ardupilot.beside import (
     YAW_ESTIMATORS,
     Tables,
     list_headings,
-    resample_columns,
+    list_tracks,
 )
 from agonic.logs.ardupilot.dataflash_binary import (
     INTEGERS,
@@ -39,8 +38,8 @@ from agonic.logs.contents import to_number
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
 from agonic.logs.log import Log
 from agonic.logs.rows.calendar import gps_utc_s
-from agonic.logs.rows.heading_source import choose_heading
-from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, find_misplaced
+from agonic.logs.rows.resample import find_misplaced
+from agonic.logs.rows.tracks import build_samples
 from agonic.provenance import Input
 from agonic.samples import Samples
 
@@ -206,31 +205,21 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
     wrong = np.zeros(len(mag), dtype=bool) if boot is None else find_misplaced(boot)
     mag = mag.select(~wrong)
     found = remove_correction(mag, _parameters(tables), slot)
-    columns = resample_columns(mag, tables)
-    notes = [*found.notes]
-    told, said = choose_heading(list_headings(tables), mag.time_s, columns["heading_deg"])
-    estimated = columns["heading_deg"] is not None and not told
-    notes += said
-    if estimated:
-        notes.append(ESTIMATED_ATTITUDE)
-    if boot is None:
-        notes.append("the messages carry no time: columns meet by place in the file")
     gps = tables.get("GPS")
-    return Samples(
-        field=found.field,
-        unit="nT",
+    samples = build_samples(
+        name,
+        found,
+        list_tracks(mag, tables),
         time=mag.time_s,
         epoch=None if gps is None else _utc_of_boot(gps),
-        **{**columns, **told},
-        name=name,
-        frame="b",
-        device_id=found.device_id,
-        heading_estimated=estimated,
-        logged=found.logged,
-        notes=tuple(notes),
-        source=replace(source, count=len(mag)),
-        rejected={"time out of sequence": int(wrong.sum())} if wrong.any() else {},
+        source=source,
+        rejected={"time out of sequence": int(wrong.sum())},
+        headings=list_headings(tables),
     )
+    if boot is not None:
+        return samples
+    placed = "the messages carry no time: columns meet by place in the file"
+    return samples.with_columns(notes=(*samples.notes, placed))
 
 
 def _utc_of_boot(gps: Table) -> datetime | None:

@@ -18,14 +18,15 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
-from agonic.logs.ardupilot.beside import resample_columns
+from agonic.logs.ardupilot.beside import list_tracks
 from agonic.logs.ardupilot.dataflash import find_firmware
 from agonic.logs.ardupilot.dataflash_binary import Table, load
 from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, find_packets, load_definitions
 from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, make_tables
 from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
 from agonic.logs.log import Log, Readings, Stream
-from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
+from agonic.logs.rows.resample import compute_rate_Hz, find_misplaced
+from agonic.logs.rows.tracks import build_samples
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import RAW
@@ -178,30 +179,20 @@ def _samples(
     wrong = find_misplaced(answered.columns["TimeUS"])
     mag = answered.select(~wrong)
     found = _readings(name, mag, tables.get("PARM"), autopilot)
-    notes = found.notes
-    columns = resample_columns(mag, tables)
-    if columns["heading_deg"] is not None:
-        columns["heading_deg"] %= 360.0
-        notes = (*notes, ESTIMATED_ATTITUDE)
-    in_body = autopilot == ARDUPILOT or name == "HIGHRES_IMU"
-    if not in_body:
-        columns |= dict.fromkeys(("acceleration", "rotation_rate"))
-    rejected = {"no reading": len(sent) - len(answered), "time out of sequence": int(wrong.sum())}
-    return Samples(
-        field=found.field,
-        unit=found.unit,
+    tracks = list_tracks(mag, tables)
+    if found.frame != "b":  # the motion is in those axes
+        tracks = (track for track in tracks if track.values.ndim == 1)
+    return build_samples(
+        name,
+        found,
+        tracks,
         time=mag.time_s,
         epoch=epoch,
-        **columns,
-        name=name,
-        frame="b" if in_body else "m",
-        device_id=found.device_id,
-        heading_estimated=columns["heading_deg"] is not None,
-        corrected=found.corrected,
-        logged=found.logged,
-        notes=notes,
-        source=replace(source, count=len(mag)),
-        rejected={why: n for why, n in rejected.items() if n},
+        source=source,
+        rejected={
+            "no reading": len(sent) - len(answered),
+            "time out of sequence": int(wrong.sum()),
+        },
     )
 
 
@@ -211,7 +202,9 @@ def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -
         corrected = autopilot == PX4 and name == "HIGHRES_IMU"
         unit = RAW if name == "RAW_IMU" else "mG"  # the standard gives this one no unit
         notes = (_CORRECTED_PX4,) if corrected else ()
-        return Readings(field=_field(mag), unit=unit, corrected=corrected, notes=notes)
+        frame = "b" if name == "HIGHRES_IMU" else "m"
+        field = _field(mag)
+        return Readings(field=field, unit=unit, frame=frame, corrected=corrected, notes=notes)
     slot = SLOTS[name]
     if parameters is None or not _is_loaded(parameters, slot):
         return Readings(field=_field(mag), unit="mG", corrected=True, notes=(_CORRECTED_ARDUPILOT,))

@@ -22,7 +22,7 @@ from agonic.logs.arrays.stacked import build_arrays_log, build_tables
 from agonic.logs.arrays.stored import read_version_5, read_version_7_3
 from agonic.logs.child_process import call
 from agonic.logs.log import Facts, Log
-from agonic.logs.text.dialects import MAVLINK
+from agonic.logs.text.dialects import find_group
 from agonic.logs.text.kinds import build_kinds_log
 from agonic.provenance import Input
 
@@ -38,7 +38,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     arrays = _flat(contents)
     if messages := _gather_messages(arrays):
         facts = Facts(path=path, source=source, format="MAVLink telemetry in MATLAB", unit=unit)
-        return build_kinds_log(messages, MAVLINK, facts)
+        return build_kinds_log(messages, find_group("MAVLink"), facts)
     remarks: tuple[str, ...] = ()
     if broad.is_broad(arrays):
         arrays, remarks = broad.rename_variables(arrays)
@@ -67,10 +67,11 @@ def _gather_messages(arrays: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, 
 
     Each is (n, 2): when it came, days as MATLAB counts them, and its value. Source: Log/MatLab.cs.
     """
+    known = find_group("MAVLink")
     tables: dict[str, dict[str, NDArray[Any]]] = {}
     for name, array in arrays.items():
         field, _, message = name.removesuffix("_t").partition("_mavlink_")
-        kind = MAVLINK.get(message.upper())
+        kind = known.get(message.upper())
         cell = next((c for c in kind.cells if c.theirs == field), None) if kind else None
         if cell is not None and array.ndim == 2 and array.shape[1] == 2:
             table = tables.setdefault(message.upper(), {"time": array[:, 0]})

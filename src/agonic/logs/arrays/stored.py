@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.errors import AgonicError, LogError
-from agonic.logs.contents import check_declared
+from agonic.errors import LogError
+from agonic.logs.contents import check_declared, explain_damage
 from agonic.logs.headers.columns import refuse_many
 
 _DEEPEST = 4
@@ -85,13 +85,8 @@ def read_version_5(path: Path) -> dict[str, Any]:
     """
     from scipy.io import loadmat
 
-    try:
+    with explain_damage():
         found = loadmat(path, mat_dtype=True, squeeze_me=True, struct_as_record=False)
-    except MemoryError:
-        raise
-    except Exception as error:  # damage makes it fail in many ways
-        reason = " ".join(f"{error}".split())[:200] or type(error).__name__
-        raise LogError(f"damaged ({reason}); fetch it again") from None
     refuse_many(len(found), "variables")
     plain = {name: _simplify(value) for name, value in found.items() if not name.startswith("__")}
     return {name: value for name, value in plain.items() if value is not None}
@@ -148,7 +143,7 @@ def read_version_7_3(path: Path) -> dict[str, Any]:
     import h5py
 
     check_heaps(path)
-    with h5py.File(path, "r") as file:
+    with explain_damage(), h5py.File(path, "r") as file:
         return _contents(file)
 
 
@@ -168,18 +163,12 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
     Raises `LogError` where there are none, or they are damaged.
     """
-    try:
-        with path.open("rb") as stream:
-            found = np.load(stream, allow_pickle=False)
-            if isinstance(found, np.ndarray):
-                return {path.stem: found}
-            refuse_many(len(found.files), "arrays")
-            arrays = {name: found[name] for name in found.files}
-    except (AgonicError, MemoryError):
-        raise
-    except Exception as error:  # NumPy, its Python parser, ZIP and zlib each have their own
-        reason = " ".join(str(error).split())[:200]
-        raise LogError(f"no arrays of numbers, or damaged ({reason}); fetch it again") from None
+    with explain_damage("no arrays of numbers, or damaged"), path.open("rb") as stream:
+        found = np.load(stream, allow_pickle=False)
+        if isinstance(found, np.ndarray):
+            return {path.stem: found}
+        refuse_many(len(found.files), "arrays")
+        arrays = {name: found[name] for name in found.files}
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # bytes as they are
         raise LogError("no arrays of numbers, or damaged; fetch it again")
     return arrays

@@ -48,6 +48,7 @@ _PART_OF = {word: part for part, words in _MOMENT.items() for word in words.spli
 _AFTER = {"year": "month", "hour": "minute"}
 """What mm or m stands for, by the part before it."""
 _IDLE = re.compile(r"(?i)utc|gmt|time|date|[\W\d_]+")
+_PART_OF_SECOND = re.compile(r"[nu](?:ano|icro)?secs?")
 _STRENGTH = re.compile(r"[hH][_ ]?([xyzXYZ])(?=$|\s*[(\[])")
 """The field as its strength, H, which alone is taken for no more than a letter: Hz."""
 
@@ -211,6 +212,8 @@ def rename_headers(headers: Sequence[str], title: str = "") -> list[str]:
     """The headers as the names in force say, or the format of a table below these lines."""
     names = _in_force.get()
     named = name_documented(headers, title) if names is None else names.rename(headers)
+    if any(map(_PART_OF_SECOND.fullmatch, named)):  # sec and nsec
+        named = [f"time_{header}" if header in ("sec", "s") else header for header in named]
     return _name_strength(_name_parts(named))
 
 

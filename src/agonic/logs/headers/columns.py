@@ -170,15 +170,15 @@ def find_rivals(headers: Iterable[str], axes: Mapping[str, Column]) -> list[str]
 _OF_DEVICE = re.compile(r"^(?:\w+\.)?(?:TimeUS|time_usec|time_boot_ms)$")
 """What pymavlink writes beside "timestamp", which is Unix time of the same moment, first."""
 FRACTION = "fraction"
-"""The axis under which the nanoseconds of a time in two columns are kept."""
+"""The axis of the finer of two time columns: parts of the other's seconds, or its own clock."""
 
 
 def _add_fraction(axes: dict[str, Column], twin: Column, column: Column) -> bool:
-    """Whether two columns are the seconds and the nanoseconds of one time, kept so."""
+    """Whether two columns are times in different units, kept so; without one it is seconds."""
     if column.quantity.column != "time" or FRACTION in axes:
         return False
-    by_factor = {c.quantity.units.get(c.unit or "", (0.0,))[0]: c for c in (twin, column)}
-    if set(by_factor) != {1.0, 1e-9}:
+    by_factor = {c.quantity.units.get(c.unit or "", (1.0,))[0]: c for c in (twin, column)}
+    if len(by_factor) == 1:
         return False
-    axes[""], axes[FRACTION] = by_factor[1.0], by_factor[1e-9]
+    axes[FRACTION], axes[""] = by_factor[min(by_factor)], by_factor[max(by_factor)]
     return True

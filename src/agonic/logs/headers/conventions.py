@@ -7,8 +7,12 @@ that is given goes before a documented one, since drivers do not always keep to 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 from agonic.errors import LogError
 from agonic.logs.headers.columns import Identified
@@ -20,23 +24,15 @@ _OTHERS = (
     r"^(gravity|orientation|linear[ _-]?acc|gamerotation|rotation[ _-]?vector|location|velocity)"
 )
 """Files of phones with x, y and z of something else."""
-_SI = {"acceleration": "ms2", "rotation_rate": "rads", "quaternion": "enu"}
-"""What `sensor_msgs` documents, with the axes of REP-103 and REP-145."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Convention:
-    """A format: its name, what all of `marks` must find among the headers, and what it documents.
-
-    `file` is what the name of the file must hold, if anything; `units` those of the quantities,
-    for a quaternion the axes that it turns into; `only` restricts it to headers that match.
-    `columns` are canonical names of headers that say nothing alone, or not without a title `above`
-    the table.
-    """
+    """A format of tables: a row of `tables` in `dialects.toml`, which says what each part is."""
 
     name: str
-    marks: tuple[str, ...]
-    units: Mapping[str, str]
+    marks: Sequence[str]
+    units: Mapping[str, str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
     above: str = ""
     file: str = ""
@@ -45,12 +41,19 @@ class Convention:
 
     def fits(self, headers: Iterable[str], stem: str, title: str = "") -> bool:
         """Whether a table with these headers, in a file of that name, is of the format."""
-        text = "\n".join(headers)
+        text = "\n".join(["", *headers, ""])
         return (
             self.above in title
+            and all(_find_mark(mark, text) for mark in self.marks)
             and bool(re.search(self.file, stem, re.IGNORECASE))
-            and all(re.search(mark, text, re.MULTILINE) for mark in self.marks)
         )
+
+
+def _find_mark(mark: str, text: str) -> bool:
+    """Whether an expression finds anything in lines; a name alone is looked for as it is."""
+    if (name := mark[1:-1]).isidentifier():  # ^name$, which costs no compiling
+        return f"\n{name}\n" in text
+    return re.search(mark, text, re.MULTILINE) is not None
 
 
 CORRECTED = "MAG of ArduPilot, already corrected by the autopilot; read its own log (.bin)"
@@ -65,152 +68,17 @@ OF_DEVICE = (
     "the device had corrected these readings ({}); record uncorrected ones, if it gives them"
 )
 
-CONVENTIONS = (
-    Convention(
-        name="ArduPilot MAG",
-        marks=(r"^MagX$", r"^OfsX$"),
-        units={"field": "mG"},
-        only=r"^Mag[XYZ]$",
-        source="ArduPilot/ardupilot: libraries/AP_Compass/LogStructure.h",
-    ),
-    Convention(
-        name="MAVLink",
-        marks=(r"IMU\d?\.xmag$",),
-        units={"field": "mG", "acceleration": "mg", "rotation_rate": "mrads"},
-        only=r"IMU\d?\.[xyz](mag|acc|gyro)$",
-        source="mavlink/mavlink: common.xml; columns of ArduPilot/pymavlink: tools/mavlogdump.py",
-    ),
-    Convention(
-        name="ROS sensor_msgs/Imu",
-        marks=(r"\blinear_acceleration[/._]x\b|_linear_acceleration[/._]x$",
-               r"angular_velocity[/._]x$"),
-        units=_SI,
-        only=r"linear_acceleration[/._][xyz]$|angular_velocity[/._][xyz]$|orientation[/._][wxyz]$",
-        source="ros/common_msgs: sensor_msgs/msg/Imu.msg; REP-103, REP-145",
-    ),
-    Convention(
-        name="ROS sensor_msgs/MagneticField",
-        marks=(r"magnetic_field[/._]x$",
-               r"linear_acceleration[/._]x$|header[/._](stamp|frame_id|seq)|^__time$"
-               r"|magnetic_field_covariance"),
-        units={"field": "T"},
-        only=r"magnetic_field[/._][xyz]$",
-        source="ros/common_msgs: sensor_msgs/msg/MagneticField.msg",
-    ),
-    Convention(
-        name="PX4 sensor_mag",
-        marks=(r"^timestamp$", r"^device_id$", r"^[xyz]$"),
-        units={"field": "G", "time": "us"},
-        file=r"sensor_mag(_|$)",
-        source="PX4/PX4-Autopilot: msg/SensorMag.msg; PX4/pyulog: ulog2csv",
-    ),
-    Convention(
-        name="PX4",
-        marks=(r"^timestamp$", r"^(timestamp_sample|device_id|magnetometer_ga\[0\])$"),
-        units={"time": "us"},
-        source="PX4/PX4-Autopilot: msg/; PX4/pyulog: ulog2csv",
-    ),
-    Convention(
-        name="Blackbox",
-        marks=(r"^loopIteration$",),
-        units={"time": "us"},
-        source="betaflight/blackbox-tools: main frames, time in µs",
-    ),
-    Convention(
-        name="VectorNav",
-        marks=(r"TimeStartup|(?i:uncompmag)",),
-        units={"field": "G", "acceleration": "ms2", "rotation_rate": "rads", "temperature": "c",
-               "roll_deg": "deg", "pitch_deg": "deg", "heading_deg": "deg", "time": "ns",
-               "gps_tow": "ns"},
-        source="VectorNav, VN-100 Interface Control Document: groups Time and IMU",
-    ),
-    Convention(
-        name="Xsens DOT",
-        marks=(r"^PacketCounter$", r"^SampleTimeFine$", r"^(Euler_X|Quat_W)$"),
-        units={"time": "us", "acceleration": "ms2", "rotation_rate": "degs", "field": "raw"},
-        source="Movella, Xsens DOT User Manual: data units; a field of 1 is that of the maker",
-    ),
-    Convention(
-        name="Xsens MT",
-        marks=(r"^PacketCounter$", r"^(Acc|Gyr|Mag)_X$"),
-        units={"time": "1e-4s", "acceleration": "ms2", "rotation_rate": "rads", "field": "raw",
-               "roll_deg": "deg", "pitch_deg": "deg", "heading_deg": "deg"},
-        source="Movella, MT Low Level Communication Protocol: SampleTimeFine counts 10 kHz",
-    ),
-    Convention(
-        name="MicroStrain",
-        marks=(r"^X Mag \[x8006\]",),
-        units={"field": "G", "acceleration": "g", "rotation_rate": "rads"},
-        source="LORD MicroStrain, Data Communications Protocol: 0x8004, 0x8005, 0x8006",
-    ),
-    Convention(
-        name="Technosmart",
-        marks=(r"^compX$", r"^X$"),
-        units={},
-        columns={
-            **{axis: f"acc_{axis.lower()}_g" for axis in "XYZ"},
-            **{f"comp{axis}": f"mag_{axis.lower()}" for axis in "XYZ"},
-        },
-        source="Technosmart, Axy-Trek and AGM tags: X, Y, Z in g; of comp… no unit is published",
-    ),
-    Convention(
-        name="ActiGraph",
-        marks=(r"^Magnetometer X$", r"^Gyroscope X$"),
-        above="ActiGraph",
-        units={},
-        columns={
-            f"{theirs} {axis}": ours.format(axis.lower())
-            for theirs, ours in (("Magnetometer", "mag_{}_uT"), ("Gyroscope", "gyro_{}_deg_s"),
-                                 ("Accelerometer", "acc_{}_g"))
-            for axis in "XYZ"
-        },
-        source="paulhibbing/AGread: data documentation, GT9X Link IMU files of ActiLife",
-    ),
-    Convention(
-        name="OpenLog Artemis",
-        marks=(r"^aX$|^mX$", r"^(rtcDate|rtcTime|imu_degC|output_Hz)$"),
-        units={"field": "uT", "acceleration": "mg", "rotation_rate": "degs"},
-        source="sparkfun/OpenLog_Artemis: SENSOR_UNITS.md",
-    ),
-    Convention(
-        name="MagArrow",
-        marks=(r"^MagValid$", r"^Compass ?X$"),
-        units={"field": "nT"},
-        source="Geometrics, MagArrow User Manual: data format of Survey Manager",
-    ),
-    Convention(
-        name="DatCon",
-        marks=(r"^IMU_ATTI\(0\):gyro:?X$",),
-        units={"rotation_rate": "degs"},
-        source="DatCon 3.6, columns of V3 .CSV files: gyro in degrees per second",
-    ),
-    Convention(
-        name="Android GnssLogger",
-        marks=(r"^Uncal(Mag|Accel|Gyro)_?X|^elapsedRealtimeNanos$",),
-        units={"field": "uT", "acceleration": "ms2", "rotation_rate": "rads", "time": "millis"},
-        source="google/gps-measurement-tools; Android SensorEvent",
-    ),
-    Convention(
-        name="Sensor Logger",
-        marks=(r"^seconds_elapsed$", r"^[xyz]$"),
-        units={"field": "uT"},
-        file="^magnetometer",
-        source="tszheichoi/awesome-sensor-logger: units of the sensors",
-    ),
-    Convention(
-        name="Sensor Logger",
-        marks=(r"^seconds_elapsed$", r"^magnetometer(uncalibrated)?_[xyz]$"),
-        units={"field": "uT", "rotation_rate": "rads"},
-        only=r"^(magnetometer|gyroscope)(uncalibrated)?_[xyz]$",
-        source="tszheichoi/awesome-sensor-logger: units of the sensors",
-    ),
-    Convention(
-        name="Sensor Logger",
-        marks=(r"^seconds_elapsed$", r"(?i:\bgyro\w*) [xyz]$"),
-        units={"rotation_rate": "rads"},
-        source="tszheichoi/awesome-sensor-logger: units of the sensors",
-    ),
-)  # fmt: skip
+
+@cache
+def read_dialects() -> dict[str, Any]:
+    """The table of dialects, `dialects.toml`: rows of tables, of texts, and groups of messages."""
+    return tomllib.loads((Path(__file__).parents[1] / "dialects.toml").read_text("utf-8"))
+
+
+@cache
+def list_conventions() -> tuple[Convention, ...]:
+    """The formats of tables that document what their headers do not tell."""
+    return tuple(Convention(**row) for row in read_dialects()["tables"])
 
 
 def apply_conventions(
@@ -225,7 +93,7 @@ def apply_conventions(
     headers = list(headers)
     _refuse_other_sensor(found, stem)
     units: dict[str, list[tuple[Convention, str]]] = {}
-    for convention in CONVENTIONS:
+    for convention in list_conventions():
         if convention.fits(headers, stem):
             for quantity, unit in convention.units.items():
                 units.setdefault(quantity, []).append((convention, unit))
@@ -255,7 +123,7 @@ def name_documented(headers: Sequence[str], title: str = "") -> list[str]:
     ['acc_x_g', 'mag_x']
     """
     known: dict[str, str] = {}
-    for convention in CONVENTIONS:
+    for convention in list_conventions():
         if convention.columns and convention.fits(headers, "", title):
             known |= convention.columns
     return [known.get(header, header) for header in headers]

@@ -10,7 +10,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-from agonic.logs.headers.quantities import DISTURBER, FIELD_UNITS, QUANTITIES, Quantity
+from agonic.logs.headers.quantities import DISTURBER, DOCUMENT, FIELD_UNITS, QUANTITIES, Quantity
 
 PREFERRED, CANONICAL, ALIAS, FALLBACK, LAST = range(5)
 """How well a header names its quantity: the lowest is taken."""
@@ -121,50 +121,11 @@ _BROKEN = tuple(
 """Signs that were read in another encoding than they were written in, or lost: of the units of a
 field, or of a time, only µT and µs have a letter that can be."""
 
-_UNITS = {
-    "нтл": "nT", "мктл": "uT", "мтл": "mT", "тл": "T", "гс": "G", "мгс": "mG", "гаусс": "G",
-    "с": "s", "сек": "s", "мс": "ms", "мкс": "us", "нс": "ns", "мин": "min",
-    "град": "deg", "рад": "rad", "м": "m", "а": "A", "ма": "mA",
-    "纳特": "nT", "微特": "uT", "毫特": "mT", "毫高斯": "mG", "高斯": "G", "特斯拉": "T",
-    "微特斯拉": "uT", "纳特斯拉": "nT", "毫特斯拉": "mT",
-    "毫秒": "ms", "微秒": "us", "纳秒": "ns", "秒": "s",
-    "弧度": "rad", "度": "deg", "摄氏度": "degC",
-}  # fmt: skip
-_NAMES = {
-    "time": "время time-stamp zeit zeitstempel temps tiempo tempo tijd czas zaman 时间 時間 时间戳",
-    "date": "дата datum fecha 日期",
-    "temperature": "температура темп temperatur température temperatura 温度",
-    "magnetometer": "магнитометр магн маг magnétomètre magnetómetro 磁力计 磁力計 磁强计 磁感应计",
-    "magneticfield": "магнполе магнитноеполе полемагнитное feld магнитнаяиндукция magnetfeld "
-    "champmagnétique magnetischveld polemagnetyczne manyetikalan "
-    "campomagnético campomagnetico 磁场 磁場 地磁 地磁場 磁感应强度",
-    "accelerometer": "акселерометр beschleunigungssensor accéléromètre acelerómetro 加速度计",
-    "acceleration": "ускорение beschleunigung accélération aceleración 加速度",
-    "gyroscope": "гироскоп gyroskop gyroscope giroscopio 陀螺仪",
-    "angularvelocity": "угловаяскорость drehrate winkelgeschwindigkeit vitesseangulaire "
-    "velocidadangular 角速度",
-    "roll": "крен 横滚 横滚角 滚转角",
-    "pitch": "тангаж 俯仰 俯仰角",
-    "yaw": "рыскание 偏航 偏航角 航向角",
-    "heading": "курс 航向",
-    "latitude": "широта 纬度",
-    "longitude": "долгота 经度",
-    "altitude": "высота 高度",
-    "current": "ток 电流",
-    "quaternion": "кватернион 四元数",
-    "axis": "ось оси 轴",
-    "bias": "смещение 偏移 零偏",
-    "norm": "модуль 模",
-    "error": "ошибка погрешность 误差",
-    "sensor": "датчик сенсор 传感器",
-    "station": "станция положение позиция",
-}
-_ENGLISH = {
-    **_UNITS,
-    **{theirs: ours for ours, words in _NAMES.items() for theirs in words.split()},
+_ENGLISH: dict[str, str] = {
+    theirs: ours for ours, words in DOCUMENT["words"].items() for theirs in words.split()
 }
 _IDEOGRAMS = {word: ours for word, ours in _ENGLISH.items() if ord(word[0]) > 0x2E80}
-_IDEOGRAM = re.compile("|".join(sorted(_IDEOGRAMS, key=len, reverse=True)))
+_IDEOGRAM = _either(_IDEOGRAMS)
 _PAIRS = {
     ("магн", "поле"), ("магнитное", "поле"), ("магнитная", "индукция"), ("угловая", "скорость"),
     ("champ", "magnétique"), ("campo", "magnético"), ("campo", "magnetico"),
@@ -194,7 +155,7 @@ def spell_out(text: str) -> str:
     if plain.isascii():
         return _translate(plain)
     plain = unicodedata.normalize("NFKC", plain).translate(_SIGNS)
-    plain = _IDEOGRAM.sub(lambda word: f" {_IDEOGRAMS[word[0]]} ", plain)
+    plain = re.sub(_IDEOGRAM, lambda word: f" {_IDEOGRAMS[word[0]]} ", plain)
     return _translate(plain)
 
 

@@ -81,7 +81,9 @@ def find_layout(table: Mapping[str, Column], head: Samples, unit: str | None) ->
     factor = nanotesla_per(unit or RAW if named in (None, RAW) else named)
     if head.time is None:
         return None if times else Layout(axes=headers, factor=factor, time=None)
-    (column,) = next(iter(times.values())).values()
+    column, *others = next(iter(times.values())).values()
+    if others:
+        return None
     stored = table[column.header]
     if stored.dtype.kind not in "fiuM" or len(stored) < 2:
         return None

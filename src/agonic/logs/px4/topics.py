@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.logs.rows.heading_source import Candidate
-from agonic.logs.rows.resample import resample
+from agonic.logs.rows.tracks import Candidate, Track
 
 Topic = Mapping[str, NDArray[Any]]
 Topics = Mapping[str, Topic]
@@ -29,6 +28,8 @@ CONTROLS, THRUST = "actuator_controls_0[0]", "vehicle_thrust_setpoint[0]"
 MOTORS, OUTPUTS = "actuator_motors[0]", "actuator_outputs[0]"
 SPEED_CONTROLLERS = "esc_status[0]"
 YAW_ESTIMATOR = "yaw_estimator_status[0]"
+ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
+PLACE = ("latitude_deg", "longitude_deg", "altitude_m")
 GPS_YAW_SD_DEG = 2.0
 """Of two antennas half a metre apart, where the receiver does not say."""
 BESIDE = tuple(
@@ -46,26 +47,39 @@ _SHORTEST_PULSE_US = 800.0
 _LONGEST_RUN_US = 1e14  # three years; what lies above is damage
 
 
-def resample_columns(topics: Topics, time: Array, rotation_bm: Rotation | None) -> dict[str, Any]:
-    """Attitude, motion, power and place at the times of the magnetometer.
+def list_tracks(topics: Topics, time: Array, rotation_bm: Rotation | None) -> Iterator[Track]:
+    """Attitude, motion, power and place, as recorded beside a magnetometer with these times.
 
     Acceleration and rotation rate are logged in body axes; they are turned into those of the
     magnetometer, and left out where the turn is not known.
     """
+
+    def track(name: str, topic: Topic, values: Array) -> Track:
+        return Track(name, read_time_s(topic), values, time)
+
     attitude, motion = topics.get(ATTITUDE, {}), topics.get(MOTION, {})
-    columns: dict[str, Any] = dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"))
     if (q := stack_vector(attitude, *(f"q[{i}]" for i in range(4)))) is not None:
         q[np.abs(np.linalg.norm(q, axis=1) - 1) > 0.1] = np.nan
-        for name, angle in zip(columns, compute_euler_deg(q), strict=True):
-            columns[name] = resample(read_time_s(attitude), angle, time, period=360.0)
+        for name, angle in zip(ANGLES, compute_euler_deg(q), strict=True):
+            yield track(name, attitude, angle)
     for name, logged in (("acceleration", "accelerometer_m_s2"), ("rotation_rate", "gyro_rad")):
         body = stack_vector(motion, *(f"{logged}[{i}]" for i in range(3)))
         if body is not None and rotation_bm is not None:
-            columns[name] = resample(
-                read_time_s(motion), rotation_bm.apply(body, inverse=True), time
-            )
-    beside = _read_power(topics, time) | _read_place(topics, time)
-    return columns | beside | {"disturbers": read_disturbers(topics, time)}
+            yield track(name, motion, rotation_bm.apply(body, inverse=True))
+    controls, thrust = topics.get(CONTROLS, {}), topics.get(THRUST, {})
+    if "control[3]" in controls:
+        yield track("throttle", controls, controls["control[3]"])
+    elif (xyz := stack_vector(thrust, "xyz[0]", "xyz[1]", "xyz[2]")) is not None:
+        yield track("throttle", thrust, np.linalg.norm(xyz, axis=1))
+    place, fixed = _find_place(topics)
+    for name, values in place.items():
+        yield Track(name, fixed, values, time)
+    for name, topic, values in _list_disturbers(topics):
+        yield track(name, topic, values)
+    for k, battery in enumerate(_list_batteries(topics), start=1):
+        current = battery["current_a"].astype(np.float64)
+        name = "current_A" if k == 1 else f"battery{k}_A"
+        yield track(name, battery, np.where(current >= 0, current, np.nan))
 
 
 def list_headings(topics: Topics) -> Iterator[Candidate]:
@@ -91,50 +105,27 @@ def list_headings(topics: Topics) -> Iterator[Candidate]:
         yield Candidate("EKF-GSF yaw", read_time_s(topic), np.where(valid, yaw, np.nan), sd)
 
 
-def _read_power(topics: Topics, time: Array) -> dict[str, Any]:
-    """Current of the first battery that measures one (negative: unknown), and throttle 0…1."""
-    columns: dict[str, Any] = {}
-    for topic in _list_batteries(topics)[:1]:
-        columns["current_A"] = _read_current(topic, time)
-    controls, thrust = topics.get(CONTROLS, {}), topics.get(THRUST, {})
-    if "control[3]" in controls:
-        columns["throttle"] = resample(read_time_s(controls), controls["control[3]"], time)
-    elif (xyz := stack_vector(thrust, "xyz[0]", "xyz[1]", "xyz[2]")) is not None:
-        columns["throttle"] = resample(read_time_s(thrust), np.linalg.norm(xyz, axis=1), time)
-    return columns
+def _list_disturbers(topics: Topics) -> Iterator[tuple[str, Topic, Array]]:
+    """What may disturb a compass beside the batteries, by name.
 
-
-def read_disturbers(topics: Topics, time: Array) -> dict[str, Array]:
-    """What may disturb a compass, by name; what never changes is left out.
-
-    Motors by their command 0…1 (older logs: by their pulse of 1…2 ms), speed controllers and
-    batteries but the first by their current.
+    Motors by their command 0…1 (older logs: by their pulse of 1…2 ms), speed controllers by their
+    current.
     """
     motors, outputs = topics.get(MOTORS, {}), topics.get(OUTPUTS, {})
-    pulses = {k: outputs.get(f"output[{k}]", np.zeros(1)) for k in range(16)}
     controllers = topics.get(SPEED_CONTROLLERS, {})
     commanded = [(f"motor{k + 1}_duty", motors, f"control[{k}]", (1.0, 0.0)) for k in range(12)]
     if not motors:
         commanded = [
             (f"output{k + 1}_duty", outputs, f"output[{k}]", (1e-3, -1.0))
-            for k, values in pulses.items()
-            if np.nanmax(values, initial=0.0) > _SHORTEST_PULSE_US
+            for k in range(16)
+            if np.nanmax(outputs.get(f"output[{k}]", np.zeros(1)), initial=0.0) > _SHORTEST_PULSE_US
         ]
     drawn = [(f"esc{k + 1}_A", controllers, f"esc[{k}].esc_current", (1.0, 0.0)) for k in range(8)]
-    found: dict[str, Array] = {}
     for name, topic, column, (factor, offset) in (*commanded, *drawn):
-        if column not in topic:
-            continue
-        values = factor * topic[column].astype(np.float64) + offset
-        if name.endswith("_duty"):
-            values = np.clip(values, -1.0 if motors else 0.0, 1.0)
-        at_rows = resample(read_time_s(topic), values, time)
-        if at_rows is not None and np.ptp(at_rows) > 0:
-            found[name] = at_rows
-    for k, battery in enumerate(_list_batteries(topics)[1:], start=2):
-        if (current := _read_current(battery, time)) is not None:
-            found[f"battery{k}_A"] = current
-    return found
+        if column in topic:
+            values = factor * topic[column].astype(np.float64) + offset
+            least = -1.0 if motors else 0.0
+            yield name, topic, np.clip(values, least, 1.0) if name.endswith("_duty") else values
 
 
 def _list_batteries(topics: Topics) -> list[Topic]:
@@ -144,13 +135,9 @@ def _list_batteries(topics: Topics) -> list[Topic]:
     return [battery for battery in found if (battery["current_a"] > 0).any()]
 
 
-def _read_current(battery: Topic, time: Array) -> Array | None:
-    current = battery["current_a"].astype(np.float64)
-    return resample(read_time_s(battery), np.where(current >= 0, current, np.nan), time)
-
-
-def _read_place(topics: Topics, time: Array) -> dict[str, Any]:
-    """Position from GPS where it has a three-dimensional fix, else the vehicle's estimate."""
+def _find_place(topics: Topics) -> tuple[dict[str, Array], Array]:
+    """Position from GPS where it has a three-dimensional fix, else the vehicle's estimate;
+    and its times."""
     for name in (*GPS, ESTIMATED_PLACE):
         topic = topics.get(name, {})
         latitude = _read_scaled(topic, 1e7, "lat", "latitude_deg")
@@ -164,13 +151,10 @@ def _read_place(topics: Topics, time: Array) -> dict[str, Any]:
         if "fix_type" in topic:
             fixed &= topic["fix_type"] >= 3
         if fixed.any():
-            since = read_time_s(topic)[fixed]
-            return {
-                "latitude_deg": resample(since, latitude[fixed], time),
-                "longitude_deg": resample(since, longitude[fixed], time, period=360.0),
-                "altitude_m": None if altitude is None else resample(since, altitude[fixed], time),
-            }
-    return {}
+            place = dict(zip(PLACE, (latitude, longitude, altitude), strict=True))
+            known = {name: values[fixed] for name, values in place.items() if values is not None}
+            return known, read_time_s(topic)[fixed]
+    return {}, np.empty(0)
 
 
 def _read_scaled(topic: Topic, per_unit: float, *names: str) -> Array | None:
@@ -187,12 +171,6 @@ def stack_vector(topic: Topic, *names: str) -> Array | None:
     if not set(names) <= set(topic):
         return None
     return np.stack([topic[name] for name in names], axis=1).astype(np.float64)
-
-
-def read_temperature(topic: Topic, time: Array) -> Array | None:
-    """The sensor's own temperature, °C; zero throughout means that it has none."""
-    values = topic.get("temperature", np.zeros(0))
-    return resample(time, values, time) if np.nan_to_num(values).any() else None
 
 
 def read_time_s(topic: Topic) -> Array:

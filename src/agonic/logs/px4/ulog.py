@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.contents import explain_damage
 from agonic.logs.log import Log, Readings, Stream
 from agonic.logs.px4.topics import (
     BESIDE,
@@ -25,13 +26,12 @@ from agonic.logs.px4.topics import (
     Topics,
     find_utc_of_boot,
     list_headings,
-    read_temperature,
+    list_tracks,
     read_time_s,
-    resample_columns,
     stack_vector,
 )
-from agonic.logs.rows.heading_source import choose_heading
-from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, compute_rate_Hz, find_misplaced
+from agonic.logs.rows.resample import compute_rate_Hz, find_misplaced
+from agonic.logs.rows.tracks import Track, build_samples
 from agonic.maths.equation.affine import correct
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.provenance import Input
@@ -185,15 +185,12 @@ def _parse(path: Path) -> Any:
     """The log as pyulog understands it, without what it prints on the way."""
     from pyulog import ULog
 
-    with _Forward(path.open("rb", buffering=0)) as stream, redirect_stdout(io.StringIO()):
-        try:
-            return ULog(stream, (RAW, CORRECTED, *BESIDE))
-        except Exception as error:  # damage makes it fail in many ways
-            raise LogError(
-                f"cannot be read as a PX4 log ({error or type(error).__name__}); "
-                "fetch it again from the vehicle",
-                path=path,
-            ) from error
+    with (
+        _Forward(path.open("rb", buffering=0)) as stream,
+        redirect_stdout(io.StringIO()),
+        explain_damage("cannot be read as a PX4 log"),
+    ):
+        return ULog(stream, (RAW, CORRECTED, *BESIDE))
 
 
 class _Forward(io.BufferedReader):
@@ -249,26 +246,19 @@ def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Inp
         device_id=device_id,
         external="is_external" in topic and bool(topic["is_external"][0]),
     )
-    columns = resample_columns(topics, time, found.rotation_bm)
-    told, said = choose_heading(list_headings(topics), time, columns["heading_deg"])
-    estimated = columns["heading_deg"] is not None and not told
-    attitude = (*said, *((ESTIMATED_ATTITUDE,) if estimated else ()))
-    return Samples(
-        field=found.field,
-        unit="nT",
+    tracks = [*list_tracks(topics, time, found.rotation_bm)]
+    temperature = topic.get("temperature", np.zeros(0))
+    if np.nan_to_num(temperature).any():  # zero throughout means that it has none
+        tracks.append(Track("temperature", time, temperature, time))
+    return build_samples(
+        name,
+        replace(found, device_id=device_id),
+        tracks,
         time=time,
         epoch=find_utc_of_boot(topics),
-        temperature=read_temperature(topic, time),
-        **{**columns, **told},
-        name=name,
-        frame=found.frame,
-        device_id=device_id,
-        heading_estimated=estimated,
-        corrected=found.corrected,
-        logged=found.logged,
-        notes=(*found.notes, *attitude),
-        source=replace(source, count=len(time)),
-        rejected={"time out of sequence": wrong} if wrong else {},
+        source=source,
+        rejected={"time out of sequence": wrong},
+        headings=list_headings(topics),
     )
 
 

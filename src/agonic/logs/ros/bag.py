@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
+from agonic.logs.contents import explain_damage
 from agonic.logs.groups import build_groups_log
 from agonic.logs.log import Log, Stream
 from agonic.logs.ros.messages import (
@@ -101,12 +102,9 @@ def _open_bag(path: Path) -> Iterator[Any]:
         whole = path.parent
     elif path.suffix == ".db3":
         raise LogError(f"a ROS 2 bag is a folder: keep {_METADATA} beside this file")
-    try:
+    with explain_damage("cannot be read as a ROS bag"):
         reader = AnyReader([whole], default_typestore=get_typestore(Stores.LATEST))
         reader.open()
-    except Exception as error:  # damage makes it fail in many ways
-        reason = " ".join(str(error).split())[:160] or type(error).__name__
-        raise LogError(f"cannot be read as a ROS bag ({reason}); fetch it again") from error
     try:
         yield reader
     finally:

@@ -232,7 +232,7 @@ def _mark_unknown_headings(columns: dict[str, Any], readings: Mask) -> tuple[str
     last = at[np.clip(np.searchsorted(at, np.arange(len(known)), "right") - 1, 0, None)]
     columns["heading_deg"] = heading[last]
     stated = np.full(len(known), STATED_SD_DEG) if sd is None else sd
-    from agonic.logs.rows.heading_source import UNKNOWN_SD_DEG
+    from agonic.logs.rows.tracks import UNKNOWN_SD_DEG
 
     columns["heading_sd_deg"] = np.where(known, stated, UNKNOWN_SD_DEG)
     return (f"heading known in {int((readings & known).sum())} of {int(readings.sum())} rows",)

@@ -131,8 +131,14 @@ def _read_column(
     if FRACTION in group:  # which a float of Unix nanoseconds would round
         part = group[FRACTION]
         begun, epoch, notes = _read_column(table, found, {"": time}, date, start)
+        if begun is None:
+            return _read_column(table, found, {"": part}, date, start)
         seconds = to_numbers(table[part.header]) * part.quantity.units[part.unit or "s"][0]
-        return None if begun is None else begun + seconds, epoch, notes
+        both = np.isfinite(begun) & np.isfinite(seconds)
+        parts = (begun[both] % 1 == 0) & (seconds[both] >= 0) & (seconds[both] < 1)
+        if parts.all():
+            return begun + seconds, epoch, notes
+        return begun, epoch, (*notes, f"{part.header[:30]} is another clock: left out")
     if start is not None and values.dtype.kind in "fiu":
         moment = to_numbers(table[start.header])
         known = moment[(moment >= 0) & (moment < _YEAR_9999)]

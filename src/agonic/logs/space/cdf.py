@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.clocks.clock import to_moments
+from agonic.logs.contents import explain_damage
 from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
@@ -40,18 +41,13 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         import cdflib
     except ImportError:
         raise MissingExtraError("reading a CDF file", "space") from None
-    try:
+    with explain_damage("cannot be read as CDF"):
         with path.open("rb") as stream:
             _check(stream)
         file = cdflib.CDF(path)
         file._f = _Bounded(file._f, _READS + path.stat().st_size)
         info = file.cdf_info()
         names = [*info.zVariables, *info.rVariables]
-    except LogError:
-        raise
-    except Exception as error:  # damage makes it fail in many ways
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise LogError(f"cannot be read as CDF ({reason}); fetch it again") from error
     variables: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     notes: list[str] = []

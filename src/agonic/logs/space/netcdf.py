@@ -22,6 +22,7 @@ from agonic.logs.arrays.stacked import is_sampling_rate
 from agonic.logs.arrays.stored import check_heaps, list_items, read_values
 from agonic.logs.child_process import call
 from agonic.logs.clocks.clock import read_clock, to_moments
+from agonic.logs.contents import explain_damage
 from agonic.logs.headers.columns import refuse_many
 from agonic.logs.log import Log
 from agonic.logs.space.variables import build_variables_log
@@ -49,13 +50,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """
     with path.open("rb") as stream:
         classic = stream.read(4) in CLASSIC
-    try:
+    with explain_damage("cannot be read as netCDF"):
         found, notes = _version_3(path) if classic else _version_4(path)
-    except (LogError, MissingExtraError):
-        raise
-    except Exception as error:  # damage makes both libraries fail in many ways
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise LogError(f"cannot be read as netCDF ({reason}); fetch it again") from error
     variables: dict[str, NDArray[Any]] = {}
     for name, (values, attributes) in found.items():
         variables[name] = _decode(values, attributes)

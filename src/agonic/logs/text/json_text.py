@@ -21,7 +21,7 @@ from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
 from agonic.logs.log import Facts, Log
-from agonic.logs.text.dialects import MAVLINK, Cell, Kind
+from agonic.logs.text.dialects import Cell, Kind, find_group
 from agonic.logs.text.kinds import build_kinds_log, name_cells
 from agonic.logs.text.layout import SAMPLE
 from agonic.logs.text.long_table import build_tables_log, name_label
@@ -39,7 +39,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     records, broken = _load_file(path)
     if messages := _gather_messages(records):
         facts = Facts(path=path, source=source, format="MAVLink as JSON", unit=unit)
-        return build_kinds_log(messages, MAVLINK, facts)
+        return build_kinds_log(messages, find_group("MAVLink"), facts)
     table, found = _make_table(records, broken)
     return build_tables_log(table, path=path, source=source, unit=unit, **found)
 
@@ -48,14 +48,15 @@ def _gather_messages(records: list[dict[str, Any]]) -> dict[str, dict[str, NDArr
     """The columns of MAVLink messages as `mavlogdump.py --format json` writes them, at the times of
     their arrival; none where the objects are others.
     """
+    known = find_group("MAVLink")
     found: dict[str, list[dict[str, Any]]] = {}
     for record in records:
         meta, data = record.get("meta"), record.get("data")
-        if isinstance(meta, dict) and isinstance(data, dict) and meta.get("type") in MAVLINK:
+        if isinstance(meta, dict) and isinstance(data, dict) and meta.get("type") in known:
             found.setdefault(meta["type"], []).append({**data, "arrived": meta.get("timestamp")})
     tables = {}
     for kind, rows in found.items():
-        cells = tuple(c for c in MAVLINK[kind].cells if not c.header.startswith("time"))
+        cells = tuple(c for c in known[kind].cells if not c.header.startswith("time"))
         tables[kind] = name_cells(Kind((Cell("time_s", theirs="arrived"), *cells)), rows)
     return tables if any("mag_x_mG" in table for table in tables.values()) else {}
 

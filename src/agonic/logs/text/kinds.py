@@ -46,7 +46,7 @@ def _make(
     before = rf"(?P<before>{cell}){between}" * at
     return Dialect(
         name="tagged text",
-        row=re.compile(rf"[^\S\n]*{before}(?P<kind>{cell}){between}(?P<cells>.*)"),
+        row=rf"[^\S\n]*{before}(?P<kind>{cell}){between}(?P<cells>.*)",
         kinds={name: Kind(tuple(map(Cell, header))) for name, header in headers.items()},
         separator=separator,
         source="the text itself",
@@ -160,7 +160,7 @@ Table = dict[str, Array]
 
 def read_dialect(dialect: Dialect, text: str) -> dict[str, Table]:
     """The columns of each kind of rows that a text has."""
-    read = _read_cells if dialect.pair is None else _read_pairs
+    read = _read_pairs if dialect.pair else _read_cells
     return {
         name: read(dialect, dialect.kinds[name], rows)
         for name, rows in _split_by_kind(dialect, text).items()
@@ -170,8 +170,8 @@ def read_dialect(dialect: Dialect, text: str) -> dict[str, Table]:
 
 def _split_by_kind(dialect: Dialect, text: str) -> dict[str, list[str]]:
     """The cells of the rows of each kind, those before the kind first."""
-    groups = dialect.row.groupindex
-    rows = re.compile(f"^(?:{dialect.row.pattern})", re.MULTILINE).findall(text)
+    pattern = re.compile(f"^(?:{dialect.row})", re.MULTILINE)
+    groups, rows = pattern.groupindex, pattern.findall(text)
     if len(groups) == 1:
         return {"": rows}
     kind, before, cells = (groups.get(part, 0) - 1 for part in ("kind", "before", "cells"))
@@ -197,8 +197,7 @@ def _read_cells(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
 
 def _read_pairs(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
     """The columns of cells that are named."""
-    assert dialect.pair is not None
-    return name_cells(kind, [dict(found) for found in map(dialect.pair.findall, rows)])
+    return name_cells(kind, [dict(re.findall(dialect.pair, row)) for row in rows])
 
 
 def name_cells(kind: Kind, rows: Sequence[Mapping[str, Any]]) -> Table:

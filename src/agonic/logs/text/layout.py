@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.errors import UnitError
+from agonic.errors import LogError, UnitError
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import find_quantities, refuse_many
 from agonic.logs.headers.header import identify_column
@@ -158,6 +158,8 @@ def sample_lines(lines: Sequence[str]) -> list[int]:
 
 def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
     """The layout that the sample of lines with values shows."""
+    if not sample:
+        raise LogError("there are no lines with values in it")
     separator = _find_separator([lines[i] for i in sample])
     counts = [count_cells(lines[i], separator) for i in sample]
     width = Counter(counts).most_common(1)[0][0]
@@ -274,7 +276,10 @@ def split_cells(line: str, separator: str | None) -> list[str]:
         return line.split()
     if '"' not in line:
         return [cell.strip() for cell in line.split(separator)]
-    return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    try:
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    except csv.Error as error:
+        raise LogError(f"a cell in quotes has no end ({error}); fetch it again") from None
 
 
 def count_cells(line: str, separator: str | None) -> int:

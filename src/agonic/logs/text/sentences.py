@@ -28,7 +28,7 @@ from agonic.logs.log import Log
 from agonic.logs.rows.auxiliary import PERIODS_DEG
 from agonic.logs.rows.resample import resample
 from agonic.logs.table import build_log
-from agonic.logs.text.dialects import SENTENCES
+from agonic.logs.text.dialects import find_group
 from agonic.logs.text.kinds import mark_corrected
 from agonic.logs.text.layout import Table
 from agonic.provenance import Input
@@ -230,7 +230,8 @@ def read_sentences(
         notes=(*notes, *damaged),
         remarks=said,
     )
-    how = SENTENCES[name].corrected.format(f"${name}") if name in SENTENCES else ""
+    kind = find_group("sentences").get(name)
+    how = kind.corrected.format(f"${name}") if kind else ""
     return replace(log, sensors=tuple(mark_corrected(one, how) for one in log.sensors))
 
 
@@ -276,8 +277,9 @@ def _read_field(
 ) -> tuple[str, Array, Table]:
     """The sentence that holds the field, the lines of its readings, and their columns."""
     names = {name for _, name, _ in found}
-    corrected = [name for name, kind in SENTENCES.items() if kind.corrected]
-    raw = [name for name in SENTENCES if name not in corrected]
+    known = find_group("sentences")
+    corrected = [name for name, kind in known.items() if kind.corrected]
+    raw = [name for name in known if name not in corrected]
     others = [name for name in names if name.endswith("MAG") and name not in corrected]
     for name in (*raw, *others, *corrected):
         if name in names:
@@ -298,8 +300,8 @@ def _find_axis(header: str) -> str:
 def _read_sentence(found: Sequence[Sentence], name: str) -> tuple[Array, Table]:
     """The lines of a sentence, and its columns."""
     rows = [(line, cells) for line, other, cells in found if other == name]
-    known = SENTENCES[name].cells if name in SENTENCES else ()
-    columns = [cell.header for cell in known] or [f"mag_{axis}" for axis in "xyz"]
+    kind = find_group("sentences").get(name)
+    columns = [cell.header for cell in kind.cells] if kind else [f"mag_{axis}" for axis in "xyz"]
     table: Table = {
         column: np.array([to_number(cells[k]) if k < len(cells) else np.nan for _, cells in rows])
         for k, column in enumerate(columns)
