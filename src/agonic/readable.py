@@ -138,7 +138,7 @@ def list_shown(kind: Any) -> dict[str, Shown]:
         hints |= {
             name: get_type_hints(get, include_extras=True).get("return")
             for name, get in made.items()
-            if "Shown" in str(get.__annotations__.get("return"))
+            if "Shown" in str(getattr(get, "__annotations__", {}).get("return"))
         }
     return {
         name: how
@@ -167,8 +167,7 @@ def _record(value: Any) -> Any:
         return {str(name): _record(one) for name, one in value.items()}
     if isinstance(value, datetime):
         return value.isoformat()
-    kind: Any = type(value)
-    if hasattr(kind, "__annotations__") and list_shown(kind):
+    if (is_dataclass(value) or hasattr(value, "_fields")) and list_shown(type(value)):
         return make_record(value)
     return [_record(one) for one in value] if isinstance(value, tuple | list) else value
 
