@@ -152,7 +152,7 @@ def make_record(result: Any) -> dict[str, Any]:
     """The result for programs, and what it holds: what could not be had is null."""
     return {
         name if how.key is None else how.key: _record(getattr(result, name))
-        for name, how in list_shown(type(result)).items()
+        for name, how in list_shown(result.__class__).items()
         if how.key != ""
     }
 
@@ -167,7 +167,7 @@ def _record(value: Any) -> Any:
         return {str(name): _record(one) for name, one in value.items()}
     if isinstance(value, datetime):
         return value.isoformat()
-    if (is_dataclass(value) or hasattr(value, "_fields")) and list_shown(type(value)):
+    if (is_dataclass(value) or hasattr(value, "_fields")) and list_shown(value.__class__):
         return make_record(value)
     return [_record(one) for one in value] if isinstance(value, tuple | list) else value
 

@@ -37,7 +37,7 @@ def write_field(result: Any, name: str) -> str:
     >>> write_field(Found(1.234, 0.0), "error"), write_field(Found(float("nan"), 0.1), "error")
     ('1.23°', '–')
     """
-    how, value = list_shown(type(result))[name], getattr(result, name)
+    how, value = list_shown(result.__class__)[name], getattr(result, name)
     if value is None:
         return NOTHING
     if how.write is not None:
@@ -65,7 +65,7 @@ def make_table(
     scrolls: bool = False,
 ) -> Table:
     """The results of one kind, a row each; those that are `taken` have a tick."""
-    heads = {name: how.label for name, how in list_shown(type(results[0])).items() if how.label}
+    heads = {name: how.label for name, how in list_shown(results[0].__class__).items() if how.label}
     rows = [[write_field(one, name) for name in heads] for one in results]
     for row, one in zip(rows, results, strict=True):
         row[0] = f"{'✓ ' if taken(one) else ''}{row[0]}"

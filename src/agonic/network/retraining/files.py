@@ -59,7 +59,7 @@ def _restore(record: RetrainFile) -> tuple[RetrainerParams, RetrainerState]:
     channels = len(given["watch"][0])
     window = _restore_window(given["window"], channels)
     reservoir = given.get("reservoir")
-    parts = {
+    parts: dict[str, Any] = {
         "running": None if running is None else decode(msgspec.json.encode(running)),
         "window": window,
         "reservoir": window.select(slice(0, 0))
