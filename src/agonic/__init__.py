@@ -54,15 +54,18 @@ display                       what objects show of themselves: summary, page, pl
 from __future__ import annotations
 
 import warnings as _warnings
+from importlib import import_module as _import_module
 from typing import Any as _Any
 
 from agonic.public import find_homes as _find_homes
 from agonic.public import offer as _offer_names
 from agonic.public import read_stub as _read_stub
+from agonic.readable import show_by as _show_by
 from agonic.version import __version__ as __version__
 
 _offer = _offer_names(__name__, f"{__file__}i")
 __dir__, __all__ = _offer.list_names, _offer.names
+_show_by(lambda: _import_module(f"{__name__}.display"))
 
 GROUPS = (
     "alignment",

@@ -1,21 +1,28 @@
 """Results whose fields say how they are shown."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from agonic.readable import Shown, make_record
 from agonic.report.digits import THIN
-from agonic.report.fields import FRACTION, make_record, make_table, shown, write_field
+from agonic.report.fields import FRACTION, make_table, write_field
 from agonic.report.tables import NOTHING
 
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    name: str = shown("Fit")
-    count: int = shown("Readings")
-    share: float = shown("Share", FRACTION)
-    error: float = shown("Error", "{unit}", 2, sd="sd", most=180.0)
-    sd: float = shown()
-    taken: bool = False
-    unit: str = shown(record=False)
+    name: Annotated[str, Shown("Fit")]
+    count: Annotated[int, Shown("Readings")]
+    share: Annotated[float, Shown("Share", FRACTION)]
+    error: Annotated[float, Shown("Error", "{unit}", 2, sd="sd", most=180.0)]
+    sd: Annotated[float, Shown()]
+    taken: Annotated[bool, Shown()] = False
+    unit: str
+
+    @property
+    def double(self) -> Annotated[float, Shown(key="double_nT")]:
+        """Twice the error."""
+        return 2 * self.error
 
 
 def make(error: float = 1.234, sd: float = 0.12, unit: str = "°") -> Found:
@@ -41,4 +48,4 @@ def test_a_table_has_what_is_labelled_and_a_record_all_but_what_is_left_out() ->
     table = make_table([make(), make()], taken=lambda one: one.error > 1)
     assert table.head == ["Fit", "Readings", "Share", "Error"]
     assert [row[0] for row in table.rows] == ["✓ full", "✓ full"]
-    assert [*make_record(make())] == ["name", "count", "share", "error", "sd", "taken"]
+    assert [*make_record(make())] == ["name", "count", "share", "error", "sd", "taken", "double_nT"]

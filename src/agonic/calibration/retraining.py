@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from math import inf, isfinite
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.equation.network import Nodes
 from agonic.maths.estimation.changes import cusum
+from agonic.readable import Shown
 
 Running = Affine | Thermal | Network
 Why = Literal["period", "change", "settling"]
@@ -152,18 +153,18 @@ class Retraining:
     what was running and of the candidate are NaN where there were none.
     """
 
-    time: float
-    n: int
-    why: Why
-    accepted: bool
-    reason: str
-    rows: int
-    what: str = ""
-    poisoned: bool = False
-    running_rms: float = float("nan")
-    candidate_rms: float = float("nan")
-    onset: float | None = None
-    epochs: int = 0
+    time: Annotated[float, Shown(key="time_s")]
+    n: Annotated[int, Shown()]
+    why: Annotated[Why, Shown()]
+    accepted: Annotated[bool, Shown()]
+    reason: Annotated[str, Shown()]
+    rows: Annotated[int, Shown()]
+    what: Annotated[str, Shown(key="candidate")] = ""
+    poisoned: Annotated[bool, Shown()] = False
+    running_rms: Annotated[float, Shown(key="running_rms_nT")] = float("nan")
+    candidate_rms: Annotated[float, Shown(key="candidate_rms_nT")] = float("nan")
+    onset: Annotated[float | None, Shown(key="onset_s")] = None
+    epochs: Annotated[int, Shown()] = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

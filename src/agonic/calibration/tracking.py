@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,7 @@ from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.filters.states import FilterState
 from agonic.maths.rotations.polar import RotationPart
 from agonic.provenance import Provenance
+from agonic.readable import Shown
 
 SETTLED = 0.05
 """Of the field: the largest standard error of a bias that is known, beside a gyro."""
@@ -32,10 +34,10 @@ class Jump:
     (3,), in the unit of the readings, as soon as the bias is settled again.
     """
 
-    time: float
-    seen: float
-    shift: Array
-    shift_sd: Array
+    time: Annotated[float, Shown(key="time_s")]
+    seen: Annotated[float, Shown(key="seen_s")]
+    shift: Annotated[Array, Shown()]
+    shift_sd: Annotated[Array, Shown()]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,13 +89,13 @@ class TrackerState:
     base: Affine
     turned: RotationPart
     estimate: FilterState
-    noise: float
+    noise: Annotated[float, Shown()]
     noise_known: bool = True
     opening: Opening | None = None
     recent: Recent | None = None
-    n: int = 0
-    refused: int = 0
-    jumps: tuple[Jump, ...] = ()
+    n: Annotated[int, Shown()] = 0
+    refused: Annotated[int, Shown()] = 0
+    jumps: Annotated[tuple[Jump, ...], Shown()] = ()
     epoch: datetime | None = None
     magnitude: float | None = None
     ground: Thermal | None = None
@@ -120,12 +122,12 @@ class TrackerState:
         return self.estimate.time if self.n else -np.inf
 
     @property
-    def bias(self) -> Array:
+    def bias(self) -> Annotated[Array, Shown()]:
         """The bias now, (3,), in the unit of the readings."""
         return self.estimate.bias
 
     @property
-    def bias_sd(self) -> Array:
+    def bias_sd(self) -> Annotated[Array, Shown()]:
         """Its standard error, (3,), errors that last included."""
         sd = self.estimate.inflation.factor * np.sqrt(np.diag(self.estimate.covariance))
         return np.asarray(sd[self.estimate.coefficients[:3]])
@@ -147,7 +149,7 @@ class TrackerState:
         return self.recent is None and largest < SETTLED * size
 
     @property
-    def consistency(self) -> float:
+    def consistency(self) -> Annotated[float, Shown()]:
         """Innovations over their stated standard deviations, rms of the last thousand; about 1."""
         return self.estimate.consistency
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.ellipse.result import EllipseFit
+from agonic.readable import make_record
 from agonic.report.axes import Axis, Columns
 from agonic.report.digits import count, degrees, group_digits, percent, quantity, with_sd
 from agonic.report.document import Document
@@ -185,7 +186,7 @@ def _list_values(fit: EllipseFit, files: Sequence[str]) -> dict[str, Any]:
         "axes": "xy",
         "verdict": fit.verdict,
         "status": fit.status,
-        "n": fit.n,
+        **make_record(fit),
         "unit": fit.calibration.unit_in,
         "bias_nT": fit.bias[:2] if in_nt else None,
         "bias_sd_nT": fit.sd[:2] if in_nt else None,
@@ -195,12 +196,6 @@ def _list_values(fit: EllipseFit, files: Sequence[str]) -> dict[str, Any]:
         "matrix_sd": fit.sd[[3, 4, 6]],
         "magnitude": fit.calibration.magnitude,
         "noise_nT": fit.noise if in_nt else None,
-        "noise": fit.noise,
-        "correlation": fit.correlation,
-        "spread_before": fit.spread_before,
-        "spread_after": fit.spread_after,
-        "heading_sd_deg": fit.heading_sd_deg,
-        "inclination_deg": fit.inclination_deg,
         "coverage": float(np.count_nonzero(fit.sectors)) / len(fit.sectors),
         "files": list(files),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.fit import Estimated
 from agonic.health import Finding, sort_findings
+from agonic.readable import Shown
 from agonic.samples import Samples
 
 
@@ -29,16 +31,16 @@ class EllipseFit(Estimated):
 
     samples: Samples
     calibration: Affine
-    n: int
+    n: Annotated[int, Shown()]
     residuals: Array
     weights: Array
-    noise: float
-    correlation: float
+    noise: Annotated[float, Shown()]
+    correlation: Annotated[float, Shown()]
     sectors: Index
-    heading_sd_deg: float
-    spread_before: float
-    spread_after: float
-    inclination_deg: float | None = None
+    heading_sd_deg: Annotated[float, Shown()]
+    spread_before: Annotated[float, Shown()]
+    spread_after: Annotated[float, Shown()]
+    inclination_deg: Annotated[float | None, Shown()] = None
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from agonic.maths.equation.coverage import heading_sd_deg
 from agonic.maths.equation.priors import make_prior
 from agonic.maths.estimation.leastsq import inverse
 from agonic.maths.rotations.attitude import rot_nb
+from agonic.readable import Shown
 
 STEPS_DEG = (90.0, 60.0, 45.0, 30.0, 20.0, 15.0, 10.0, 5.0)
 """Steps of rotation that are looked at, from the coarsest."""
@@ -37,17 +39,17 @@ class PlannedSets:
     prior_share : how much of the heading's variance only the prior on soft iron limits, 0…1.
     """
 
-    step_deg: float
-    positions: int
-    readings: int
+    step_deg: Annotated[float, Shown()]
+    positions: Annotated[int, Shown()]
+    readings: Annotated[int, Shown()]
     attitudes_deg: Array
-    bias_sd: Array
-    matrix_sd: Array
-    heading_sd_deg: float
+    bias_sd: Annotated[Array, Shown(key="bias_sd_nT")]
+    matrix_sd: Annotated[Array, Shown()]
+    heading_sd_deg: Annotated[float, Shown()]
     prior_share: float
 
     @property
-    def determined(self) -> bool:
+    def determined(self) -> Annotated[bool, Shown()]:
         """Whether the readings tell more of the heading than the prior does."""
         return self.prior_share < 0.5
 

@@ -15,6 +15,7 @@ from agonic.fleet.embedded_rows import embed_rows
 from agonic.fleet.group_section import describe_group
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.peers import Peers, find_peers
+from agonic.readable import make_record
 from agonic.report.digits import count, group_digits
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element, markup
@@ -94,33 +95,11 @@ def describe_run(run: FleetRun) -> Document:
             *_list_unusual(run),
         ],
         values={
-            "logs": run.logs,
-            "datasets": run.datasets,
+            **make_record(run),
             "rows": len(run.population),
             "verdicts": verdicts,
             "reasons": [{"reason": reason, "rows": rows} for reason, rows in reasons],
-            "outliers": [
-                {
-                    "sensor": one.sensor,
-                    "source": one.source,
-                    "quantity": one.quantity,
-                    "sentence": one.sentence,
-                }
-                for one in run.outliers
-            ],
-            "duplicates": [
-                {"sources": one.sources, "sensors": one.sensors, "sentence": one.sentence}
-                for one in run.duplicates
-            ],
-            "calibrated": run.calibrated,
-            "resumed": run.resumed,
-            "repeated": run.repeated,
-            "skipped": run.skipped,
-            "seconds": run.seconds,
             "logs_per_second": run.calibrated / run.seconds if run.seconds else 0.0,
-            "rows_per_second": run.rate,
-            "table": str(run.table),
-            "page": str(run.page),
         },
     )
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from agonic.population import Duplicate, Outlier, Population
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,20 +20,20 @@ class FleetRun:
     """
 
     population: Population
-    outliers: tuple[Outlier, ...]
-    duplicates: tuple[Duplicate, ...]
-    table: Path
-    page: Path
-    logs: int
-    datasets: int
-    calibrated: int
+    outliers: Annotated[tuple[Outlier, ...], Shown()]
+    duplicates: Annotated[tuple[Duplicate, ...], Shown()]
+    table: Annotated[Path, Shown()]
+    page: Annotated[Path, Shown()]
+    logs: Annotated[int, Shown()]
+    datasets: Annotated[int, Shown()]
+    calibrated: Annotated[int, Shown()]
     made: int
-    resumed: int
-    repeated: int
-    skipped: int
-    seconds: float
+    resumed: Annotated[int, Shown()]
+    repeated: Annotated[int, Shown()]
+    skipped: Annotated[int, Shown()]
+    seconds: Annotated[float, Shown()]
 
     @property
-    def rate(self) -> float:
+    def rate(self) -> Annotated[float, Shown(key="rows_per_second")]:
         """Rows made in a second."""
         return self.made / self.seconds if self.seconds else 0.0

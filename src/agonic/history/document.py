@@ -10,10 +10,11 @@ from typing import Any
 from agonic.history.departure import Departure
 from agonic.history.figures import DAYS_A_MONTH, DAYS_A_YEAR, choose_unit, draw_trends
 from agonic.history.parameters import KINDS
-from agonic.history.result import Drift, Event
+from agonic.history.result import Drift
 from agonic.history.trend import Trend
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
+from agonic.readable import make_record
 from agonic.report.digits import count, group_digits, quantity, round_to_sd, show_sign, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
@@ -30,7 +31,7 @@ def list_values(drift: Drift) -> dict[str, Any]:
         "at": drift.at.isoformat(),
         "calibrations": [_record_row(row, number in drift.compared) for number, row in rows],
         "trends": [_record_trend(one, drift.at) for one in drift.trends],
-        "events": [_record_event(event) for event in drift.events],
+        "events": [make_record(event) for event in drift.events],
         "findings": [
             {"name": f.name, "severity": f.severity, "sentence": f.sentence} for f in drift.findings
         ],
@@ -55,31 +56,7 @@ def _record_row(row: Row, compared: bool) -> dict[str, Any]:
 
 def _record_trend(one: Trend, at: datetime) -> dict[str, Any]:
     mean, sd, calibration_sd = one.predict(at)
-    return {
-        "parameter": one.name,
-        "unit": one.unit,
-        "value": mean,
-        "sd": sd,
-        "calibration_sd": calibration_sd,
-        "slope_per_year": one.slope,
-        "slope_sd_per_year": one.slope_sd,
-        "p_value": one.p_value,
-        "scatter": one.scatter,
-        "walk_per_root_year": one.walk,
-    }
-
-
-def _record_event(event: Event) -> dict[str, Any]:
-    return {
-        "kind": event.kind,
-        "after": event.after.isoformat(),
-        "before": event.before.isoformat(),
-        "p_value": event.p_value,
-        "parameters": [
-            {"parameter": one.name, "unit": one.unit, "size": one.size, "sd": one.sd}
-            for one in event.parameters
-        ],
-    }
+    return make_record(one) | {"value": mean, "sd": sd, "calibration_sd": calibration_sd}
 
 
 LINES = 60
@@ -150,18 +127,7 @@ def describe_history(
     >>> describe_history([], set(), []).to_text()
     'The history is empty.'
     """
-    rows = [
-        {
-            "sensor": one.sensor,
-            "calibrations": one.calibrations,
-            "refused": one.refused,
-            "first": one.first.isoformat(),
-            "last": one.last.isoformat(),
-            "verdict": one.verdict,
-            "drifts": one.sensor in moving,
-        }
-        for one in sensors
-    ]
+    rows = [make_record(one) | {"drifts": one.sensor in moving} for one in sensors]
     total = count(sum(one.calibrations for one in sensors), "calibration")
     status = f"{count(len(sensors), 'sensor')}, {total}" if sensors else "The history is empty."
     return Document(

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Annotated
 
 from agonic.arrays import Index
 from agonic.health import Finding
 from agonic.health.finding import Judged
 from agonic.history.trend import Trend
 from agonic.population import Population
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True)
 class ParameterChange:
     """By how much one parameter moved, with its standard deviation."""
 
-    name: str
-    unit: str
-    size: float
-    sd: float
+    name: Annotated[str, Shown(key="parameter")]
+    unit: Annotated[str, Shown()]
+    size: Annotated[float, Shown()]
+    sd: Annotated[float, Shown()]
 
 
 @dataclass(frozen=True)
@@ -31,12 +33,12 @@ class Event:
     history; `parameters` are those in which it shows.
     """
 
-    kind: str
+    kind: Annotated[str, Shown()]
     place: int
-    after: datetime
-    before: datetime
-    p_value: float
-    parameters: tuple[ParameterChange, ...]
+    after: Annotated[datetime, Shown()]
+    before: Annotated[datetime, Shown()]
+    p_value: Annotated[float, Shown()]
+    parameters: Annotated[tuple[ParameterChange, ...], Shown()]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.history.maths.change_points import ChangePoint
 from agonic.history.maths.drift_model import Posterior, Series, mix_normals, predict
+from agonic.readable import Shown
 
 YEAR_S = 365.25 * 86_400.0
 _UNKNOWN = 1e4  # error of what is not told, over all that the others differ by
@@ -38,16 +39,16 @@ class Trend:
     as root mean squares over the posterior.
     """
 
-    name: str
-    unit: str
+    name: Annotated[str, Shown(key="parameter")]
+    unit: Annotated[str, Shown()]
     time: Array
     value: Array
     sd: Array
-    slope: float
-    slope_sd: float
-    p_value: float
-    scatter: float
-    walk: float
+    slope: Annotated[float, Shown(key="slope_per_year")]
+    slope_sd: Annotated[float, Shown(key="slope_sd_per_year")]
+    p_value: Annotated[float, Shown()]
+    scatter: Annotated[float, Shown()]
+    walk: Annotated[float, Shown(key="walk_per_root_year")]
     series: Series
     posterior: Posterior
     shifts: tuple[ChangePoint, ...]

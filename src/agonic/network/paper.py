@@ -20,6 +20,7 @@ from agonic.network.fit.selection import NODES
 from agonic.network.report import figures, tables
 from agonic.network.report.document import correlate_axes, draw_axes, evaluate_fit
 from agonic.network.simulate import CHANGE_S, SimulatedField, simulate_paper
+from agonic.readable import make_record
 from agonic.report.digits import quantity
 from agonic.report.document import Document
 from agonic.report.markup import Markup
@@ -165,7 +166,7 @@ def _measure(found: Reproduction) -> dict[str, Any]:
         "regression": found.ground.regression,
         "regression_in_space": {row.hidden: row.regression for row in found.space.table},
         "regression_in_the_plane": {row.hidden: row.regression for row in found.plane.table},
-        "methods": [method.to_record() for method in found.methods],
+        "methods": [make_record(method) for method in found.methods],
     }
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from agonic.population.population import Population
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True)
@@ -21,13 +23,13 @@ class Duplicate:
     """
 
     sha256: str
-    sources: tuple[str, ...]
-    sensors: tuple[str, ...]
+    sources: Annotated[tuple[str, ...], Shown()]
+    sensors: Annotated[tuple[str, ...], Shown()]
     rows: tuple[int, ...]
     contested: bool
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Annotated[str, Shown()]:
         """What is the same."""
         if len(self.sources) == 1:
             return f"{_list_names(self.sensors)} of {self.sources[0]} have the same readings"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from agonic.maths.estimation.robust.tails import Tail, fit_tail
 from agonic.population.axis_swaps import compute_likelihoods, swap_axes
 from agonic.population.peers import LEAST, Peers, Quantity, find_peers
 from agonic.population.population import AXES, Population
+from agonic.readable import Shown
 from agonic.units import RAW
 
 RATE = 0.03
@@ -38,11 +40,11 @@ class Outlier:
     often chance puts a regular one there.
     """
 
-    sensor: str
-    source: str
+    sensor: Annotated[str, Shown()]
+    source: Annotated[str, Shown()]
     row: int
-    quantity: str
-    sentence: str
+    quantity: Annotated[str, Shown()]
+    sentence: Annotated[str, Shown()]
     distance: float
     p_value: float
 

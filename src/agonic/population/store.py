@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from agonic.population import store_schema as schema
 from agonic.population.population import COLUMNS, Population, get_dtype
 from agonic.population.row import Row
 from agonic.provenance import escape_text
-from agonic.readable import Readable
+from agonic.readable import Readable, Shown
 
 WAIT_S = 60.0
 """How long to wait while another process writes."""
@@ -41,12 +41,12 @@ class SensorSummary:
     the last one came to.
     """
 
-    sensor: str
-    calibrations: int
-    refused: int
-    first: datetime
-    last: datetime
-    verdict: str
+    sensor: Annotated[str, Shown()]
+    calibrations: Annotated[int, Shown()]
+    refused: Annotated[int, Shown()]
+    first: Annotated[datetime, Shown()]
+    last: Annotated[datetime, Shown()]
+    verdict: Annotated[str, Shown()]
 
 
 class History(Readable):

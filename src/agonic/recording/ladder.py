@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import polar
@@ -26,9 +26,10 @@ from agonic.maths.equation.coverage import heading_jacobian_deg, level_direction
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
 from agonic.maths.rotations.tilt import two_axis_deg
+from agonic.readable import Shown
 from agonic.recording.held_out import cut_blocks, predict
 from agonic.reference import Reference
-from agonic.report.fields import FRACTION, shown
+from agonic.report.fields import FRACTION
 from agonic.report.labels import unit_label
 from agonic.samples import Samples
 from agonic.verification import Verification, verify
@@ -54,18 +55,18 @@ class Rung:
     and `errors_deg`, its mean at even headings; `why` it was chosen, or not; `unit` of the field.
     """
 
-    name: str = shown("Fit")
-    parameters: int = shown("Unknowns")
-    spread: float = shown("Spread", FRACTION)
-    held_out_rms: float = shown("Residual, unseen", "{unit}", 2)
-    heading_error_deg: float = shown(
-        "Heading error, predicted", "°", sd="heading_error_sd_deg", most=180.0
-    )
-    heading_error_sd_deg: float = shown()
-    errors_deg: tuple[float, ...] = shown(record=False, default=())
-    chosen: bool = False
-    why: str = ""
-    unit: str = shown(record=False, default="")
+    name: Annotated[str, Shown("Fit")]
+    parameters: Annotated[int, Shown("Unknowns")]
+    spread: Annotated[float, Shown("Spread", FRACTION)]
+    held_out_rms: Annotated[float, Shown("Residual, unseen", "{unit}", 2)]
+    heading_error_deg: Annotated[
+        float, Shown("Heading error, predicted", "°", sd="heading_error_sd_deg", most=180.0)
+    ]
+    heading_error_sd_deg: Annotated[float, Shown()]
+    errors_deg: tuple[float, ...] = ()
+    chosen: Annotated[bool, Shown()] = False
+    why: Annotated[str, Shown()] = ""
+    unit: str = ""
 
 
 def climb(

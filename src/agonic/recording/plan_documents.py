@@ -10,6 +10,7 @@ from agonic.attitude.disturbers.placement import Mix
 from agonic.attitude.disturbers.plan import JudgedDisturber
 from agonic.calibration.sources import name_sources
 from agonic.ellipsoid.plan import PlannedSets
+from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
 from agonic.report.labels import per_label
@@ -36,7 +37,7 @@ def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = Non
         status=_advise_step(chosen),
         sections=[Section("Errors to expect", [Table(ERRORS, _rows(sets))], printed=True)],
         values={
-            "sets": [_record(one) for one in sets],
+            "sets": [make_record(one) for one in sets],
             "chosen_step_deg": None if chosen is None else chosen.step_deg,
             "attitudes_deg": None if chosen is None else chosen.attitudes_deg,
         },
@@ -78,18 +79,6 @@ def _rows(sets: Sequence[PlannedSets]) -> list[list[str]]:
         ]
         for one in sets
     ]
-
-
-def _record(one: PlannedSets) -> dict[str, Any]:
-    return {
-        "step_deg": one.step_deg,
-        "positions": one.positions,
-        "readings": one.readings,
-        "bias_sd_nT": one.bias_sd,
-        "matrix_sd": one.matrix_sd,
-        "heading_sd_deg": one.heading_sd_deg,
-        "determined": one.determined,
-    }
 
 
 STEP_S = 10
@@ -264,13 +253,5 @@ def _advise_place(mix: Mix) -> str:
 
 
 def _values(mix: Mix, horizontal: float) -> dict[str, Any]:
-    return {
-        "first": mix.first,
-        "second": mix.second or None,
-        "disturbance_nT": mix.before,
-        "left_nT": mix.left,
-        "noise_nT": mix.noise,
-        "noise_factor": mix.noise_factor,
-        "share": mix.share,
-        "heading_deg": mix.heading_deg(horizontal),
-    }
+    more = {"second": mix.second or None, "heading_deg": mix.heading_deg(horizontal)}
+    return make_record(mix) | more

@@ -11,10 +11,10 @@ from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
 from agonic.calibration.decomposition import decompose
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.fit import Fit
+from agonic.readable import make_record
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.quantities import mixes_sensors, propagate_sd, turn_deg
 from agonic.recording.sections import list_trials
-from agonic.report.fields import make_record
 
 _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "sensor": lambda result: result.samples.name,

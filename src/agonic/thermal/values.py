@@ -9,6 +9,7 @@ import numpy as np
 
 from agonic.calibration.decomposition import decompose_at, expand_in_temperature
 from agonic.calibration.thermal import Thermal
+from agonic.readable import make_record
 from agonic.thermal import tables
 from agonic.thermal.checks.boards import list_boards
 from agonic.thermal.fit.result import Positions, ThermalFit
@@ -75,8 +76,7 @@ def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
     sd = calibration.sd_at(levels)
     return {
         "method": "thermal",
-        "reference_kind": fit.reference_kind,
-        "n": fit.n,
+        **make_record(fit),
         "degree": calibration.degree,
         "range_C": list(calibration.range_C),
         "at": {
@@ -91,15 +91,9 @@ def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
             zip(tables.name_nine(calibration), _list_powers(calibration), strict=True)
         ),
         "rate_nT_per_C_s": calibration.rate,
-        "noise_nT": fit.noise,
-        "excess_nT": fit.excess,
         "improvement": fit.spread and fit.spread.improvement,
         "hysteresis": hysteresis and {"difference": hysteresis.difference, "sd": hysteresis.sd},
         "fixture_deg": fit.fixture and fit.fixture.turned_deg,
-        "drift_nT": fit.drift,
-        "ageing_nT": fit.ageing,
-        "unseen_rms_nT": fit.unseen_rms,
-        "unseen_rms_with_nT": fit.alternatives,
         "anomalies": {str(a.station): a.count for a in fit.anomalies},
         "equation": calibration.equation,
     }

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 from io import StringIO
 from itertools import combinations
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import read_bytes
+from agonic.readable import Shown
 from agonic.samples import Samples
 
 STILL_DEG = 1.0
@@ -34,14 +36,14 @@ class Mix:
     share : of the first's disturbance at the second, along itself: −1 is opposite and equal.
     """
 
-    first: str
+    first: Annotated[str, Shown()]
     second: str
     matrix: Array
-    before: float
-    left: float
-    noise: float
+    before: Annotated[float, Shown(key="disturbance_nT")]
+    left: Annotated[float, Shown(key="left_nT")]
+    noise: Annotated[float, Shown(key="noise_nT")]
     noise_before: float
-    share: float = 0.0
+    share: Annotated[float, Shown()] = 0.0
 
     @property
     def total(self) -> float:
@@ -49,7 +51,7 @@ class Mix:
         return float(np.hypot(self.left, self.noise))
 
     @property
-    def noise_factor(self) -> float:
+    def noise_factor(self) -> Annotated[float, Shown()]:
         """How many times the noise of the first alone."""
         return self.noise / self.noise_before
 

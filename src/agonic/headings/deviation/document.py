@@ -24,6 +24,7 @@ from agonic.headings.deviation.card import (
 from agonic.headings.deviation.figures import NARROW, draw_chart, draw_picture, load_style
 from agonic.headings.deviation.fit import DeviationFit
 from agonic.health import figure
+from agonic.readable import make_record
 from agonic.report import tables
 from agonic.report.blocks import header
 from agonic.report.document import Document
@@ -309,13 +310,9 @@ def _values(fit: DeviationFit) -> dict[str, Any]:
     return {
         "sensor": card.sensor,
         "method": "deviation",
-        "n": fit.n,
+        **make_record(fit),
         "coefficients": {name: value for name, (value, _) in fitted.items()},
         "sd": {name: sd for name, (_, sd) in fitted.items()},
-        "classical": fit.classical,
-        "noise_deg": fit.noise_deg,
-        "correlation": fit.correlation,
-        "condition": fit.condition,
         "residual_rms_deg": float((fit.residuals_deg**2).mean() ** 0.5),
         "heading_sd_deg": float(card.sd_at(range(360)).max()),
         "power_state": card.power_state,

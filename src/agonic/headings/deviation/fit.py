@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,7 @@ from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.deviation import DeviationSolution
 from agonic.provenance import Input, Provenance
+from agonic.readable import Shown
 
 CITATIONS = ("nga-2004", "huber-1981", "beaton-tukey-1974")
 READINGS_PER_TERM = 4
@@ -48,14 +49,14 @@ class DeviationFit(Estimated):
     """
 
     calibration: Deviation
-    classical: Mapping[str, float] | None
+    classical: Annotated[Mapping[str, float] | None, Shown()]
     compass_deg: Array
     deviation_deg: Array
     residuals_deg: Array
     weights: Array
-    noise_deg: float
-    correlation: float
-    condition: float
+    noise_deg: Annotated[float, Shown()]
+    correlation: Annotated[float, Shown()]
+    condition: Annotated[float, Shown()]
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -67,7 +68,7 @@ class DeviationFit(Estimated):
         return sd
 
     @property
-    def n(self) -> int:
+    def n(self) -> Annotated[int, Shown()]:
         """How many readings were used."""
         return len(self.compass_deg)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from agonic.errors import AgonicError
 from agonic.headings.deviation.fit import parse_terms
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations import deviation as kernel
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,12 +26,12 @@ class SwingPlan:
     `heading_sd_deg` that of a level heading corrected with the card, at the worst heading.
     """
 
-    compass_deg: Array
+    compass_deg: Annotated[Array, Shown()]
     roll_deg: Array
-    terms: str
-    noise_deg: float
+    terms: Annotated[str, Shown()]
+    noise_deg: Annotated[float, Shown()]
     sd: Array
-    heading_sd_deg: float
+    heading_sd_deg: Annotated[float, Shown()]
 
     @property
     def closed(self) -> tuple[Array, Array]:

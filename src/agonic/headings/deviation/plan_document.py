@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from agonic.calibration.deviation import PARAMETERS, name_heading
 from agonic.headings.deviation.plan import SwingPlan
+from agonic.readable import make_record
 from agonic.report.document import Document
 from agonic.report.section import Section, Table
 
@@ -41,11 +42,8 @@ def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:
             Section("Standard errors to expect", [expected], printed=True),
         ],
         values={
-            "compass_deg": plan.compass_deg,
+            **make_record(plan),
             "roll_deg": plan.roll_deg if heeled else None,
-            "terms": plan.terms,
-            "noise_deg": plan.noise_deg,
             "sd": sd,
-            "heading_sd_deg": plan.heading_sd_deg,
         },
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
@@ -25,6 +25,7 @@ from agonic.inertial.pair.changes import (
 from agonic.inertial.pair.problem import average_shots, begin, number_targets
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import correction_jacobian, model_basis
+from agonic.readable import Shown
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -46,11 +47,11 @@ class PairCheck(Judged):
     their numbers.
     """
 
-    statistic: float
-    freedom: int
-    chance: float
+    statistic: Annotated[float, Shown()]
+    freedom: Annotated[int, Shown()]
+    chance: Annotated[float, Shown()]
     changes: tuple[Change, ...]
-    seen_deg: float
+    seen_deg: Annotated[float, Shown()]
     odd: Index
     shot: Index
     findings: tuple[Finding, ...] = ()

@@ -10,6 +10,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.inertial.pair.check import PairCheck
 from agonic.inertial.pair.result import PairFit
+from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
 from agonic.report.section import Section, Table
@@ -141,14 +142,7 @@ def _values(fit: PairFit, sensor: str) -> dict[str, Any]:
         "matrix": fit.calibration.matrix,
         "accelerometer_bias_m_s2": fit.accelerometer.bias,
         "accelerometer_matrix": fit.accelerometer.matrix,
-        "covariance": fit.covariance,
-        "turn_deg": fit.turn_deg,
-        "turn_sd_deg": fit.turn_sd_deg,
-        "inclination_deg": fit.inclination_deg,
-        "inclination_sd_deg": fit.inclination_sd_deg,
-        "heading_sd_deg": fit.heading_sd_deg,
-        "slope_sd_deg": fit.slope_sd_deg,
-        "noise": fit.noise,
+        **make_record(fit),
         "sight": None if sight is None else sight.axis,
         "sight_sd_deg": None if sight is None else sight.sd_deg,
         "sight_scatter_deg": None if sight is None else sight.scatter_deg,
@@ -180,10 +174,7 @@ def describe_check(check: PairCheck, sensor: str) -> Document:
         values={
             "sensor": sensor,
             "n": len(check.shot),
-            "statistic": check.statistic,
-            "freedom": check.freedom,
-            "chance": check.chance,
-            "seen_deg": check.seen_deg,
+            **make_record(check),
             "odd": [int(check.shot[i]) for i in check.odd],
             "changes": [change._asdict() for change in check.changes],
         },

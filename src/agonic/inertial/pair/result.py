@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,6 +12,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
 from agonic.health import Finding, Judged
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,17 +55,17 @@ class PairFit(Judged):
 
     calibration: Affine
     accelerometer: Affine
-    covariance: Array
+    covariance: Annotated[Array, Shown()]
     rot_am: Array
-    turn_sd_deg: Array
-    inclination_deg: float
-    inclination_sd_deg: float
+    turn_sd_deg: Annotated[Array, Shown()]
+    inclination_deg: Annotated[float, Shown()]
+    inclination_sd_deg: Annotated[float, Shown()]
     free_inclination_deg: float
     free_inclination_sd_deg: float
     sight: Sight | None
-    noise: Array
-    heading_sd_deg: float
-    slope_sd_deg: float
+    noise: Annotated[Array, Shown()]
+    heading_sd_deg: Annotated[float, Shown()]
+    slope_sd_deg: Annotated[float, Shown()]
     residuals: Array
     shot: Index
     target: Index
@@ -80,7 +81,7 @@ class PairFit(Judged):
         return len(self.shot)
 
     @property
-    def turn_deg(self) -> float:
+    def turn_deg(self) -> Annotated[float, Shown()]:
         """By how much the two sensors are turned against each other."""
         return float(np.degrees(Rotation.from_matrix(self.rot_am).magnitude()))
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from datetime import datetime
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +28,7 @@ from agonic.inflight.fit.solve import compute_residuals_of, rotation_of
 from agonic.inflight.fit.terms import Drift
 from agonic.inflight.maths.residuals import correct
 from agonic.maths.equation.affine import model_basis, split
+from agonic.readable import Shown
 from agonic.samples import Samples
 
 
@@ -72,18 +74,18 @@ class InflightFit(Judged):
     calibration: Affine | Thermal | Chain
     change: Affine
     drift: Drift
-    n: int
+    n: Annotated[int, Shown()]
     time: Array
     field: Array
     residuals: Array
     weights: Array
-    noise: float
+    noise: Annotated[float, Shown(key="noise_nT")]
     correlation: float
-    correlation_s: float
+    correlation_s: Annotated[float, Shown()]
     condition: float
     iterations: int
     converged: bool
-    solve: str
+    solve: Annotated[str, Shown()]
     held_out: dict[int, float]
     after: Affine
     before: Affine | None = None
@@ -96,8 +98,8 @@ class InflightFit(Judged):
     channels: Mapping[str, Channel] = dataclass_field(default_factory=dict)
     alignment: Alignment | None = None
     direction_error_deg: Array | None = None
-    lasting_nT: float = 0.0
-    lasting_s: float = 0.0
+    lasting_nT: Annotated[float, Shown()] = 0.0
+    lasting_s: Annotated[float, Shown()] = 0.0
     source_names: tuple[str, ...] = ()
     sources: Array = dataclass_field(default_factory=lambda: np.zeros((3, 0)))
     sources_sd: Array = dataclass_field(default_factory=lambda: np.zeros((3, 0)))

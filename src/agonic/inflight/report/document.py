@@ -17,6 +17,7 @@ from agonic.inflight.report import figures, tables
 from agonic.inflight.report.direction import describe_direction, describe_sources
 from agonic.inflight.report.flight import Flight, flight_of_fit
 from agonic.inflight.report.tables import explain
+from agonic.readable import make_record
 from agonic.report.digits import NO_BREAK, count, group_digits, quantity, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import per_label, unit_label
@@ -70,8 +71,7 @@ def describe_inflight(
         values={
             "method": "inflight",
             "sensor": fit.change.sensor,
-            "solve": fit.solve,
-            "n": fit.n,
+            **make_record(fit),
             "reference": fit.calibration.provenance.settings.get("reference"),
             **_list_bias(fit.after),
             "bias_change_nT": fit.change.bias,
@@ -79,11 +79,7 @@ def describe_inflight(
             "sd": sd,
             **decompose(fit.change)._asdict(),
             "calibration_kind": fit.calibration.kind,
-            "noise_nT": fit.noise,
             "residual_rms_nT": rms,
-            "correlation_s": fit.correlation_s,
-            "lasting_nT": fit.lasting_nT,
-            "lasting_s": fit.lasting_s,
             "drift_intervals": fit.drift.intervals,
             "held_out_nT": {str(k): v for k, v in fit.held_out.items()},
             "channels": {

@@ -9,6 +9,7 @@ from agonic.inflight.report.flight import flight_of_log
 from agonic.inflight.tracking.result import Coefficients
 from agonic.inflight.tracking.tracker import Tracker
 from agonic.maths.estimation.filters.states import FilterState
+from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, with_sd
 from agonic.report.document import Document
 from agonic.samples import Samples
@@ -48,15 +49,10 @@ def describe_tracking(
             "unit": state.base.unit_in,
             "new": new,
             "passed_over": rows - new,
-            "n": state.n,
-            "refused": state.refused,
-            "bias": state.bias,
-            "bias_sd": state.bias_sd,
+            **make_record(state),
             "matrix": tracker.calibration.matrix,
-            "noise": state.noise,
             "walk": tracker.params.walk,
             "predicted_rms_nT": rms,
-            "consistency": state.consistency,
             "gyro": None
             if state.turn is None
             else {
@@ -64,10 +60,6 @@ def describe_tracking(
                 "delay_s": state.turn.delay_s,
                 "field_nT": state.turn.field @ state.turned.rotation.T,
             },
-            "jumps": [
-                {"time_s": j.time, "seen_s": j.seen, "shift": j.shift, "shift_sd": j.shift_sd}
-                for j in state.jumps
-            ],
             "history": {
                 "time_s": tracker.history[:, 0],
                 "bias": tracker.history[:, 1:4],

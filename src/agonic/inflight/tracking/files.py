@@ -3,88 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
-from datetime import datetime
+from dataclasses import asdict, fields, is_dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import msgspec
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, convert
 
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Validity
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
-from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
+from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
-from agonic.logs.contents import read_bytes
+from agonic.files.states import as_array, load_state
 from agonic.maths.estimation.filters.jump_test import SCALE, TIME, USUAL, WATCHED
 from agonic.maths.estimation.filters.states import TABLES, FilterState
 from agonic.maths.estimation.noise import running_batch_means
 from agonic.maths.estimation.noise.running_batch_means import RunningBatchMeans
 from agonic.maths.rotations.polar import split_rotation
-from agonic.provenance import Provenance
 
 Row = tuple[float, ...]
 Rows = tuple[Row, ...]
-
-
-class BaseRecord(Struct, frozen=True, kw_only=True):
-    """The calibration that was started from."""
-
-    bias: Row
-    matrix: Rows
-    covariance: Rows | None
-    unit_in: str
-    gauge: str
-    model: str
-    noise: float | None
-    sensor: str
-    device_id: int | None
-    frame_in: str
-    frame_out: str
-    parents: tuple[str, ...]
-
-
-class ThermalRecord(Struct, frozen=True, kw_only=True):
-    """How the calibration that was started from changes with temperature."""
-
-    bias: Rows
-    matrix: tuple[Rows, ...]
-    centre_C: float
-    half_range_C: float
-    rate: Row | None
-    covariance: Rows | None
-    temperature_C: tuple[float, float] | None
-
-
-class AboardRecord(Struct, frozen=True, kw_only=True):
-    """What the calibration that was started from takes out of what disturbs on board."""
-
-    bias: Row
-    matrix: Rows
-    covariance: Rows | None
-    sources: tuple[str, ...]
-    coefficients: Rows
-    typical: Row | None
-    second_sensor: str | None
-
-
-class BatchesRecord(Struct, frozen=True):
-    """Sums over batches of readings, by which errors that last show; lengths that were reached."""
-
-    score: Row
-    pending: Rows
-    rows: int
-    total: int
-    information: Rows
-    number: Row
-    square: tuple[Rows, ...]
-    waiting: Rows
 
 
 class FilterRecord(Struct, frozen=True):
@@ -94,55 +37,7 @@ class FilterRecord(Struct, frozen=True):
     columns: Rows
     diagonal: Row
     watch: Row
-    batches: BatchesRecord | None = None
-
-
-class OpeningRecord(Struct, frozen=True, rename={"outliers": "strays"}):
-    """First readings, not yet settled."""
-
-    prior: FilterRecord
-    rows: Rows
-    before: FilterRecord | None
-    outliers: int | None
-    learns: bool
-
-
-class RecentRecord(Struct, frozen=True):
-    """The last readings, to go back to the beginning of a jump."""
-
-    before: FilterRecord
-    middle: FilterRecord
-    rows: Rows
-
-
-class JumpRecord(Struct, frozen=True):
-    """A jump of the bias."""
-
-    time: float
-    seen: float
-    shift: Row
-    shift_sd: Row
-
-
-class StateRecord(Struct, frozen=True, kw_only=True, rename={"estimate": "belief"}):
-    """Where it stands."""
-
-    base: BaseRecord
-    ground: ThermalRecord | None
-    estimate: FilterRecord
-    noise: float
-    noise_known: bool
-    opening: OpeningRecord | None
-    recent: RecentRecord | None
-    n: int
-    refused: int
-    jumps: tuple[JumpRecord, ...]
-    epoch: datetime | None
-    magnitude: float
-    external_sd: float = 0.0
-    external_time_s: float = 600.0
-    gyro_unused: str = ""
-    aboard: AboardRecord | None = None
+    batches: dict[str, Any] | None = None
 
 
 class TrackFile(Struct, frozen=True):
@@ -150,25 +45,26 @@ class TrackFile(Struct, frozen=True):
 
     schema: str
     params: dict[str, Any]
-    state: StateRecord
+    state: dict[str, Any]
     history: Rows
 
 
 SCHEMA = "agonic/track-state@1"
 
-_NAMES = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame_out", "provenance")
 
-
-_RECORDS: dict[type, type[Struct]] = {
-    Affine: BaseRecord,
-    Thermal: ThermalRecord,
-    Interference: AboardRecord,
-    FilterState: FilterRecord,
-    RunningBatchMeans: BatchesRecord,
-    Opening: OpeningRecord,
-    Recent: RecentRecord,
-    Jump: JumpRecord,
+_NAMES = ("unit_in", "gauge", "noise", "sensor", "device_id", "frame_in", "frame_out")
+"""What the calibrations of a state have in common."""
+_BOTH = ("bias", "matrix", "covariance")
+_KEPT: dict[type, tuple[str, ...]] = {
+    Affine: (*_BOTH, "model", *_NAMES, "parents"),
+    Thermal: (*_BOTH, "centre_C", "half_range_C", "rate", "temperature_C"),
+    Interference: (*_BOTH, "sources", "coefficients", "typical", "second_sensor"),
+    FilterState: ("state", "columns", "diagonal", "watch", "batches"),
+    TrackerState: tuple(f.name for f in fields(TrackerState) if f.name != "turned"),
 }
+"""What is kept of a part of the state; of others all."""
+_IN_FILE = {"outliers": "strays", "estimate": "belief"}
+_IN_STATE = {name: known for known, name in _IN_FILE.items()}
 _IN_FILES = (*range(SCALE + 1), TIME, USUAL)
 """What a filter without a gyro watches, in the order of the file."""
 _ELSEWHERE: dict[str, Callable[[Any], Any]] = {
@@ -188,7 +84,7 @@ def save_track(
     """
     if state.n == 0:
         raise AgonicError("nothing has been followed yet; update the tracker before saving it")
-    record = TrackFile(SCHEMA, asdict(params), _record(StateRecord, state), history.tolist())
+    record = TrackFile(SCHEMA, asdict(params), _plain(state), history.tolist())
     return write_atomically(path, msgspec.json.encode(record) + b"\n", updates=True)
 
 
@@ -197,86 +93,57 @@ def load_track(path: Path | str) -> tuple[TrackerParams, TrackerState, Array]:
 
     Raises `LogError` where it is missing, damaged, something else, or made by a newer agonic.
     """
-    data = read_bytes(path)
-    try:
-        record = msgspec.json.decode(data, type=TrackFile)
-        if record.schema != SCHEMA:
-            raise LogError(f'it needs "schema": "{SCHEMA}" and has {record.schema!r}')
-        params = msgspec.convert(record.params, TrackerParams)
-        return params, _restore_state(record.state), np.array(record.history).reshape(-1, 7)
-    except (AgonicError, ValueError, TypeError, RecursionError) as error:
-        raise LogError(f"not a usable track file: {error}", path=path) from None
+    return load_state(path, TrackFile, SCHEMA, "track file", _restore)
 
 
-def _record(kind: type[Struct], value: Any) -> Any:
-    """A part of the state as its record, by the names that both have."""
-    return kind(
-        **{
-            name: _plain(_ELSEWHERE.get(name, attrgetter(name))(value))
-            for name in kind.__struct_fields__
-        }
-    )
+def _restore(record: TrackFile) -> tuple[TrackerParams, TrackerState, Array]:
+    params = convert(record.params, TrackerParams)
+    return params, _restore_state(record.state), np.array(record.history).reshape(-1, 7)
 
 
 def _plain(value: Any) -> Any:
-    """Arrays as lists, and parts of the state as their records."""
-    if type(value) in _RECORDS:
-        return _record(_RECORDS[type(value)], value)
-    if isinstance(value, tuple):
-        return tuple(map(_plain, value))
-    return value.tolist() if isinstance(value, np.ndarray) else value
+    """Arrays as lists, and parts of the state as what is kept of them, by its names in the file."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    own = [f.name for f in fields(value)] if is_dataclass(value) else ()
+    names = _KEPT.get(type(value), getattr(value, "_fields", own))
+    if names:
+        find = ((name, _ELSEWHERE.get(name, attrgetter(name))) for name in names)
+        return {_IN_FILE.get(name, name): _plain(get(value)) for name, get in find}
+    return [_plain(one) for one in value] if isinstance(value, tuple) else value
 
 
-def _restore_state(record: StateRecord) -> TrackerState:
-    values = msgspec.structs.asdict(record)
-    base = _restore_base(record.base)
-    parts = {
-        "base": base,
-        "ground": _restore_ground(record.ground, base),
-        "aboard": _restore_aboard(record.aboard, base),
-        "estimate": _restore_filter(record.estimate),
-        "opening": None if record.opening is None else Opening(**_restore_parts(record.opening)),
-        "recent": None if record.recent is None else Recent(**_restore_parts(record.recent)),
-        "jumps": tuple(Jump(**_restore_parts(jump)) for jump in record.jumps),
+def _restore_state(state: dict[str, Any]) -> TrackerState:
+    """The state; what a file from before something was kept leaves out is as by default."""
+    kinds = get_type_hints(TrackerState)
+    given = {_IN_STATE.get(name, name): value for name, value in state.items()}
+    base = given["base"]
+    base["provenance"] = {"parents": base["parents"]}
+    named = {name: base[name] for name in (*_NAMES, "provenance")}
+    for name in ("ground", "aboard"):
+        if (part := given.get(name)) is not None:
+            given[name] = part | named | {"validity": {"temperature_C": part.get("temperature_C")}}
+    values = {
+        name: convert(_restore_parts(part), kinds[name], dec_hook=as_array)
+        for name, part in given.items()
+        if name in kinds
     }
+    base = values["base"]
     turned = split_rotation(base.matrix, base.covariance, base.gauge)[1]
-    return TrackerState(**values | parts, turned=turned)
+    return TrackerState(**values, turned=turned)
 
 
-def _restore_parts(record: Struct) -> dict[str, Any]:
-    """The fields of a record: filters, rows, arrays, and what is plain."""
-    values = msgspec.structs.asdict(record)
-    for name, value in values.items():
-        if isinstance(value, FilterRecord):
-            values[name] = _restore_filter(value)
-        elif name == "rows":
-            filters = (one for one in values.values() if isinstance(one, FilterState))
-            values[name] = np.array(value, dtype=np.float64).reshape(-1, next(filters).table.row)
-        elif isinstance(value, tuple):
-            values[name] = np.array(value)
+def _restore_parts(part: Any) -> Any:
+    """A part of the state with its filters, and its rows as wide as those have them."""
+    if not isinstance(part, dict):
+        return part
+    if "diagonal" in part:
+        return _restore_filter(convert(part, FilterRecord))
+    values = {_IN_STATE.get(name, name): _restore_parts(value) for name, value in part.items()}
+    if "rows" in values:
+        filters = [one for one in values.values() if isinstance(one, FilterState)]
+        values["rows"] = as_array(Array, values["rows"]).reshape(-1, filters[0].table.row)
     return values
-
-
-def _restore_base(record: BaseRecord) -> Affine:
-    values = msgspec.structs.asdict(record)
-    parents = values.pop("parents")
-    return Affine(**values, provenance=Provenance(parents=parents))
-
-
-def _restore_ground(record: ThermalRecord | None, base: Affine) -> Thermal | None:
-    if record is None:
-        return None
-    values = msgspec.structs.asdict(record)
-    validity = Validity(temperature_C=values.pop("temperature_C"))
-    named = {name: getattr(base, name) for name in _NAMES}
-    return Thermal(**values, **named, validity=validity)
-
-
-def _restore_aboard(record: AboardRecord | None, base: Affine) -> Interference | None:
-    if record is None:
-        return None
-    named = {name: getattr(base, name) for name in _NAMES}
-    return Interference(**msgspec.structs.asdict(record), **named)
 
 
 def _restore_filter(record: FilterRecord) -> FilterState:
@@ -299,14 +166,14 @@ def _restore_filter(record: FilterRecord) -> FilterState:
     )
 
 
-def _restore_batches(record: BatchesRecord | None, size: int) -> RunningBatchMeans:
+def _restore_batches(record: dict[str, Any] | None, size: int) -> RunningBatchMeans:
     """The sums over batches; none yet in files from before they were kept."""
     nothing = running_batch_means.start(size)
     if record is None:
         return nothing
-    values = msgspec.structs.asdict(record)
-    sums: dict[str, Any] = {
-        name: np.array(one) if isinstance(one, tuple) else one for name, one in values.items()
+    sums = {
+        name: as_array(Array, one) if isinstance(one, list) else convert(one, int)
+        for name, one in record.items()
     }
     restored = RunningBatchMeans(**sums)
     if [np.shape(a) for a in restored] != [np.shape(b) for b in nothing]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from agonic.network.fit.settings import Settings
 from agonic.network.fit.solve import scale_problem
 from agonic.network.maths import levenberg_marquardt
 from agonic.network.maths.levenberg_marquardt import Problem
+from agonic.readable import Shown
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -90,31 +91,23 @@ class Method:
     None where it never was.
     """
 
-    name: str
+    name: Annotated[str, Shown()]
     mean_square: Array
-    seconds: float
-    rms: float
-    maximum: float
-    epochs_to_goal: int | None
-    epochs_to_least: int | None
+    seconds: Annotated[float, Shown()]
+    rms: Annotated[float, Shown(key="rms_nT")]
+    maximum: Annotated[float, Shown(key="maximum_nT")]
+    epochs_to_goal: Annotated[int | None, Shown()]
+    epochs_to_least: Annotated[int | None, Shown()]
 
     @property
-    def epochs(self) -> int:
+    def epochs(self) -> Annotated[int, Shown()]:
         """How many epochs it went on."""
         return len(self.mean_square)
 
-    def to_record(self) -> dict[str, Any]:
-        """Its figures."""
-        return {
-            "name": self.name,
-            "epochs": self.epochs,
-            "epochs_to_goal": self.epochs_to_goal,
-            "epochs_to_least": self.epochs_to_least,
-            "seconds": self.seconds,
-            "mean_square": float(self.mean_square[-1]),
-            "rms_nT": self.rms,
-            "maximum_nT": self.maximum,
-        }
+    @property
+    def least(self) -> Annotated[float, Shown(key="mean_square")]:
+        """The scaled error at the end."""
+        return float(self.mean_square[-1])
 
 
 def compare_methods(

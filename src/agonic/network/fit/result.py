@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.fit import Estimated
 from agonic.health import Finding, figure
 from agonic.network.maths.levenberg_marquardt import Epoch
+from agonic.readable import Shown
 
 WORTH = 0.95
 """A network is worth it when it brings the rms error of unseen readings below this share."""
@@ -122,15 +124,15 @@ class NetworkFit(Estimated):
     """
 
     calibration: Network
-    n: int
+    n: Annotated[int, Shown()]
     residuals: Array
     weights: Array
-    noise: float
+    noise: Annotated[float, Shown(key="noise_nT")]
     correlation: float
     epochs: tuple[Epoch, ...]
     effective: float
     converged: bool
-    regression: float
+    regression: Annotated[float, Shown()]
     comparison: Comparison | None = None
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = field(default_factory=tuple)
@@ -149,21 +151,21 @@ class NetworkFit(Estimated):
         return base
 
     @property
-    def iterations(self) -> int:
+    def iterations(self) -> Annotated[int, Shown(key="epochs")]:
         """How many epochs the training took."""
         return len(self.epochs)
 
     @property
-    def mean_square(self) -> float:
+    def mean_square(self) -> Annotated[float, Shown()]:
         """Mean square error of the scaled outputs at the end of the training."""
         return self.epochs[-1].mean_square if self.epochs else float("nan")
 
     @property
-    def maximum(self) -> float:
+    def maximum(self) -> Annotated[float, Shown(key="residual_max_nT")]:
         """The largest error of a component among the readings that took part, nT."""
         return float(np.abs(self.residuals[self.weights > 0]).max())
 
     @property
-    def rms(self) -> float:
+    def rms(self) -> Annotated[float, Shown(key="residual_rms_nT")]:
         """Root mean square error on an axis of the readings that took part, nT."""
         return float(np.sqrt(np.mean(self.residuals[self.weights > 0] ** 2)))

@@ -15,6 +15,7 @@ from agonic.calibration.network import Network
 from agonic.network.fit import Method, NetworkChoice, NetworkFit
 from agonic.network.fit.solve import correlate
 from agonic.network.report import figures, tables
+from agonic.readable import make_record
 from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document
@@ -107,24 +108,18 @@ def describe_network(
         values={
             "method": "network",
             "sensor": samples.name,
-            "n": fit.n,
+            **make_record(fit),
             "hidden": network.shape.hidden,
             "inputs": list(network.inputs),
             "target": network.target,
             "chosen": "network" if won else "base",
             "calibration_kind": fit.chosen.kind,
-            "epochs": fit.iterations,
-            "mean_square": fit.mean_square,
-            "regression": fit.regression,
             "regression_of_axes": correlate_axes(*fields),
-            "noise_nT": fit.noise,
-            "residual_rms_nT": fit.rms,
-            "residual_max_nT": fit.maximum,
             "unseen_rms_nT": None if comparison is None else comparison.network.rms,
             "unseen_base_rms_nT": None if base is None else base.rms,
             "bound_nT": network.bound,
             "table": [asdict(row) for row in choice.table] if choice else None,
-            "methods": [method.to_record() for method in methods] or None,
+            "methods": [make_record(method) for method in methods] or None,
         },
         calibration=fit.chosen,
         samples=samples,

@@ -79,7 +79,7 @@ def list_methods(methods: Sequence[Method]) -> Table:
             _or_nothing(method.epochs_to_least),
             group_digits(method.epochs, 0),
             f"{group_digits(method.seconds, 2)} s",
-            f"{method.mean_square[-1]:.2g}",
+            f"{method.least:.2g}",
             quantity(method.rms, "nT"),
             quantity(method.maximum, "nT"),
         ]

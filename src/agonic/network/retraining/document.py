@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from agonic.calibration.network import Network
@@ -12,6 +10,7 @@ from agonic.network.report import figures
 from agonic.network.report.document import caution
 from agonic.network.retraining.acceptance import describe_outcome
 from agonic.network.retraining.retrainer import Correction, Retrainer
+from agonic.readable import make_record
 from agonic.report.digits import NO_BREAK, count, group_digits, quantity, write_minus
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
@@ -23,13 +22,6 @@ from agonic.report.verdict import sentence
 MOST = 200
 """Rows of the table of retrainings."""
 _HEAD = ("Time", "Why", "Outcome", "Candidate", "Readings", "Unseen before", "after", "Reason")
-_JSON = {
-    "time": "time_s",
-    "what": "candidate",
-    "running_rms": "running_rms_nT",
-    "candidate_rms": "candidate_rms_nT",
-    "onset": "onset_s",
-}
 _WHY = {
     "period": "a period is over",
     "change": "residual changed",
@@ -95,7 +87,7 @@ def describe_retraining(
             "noise_nT": state.noise,
             "residual_rms_nT": rms,
             "residual_max_nT": largest,
-            "retrainings": [_values(one) for one in retrainings],
+            "retrainings": [make_record(one) for one in retrainings],
             "findings": [
                 {"name": f.name, "severity": f.severity, "sentence": f.sentence}
                 for f in retrainer.findings
@@ -104,10 +96,6 @@ def describe_retraining(
         calibration=running,
         styles=("network.css",),
     )
-
-
-def _values(one: Retraining) -> dict[str, Any]:
-    return {_JSON.get(name, name): value for name, value in vars(one).items()}
 
 
 def _key_figures(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
 from agonic.logs.any_form import Given, as_samples
 from agonic.new_rows import without_held
+from agonic.readable import Shown
 from agonic.recording.calibrated import Calibrated, calibrate_as_named, calibrate_whole
 from agonic.recording.choice.choose import Kind
 from agonic.recording.evaluation.errors import (
@@ -27,7 +28,6 @@ from agonic.recording.evaluation.errors import (
 )
 from agonic.recording.held_out import cut_blocks
 from agonic.reference import Reference
-from agonic.report.fields import shown
 from agonic.samples import Samples
 
 HONEST = 1.5
@@ -143,11 +143,11 @@ class Measure:
     """One kind of error over the whole log: rms as `found` on unseen rows, as `stated` by the fits,
     and of the readings as `recorded`, in `unit`."""
 
-    kind: str = shown("Error, rms")
-    unit: str
-    recorded: float = shown("as recorded", "{unit}")
-    found: float = shown("found", "{unit}")
-    stated: float = shown("stated", "{unit}")
+    kind: Annotated[str, Shown("Error, rms")]
+    unit: Annotated[str, Shown()]
+    recorded: Annotated[float, Shown("as recorded", "{unit}")]
+    found: Annotated[float, Shown("found", "{unit}")]
+    stated: Annotated[float, Shown("stated", "{unit}")]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,6 +13,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.calibration.thermal import Thermal
 from agonic.fit import Estimated, ModelTest
 from agonic.health import Finding
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,15 +125,15 @@ class ThermalFit(Estimated):
     """
 
     calibration: Thermal
-    reference_kind: str
-    n: int
+    reference_kind: Annotated[str, Shown()]
+    n: Annotated[int, Shown()]
     residuals: Array
     weights: Array
     temperature: Array
     station: Index
     heating: Mask
-    noise: float
-    excess: float
+    noise: Annotated[float, Shown(key="noise_nT")]
+    excess: Annotated[float, Shown(key="excess_nT")]
     correlation: float
     condition: float
     iterations: int
@@ -142,14 +144,16 @@ class ThermalFit(Estimated):
     spread: Spread | None = None
     fixture: Fixture | None = None
     positions: Positions | None = None
-    drift: Array | None = None
+    drift: Annotated[Array | None, Shown(key="drift_nT")] = None
     drift_sd: Array | None = None
-    ageing: Array | None = None
+    ageing: Annotated[Array | None, Shown(key="ageing_nT")] = None
     ageing_sd: Array | None = None
     field_sd: float = 0.0
     anomalies: tuple[Anomaly, ...] = ()
     findings: tuple[Finding, ...] = ()
     tests: tuple[ModelTest, ...] = field(default_factory=tuple)
     remarks: tuple[str, ...] = ()
-    unseen_rms: float | None = None
-    alternatives: Mapping[str, float] = field(default_factory=dict)
+    unseen_rms: Annotated[float | None, Shown(key="unseen_rms_nT")] = None
+    alternatives: Annotated[Mapping[str, float], Shown(key="unseen_rms_with_nT")] = field(
+        default_factory=dict
+    )

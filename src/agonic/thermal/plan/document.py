@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from agonic.maths.rotations.attitude import angles_deg
+from agonic.readable import make_record
 from agonic.report.digits import significant
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
@@ -232,14 +233,8 @@ def _list_values(plan: ThermalPlan) -> dict[str, Any]:
         ],
         "stations": stations,
         "profile": [asdict(part) for part in (*plan.profile.before, *plan.profile.recording)],
-        "rate_Hz": plan.rate_Hz,
+        **make_record(plan),
         "station_s": plan.profile.recorded_s,
-        "duration_s": plan.duration_s,
-        "dew_point_C": plan.dew_point_C,
-        "dry_below_percent": plan.dry_percent,
-        "rows": plan.rows,
-        "bytes_csv": plan.bytes_csv,
-        "bytes_parquet": plan.bytes_parquet,
         "expected_nT": {
             name: {
                 method: {"bias_rms": found.bias, "matrix_rms": found.matrix}

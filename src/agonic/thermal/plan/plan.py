@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from math import exp, log
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
+from agonic.readable import Shown
 from agonic.thermal.campaign.description import Description, Station, list_standard_stations
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.sensors import Sensor, parse_sensors
@@ -41,7 +43,7 @@ class ThermalPlan:
     """
 
     description: Description
-    rate_Hz: float
+    rate_Hz: Annotated[float, Shown()]
     magnitude: float
     inclination_deg: float
     degree: int
@@ -51,12 +53,12 @@ class ThermalPlan:
     humidity_percent: float = 50.0
 
     @property
-    def dew_point_C(self) -> float:
+    def dew_point_C(self) -> Annotated[float, Shown()]:
         """The temperature at which the air of the room gives off its water."""
         return find_dew_point(self.profile.room_C, self.humidity_percent)
 
     @property
-    def dry_percent(self) -> float:
+    def dry_percent(self) -> Annotated[float, Shown(key="dry_below_percent")]:
         """The relative humidity, at the temperature of the room, below which nothing condenses."""
         return find_humidity(self.profile.room_C, self.profile.lowest_C)
 
@@ -90,25 +92,25 @@ class ThermalPlan:
         return before + self.profile.recorded_s
 
     @property
-    def duration_s(self) -> float:
+    def duration_s(self) -> Annotated[float, Shown()]:
         """The whole campaign: a station after the first begins hot, and needs the hold only."""
         again = HANDLING_MIN * 60 + self.profile.hold_min * 60 + self.profile.recorded_s
         return self.station_s + (len(self.stations) - 1) * again
 
     @property
-    def rows(self) -> int:
+    def rows(self) -> Annotated[int, Shown()]:
         """Readings of all sensors at all stations."""
         each = round(self.profile.recorded_s * self.rate_Hz)
         return each * len(self.sensors) * len(self.stations)
 
     @property
-    def bytes_csv(self) -> int:
+    def bytes_csv(self) -> Annotated[int, Shown()]:
         """Disk space of the recordings as CSV, one row for all sensors of a moment."""
         row = _BYTES_TIME + len(self.sensors) * (3 * _BYTES_AXIS + _BYTES_TEMPERATURE)
         return round(self.rows / len(self.sensors)) * row
 
     @property
-    def bytes_parquet(self) -> int:
+    def bytes_parquet(self) -> Annotated[int, Shown()]:
         """The same as Parquet."""
         return round(_PARQUET_SHARE * self.bytes_csv)
 
