@@ -47,6 +47,32 @@ class Export:
     warnings: tuple[str, ...] = ()
 
 
+CORRECTED = "readings"
+"""In the settings of a calibration: how its readings had been corrected already."""
+
+
+def add_to(old: Affine, new: Calibration) -> Chain:
+    """Both as one for raw readings, where the readings of the new one had been corrected by the old
+    one: field = W₂ (W₁ (raw − b₁) − b₂).
+
+    >>> old, new = (Affine(bias=[one, 0, 0], matrix=2 * np.eye(3)) for one in (3, 5))
+    >>> reduce(add_to(old, new))[0].tolist()
+    [5.5, 0.0, 0.0]
+    """
+    frames = {"frame_in": new.frame_in, "frame_out": new.frame_in}
+    return Chain(steps=(replace(old, sensor=new.sensor, **frames), *steps_of(new)))
+
+
+def require_uncorrected(calibration: Calibration) -> None:
+    """Raise `AgonicError` for a calibration of readings that an autopilot had corrected."""
+    said = calibration.provenance.settings.get(CORRECTED)
+    if said is not None:
+        raise AgonicError(
+            f"the readings that {calibration.sensor} was calibrated on were {said}: give the "
+            "parameters that were in force then (--on OLD.param), and both are joined"
+        )
+
+
 def reduce(calibration: Calibration) -> tuple[Array, Array]:
     """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias).
 
