@@ -226,13 +226,13 @@ def find_turns(
         )
     warnings: tuple[str, ...] = ()
     if rotation_bm is None:
-        rotation_bm, warnings = _find_mounting(calibration)
+        rotation_bm, warnings = find_rotation_inside(calibration)
     turn = {"m": rotation_bm.as_matrix(), "b": np.eye(3)}
     into, out = (turn[frame].T @ turn[end] for end in ends)
     return into, out, warnings
 
 
-def _find_mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
+def find_rotation_inside(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     """The rotation from m to b that the calibration itself holds, and what was assumed."""
     from scipy.spatial.transform import Rotation  # slow to load
 
@@ -266,7 +266,7 @@ def find_turn_inside(
     """
     if rotation_bm is not None or (calibration.frame_in, calibration.frame_out) != ("m", "b"):
         return rotation_bm, None
-    turn = _find_mounting(calibration)[0]
+    turn = find_rotation_inside(calibration)[0]
     nearest = float(np.einsum("ij,kij->k", turn.as_matrix(), right_angles()).max())
     if np.degrees(np.arccos(np.clip((nearest - 1) / 2, -1.0, 1.0))) < OBLIQUE_DEG:
         return rotation_bm, None
