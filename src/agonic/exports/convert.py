@@ -59,8 +59,9 @@ def add_to(old: Affine, new: Calibration) -> Chain:
     >>> reduce(add_to(old, new))[0].tolist()
     [5.5, 0.0, 0.0]
     """
-    frames = {"frame_in": new.frame_in, "frame_out": new.frame_in}
-    return Chain(steps=(replace(old, sensor=new.sensor, **frames), *steps_of(new)))
+    axes = new.frame_in
+    before = replace(old, sensor=new.sensor, frame_in=axes, frame_out=axes)
+    return Chain(steps=(before, *steps_of(new)))
 
 
 def require_uncorrected(calibration: Calibration) -> None:

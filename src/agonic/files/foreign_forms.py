@@ -18,6 +18,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.logs.contents import read_bytes
 from agonic.logs.formats import name_content
 from agonic.maths.equation.symmetric import unpack_symmetric
@@ -34,7 +35,17 @@ _TOKEN = re.compile(
     r"|(?P<word>[^\W\d]\w*(?:\[[\d,]*\])*)"
 )
 """A number, of C or not, or a word with its indices, which are no numbers."""
-_INDEX = re.compile(r"[\W\d_]*[xyzXYZ]?[\W\d_]*$")
+_INDEX = re.compile(r"[\W\d_]*[xyzXYZ]{0,2}[\W\d_]*$")
+
+
+_PARAMETERS = (
+    ("ArduPilot, compass {number}", "COMPASS_{part}{slot}_{axis}", ("OFS", "DIA", "ODI", "MOT"),
+     ("", "2", "3"), "mG", "A (raw + b)"),
+    ("PX4, CAL_MAG{slot}", "CAL_MAG{slot}_{axis}{part}", ("OFF", "SCALE", "ODIAG", "COMP"),
+     ("0", "1", "2", "3"), "G", "A (raw − b)"),
+)  # fmt: skip
+"""Of each autopilot its name, its parameters' names, what they are of and for which compasses, the
+unit of an offset and the convention; AP_Compass_Backend.cpp, PX4 Magnetometer.hpp."""
 
 
 class Foreign(NamedTuple):
@@ -150,25 +161,22 @@ def _read_parameters(data: bytes) -> list[Foreign]:
                 except ValueError:
                     continue
     found = []
-    for number in ("", "2", "3"):
-        names = [f"COMPASS_{k}{number}_{axis}" for k in ("OFS", "DIA", "ODI") for axis in "XYZ"]
-        offset, six = np.split(np.array([named.get(name, 0.0) for name in names]), [3])
-        if not offset.any():
-            continue
-        scale = named.get(f"COMPASS_SCALE{number}", 0.0)
-        scale = scale if 1 / 1.5 <= scale <= 1.5 else 1.0
-        matrix = scale * unpack_symmetric(six if six[:3].any() else np.r_[1.0, 1, 1, six[3:]])
-        what = f"ArduPilot, compass {number or 1}"
-        motor = [named.get(f"COMPASS_MOT{number}_{axis}", 0.0) for axis in "XYZ"]
-        what += " without its COMPASS_MOT" * any(motor)
-        found.append(Foreign(what, offset, matrix, "mG", "A (raw + b)", int(number or 1)))
-    for slot in range(4):
-        names = [f"CAL_MAG{slot}_{a}{k}" for k in ("OFF", "SCALE", "ODIAG") for a in "XYZ"]
-        offset, six = np.split(np.array([named.get(name, 0.0) for name in names]), [3])
-        if offset.any():
-            matrix = unpack_symmetric(six if six[:3].any() else np.r_[1.0, 1, 1, six[3:]])
-            what = f"PX4, CAL_MAG{slot}"
-            found.append(Foreign(what, offset, matrix, "G", "A (raw − b)", slot + 1))
+    for what, name, parts, slots, unit, convention in _PARAMETERS:
+        for number, slot in enumerate(slots, start=1):
+            said = {"slot": slot, "number": number}
+            rows = [[name.format(part=p, axis=a, **said) for a in "XYZ"] for p in parts]
+            offset, diagonal, beside, motor = (
+                np.array([named.get(one, 0.0) for one in row]) for row in rows
+            )
+            if not offset.any():
+                continue
+            scale = named.get(f"COMPASS_SCALE{slot}", 1.0) if unit == "mG" else 1.0
+            scale = scale if 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE else 1.0
+            diagonal = diagonal if diagonal.any() else np.ones(3)
+            matrix = scale * unpack_symmetric(np.r_[diagonal, beside])
+            left = f" without its {parts[-1]}" * bool(motor.any())
+            read = what.format(**said) + left
+            found.append(Foreign(read, offset, matrix, unit, convention, number))
     return found
 
 

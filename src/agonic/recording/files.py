@@ -89,8 +89,8 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
     calibration = result.fit.calibration
     if result.samples.corrected:
         origin = calibration.provenance
-        said = {CORRECTED: "corrected by the autopilot before"}
-        origin = replace(origin, settings=origin.settings | said)
+        said = {**origin.settings, CORRECTED: "corrected by the autopilot before"}
+        origin = replace(origin, settings=said)
         calibration = replace(calibration, provenance=origin)
     files, warnings = [str(save(calibration, stem.with_suffix(".json")))], []
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
