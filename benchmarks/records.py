@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import polar
 
 from agonic.console.options import Place
 from agonic.errors import AgonicError
@@ -26,24 +27,30 @@ Array = np.ndarray
 COUNTS_PER_NT = (1 / 150, 0.0109, 0.016, 0.0684, 0.075, 0.1638)
 """Of AK8963, HMC5883L, BMM150, LIS3MDL, RM3100 and MMC5983MA, as their makers state them."""
 WRONG_SD = 3.0
+SEAT_DEG = 0.5
+"""Of a turn of a sensor, taken as one of its standard errors."""
 OUTCOMES = ("right", "otherwise", "silent", "wrong")
 
 
 class Record(NamedTuple):
-    """A file's text, the true bias (3,) in its unit or None where nothing is to be calibrated, and
-    what is typed behind `agonic calibrate LOG`."""
+    """A file's text, the true bias (3,) in its unit or None where nothing is to be calibrated,
+    what is typed behind `agonic calibrate LOG`, and the turn (3, 3) from the sensor's axes to the
+    vehicle's where that is to be found."""
 
     text: str
     bias: Array | None
     typed: Mapping[str, object] = MappingProxyType({})
+    seat: Array | None = None
 
 
 class Kind(NamedTuple):
-    """A fault, its record by the seed, and the words by which it is named rightly."""
+    """A fault, its record by the seed, the words by which it is named rightly, and what judges the
+    file where that is not `agonic calibrate`."""
 
     name: str
     make: Callable[[np.random.Generator, int], Record]
     right: str
+    judge: Callable[[Path, Record], tuple[str, str]] | None = None
 
 
 class Turned(NamedTuple):
@@ -102,6 +109,13 @@ def make_unsigned(g: np.random.Generator, seed: int) -> Record:
     return put(g, made, wrap(made.field, 65536, 0))
 
 
+def make_wide_unsigned(g: np.random.Generator, seed: int) -> Record:
+    """Of 12 to 24 bits."""
+    bits = (12, 13, 14, 20, 24)[seed % 5]
+    made = turn(g, seed, min(0.4 * 2.0**bits / 100e3, 0.0684))
+    return put(g, made, wrap(np.round(made.field), 2.0**bits, 0))
+
+
 def make_cut(g: np.random.Generator, seed: int) -> Record:
     made = turn(g, seed, float(g.uniform(0.8, 1.3)))
     low = 0 if seed % 2 else -32768
@@ -153,6 +167,13 @@ def make_low_before(g: np.random.Generator, seed: int) -> Record:
     return put(g, made, field)
 
 
+def make_high_before(g: np.random.Generator, seed: int) -> Record:
+    made = counts(g, seed)
+    low = made.field % 256
+    high = made.field - low
+    return put(g, made, np.vstack([high[:1], high[:-1]]) + low)
+
+
 def make_marker(g: np.random.Generator, seed: int) -> Record:
     made = counts(g, seed, k=seed % 5)
     rows = g.random(len(made.field)) < float(g.choice([0.003, 0.01, 0.04]))
@@ -196,13 +217,17 @@ def put_beside(made: Turned, field: Array) -> Record:
 
 
 def make_zeros(g: np.random.Generator, seed: int) -> Record:
-    made = turn(g, seed)
-    return put_beside(made, np.zeros(made.field.shape))
+    made = turn(g, seed, 1e-3)
+    field = np.zeros(made.field.shape)
+    field[: seed % 4] = made.field[: seed % 4]
+    return put_beside(made, field)
 
 
 def make_frozen(g: np.random.Generator, seed: int) -> Record:
     made = turn(g, seed, 1e-3)
-    return put_beside(made, np.tile(made.field[:1], (len(made.field), 1)))
+    field = np.tile(made.field[9], (len(made.field), 1))
+    field[: seed % 10] = made.field[: seed % 10]
+    return put_beside(made, field)
 
 
 def make_elsewhere(g: np.random.Generator, seed: int) -> Record:
@@ -231,12 +256,14 @@ def make_fraction(g: np.random.Generator, seed: int) -> Record:
 JUMPS = r"signed|unsigned|wrap|16 bits"
 KINDS = (
     Kind("int16 as uint16", make_unsigned, r"unsigned"),
+    Kind("12 to 24 bits as unsigned", make_wide_unsigned, r"unsigned|wrap"),
     Kind("18 bits cut to 16", make_cut, r"wrap|unsigned"),
     Kind("nT wrapped in int16", make_nanotesla, r"wrap"),
     Kind("bytes exchanged", make_swapped, r"bytes .*exchanged|exchanged .*bytes"),
     Kind("low byte signed", make_signed_low, r"low byte .*signed"),
     Kind("low byte's sign extended", make_extended_low, r"low byte .*sign spread"),
     Kind("low byte of the one before", make_low_before, r"low byte .*before"),
+    Kind("high byte of the one before", make_high_before, r"high byte .*before"),
     Kind("marker among readings", make_marker, r"marker"),
     Kind("sensor wraps", make_sensor_wrap, r"wrap"),
     Kind("animal tag", make_tag, ""),
@@ -252,6 +279,8 @@ def judge(kind: Kind, record: Record, folder: Path) -> tuple[str, str]:
     """The outcome, and what was said."""
     path = folder / "log.csv"
     path.write_text(record.text, encoding="utf-8")
+    if kind.judge is not None:
+        return kind.judge(path, record)
     given: dict[str, Any] = dict(record.typed)
     place = Place(**{name: given.pop(name) for name in Place._fields if name in given})
     try:
@@ -263,6 +292,10 @@ def judge(kind: Kind, record: Record, folder: Path) -> tuple[str, str]:
         return ("right" if kind.right and re.search(kind.right, said) else "otherwise"), said
     (made,) = results
     off = WRONG_SD + 1 if record.bias is None else measure(made, record.bias)
+    if record.seat is not None:
+        left = polar(made.fit.calibration.matrix)[0] @ record.seat.T
+        turned = np.degrees(np.arccos(np.clip((np.trace(left) - 1) / 2, -1.0, 1.0)))
+        off, said = max(off, turned / SEAT_DEG), f"{turned:.2f}° off: {said}"
     named = bool(kind.right) and re.search(kind.right, said) is not None
     if made.verdict == "good" and off > WRONG_SD:
         return "wrong", f"{off:.0f} sd {said}"
@@ -284,8 +317,8 @@ CLEAN = (
     ("flight", {}), ("boat", {}), ("car", {}), ("static", {}),
 )  # fmt: skip
 ALARM = re.compile(
-    r"unsigned|wrap|exchanged|low byte|marker|never change|km from --at|accelerometer's readings|"
-    r"gravity's behaviour"
+    r"unsigned|wrap|exchanged|low byte|high byte|marker|never change|km from --at|"
+    r"accelerometer's readings|gravity's behaviour"
 )
 
 
@@ -314,12 +347,14 @@ def count_alarms(draws: int, folder: Path) -> Iterable[tuple[str, int, int]]:
 
 
 def main() -> None:
+    from benchmarks import records_forms  # stands on this module
+
     asked = tables.arguments(__doc__ or "", 20)
     draws = 2 if asked.quick else asked.draws
     rows, clean = [], []
     with TemporaryDirectory() as name:
         folder = Path(name)
-        for kind in KINDS:
+        for kind in (*KINDS, *records_forms.KINDS):
             found: Counter[str] = Counter()
             for seed in range(draws):
                 outcome, said = judge(kind, kind.make(np.random.default_rng(seed), seed), folder)

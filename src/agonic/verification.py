@@ -209,8 +209,8 @@ def _replacement_check(logged: float, after: float, visits: int, source: str) ->
         limit,
         "",
         ratio <= limit or after <= 0.005,
-        f"the magnitude is as steady as with the calibration of the log ({source}), or steadier",
-        f"the calibration of the log ({source}) keeps the magnitude steadier: keep that one, or "
+        f"the magnitude is as steady as with the earlier calibration ({source}), or steadier",
+        f"the earlier calibration ({source}) keeps the magnitude steadier: keep that one, or "
         "record again with more turns",
     )
 

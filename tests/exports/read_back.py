@@ -251,3 +251,19 @@ def apply_c(
     assert matrix is not None
     left = np.asarray(raw, dtype=np.float32) - bias
     return np.asarray((matrix * left[..., None, :]).sum(axis=-1), dtype=np.float32)
+
+
+def turn_by_hand(*, roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), degrees, entry by entry.
+
+    As ArduPilot's Matrix3::from_euler and Quaternion::from_euler (AP_Math) and PX4's
+    matrix::Dcm(Euler) write it: sensor axes into body axes.
+    """
+    (cr, cp, cy), (sr, sp, sy) = (f(np.radians([roll, pitch, yaw])) for f in (np.cos, np.sin))
+    return np.array(
+        [
+            [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
+            [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
+            [-sp, sr * cp, cr * cp],
+        ]
+    )

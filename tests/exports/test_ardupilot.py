@@ -8,7 +8,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.errors import AgonicError, LogError
 from agonic.exports.ardupilot import compute_ardupilot_parameters, write_ardupilot
-from tests.exports.read_back import apply_ardupilot, parse_ardupilot
+from tests.exports.read_back import apply_ardupilot, parse_ardupilot, turn_by_hand
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.03, 1.1, 0.05], [-0.02, 0.05, 1.0]])
 
@@ -164,16 +164,15 @@ def test_motors_are_held_where_the_voltage_or_another_compass_leaves_no_term() -
 @pytest.mark.parametrize("compass", [1, 2])
 def test_a_compass_at_any_angle_gets_an_orientation_of_its_own(compass: int) -> None:
     """AP_Compass turns the reading first (rotate_field), then corrects it in body axes."""
-    turn = Rotation.from_euler("ZYX", [-30.0, 12.0, 5.0], degrees=True)
-    own = Affine(bias=(3000.0, -2000.0, 100.0), matrix=turn.as_matrix() @ MATRIX, gauge="free",
-                 frame_out="b")  # fmt: skip
+    turn = turn_by_hand(roll=5.0, pitch=12.0, yaw=-30.0)
+    own = Affine(bias=(3000.0, -2000.0, 100.0), matrix=turn @ MATRIX, gauge="free", frame_out="b")
     found, warnings = compute_ardupilot_parameters(own, compass=compass)
     assert found[f"COMPASS_ORIENT{'' if compass == 1 else compass}"] == 100 + compass
     assert found["CUST_ROT_ENABLE"] == 1
     assert not any("orientation" in text for text in warnings)
-    angles = [found[f"CUST_ROT{compass}_{name}"] for name in ("YAW", "PITCH", "ROLL")]
+    angles = {n.lower(): found[f"CUST_ROT{compass}_{n}"] for n in ("YAW", "PITCH", "ROLL")}
     raw = np.array([[20_000.0, 5000.0, -30_000.0], [-40_000.0, 100.0, 9000.0]])
-    turned = Rotation.from_euler("ZYX", angles, degrees=True).apply(raw / 100.0)
+    turned = raw / 100.0 @ turn_by_hand(**angles).T
     seen = apply_ardupilot(found, turned, compass=compass)
     assert 100.0 * seen == pytest.approx(own.correct(raw), abs=0.5)
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
 from agonic.exports.px4 import compute_px4_parameters, write_px4
-from tests.exports.read_back import apply_px4, parse_px4
+from tests.exports.read_back import apply_px4, parse_px4, turn_by_hand
 
 MATRIX = np.array([[1.2, 0.03, -0.02], [0.03, 1.1, 0.05], [-0.02, 0.05, 1.0]])
 MAG = Affine(bias=[3000.0, -2000.0, 100.0], matrix=MATRIX)
@@ -112,14 +111,13 @@ def test_a_damaged_row_is_named(tmp_path):
 
 def test_a_sensor_at_any_angle_gets_angles_of_its_own() -> None:
     """PX4 corrects the reading in sensor axes, then turns it (SensorCalibration, Magnetometer)."""
-    turn = Rotation.from_euler("ZYX", [140.0, -12.0, 35.0], degrees=True)
+    turn = turn_by_hand(roll=35.0, pitch=-12.0, yaw=140.0)
     matrix = np.array([[1.1, 0.02, 0.0], [0.02, 0.97, 0.01], [0.0, 0.01, 1.0]])
-    own = Affine(bias=(3000.0, -2000.0, 100.0), matrix=turn.as_matrix() @ matrix, gauge="free",
-                 frame_out="b")  # fmt: skip
+    own = Affine(bias=(3000.0, -2000.0, 100.0), matrix=turn @ matrix, gauge="free", frame_out="b")
     found, _ = compute_px4_parameters(own, slot=1, device_id=5)
     assert found["CAL_MAG1_ROT"] == 100
-    angles = [found[f"CAL_MAG1_{name}"] for name in ("YAW", "PITCH", "ROLL")]
+    angles = {name.lower(): found[f"CAL_MAG1_{name}"] for name in ("YAW", "PITCH", "ROLL")}
     raw = np.array([[20_000.0, 5000.0, -30_000.0], [-40_000.0, 100.0, 9000.0]])
     seen = apply_px4(found, raw / 1e5, slot=1)
-    body = Rotation.from_euler("ZYX", angles, degrees=True).apply(seen)
+    body = seen @ turn_by_hand(**angles).T
     assert 1e5 * body == pytest.approx(own.correct(raw), abs=0.5)

@@ -190,9 +190,10 @@ def test_a_long_table_is_read_piece_by_piece(capsys, monkeypatch) -> None:
 
 def test_the_truth_of_a_simulated_fleet_is_no_log(capsys) -> None:
     assert run(["simulate", "fleet", "-o", "lab", "--sensors", "3", "--broken", "0"]) == 0
+    Path("lab/board1.truth.csv").write_text("serial,bias_x\nA1,200\n")
     _, said = answer(capsys, "lab")
     logs = len(list(Path("lab/logs").iterdir()))
-    assert (said["rows"], said["skipped"]) == (logs, 1)
+    assert (said["rows"], said["skipped"]) == (logs, 2)
     assert run(["info", "lab/truth.csv"]) == 2
     assert "the truth about a simulated fleet" in capsys.readouterr().err
 

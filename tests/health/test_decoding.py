@@ -7,6 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
+from agonic.errors import CoverageError
 from agonic.health.decoding import read_as, undo_decoding
 from agonic.health.miscoding import KINDS
 from agonic.simulation import simulate
@@ -191,3 +192,24 @@ def test_an_axis_of_two_values_is_no_fault_of_a_steady_one() -> None:
         )
         measured = undo_decoding(ag.Samples(time=np.arange(363) / 10.0, field=field))
         assert np.ptp(measured.samples.field[:, 0]) == np.ptp(field)
+
+
+@pytest.mark.parametrize("start", [0, 1, 5])
+def test_a_sensor_that_freezes_after_its_start_never_changes(start) -> None:
+    field = np.zeros((600, 3))
+    field[:start] = np.random.default_rng(1).normal(size=(start, 3)) * 30_000.0
+    with pytest.raises(CoverageError, match="never change"):
+        undo_decoding(ag.Samples(field=field, unit="nT"))
+
+
+def test_numbers_of_24_bits_and_a_high_byte_that_lags_are_put_back() -> None:
+    made = ag.simulate("tumble", n=1500, noise=100.0, seed=4, pace_s=3.0).samples
+    counts = np.round(made.field * 0.075)
+    wide = undo_decoding(ag.Samples(field=counts % 2.0**24, unit="raw")).samples.field
+    assert np.array_equal(wide, counts)
+    low = counts % 256
+    high = counts - low
+    late = np.vstack([high[:1], high[:-1]]) + low
+    found = undo_decoding(ag.Samples(field=late, unit="raw"))
+    assert "high byte is that of the reading before" in found.findings[0].what
+    assert np.array_equal(found.samples.field, counts[:-1])

@@ -46,6 +46,13 @@ def export(
     device_id: Annotated[
         int | None, typer.Option(help="PX4 device id; default: the calibration's own.")
     ] = None,
+    on: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OLD",
+            help="What had corrected the readings that CAL was made from: parameters of then.",
+        ),
+    ] = None,
     temperature: Annotated[
         float | None,
         typer.Option(
@@ -102,7 +109,7 @@ def export(
     can hold that; for the others say with --temperature where to hold it.
     """
     from agonic.exports.firmware import write_firmware
-    from agonic.files.foreign import is_foreign
+    from agonic.files.foreign_forms import is_foreign
     from agonic.files.setup import load_setup
     from agonic.logs.contents import read_bytes
 
@@ -135,7 +142,7 @@ def export(
     else:
         options = {"number": number, "device_id": device_id, "temperature_C": temperature}
         options["voltage_V"] = voltage
-        written = _export_calibration(cal, to, out, name, library is not None, options)
+        written = _export_calibration(cal, on, to, out, name, library is not None, options)
     files: tuple[Path, ...] = getattr(written, "files", (written.path,))
     if library is not None:
         from agonic.exports.firmware.arduino import write_library
@@ -171,6 +178,7 @@ def _export_vehicle(setup: Path, to: str, out: Path | None) -> Export:
 
 def _export_calibration(
     cal: Path,
+    on: Path | None,
     to: str,
     out: Path | None,
     name: str | None,
@@ -178,14 +186,21 @@ def _export_calibration(
     options: dict[str, Any],
 ) -> Export:
     """A calibration file in the form of the target."""
-    from agonic.calibration.steps import require_calibration
+    from agonic.calibration.steps import compose, require_calibration
+    from agonic.exports.convert import add_to
     from agonic.exports.firmware.c_text import make_c_name
-    from agonic.exports.targets import find_target
+    from agonic.exports.targets import compass_number, find_target
     from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
-    from agonic.files.foreign import is_foreign, read_plain
+    from agonic.files.foreign import read_plain
+    from agonic.files.foreign_forms import is_foreign
 
-    calibration = read_plain(cal) if is_foreign(cal) else require_calibration(load(cal))
+    number = options["number"]
+    calibration = read_plain(cal, number) if is_foreign(cal) else require_calibration(load(cal))
+    if on is not None:
+        which = compass_number(calibration.sensor) if number is None else number
+        old = read_plain(on, which) if is_foreign(on) else compose(require_calibration(load(on)))
+        calibration = add_to(old, calibration)
     path = out or cal.with_suffix(find_target(to).suffix)
     if in_library:
         path /= f"{make_c_name(calibration.sensor) if name is None else name}.h"

@@ -47,6 +47,33 @@ class Export:
     warnings: tuple[str, ...] = ()
 
 
+CORRECTED = "readings"
+"""In the settings of a calibration: how its readings had been corrected already."""
+
+
+def add_to(old: Affine, new: Calibration) -> Chain:
+    """Both as one for raw readings, where the readings of the new one had been corrected by the old
+    one: field = W₂ (W₁ (raw − b₁) − b₂).
+
+    >>> old, new = (Affine(bias=[one, 0, 0], matrix=2 * np.eye(3)) for one in (3, 5))
+    >>> reduce(add_to(old, new))[0].tolist()
+    [5.5, 0.0, 0.0]
+    """
+    axes = new.frame_in
+    before = replace(old, sensor=new.sensor, frame_in=axes, frame_out=axes)
+    return Chain(steps=(before, *steps_of(new)))
+
+
+def require_uncorrected(calibration: Calibration) -> None:
+    """Raise `AgonicError` for a calibration of readings that an autopilot had corrected."""
+    said = calibration.provenance.settings.get(CORRECTED)
+    if said is not None:
+        raise AgonicError(
+            f"the readings that {calibration.sensor} was calibrated on were {said}: give the "
+            "parameters that were in force then (--on OLD.param), and both are joined"
+        )
+
+
 def reduce(calibration: Calibration) -> tuple[Array, Array]:
     """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias).
 
@@ -200,13 +227,13 @@ def find_turns(
         )
     warnings: tuple[str, ...] = ()
     if rotation_bm is None:
-        rotation_bm, warnings = _find_mounting(calibration)
+        rotation_bm, warnings = find_rotation_inside(calibration)
     turn = {"m": rotation_bm.as_matrix(), "b": np.eye(3)}
     into, out = (turn[frame].T @ turn[end] for end in ends)
     return into, out, warnings
 
 
-def _find_mounting(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
+def find_rotation_inside(calibration: Calibration) -> tuple[Rotation, tuple[str, ...]]:
     """The rotation from m to b that the calibration itself holds, and what was assumed."""
     from scipy.spatial.transform import Rotation  # slow to load
 
@@ -240,7 +267,7 @@ def find_turn_inside(
     """
     if rotation_bm is not None or (calibration.frame_in, calibration.frame_out) != ("m", "b"):
         return rotation_bm, None
-    turn = _find_mounting(calibration)[0]
+    turn = find_rotation_inside(calibration)[0]
     nearest = float(np.einsum("ij,kij->k", turn.as_matrix(), right_angles()).max())
     if np.degrees(np.arccos(np.clip((nearest - 1) / 2, -1.0, 1.0))) < OBLIQUE_DEG:
         return rotation_bm, None

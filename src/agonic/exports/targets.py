@@ -108,8 +108,11 @@ def write(
     of each motor. `name` is what the identifiers of C begin with.
     """
     from agonic.calibration.base import has_two_axes
+    from agonic.exports.convert import require_uncorrected
 
     into = find_target(target)
+    if target in USE:
+        require_uncorrected(calibration)
     if has_two_axes(calibration):
         raise AgonicError(
             f"the calibration of {calibration.sensor} is that of a two-axis compass, and {target} "

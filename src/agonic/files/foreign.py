@@ -12,70 +12,66 @@ MathWorks, magcal: m = (x − b) A.
 from __future__ import annotations
 
 import hashlib
-import json
-import re
-import struct
 from collections.abc import Callable, Iterator, Mapping
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
+from agonic.files.foreign_forms import Foreign, read_foreign
 from agonic.logs.contents import read_bytes
-from agonic.logs.formats import name_content
-from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.one_pass import find_length, median
 from agonic.provenance import Input, Provenance
 from agonic.samples import Samples
 from agonic.units import NANOTESLA_PER, RAW
 
+Convention = Callable[[Array, Array], tuple[Array, Array]]
+
 
 def _invert(matrix: Array) -> Array:
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
-CONVENTIONS: Mapping[str, Callable[[Array, Array], tuple[Array, Array]]] = {
-    "A (raw − b)": lambda b, a: (b, a),
-    "(raw − b) A": lambda b, a: (b, a.T),
-    "A⁻¹ (raw − b)": lambda b, a: (b, _invert(a)),
-    "(raw − b) A⁻¹": lambda b, a: (b, _invert(a).T),
-    "A (raw + b)": lambda b, a: (-b, a),
-    "(raw + b) A": lambda b, a: (-b, a.T),
-    "A raw − b": lambda b, a: (_invert(a) @ b, a),
-    "A raw + b": lambda b, a: (-_invert(a) @ b, a),
-    "raw A + b": lambda b, a: (-_invert(a.T) @ b, a.T),
+_SHAPES: tuple[tuple[str, str, Callable[[Array], Array]], ...] = (
+    ("A ", "", lambda a: a),
+    ("", " A", lambda a: a.T),
+    ("A⁻¹ ", "", _invert),
+    ("", " A⁻¹", lambda a: _invert(a).T),
+)
+"""A matrix before or behind the readings, or its inverse, as the one before them."""
+_PLACES: tuple[tuple[str, Callable[[Array, Array], Array]], ...] = (
+    ("{}(raw − b){}", lambda b, w: b),
+    ("{}(raw + b){}", lambda b, w: -b),
+    ("{}raw{} − b", lambda b, w: _invert(w) @ b),
+    ("{}raw{} + b", lambda b, w: -_invert(w) @ b),
+)
+"""A vector inside or outside, as the bias beside the matrix."""
+
+
+def _use(shape: Callable[[Array], Array], place: Callable[[Array, Array], Array]) -> Convention:
+    def convert(b: Array, a: Array) -> tuple[Array, Array]:
+        return place(b, shape(a)), shape(a)
+
+    return convert
+
+
+CONVENTIONS: Mapping[str, Convention] = {
+    said.format(before, behind): _use(shape, place)
+    for said, place in _PLACES
+    for before, behind, shape in _SHAPES
 }
 """Ways to use a vector b and a matrix A, as bias and matrix of field = matrix @ (raw − bias)."""
-MOTIONCAL = b"\x75\x54"
-LARGEST_FILE = 1_000_000
-"""Bytes: what holds twelve numbers is small."""
 ALIKE = 1.02
 """Spreads of two ways that differ by less are of the same calibration."""
-LARGEST_CONDITION = 20.0
-"""Of a matrix: no soft iron stretches one axis so much more than another."""
-MOST_NUMBERS = 60
-"""In a text: more are a table of readings."""
 HELPS, STEADY = 0.5, 0.03
 """Of the spread as recorded, what a calibration of this sensor leaves at most; or so much of the
 field."""
 WORSE = 1.5
 """Another way leaves so much more, or the log does not tell which is meant."""
-_NUMBER = re.compile(r"(?<![\w.\[^−-])[-+−]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w\]])")
-
-
-class Foreign(NamedTuple):
-    """A vector and a matrix that were read, what they are, their unit and convention, if known."""
-
-    what: str
-    vector: Array
-    matrix: Array
-    unit: str | None = None
-    convention: str | None = None
 
 
 class Understood(NamedTuple):
@@ -86,29 +82,6 @@ class Understood(NamedTuple):
     how: str
     spread: float
     next_spread: float
-
-
-def is_foreign(path: Path) -> bool:
-    """Whether a file is none of agonic's own, which say so at their beginning; setups are TOML."""
-    return path.suffix.lower() != ".toml" and b"agonic" not in read_bytes(path)[:400]
-
-
-def read_foreign(path: Path) -> list[Foreign]:
-    """Every calibration that a file of another program holds.
-
-    Raises `LogError` where it holds no vector of three numbers and no matrix of nine.
-    """
-    data = read_bytes(path)
-    for read in (_read_packet, _read_matlab, _read_json, _read_parameters, _read_text):
-        if len(data) < LARGEST_FILE and (found := read(data)):
-            return found
-    raise LogError(
-        f"this is {name_content(data)}, and a calibration file is needed: the JSON that agonic "
-        "calibrate LOG writes into LOG-agonic, or of another program parameters of ArduPilot or "
-        "PX4, a MotionCal packet, or a vector of 3 and a matrix of 3 × 3 numbers (text, JSON, "
-        ".mat)",
-        path=path,
-    )
 
 
 def understand(path: Path, samples: Samples) -> Understood:
@@ -146,17 +119,20 @@ def understand(path: Path, samples: Samples) -> Understood:
     return Understood(found, how, spread, nearest)
 
 
-def read_plain(path: Path) -> Affine:
-    """The one calibration of a file whose form says how it is meant.
+def read_plain(path: Path, number: int | None = None) -> Affine:
+    """The one calibration, or that of the compass of a number, in a file whose form says how it is
+    meant.
 
     Raises `LogError` where it holds several, or only a log can tell.
     """
     read = read_foreign(path)
+    if len(read) > 1 and number is not None:
+        read = [one for one in read if one.number == number] or read
     one = read[0]
     if len(read) > 1 or one.unit is None or one.convention is None:
         raise LogError(
-            f"{len(read)} calibrations are in it, or it does not say how its numbers are meant: "
-            "find that on a log, agonic verify FILE LOG -o mag.json, and give mag.json",
+            "it holds several calibrations, or does not say how its numbers are meant: a log of "
+            "the sensor tells (agonic verify FILE LOG -o mag.json); give mag.json",
             path=path,
         )
     bias, matrix = CONVENTIONS[one.convention](one.vector, one.matrix)
@@ -208,143 +184,3 @@ def _is_same(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
     near = np.abs(one[1] - other[1]).max() < (ALIKE - 1) * size
     reach = max(float(np.abs(one[0]).max()), 1e-300)
     return bool(near and np.abs(one[0] - other[0]).max() < (ALIKE - 1) * reach)
-
-
-def _read_packet(data: bytes) -> list[Foreign]:
-    """MotionCal's 68 bytes: V and invW in µT (`exports.motioncal`)."""
-    if len(data) != 68 or not data.startswith(MOTIONCAL):
-        return []
-    values = np.array(struct.unpack("<16f", data[2:66]))
-    matrix = unpack_symmetric(values[10:16])
-    return [Foreign("MotionCal", values[6:9], matrix, "uT", "A (raw − b)")]
-
-
-def _read_matlab(data: bytes) -> list[Foreign]:
-    if not data.startswith(b"MATLAB 5.0"):
-        return []
-    from scipy.io import loadmat  # slow to load
-
-    try:
-        held = loadmat(BytesIO(data), squeeze_me=True)  # type: ignore[arg-type]
-    except (ValueError, TypeError, NotImplementedError, OSError):
-        return []
-    return _pair(_list_arrays({k: v for k, v in held.items() if not k.startswith("__")}))
-
-
-def _read_json(data: bytes) -> list[Foreign]:
-    try:
-        held = json.loads(data)
-    except (ValueError, RecursionError):
-        return []
-    return _pair(_list_arrays(held))
-
-
-def _list_arrays(held: Any, name: str = "") -> list[tuple[str, Array]]:
-    """Every vector and matrix inside, with its name."""
-    if isinstance(held, Mapping):
-        if {"x", "y", "z"} <= {str(key).lower() for key in held}:
-            low = {str(key).lower(): value for key, value in held.items()}
-            held = [low[axis] for axis in "xyz"]
-        else:
-            return [one for key, value in held.items() for one in _list_arrays(value, str(key))]
-    try:
-        array = np.asarray(held, dtype=np.float64)
-    except (TypeError, ValueError):
-        within = held if isinstance(held, list) else []
-        return [one for value in within for one in _list_arrays(value, name)]
-    if array.size not in (3, 9) or not np.isfinite(array).all():
-        return []
-    return [(name, array.reshape(3) if array.size == 3 else array.reshape(3, 3))]
-
-
-def _pair(arrays: list[tuple[str, Array]]) -> list[Foreign]:
-    """Every vector with every matrix; three scale factors are a diagonal one."""
-    vectors = [(name, value) for name, value in arrays if value.ndim == 1]
-    matrices = [(name, value) for name, value in arrays if value.ndim == 2]
-    if not matrices and len(vectors) > 1:
-        matrices = [(name, np.diag(value)) for name, value in vectors]
-    return [
-        Foreign(f"{b or 'vector'} and {a or 'matrix'}", vector, matrix)
-        for b, vector in vectors
-        for a, matrix in matrices
-        if not np.array_equal(np.diag(matrix), vector)
-        and np.linalg.cond(matrix) < LARGEST_CONDITION
-    ]
-
-
-def _read_parameters(data: bytes) -> list[Foreign]:
-    """ArduPilot's COMPASS_* and PX4's CAL_MAGn_*, of every compass that is calibrated."""
-    named: dict[str, float] = {}
-    for line in data.decode(errors="replace").splitlines():
-        words = re.split(r"[\s,=]+", line.strip())
-        for at, word in enumerate(words[:-1]):
-            if re.fullmatch(r"(COMPASS|CAL_MAG\d)_\w+", word):
-                try:
-                    named[word] = float(words[at + 1])
-                except ValueError:
-                    continue
-    found = []
-    for number in ("", "2", "3"):
-        names = [f"COMPASS_{k}{number}_{axis}" for k in ("OFS", "DIA", "ODI") for axis in "XYZ"]
-        offset, six = np.split(np.array([named.get(name, 0.0) for name in names]), [3])
-        if not offset.any():
-            continue
-        scale = named.get(f"COMPASS_SCALE{number}", 0.0)
-        scale = scale if 1 / 1.5 <= scale <= 1.5 else 1.0
-        matrix = scale * unpack_symmetric(six if six[:3].any() else np.r_[1.0, 1, 1, six[3:]])
-        what = f"ArduPilot, compass {number or 1}"
-        found.append(Foreign(what, offset, matrix, "mG", "A (raw + b)"))
-    for slot in range(4):
-        names = [f"CAL_MAG{slot}_{a}{k}" for k in ("OFF", "SCALE", "ODIAG") for a in "XYZ"]
-        offset, six = np.split(np.array([named.get(name, 0.0) for name in names]), [3])
-        if offset.any():
-            matrix = unpack_symmetric(six if six[:3].any() else np.r_[1.0, 1, 1, six[3:]])
-            found.append(Foreign(f"PX4, CAL_MAG{slot}", offset, matrix, "G", "A (raw − b)"))
-    return found
-
-
-def _read_text(data: bytes) -> list[Foreign]:
-    """Three numbers in a line or below each other, and nine: Magneto's text, arrays in code."""
-    try:
-        text = data.decode()
-    except UnicodeDecodeError:
-        return []
-    rows = [
-        [float(n.replace("−", "-")) for n in _NUMBER.findall(line)] for line in text.splitlines()
-    ]
-    rows = [row for row in rows if row]
-    arrays: list[tuple[str, Array]] = []
-    at = 0
-    while at < len(rows):
-        following = rows[at : at + 3]
-        if len(following) == 3 and all(len(row) == 3 for row in following):
-            square = np.array(following)
-            if len(rows) > at + 3 and len(rows[at + 3]) == 3 and not _leads(square):
-                arrays.append(("", square[0]))
-                at += 1
-                continue
-            arrays.append(("", square))
-            at += 3
-        elif len(following) == 3 and all(len(row) == 1 for row in following):
-            arrays.append(("", np.array(following)[:, 0]))
-            at += 3
-        else:
-            row = np.array(rows[at])
-            arrays += [("", part) for part in _split_row(row)]
-            at += 1
-    return _pair(arrays)
-
-
-def _leads(square: Array) -> bool:
-    """Whether a matrix is near a multiple of the identity, as calibrations are."""
-    off = np.abs(square - np.diag(np.diag(square))).max()
-    return bool(off < np.abs(np.diag(square)).min())
-
-
-def _split_row(row: Array) -> list[Array]:
-    """A line of 3, 9 or 12 numbers as vector and matrix."""
-    if row.size == 12:
-        return [row[:3], row[3:].reshape(3, 3)]
-    if row.size == 9:
-        return [row.reshape(3, 3)]
-    return [row] if row.size == 3 else []

@@ -94,9 +94,12 @@ def find_inputs(named: Iterable[Path | str], settings: FleetSettings | None = No
 
 
 def _is_own_table(file: Path) -> bool:
-    """Whether a table is agonic's own, of other things than readings, by its headers."""
+    """Whether a table is agonic's own, of other things than readings, by its headers; or the truth
+    beside logs, whoever wrote it."""
     if file.suffix.lower() != ".csv":
         return False
+    if file.stem.lower().endswith("truth"):
+        return True
     with suppress(OSError), file.open(encoding="utf-8", errors="replace") as stream:
         return bool(name_own_table(stream.readline(_LONGEST_HEADER).strip().split(",")))
     return False

@@ -21,13 +21,13 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import CoverageError, check_choice
-from agonic.health.evidence import MOST_ROWS
+from agonic.health.evidence import FEWEST, MOST_ROWS
 from agonic.health.finding import Finding, figure, sort_findings
 from agonic.health.miscoding import KINDS, WORDS, Kind
 from agonic.health.resolution import find_steps
 from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.one_pass import find_length, median
-from agonic.new_rows import find_fresh
+from agonic.new_rows import find_changed, find_fresh
 from agonic.samples import Samples
 from agonic.units import RAW
 
@@ -45,6 +45,8 @@ WIDE = 0.1
 """Of the field: where readings scatter by more about one ellipsoid, nothing was put right."""
 DOUBTFUL = 0.01
 """Of the readings: a logger that loses more asks for a look."""
+FROZEN = 0.98
+"""Of the rows, in which one reading repeats: what is left is a start or an end."""
 PRICE = 2.0
 """Of log-likelihood, of a reading that is given up: it has to be worth it."""
 
@@ -103,9 +105,14 @@ def read_as(samples: Samples, word: str) -> Samples:
 
 def _find_and_undo(samples: Samples) -> Measured | None:
     """The samples without the faults that were found one after the other; None where none was."""
-    if len(samples) > 1 and not np.ptp(samples.field, axis=0).any():
+    runs = np.diff(np.flatnonzero(find_changed(samples.field)), append=len(samples))
+    if len(samples) > 1 and runs.max() >= FROZEN * len(samples):
+        few = (
+            "" if len(runs) < 2 else f", but in {len(samples) - runs.max()} of {len(samples)} rows"
+        )
         raise CoverageError(
-            "the readings never change: the sensor is not there, or its driver does not read it",
+            f"the readings never change{few}: the sensor is not there, or its driver does not read "
+            "it",
             turns="check its wiring and its driver, or choose another sensor (--sensor)",
         )
     fresh = find_fresh(samples.field)
@@ -170,13 +177,13 @@ def _try_each(field: Array) -> Iterator[Undone]:
 
 
 def _stands_still(field: Array, before: Array) -> bool:
-    """Whether an axis that moved before hardly does: smooth, but a reading of nothing."""
+    """Whether an axis that moved before hardly does, between few values: a reading of nothing."""
     there = np.isfinite(field).all(axis=1)
     if not there.any():
         return True
-    moved = np.ptp(before, axis=0) > 0.0
     left, had = (np.ptp(one[there], axis=0) for one in (field, before))
-    return bool((left <= LEAST * had)[moved].any())
+    still = (left <= LEAST * had) & (np.ptp(before, axis=0) > 0.0)
+    return any(len(np.unique(axis)) < FEWEST for axis in field[there].T[still])
 
 
 def _count_lost(field: Array) -> int:

@@ -115,6 +115,12 @@ def advance_low_byte(numbers: Array) -> Array | None:
     return np.append((numbers - low)[:-1] + low[1:], np.nan)
 
 
+def advance_high_byte(numbers: Array) -> Array | None:
+    """Numbers with the high byte of the one before; that of the last is not known."""
+    low = numbers % BYTE
+    return np.append((numbers - low)[1:] + low[:-1], np.nan)
+
+
 KINDS = (
     Kind("", drop_gross, f"over {GROSS} times as large as most, which no sensor gives"),
     Kind("int16", sign, "signed numbers were printed as unsigned"),
@@ -126,6 +132,7 @@ KINDS = (
         "left with a low byte whose sign spread over the high byte",
     ),
     Kind("advanced", advance_low_byte, "the low byte is that of the reading before", True),
+    Kind("caught-up", advance_high_byte, "the high byte is that of the reading before", True),
     Kind("unwrapped", unwrap, "numbers wrap at the end of their range, or were cut to fewer bits"),
     Kind("", drop_markers, "a marker that stands for no reading"),
 )

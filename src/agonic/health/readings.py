@@ -272,5 +272,6 @@ def _check_corrected(samples: Samples) -> Finding | None:
         "check",
         "the autopilot or the device had corrected these readings in a way that the log does not "
         "tell, so the result comes on top of that correction and is not exported to an autopilot",
-        "record uncorrected readings, or calibrate from the vehicle's own log",
+        "record uncorrected readings, or calibrate from the vehicle's own log, or join the result "
+        "and the parameters of then (agonic export --on OLD.param)",
     )

@@ -6,12 +6,14 @@ from pathlib import Path
 
 from agonic.attitude.delay import remove_delay
 from agonic.calibration.base import Calibration
-from agonic.calibration.steps import require_calibration
+from agonic.calibration.steps import compose, require_calibration
 from agonic.console.sensors import add_second, choose_name
+from agonic.errors import UnitError
 from agonic.files.calibration import load
-from agonic.files.foreign import is_foreign, read_foreign, understand
+from agonic.files.foreign import understand
+from agonic.files.foreign_forms import is_foreign, read_foreign
 from agonic.logs.read import open_log
-from agonic.samples import Samples
+from agonic.samples import Logged, Samples
 
 
 def open_calibration_and_log(
@@ -37,3 +39,16 @@ def open_calibration_and_log(
         sensor = choose_name(names, calibration.sensor)
     samples = add_second(calibration, recording.sensor(sensor), recording)
     return calibration, remove_delay(calibration, samples)
+
+
+def set_against(samples: Samples, old: Path) -> Samples:
+    """The samples beside another calibration, also one of another program, to compare with."""
+    foreign = is_foreign(old)
+    one = understand(old, samples).calibration if foreign else require_calibration(load(old))
+    whole = compose(one)
+    if whole.unit_in != samples.unit:
+        raise UnitError(
+            f"{old.name} takes readings in {whole.unit_in} and {samples.name} is in {samples.unit}"
+        )
+    known = Logged(bias=whole.bias, matrix=whole.matrix, source=old.name)
+    return samples.with_columns(logged=known)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
+from agonic.exports.convert import CORRECTED
 from agonic.exports.targets import TARGETS, USE
 from agonic.exports.targets import write as write_target
 from agonic.files.calibration import save
@@ -85,6 +87,11 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
     if result.verdict == "refused":
         return Written([], [])
     calibration = result.fit.calibration
+    if result.samples.corrected:
+        origin = calibration.provenance
+        said = {**origin.settings, CORRECTED: "corrected by the autopilot before"}
+        origin = replace(origin, settings=said)
+        calibration = replace(calibration, provenance=origin)
     files, warnings = [str(save(calibration, stem.with_suffix(".json")))], []
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
     for target in ("c", *autopilot):

@@ -24,6 +24,12 @@ def verify(
             "-o", "--out", metavar="CAL", help="Keep what another program made as a calibration."
         ),
     ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CAL", help="Compare with this calibration, also one of another program."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Check a calibration on a log. Exit status 1 where a check failed.
@@ -36,12 +42,14 @@ def verify(
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
     from agonic.files.calibration import save
-    from agonic.recording.calibration_and_log import open_calibration_and_log
+    from agonic.recording.calibration_and_log import open_calibration_and_log, set_against
     from agonic.verification import verify as check
 
     calibration, samples = open_calibration_and_log(cal, log, *which)
     read_as = calibration.provenance.settings.get("read_as")
     files = [] if out is None else [str(save(calibration, out))]
+    if against is not None:
+        samples = set_against(samples, against)
     reference, _ = find_reference(samples, *place)
     if calibration.unit_out != "nT":
         reference = None
