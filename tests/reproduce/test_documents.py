@@ -109,7 +109,7 @@ def test_the_command_on_own_data(
     assert said["schema"] == "agonic/reproduce@1"
     (item,) = said["items"]
     assert item["verdict"] == "met"
-    assert item["limit_of"] == "document"
+    assert item["limit"] == "< 0.49"
     page = (tmp_path / "made" / "report.html").read_text("utf-8")
     assert "2″ make 0.49 nT" in page
     assert "Figure 1" in page

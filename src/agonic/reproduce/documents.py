@@ -50,14 +50,6 @@ class Item(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return [given] if isinstance(given, str) else given
 
 
-class Figure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A figure of a document: the section of a page that a command wrote, by its heading."""
-
-    at: str
-    file: str
-    heading: str
-
-
 class Source(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A document: its name on the command line, title and origin, and its items.
 
@@ -65,7 +57,8 @@ class Source(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     ----------
     files : input that is written before anything runs, by name. setup : commands that the items
         rest on. data : files and folders among what they make that a user may have of their own.
-    figures : of the document, drawn here. styles : style sheets of the pages they are taken from.
+    figures : where in the document, and the file and heading of the page where it is drawn here.
+    styles : style sheets of those pages.
     """
 
     name: str
@@ -75,7 +68,7 @@ class Source(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     items: list[Item]
     files: dict[str, str] = {}
     data: list[str] = []
-    figures: list[Figure] = []
+    figures: list[dict[str, str]] = []
     styles: list[str] = []
 
 

@@ -6,13 +6,16 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from msgspec.structs import asdict
 
 from agonic.report.digits import count
 from agonic.report.document import Document
-from agonic.report.markup import Markup, element, markup, table
+from agonic.report.markup import Markup, element, markup
+from agonic.report.markup import table as make_table
 from agonic.report.section import Section, Table
 from agonic.report.tables import NOTHING, mark
+from agonic.report.text import wrap_command
 from agonic.reproduce.documents import Source
 from agonic.reproduce.run import Row
 
@@ -31,7 +34,7 @@ class Rows(Table):
         for *cells, verdict in self.rows:
             word, colon, why = verdict.partition(":")
             rows.append([*cells, markup(mark(*WORDS[word]), colon, why)])
-        return table(self.head, rows, class_=self.style)
+        return make_table(self.head, rows, class_=self.style)
 
 
 def describe_reproduction(source: Source, rows: Sequence[Row], folder: Path) -> Document:
@@ -41,12 +44,12 @@ def describe_reproduction(source: Source, rows: Sequence[Row], folder: Path) -> 
     >>> item = Item(at="table", what="x", page="", command="", key="", limit=">= 5.44")
     >>> made = Source(name="samsat", title="A chamber", origin="", setup=[], items=[item])
     >>> print(describe_reproduction(made, [Row(item, [7.1])], Path()).to_text().splitlines()[0])
-    A chamber: 1 of 1 item within its limits.
+    A chamber: 1 of 1 item met.
     """
     met = sum(row.verdict == "met" for row in rows)
-    status = (
-        f"{met} of {count(len(rows), 'item')} within {'its' if len(rows) == 1 else 'their'} limits."
-    )
+    status = f"{met} of {count(len(rows), 'item')} met."
+    table = Rows(HEAD, [*map(write_row, rows)], "findings")
+    commands = element("pre", "\n".join(map(wrap_command, list_commands(source))))
     return Document(
         schema="agonic/reproduce@1",
         kind="A document reproduced",
@@ -54,17 +57,19 @@ def describe_reproduction(source: Source, rows: Sequence[Row], folder: Path) -> 
         about=f"{source.origin}. {status}",
         status=f"{source.title}: {status}",
         sections=[
-            Section(
-                "Item by item", [Rows(HEAD, [*map(write_row, rows)], "findings")], printed=True
-            ),
+            Section("Item by item", [table], printed=True),
             *_list_figures(source, folder),
-            Section("Commands", [element("pre", "\n".join(list_commands(source)))]),
+            Section("Commands", [commands]),
         ],
         values={
             "document": source.name,
             "title": source.title,
             "met": met,
-            "items": [make_record(row) for row in rows],
+            "items": [
+                asdict(row.item)
+                | {"numbers": row.numbers, "verdict": row.verdict, "failed": row.failed}
+                for row in rows
+            ],
         },
         styles=source.styles,
     )
@@ -73,29 +78,13 @@ def describe_reproduction(source: Source, rows: Sequence[Row], folder: Path) -> 
 def write_row(row: Row) -> list[str]:
     """An item as cells of text, the verdict last."""
     item = row.item
-    unit = f" {item.unit}".replace(" °", "°").replace(" ″", "″") if item.unit else ""
-    here = ", ".join(f"{number:.4g}" for number in row.numbers) + unit if row.numbers else NOTHING
-    limit = ", ".join(item.limits) + ("" if item.limit else " (ours)")
+    numbers = ", ".join(f"{round(n, 9) + 0.0:.{4 if abs(n) < 1e4 else 6}g}" for n in row.numbers)
+    here = f"{numbers} {item.unit}".replace(" °", "°").replace(" ″", "″").strip()
+    limit = ", ".join(item.limits).replace("==", "=").replace(">=", "≥").replace("<=", "≤")
+    limit += "" if item.limit else " (ours)"
     why = row.failed or (row.verdict == "missed" and item.missed)
     verdict = f"{row.verdict}: {why}" if why else row.verdict
-    return [item.at, item.what, item.says or NOTHING, here, limit, verdict]
-
-
-def make_record(row: Row) -> dict[str, Any]:
-    """An item for programs."""
-    item = row.item
-    return {
-        "at": item.at,
-        "what": item.what,
-        "document": item.says or None,
-        "numbers": row.numbers,
-        "unit": item.unit or None,
-        "limits": item.limits,
-        "limit_of": "document" if item.limit else "agonic",
-        "verdict": row.verdict,
-        "why": row.failed or item.missed or None,
-        "command": item.command,
-    }
+    return [item.at, item.what, item.says or NOTHING, here if numbers else NOTHING, limit, verdict]
 
 
 def list_commands(source: Source) -> list[str]:
@@ -107,10 +96,9 @@ def list_commands(source: Source) -> list[str]:
 def _list_figures(source: Source, folder: Path) -> Iterable[Section]:
     """The figures of the document, out of the pages that its commands wrote."""
     for figure in source.figures:
-        page = folder / figure.file
-        found = find_section(page.read_text("utf-8"), figure.heading) if page.exists() else ""
-        if found:
-            yield Section(f"{figure.at}: {figure.heading.lower()}", [Markup(found)])
+        page, heading = folder / figure["file"], figure["heading"]
+        if page.exists() and (found := find_section(page.read_text("utf-8"), heading)):
+            yield Section(f"{figure['at']}: {heading.lower()}", [Markup(found)])
 
 
 def find_section(page: str, heading: str) -> str:
