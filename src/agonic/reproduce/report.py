@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec.structs import asdict
 
-from agonic.report.digits import count
+from agonic.report.digits import NO_BREAK, count
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element, markup
 from agonic.report.markup import table as make_table
@@ -80,7 +80,8 @@ def write_row(row: Row) -> list[str]:
     item = row.item
     numbers = ", ".join(f"{round(n, 9) + 0.0:.{4 if abs(n) < 1e4 else 6}g}" for n in row.numbers)
     here = f"{numbers} {item.unit}".replace(" °", "°").replace(" ″", "″").strip()
-    limit = ", ".join(item.limits).replace("==", "=").replace(">=", "≥").replace("<=", "≤")
+    limit = ", ".join(one.replace(" ", NO_BREAK) for one in item.limits)
+    limit = limit.replace("==", "=").replace(">=", "≥").replace("<=", "≤")
     limit += "" if item.limit else " (ours)"
     why = row.failed or (row.verdict == "missed" and item.missed)
     verdict = f"{row.verdict}: {why}" if why else row.verdict
