@@ -142,12 +142,15 @@ def _leave_out(readings: Readings, unknown: Mask | None) -> Readings:
 
 def _add_tilt(readings: Readings, own: Samples, first: Samples) -> Readings:
     """The readings with the tilt of the sensor's own inclinometer, in the rows of the first."""
-    if own.roll_deg is None or own.pitch_deg is None or not np.array_equal(own.time, first.time):
+    if own.roll_deg is None or own.pitch_deg is None or len(own) != len(first):
         return readings
-    shared = (first.roll_deg, first.pitch_deg)
-    if all(map(np.array_equal, (own.roll_deg, own.pitch_deg), shared)):
+    if own.time is not None and first.time is not None and not np.array_equal(own.time, first.time):
         return readings
-    return readings._replace(tilt=np.column_stack([own.roll_deg, own.pitch_deg]))
+    tilt = np.column_stack([own.roll_deg, own.pitch_deg])
+    shared = first.roll_deg is not None and first.pitch_deg is not None
+    if shared and np.array_equal(tilt, np.transpose([first.roll_deg, first.pitch_deg])):
+        return readings
+    return readings._replace(tilt=tilt)
 
 
 def _on_the_clock_of(first: Samples, other: Samples) -> Samples:
