@@ -60,6 +60,14 @@ def test_heel_terms_are_found_and_only_where_the_vehicle_heeled() -> None:
 
 
 @pytest.mark.slow
+def test_a_pitch_that_is_zero_throughout_is_no_term_of_its_own() -> None:
+    compass, roll = np.tile(ROSE, 2), np.repeat([-10.0, 10.0], 8)
+    magnetic = reference(compass, roll * 0.3 * np.cos(np.radians(compass)))
+    fit = fit_deviation(compass, magnetic, heel=np.column_stack([roll, 0.0 * roll]))
+    assert fit.calibration.heel == pytest.approx([0.3, 0.0, 0.0, 0.0], abs=1e-6)
+    assert np.isfinite(fit.sd).all()
+
+
 def test_errors_over_sd_are_students_t_for_eight_headings() -> None:
     z = []
     for seed in range(300):

@@ -23,6 +23,7 @@ GROUPS = {
     "Laboratory": {
         "plan": "Plan the data to take, with the standard errors to expect.",
         "simulate": "Write readings of a simulated sensor or vehicle, and the truth beside them.",
+        "reproduce": "agonic.reproduce.command",
     },
     "Fleet": {
         "fleet": "agonic.fleet.commands.fleet",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,15 @@ class Attitude:
     def select_tilt(self, rows: slice | Index) -> kernel.Tilt:
         """The tilt of some rows."""
         return kernel.Tilt(*(select_rows(part, rows) for part in self.tilt))
+
+    def with_own(self, tilt: Array | None) -> Attitude:
+        """The attitude by roll and pitch (n, 2), degrees, of a sensor's own inclinometer, where it
+        has one and the tilt is from the log."""
+        if tilt is None or self.source != "log":
+            return self
+        roll, pitch = tilt.T
+        own = kernel.tilt_from_angles(roll, pitch)
+        return replace(self, tilt=own, roll_deg=roll, pitch_deg=pitch)
 
     @property
     def sd_deg(self) -> Array:

@@ -41,7 +41,8 @@ class Readings(NamedTuple):
     """Readings brought to common times: raw (n, 3), columns beside them, rows without any.
 
     `averaged` (n,) is what interpolation leaves of the variance of the noise; `change` (n, 3) is by
-    how much the readings change in a second, where they have times.
+    how much the readings change in a second, where they have times; `tilt` (n, 2) is roll and pitch
+    in degrees of an inclinometer that this sensor alone has.
     """
 
     raw: Array
@@ -49,6 +50,7 @@ class Readings(NamedTuple):
     averaged: Array | None = None
     missing: Mask | None = None
     change: Array | None = None
+    tilt: Array | None = None
 
     def subset(self, rows: slice | Index) -> Readings:
         """Some of the rows."""

@@ -49,7 +49,8 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     ----------
     samples : readings of the magnetometer, or of several of one vehicle, matched to the compasses
         of the setup by name. Headings are at the times of the first compass, whose samples also
-        give the attitude, the place and the date.
+        give the attitude, the place and the date; another in the same rows whose roll and pitch are
+        others has an inclinometer of its own, and is levelled by that.
     setup : calibrations, deviations, where the tilt and the declination come from.
     smooth : take all rows together, where the samples hold times and rates of a gyro and the tilt
         is from the log or from the gyro; `method` and `notes` of the result say what was done.
@@ -86,6 +87,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     first = pairs[0][1]
     read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
     read = [_leave_out(readings, unknown) for readings in read]
+    read = [_add_tilt(readings, own, first) for readings, (_, own) in zip(read, pairs, strict=True)]
     around = find_surroundings(first, setup)
     first, said = mend_unit(first, setup, pairs[0][0].calibration)
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
@@ -136,6 +138,19 @@ def _leave_out(readings: Readings, unknown: Mask | None) -> Readings:
         return readings
     missing = unknown if readings.missing is None else readings.missing | unknown
     return readings._replace(missing=missing)
+
+
+def _add_tilt(readings: Readings, own: Samples, first: Samples) -> Readings:
+    """The readings with the tilt of the sensor's own inclinometer, in the rows of the first."""
+    if own.roll_deg is None or own.pitch_deg is None or len(own) != len(first):
+        return readings
+    if own.time is not None and first.time is not None and not np.array_equal(own.time, first.time):
+        return readings
+    tilt = np.column_stack([own.roll_deg, own.pitch_deg])
+    shared = first.roll_deg is not None and first.pitch_deg is not None
+    if shared and np.array_equal(tilt, np.transpose([first.roll_deg, first.pitch_deg])):
+        return readings
+    return readings._replace(tilt=tilt)
 
 
 def _on_the_clock_of(first: Samples, other: Samples) -> Samples:

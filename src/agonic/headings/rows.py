@@ -154,7 +154,8 @@ def find_row_headings(
     notes: list[str] = []
     compasses, own = [], []
     for compass, readings in seen:
-        found, unknown = compute_indication(readings, compass, tilt, around)
+        levelled = tilt.with_own(readings.tilt)
+        found, unknown = compute_indication(readings, compass, levelled, around)
         verdict = compare_with_expected(compass, found, around, setup, tilt.source)
         notes += [*unknown, *verdict.notes]
         own.append(verdict.distance)
@@ -163,7 +164,7 @@ def find_row_headings(
             verdict.distance,
             readings,
             compass.calibration,
-            tilt,
+            levelled,
             around,
             setup.magnitude_limit,
             first.time,

@@ -45,12 +45,21 @@ def alignment(
     return _finish("alignment", made.session, out, files, truth, as_json, facts)
 
 
-def north(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
+def north(
+    out: Folder,
+    noise: Noise = 0.5,
+    constant_sd: Annotated[
+        float,
+        typer.Option(metavar="ARCSEC", help="How well the gyro's constant is known.", min=0.0),
+    ] = 1.0,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> int:
     """A session with a gyrotheodolite: north.toml, its tables, and the truth in its own folder."""
     from agonic.alignment.files.write import write_north
     from agonic.alignment.simulation.north import simulate_north
 
-    made = simulate_north(noise=noise, seed=seed)
+    made = simulate_north(noise=noise, constant_sd_arcsec=constant_sd, seed=seed)
     truth = {
         "north_deg": made.north_deg,
         "mark_azimuth_deg": made.mark_azimuth_deg,

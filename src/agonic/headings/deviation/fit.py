@@ -100,7 +100,7 @@ def fit_deviation(
     reference_deg : (n,) magnetic heading of the vehicle at the same moments; true heading where
         `declination_deg` (n,), or one, is given.
     heel : (n,) roll, or (n, 2) roll and pitch, degrees: adds roll × cos ψ, roll × sin ψ and the
-        same of pitch. `None` for a level swing.
+        same of pitch, where it is not zero throughout. `None` for a level swing.
     terms : the level terms to fit; the others are fixed at zero. Never chosen for you.
     robust : down-weight outliers with Tukey's loss where one stands out of many readings.
     noise_deg : standard deviation of one reading where it is known; else the residuals tell.
@@ -128,7 +128,7 @@ def fit_deviation(
     """
     level = parse_terms(terms)
     readings = select_complete(compass_deg, reference_deg, heel, declination_deg)
-    chosen = np.concatenate([level, np.repeat(np.arange(2) < readings.tilt.shape[1], 2)])
+    chosen = np.concatenate([level, np.repeat(readings.heeled, 2)])
     rows = readings.rows[:, chosen]
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
     solved, known = _solve(readings, rows, weighted, noise_deg)

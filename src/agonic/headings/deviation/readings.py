@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations import deviation as kernel
 
@@ -29,6 +29,11 @@ class SwingReadings(NamedTuple):
         """The basis of every term, (n, 9)."""
         roll, pitch = np.hstack([self.tilt, np.zeros((len(self.tilt), 2))])[:, :2].T
         return kernel.basis(self.compass, roll, pitch)
+
+    @property
+    def heeled(self) -> Mask:
+        """Whether there was any roll, any pitch, (2,)."""
+        return np.hstack([self.tilt.any(axis=0), [False, False]])[:2]
 
     @property
     def rounding_deg(self) -> float:

@@ -251,7 +251,8 @@ def _name_sensor(words: Sequence[str], quantity: Quantity) -> str | None:
 
 def _belongs(own: Quantity, quantity: Quantity) -> bool:
     """Whether a column named for one quantity may tell another of the magnetometer: mag1_temp."""
-    return own.column == "field" and quantity.column in ("time", "temperature", "unit")
+    beside = ("time", "temperature", "roll_deg", "pitch_deg", "unit")
+    return own.column == "field" and quantity.column in beside
 
 
 def _is_field_unit(column: Column, rest: str, bracket: str) -> bool:

@@ -1,0 +1,60 @@
+"""`agonic reproduce`: the documents that agonic began with, each by one command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from agonic.console.options import Json
+
+
+def reproduce(
+    document: Annotated[
+        Literal["samsat", "uav", "network", "patent"],
+        typer.Argument(metavar="DOCUMENT", help="samsat, uav, network or patent."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="DIR", help="Folder for report.html and all files."),
+    ] = None,
+    own: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--with",
+            metavar="DATA",
+            help="Own data in place of the simulated; repeat it for a document of several inputs.",
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Make a published document again: its equations, figures, tables and claims.
+
+    Each of our numbers stands beside the document's, green where it keeps to the document's own
+    limit and red where it misses it. Exit status 1 where one is missed. The documents: a thermal
+    chamber for a nanosatellite (samsat), a heading system (uav), a neural network (network), and
+    the alignment with a star sensor (patent).
+    """
+    from contextlib import nullcontext
+    from tempfile import TemporaryDirectory
+
+    from agonic.atomic import make_folder
+    from agonic.console.finish import finish
+    from agonic.console.progress import progress
+    from agonic.reproduce.documents import load_documents
+    from agonic.reproduce.own_data import with_own_data
+    from agonic.reproduce.report import describe_reproduction
+    from agonic.reproduce.run import reproduce as reproduce_items
+
+    source = load_documents()[document]
+    if own:
+        source = with_own_data(source, own)
+    place = TemporaryDirectory() if out is None else nullcontext(str(make_folder(out)))
+    with place as folder:
+        home = Path(folder).resolve()
+        rows = reproduce_items(source, home, lambda items: progress(items, document))
+        made = describe_reproduction(source, rows, home)
+        page = None if out is None else out / "report.html"
+        finish(made, report=page, as_json=as_json)
+    return 0 if all(row.verdict == "met" for row in rows) else 1
