@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -112,7 +111,7 @@ class TrackerState:
         """The settings with what was found of errors with memory, where it was not given."""
         if params.external_sd is not None or not self.external_sd:
             return params
-        return _with_external(params, self.external_sd, self.external_time_s)
+        return params.with_external(self.external_sd, self.external_time_s)
 
     @property
     def time(self) -> float:
@@ -247,9 +246,3 @@ class TrackerState:
             unit_out=now.unit_out,
             provenance=now.provenance,
         )
-
-
-@lru_cache(maxsize=16)
-def _with_external(params: TrackerParams, sd: float, time_s: float) -> TrackerParams:
-    """The settings with errors with memory: made once, not with every reading."""
-    return replace(params, external_sd=sd, external_time_s=time_s)

@@ -130,14 +130,14 @@ def update(
         state = begin(state, state.settle_params(params), rows[0])
     before, done = state, 0
     seen: list[kalman.Predictions] = []
-    history: list[Array] = []
+    moments: list[TrackerState] = []
     fast = kalman.is_worth_compiling(len(rows)) if compiled is None else compiled
     while done < len(rows):
         piece = rows[done : done + _length(state, params, rows[done:, 0])]
         last = state.time
         every = params.history_s
         if every > 0 and isfinite(last) and piece[0, 0] // every > last // every:
-            history.append(np.concatenate([[state.time], state.bias, state.bias_sd]))
+            moments.append(state)
         if state.turn is None:
             state, predicted = _step(state, params, piece, fast)
         else:
@@ -155,7 +155,7 @@ def update(
         residual_sd=sd,
         used=whole.used,
         jumps=state.jumps[len(before.jumps) :],
-        history=np.array(history).reshape(-1, 7),
+        moments=tuple(moments),
         field=field,
     )
 
@@ -245,17 +245,17 @@ def _step(
 
 def make_rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
     """Rows (n, 6) as the kernel takes them, checked."""
-    field = np.atleast_2d(np.asarray(raw, dtype=np.float64))
-    rows = np.empty((len(field), 6))
+    field = np.asarray(raw, dtype=np.float64).reshape(-1, 3)
+    rows = np.ones((len(field), 6))
     try:
-        rows[:, 0], rows[:, 1:4], rows[:, 4], rows[:, 5] = time, field, magnitude, 1.0
+        rows[:, 0], rows[:, 1:4], rows[:, 4] = time, field, magnitude
     except ValueError as error:
         raise AgonicError(f"time, raw and magnitude differ in length ({error})") from None
     if not len(rows):
         raise AgonicError("no readings were given")
-    if not isfinite(np.add.reduce(rows, axis=None)):  # quicker than to ask each of the numbers
+    if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
         raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
-    if np.minimum.reduce(rows[:, 4]) <= 0:
+    if rows[:, 4].min() <= 0:
         raise UnitError("a reference magnitude must be above zero, in nT")
     return rows
 

@@ -86,22 +86,25 @@ def advance(
     n, table = len(rows), before.table
     wanted = is_worth_compiling(n) if compiled is None else compiled
     kernel = compile_filter() if wanted else None
-    about, fixed = before.state if linearised is None else linearised, linearised is not None
+    fixed = linearised is not None
     turning = True if before.beside_gyro else None
     seen: Any
     x: Any
     columns: Any
+    about: Any
     if kernel is None:
-        x, lines, diagonal, watch = (
+        x, lines, diagonal, watch = [
             part.tolist() if isinstance(part, np.ndarray) else part.copy() for part in before[:4]
-        )
+        ]
+        about = x if linearised is None else linearised.tolist()
         columns = [line.copy() for line in lines]
         seen, room = [[0.0] * table.seen for _ in rows], [[0.0] * 16 for _ in range(reading.ROOM)]
-        given = (rows.tolist(), x, columns, diagonal, watch, model, about.tolist())
+        given = (rows.tolist(), x, columns, diagonal, watch, model, about)
         done, jump = run(*given, fixed, turning, seen, room)
     else:
         x, columns, diagonal, watch = map(np.array, before[:4])
         seen, space = np.zeros((n, table.seen)), np.zeros((reading.ROOM, 16))
+        about = before.state if linearised is None else linearised
         known = (np.ascontiguousarray(rows), x, columns, diagonal, watch, model, about)
         done, jump = kernel(*known, fixed, turning, seen, space)
     kept = np.array(seen[:done]).reshape(-1, table.seen)
