@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,8 +57,7 @@ class Opening:
     learns: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Recent:
+class Recent(NamedTuple):
     """The last readings, rows (k, 6), and the filter before the first and before the middle one.
 
     A jump is seen some readings after it began; from here the filter goes back to before it. Beside

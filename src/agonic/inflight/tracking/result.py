@@ -46,9 +46,10 @@ class Coefficients(Followed):
 
     `residual` (n,) = |W (raw − bias)| − F − g and `residual_sd` (n,), nT, are from before the
     reading was used; `used` (n,) whether it passed the gate; `jumps` those found in these
-    readings; `moments` the states at the times that `TrackerParams.history_s` asks for. Beside a gyro residuals are those of raw, rms over its
-    axes, in the unit of the readings, and `field` (n, 3), nT, is the field at each moment by
-    all that was known then, turned with the sensor and not delayed; else `None`.
+    readings; `moments` the states at the times that `TrackerParams.history_s` asks for. Beside a
+    gyro residuals are those of raw, rms over its axes, in the unit of the readings, and `field`
+    (n, 3), nT, is the field at each moment by all that was known then, turned with the sensor and
+    not delayed; else `None`.
     """
 
     state: TrackerState

@@ -37,8 +37,8 @@ class RunningBatchMeans(NamedTuple):
 
     `score` (m,) of the unfinished batch and its `rows`; `information` (m, m) Σ w wᵀ over `total`
     readings of finished batches; of each length the `number` (k,) of batches, their `square`
-    (k, m, m) Σ y yᵀ, and the score `waiting` (k, m) for its second half; `unsummed` the Jacobians
-    and innovations of readings that are in `rows` and not yet in the sums (`sum_up`).
+    (k, m, m) Σ y yᵀ, and the score `waiting` (k, m) for its second half; `unsummed` the Jacobian
+    and innovation of readings that are in `rows` and not yet in the sums (`sum_up`).
     """
 
     score: Array
@@ -49,7 +49,7 @@ class RunningBatchMeans(NamedTuple):
     number: Array
     square: Array
     waiting: Array
-    unsummed: tuple[tuple[Array, Array], ...] = ()
+    unsummed: tuple[tuple[list[float], float], ...] = ()
 
 
 def start(m: int) -> RunningBatchMeans:
@@ -68,11 +68,6 @@ def start(m: int) -> RunningBatchMeans:
 
 def add(before: RunningBatchMeans, jacobian: Array, innovation: Array) -> RunningBatchMeans:
     """With some readings more: normalised Jacobian (n, m) and innovation (n,)."""
-    rows_now = before.rows + len(innovation)
-    if rows_now < SHORTEST:
-        return RunningBatchMeans(
-            *before[:2], rows_now, *before[3:8], (*before.unsummed, (jacobian, innovation))
-        )
     before, done = sum_up(before), 0
     while done < len(innovation):
         rows = slice(done, done + SHORTEST - before.rows)
@@ -85,11 +80,20 @@ def add(before: RunningBatchMeans, jacobian: Array, innovation: Array) -> Runnin
     return before
 
 
+def add_one(
+    before: RunningBatchMeans, jacobian: list[float], innovation: float
+) -> RunningBatchMeans:
+    """`add` of one reading, which waits for the others of its batch."""
+    unsummed = (*before.unsummed, (jacobian, innovation))
+    after = before._replace(rows=before.rows + 1, unsummed=unsummed)
+    return _finish(sum_up(after)) if after.rows == SHORTEST else after
+
+
 def sum_up(before: RunningBatchMeans) -> RunningBatchMeans:
     """The same with all its readings in the sums."""
     if not before.unsummed:
         return before
-    w, z = (np.concatenate(parts) for parts in zip(*before.unsummed, strict=True))
+    w, z = map(np.array, zip(*before.unsummed, strict=True))
     return RunningBatchMeans(before.score + z @ w, before.pending + w.T @ w, *before[2:8])
 
 
