@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -82,11 +82,27 @@ class TrackerParams:
                 raise AgonicError(f"{name} is {value}; it must be {least}")
 
     def model(self, noise: float) -> Model:
-        """What the kernel takes."""
-        return self._model._replace(noise=noise)
+        """What the kernel takes; made once, not with every reading."""
+        made = self._made.get(noise)
+        if made is None:
+            names = set(Model._fields) & set(self.__dataclass_fields__)
+            known = {name: getattr(self, name) for name in names}
+            external = {"noise": noise, "external_sd": self.external_sd or 0.0}
+            made = self._made[noise] = Model(**known | external)
+        return made
+
+    def with_external(self, sd: float, time_s: float) -> TrackerParams:
+        """The settings with errors with memory; made once, not with every reading."""
+        made = self._settled.get((sd, time_s))
+        if made is None:
+            made = replace(self, external_sd=sd, external_time_s=time_s)
+            self._settled[sd, time_s] = made
+        return made
 
     @cached_property
-    def _model(self) -> Model:
-        names = set(Model._fields) & set(self.__dataclass_fields__)
-        known = {name: getattr(self, name) for name in names}
-        return Model(**known | {"noise": self.noise or 0.0, "external_sd": self.external_sd or 0.0})
+    def _made(self) -> dict[float, Model]:
+        return {}
+
+    @cached_property
+    def _settled(self) -> dict[tuple[float, float], TrackerParams]:
+        return {}

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,8 +58,7 @@ class Opening:
     learns: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Recent:
+class Recent(NamedTuple):
     """The last readings, rows (k, 6), and the filter before the first and before the middle one.
 
     A jump is seen some readings after it began; from here the filter goes back to before it. Beside
@@ -114,7 +112,7 @@ class TrackerState:
         """The settings with what was found of errors with memory, where it was not given."""
         if params.external_sd is not None or not self.external_sd:
             return params
-        return _with_external(params, self.external_sd, self.external_time_s)
+        return params.with_external(self.external_sd, self.external_time_s)
 
     @property
     def time(self) -> float:
@@ -249,9 +247,3 @@ class TrackerState:
             unit_out=now.unit_out,
             provenance=now.provenance,
         )
-
-
-@lru_cache(maxsize=16)
-def _with_external(params: TrackerParams, sd: float, time_s: float) -> TrackerParams:
-    """The settings with errors with memory: made once, not with every reading."""
-    return replace(params, external_sd=sd, external_time_s=time_s)

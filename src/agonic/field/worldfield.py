@@ -18,6 +18,8 @@ ELEMENTS = (
     "magnitude",
 )
 """The seven elements D, I, H, X, Y, Z, F, in the order that the official calculators print."""
+EXTERNAL_NT, EXTERNAL_S = 15.0, 7200.0
+"""Currents outside the Earth on a quiet day, each Earth-fixed axis, and how long they keep."""
 
 
 @dataclass(frozen=True, kw_only=True)

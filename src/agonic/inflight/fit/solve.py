@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
+from agonic.field.worldfield import EXTERNAL_NT, EXTERNAL_S
 from agonic.inflight.fit.covariance import OF_EARTH, Clock, Estimate, compute_covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
@@ -67,8 +68,6 @@ def rescale_noise(
 
 
 FEWEST_STRETCHES = 120
-EXTERNAL_NT, EXTERNAL_S = 15.0, 7200.0
-"""Currents outside the Earth on a quiet day, each Earth-fixed axis, and how long they keep."""
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
 _ROUNDS = 5

@@ -69,6 +69,7 @@ _IN_FILES = (*range(SCALE + 1), TIME, USUAL)
 """What a filter without a gyro watches, in the order of the file."""
 _ELSEWHERE: dict[str, Callable[[Any], Any]] = {
     "watch": lambda one: one.watch if one.beside_gyro else one.watch[list(_IN_FILES)],
+    "batches": lambda one: running_batch_means.sum_up(one.batches),
     "parents": attrgetter("provenance.parents"),
     "temperature_C": attrgetter("validity.temperature_C"),
 }

@@ -20,7 +20,12 @@ from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
 from agonic.inflight.tracking.result import Coefficients
 from agonic.maths.estimation.filters import kalman
-from agonic.maths.estimation.filters.states import BESIDE_GYRO, BY_MAGNITUDE, start_filter
+from agonic.maths.estimation.filters.states import (
+    BESIDE_GYRO,
+    BY_MAGNITUDE,
+    FilterState,
+    start_filter,
+)
 from agonic.maths.rotations.polar import split_rotation
 
 _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
@@ -120,7 +125,8 @@ def update(
         rows = make_rows(time, raw, magnitude)
     else:
         rows = make_rows_with_rate(state, time, raw, rate, magnitude)
-    if rows[0, 0] <= state.time or (len(rows) > 1 and (np.diff(rows[:, 0]) <= 0).any()):
+    first = float(rows[0, 0])
+    if first <= state.time or (len(rows) > 1 and (np.diff(rows[:, 0]) <= 0).any()):
         raise AgonicError(
             f"times must increase from reading to reading, beyond the last one seen "
             f"({state.time:g} s); pass on only what is new"
@@ -128,16 +134,15 @@ def update(
     if state.n == 0:
         begin = _begin if state.turn is None else gyro.begin
         state = begin(state, state.settle_params(params), rows[0])
+    elif len(rows) == 1 and state.recent is not None and state.turn is None:
+        return _take_one(state, params, rows)
     before, done = state, 0
+    moments: tuple[TrackerState, ...] = ()
     seen: list[kalman.Predictions] = []
-    history: list[Array] = []
     fast = kalman.is_worth_compiling(len(rows)) if compiled is None else compiled
     while done < len(rows):
         piece = rows[done : done + _length(state, params, rows[done:, 0])]
-        last = state.time
-        every = params.history_s
-        if every > 0 and isfinite(last) and piece[0, 0] // every > last // every:
-            history.append(np.concatenate([[state.time], state.bias, state.bias_sd]))
+        moments += _find_moment(state, params, piece)
         if state.turn is None:
             state, predicted = _step(state, params, piece, fast)
         else:
@@ -155,8 +160,35 @@ def update(
         residual_sd=sd,
         used=whole.used,
         jumps=state.jumps[len(before.jumps) :],
-        history=np.array(history).reshape(-1, 7),
+        moments=moments,
         field=field,
+    )
+
+
+def _find_moment(
+    state: TrackerState, params: TrackerParams, rows: Array
+) -> tuple[TrackerState, ...]:
+    """The state, where a moment of the history comes before the rows."""
+    last, every = state.time, params.history_s
+    due = every > 0 and isfinite(last) and float(rows[0, 0]) // every > last // every
+    return (state,) if due else ()
+
+
+def _take_one(
+    state: TrackerState, params: TrackerParams, rows: Array
+) -> tuple[TrackerState, Coefficients]:
+    """`update` of a state that has settled, by one reading (1, 6) and the magnitude."""
+    model = state.settle_params(params).model(state.noise)
+    estimate, seen, jumped = kalman.take_one(state.estimate, model, rows[0].tolist())
+    used = seen[2] > 0.0
+    after = _follow_up(state, params, estimate, rows, int(not used), jumped)
+    return after, Coefficients(
+        state=after,
+        residual=np.array(seen[:1]),
+        residual_sd=np.array(seen[1:2]),
+        used=np.array([used]),
+        jumps=after.jumps[len(state.jumps) :],
+        moments=_find_moment(state, params, rows),
     )
 
 
@@ -210,23 +242,34 @@ def _step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
 ) -> tuple[TrackerState, kalman.Predictions]:
     """The state after a few readings, and what was predicted of them."""
-    opening, recent, given = state.opening, state.recent, params
-    params = state.settle_params(params)
-    model = params.model(state.noise)
+    opening, model = state.opening, state.settle_params(params).model(state.noise)
     if opening is None:
         estimate, seen, jumped = kalman.advance(state.estimate, model, rows, compiled=fast)
     else:
         estimate, seen = openings.predict(state.estimate, model, rows, opening.learns, fast)
         jumped = False
-    taken = rows[: len(seen.residual)]
     refused = len(seen.used) - int(np.count_nonzero(seen.used))
+    taken = rows[: len(seen.residual)]
+    return _follow_up(state, params, estimate, taken, refused, jumped), seen
+
+
+def _follow_up(
+    state: TrackerState,
+    given: TrackerParams,
+    estimate: FilterState,
+    taken: Array,
+    refused: int,
+    jumped: bool,
+) -> TrackerState:
+    """The state after the filter took some readings: what is kept of them, an opening that is due
+    solved, and a jump gone back to."""
+    opening, recent = state.opening, state.recent
     if opening is not None:
         outliers = None if opening.outliers is None else opening.outliers + refused
         opening = replace(opening, rows=np.concatenate([opening.rows, taken]), outliers=outliers)
         refused = 0  # they are counted when the opening is closed
     elif recent is not None:
-        rows = np.concatenate([recent.rows, taken])
-        recent = Recent(before=recent.before, middle=recent.middle, rows=rows)
+        recent = Recent(recent.before, recent.middle, np.concatenate([recent.rows, taken]))
         recent = recent if jumped else keep_recent(recent, estimate)
     after = state.moved(
         estimate=estimate,
@@ -238,24 +281,24 @@ def _step(
     )
     if opening is not None and len(opening.rows) in openings.MOMENTS:
         whole = openings.solve_opening(after, given)
-        since = openings.count_since_jump(opening, state, whole, params)
+        since = openings.count_since_jump(opening, state, whole, state.settle_params(given))
         after, jumped = settle_before_jump(after, given, since) if since else whole, since > 0
-    return (reopen(after, given) if jumped else after), seen
+    return reopen(after, given) if jumped else after
 
 
 def make_rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
     """Rows (n, 6) as the kernel takes them, checked."""
-    field = np.atleast_2d(np.asarray(raw, dtype=np.float64))
-    rows = np.empty((len(field), 6))
+    field = np.asarray(raw, dtype=np.float64).reshape(-1, 3)
+    rows = np.ones((len(field), 6))
     try:
-        rows[:, 0], rows[:, 1:4], rows[:, 4], rows[:, 5] = time, field, magnitude, 1.0
+        rows[:, 0], rows[:, 1:4], rows[:, 4] = time, field, magnitude
     except ValueError as error:
         raise AgonicError(f"time, raw and magnitude differ in length ({error})") from None
     if not len(rows):
         raise AgonicError("no readings were given")
-    if not isfinite(np.add.reduce(rows, axis=None)):  # quicker than to ask each of the numbers
+    if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
         raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
-    if np.minimum.reduce(rows[:, 4]) <= 0:
+    if rows[:, 4].min() <= 0:
         raise UnitError("a reference magnitude must be above zero, in nT")
     return rows
 

@@ -17,7 +17,7 @@ _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
 def keep_recent(recent: Recent, estimate: states.FilterState) -> Recent:
     """The recent readings, the first half of them forgotten once there are two strides of them."""
     if len(recent.rows) == STRIDE:
-        return replace(recent, middle=estimate)
+        return recent._replace(middle=estimate)
     if len(recent.rows) == 2 * STRIDE:
         return Recent(before=recent.middle, middle=estimate, rows=recent.rows[STRIDE:])
     return recent

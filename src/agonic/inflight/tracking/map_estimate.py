@@ -127,7 +127,8 @@ def _compute_likelihoods(
 
 _CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
 _SAME = 1.0  # standard error: ways that come so near each other end in one place
-_ROUGH = 0.1  # standard errors to which a solution is found that only serves the next
+_ROUGH = 0.1  # standard errors to which a solution is found: the filter steps on from it
+_STEPS = 12  # at most: an opening is solved again from there with the readings that come
 
 
 def find_most_probable(
@@ -139,19 +140,23 @@ def find_most_probable(
     m = len(prior.diagonal) - 1
     gaussian = GaussianPrior(prior)
     found: list[tuple[float, Array]] = []
+    visited: list[Array] = []
     for first in _starts(state, prior, rows):
         scale = max(_scale(state, params, rows, first, m), robust_scale(residuals_at(rows, first)))
-        for k, loss in enumerate((cauchy(), cauchy(), tukey())):
+        for loss in (cauchy(), tukey()):
             solution = leastsq.solve(
                 _pieces(rows, first, m, state.noise),
                 first[1 : m + 1],
                 scale=scale,
                 loss=loss,
                 prior=gaussian,
-                tolerance=_ROUGH if k < 2 else 1e-3,
+                tolerance=_ROUGH,
+                max_iterations=_STEPS,
             )
-            if found and _is_near(solution, found[0][1][1 : m + 1]):
+            if found and any(_is_near(solution, params) for params in visited):
                 break
+            if not found:
+                visited.append(solution.params)
             first = _with_params(first, solution.params)
             scale = _scale(state, params, rows, first, m)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,10 +46,10 @@ class Coefficients(Followed):
 
     `residual` (n,) = |W (raw − bias)| − F − g and `residual_sd` (n,), nT, are from before the
     reading was used; `used` (n,) whether it passed the gate; `jumps` those found in these
-    readings; `history` (k, 7) has time, bias and its standard error at the moments that
-    `TrackerParams.history_s` asks for. Beside a gyro residuals are those of raw, rms over its
-    axes, in the unit of the readings, and `field` (n, 3), nT, is the field at each moment by
-    all that was known then, turned with the sensor and not delayed; else `None`.
+    readings; `moments` the states at the times that `TrackerParams.history_s` asks for. Beside a
+    gyro residuals are those of raw, rms over its axes, in the unit of the readings, and `field`
+    (n, 3), nT, is the field at each moment by all that was known then, turned with the sensor and
+    not delayed; else `None`.
     """
 
     state: TrackerState
@@ -56,8 +57,14 @@ class Coefficients(Followed):
     residual_sd: Array
     used: Mask
     jumps: tuple[Jump, ...]
-    history: Array
+    moments: tuple[TrackerState, ...] = ()
     field: Array | None = None
+
+    @cached_property
+    def history(self) -> Array:
+        """Time, bias x y z and its standard error x y z at the `moments` that were kept, (k, 7)."""
+        lines = [[one.time, *one.bias, *one.bias_sd] for one in self.moments]
+        return np.array(lines).reshape(-1, 7)
 
     @property
     def foretold(self) -> Mask:

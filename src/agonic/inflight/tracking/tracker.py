@@ -125,7 +125,6 @@ class Tracker(Followed, Judged):
             residual_sd=none,
             used=none.astype(bool),
             jumps=(),
-            history=np.empty((0, 7)),
         )
 
     def _readings(self, samples: Samples) -> Array:

@@ -86,29 +86,50 @@ def advance(
     n, table = len(rows), before.table
     wanted = is_worth_compiling(n) if compiled is None else compiled
     kernel = compile_filter() if wanted else None
-    about, fixed = before.state if linearised is None else linearised, linearised is not None
+    fixed = linearised is not None
     turning = True if before.beside_gyro else None
     seen: Any
     x: Any
     columns: Any
+    about: Any
     if kernel is None:
-        x, lines, diagonal, watch = (
-            part.tolist() if isinstance(part, np.ndarray) else part.copy() for part in before[:4]
-        )
-        columns = [line.copy() for line in lines]
+        x, columns, diagonal, watch = _copy_lists(before)
+        about = x if linearised is None else linearised.tolist()
         seen, room = [[0.0] * table.seen for _ in rows], [[0.0] * 16 for _ in range(reading.ROOM)]
-        given = (rows.tolist(), x, columns, diagonal, watch, model, about.tolist())
+        given = (rows.tolist(), x, columns, diagonal, watch, model, about)
         done, jump = run(*given, fixed, turning, seen, room)
     else:
         x, columns, diagonal, watch = map(np.array, before[:4])
         seen, space = np.zeros((n, table.seen)), np.zeros((reading.ROOM, 16))
+        about = before.state if linearised is None else linearised
         known = (np.ascontiguousarray(rows), x, columns, diagonal, watch, model, about)
         done, jump = kernel(*known, fixed, turning, seen, space)
-    kept = np.array(seen[:done]).reshape(-1, table.seen)
+    kept = np.array(seen[:done] if done else np.empty((0, table.seen)))
     residual, sd, used, *others = [kept[:, place] for place in table.kept]
     found = Predictions(residual, sd, used > 0.0, *others)
     batches = _sum_batches(before.batches, found)
     return FilterState(x, columns, diagonal, watch, batches), found, bool(jump)
+
+
+def take_one(
+    before: FilterState, model: Model, row: list[float]
+) -> tuple[FilterState, list[float], bool]:
+    """`advance` by one reading and the magnitude, on lists alone; of the reading a line as the
+    table says."""
+    x, columns, diagonal, watch = _copy_lists(before)
+    seen, room = [0.0] * before.table.seen, [[0.0] * len(x) for _ in range(3)]
+    _, jump = run([row], x, columns, diagonal, watch, model, x, False, None, [seen], room)
+    batches = before.batches
+    if seen[2] > 0.0:
+        batches = running_batch_means.add_one(batches, seen[4:], seen[0] / seen[1])
+    return FilterState(x, columns, diagonal, watch, batches), seen, jump
+
+
+def _copy_lists(before: FilterState) -> tuple[Any, ...]:
+    """Numbers, columns, scales and what is watched, to be worked on as lists."""
+    parts = [part.tolist() if isinstance(part, np.ndarray) else part.copy() for part in before[:4]]
+    parts[1] = [column.copy() for column in parts[1]]
+    return tuple(parts)
 
 
 def _sum_batches(
@@ -116,11 +137,11 @@ def _sum_batches(
 ) -> running_batch_means.RunningBatchMeans:
     """The sums with what the readings that were used show."""
     shown, innovation = found.shown, found.innovation
-    if not np.logical_and.reduce(found.used):
-        shown, innovation = shown[found.used], innovation[found.used]
     if innovation.ndim == 1:
-        innovation = (found.residual / found.sd)[found.used]
-    else:
+        innovation = found.residual / found.sd
+    if not found.used.all():
+        shown, innovation = shown[found.used], innovation[found.used]
+    if innovation.ndim > 1:
         shown, innovation = _find_shown(shown).reshape(-1, 3), innovation.ravel()
     return running_batch_means.add(before, shown, innovation)
 

@@ -37,7 +37,8 @@ class RunningBatchMeans(NamedTuple):
 
     `score` (m,) of the unfinished batch and its `rows`; `information` (m, m) Σ w wᵀ over `total`
     readings of finished batches; of each length the `number` (k,) of batches, their `square`
-    (k, m, m) Σ y yᵀ, and the score `waiting` (k, m) for its second half.
+    (k, m, m) Σ y yᵀ, and the score `waiting` (k, m) for its second half; `unsummed` the Jacobian
+    and innovation of readings that are in `rows` and not yet in the sums (`sum_up`).
     """
 
     score: Array
@@ -48,6 +49,7 @@ class RunningBatchMeans(NamedTuple):
     number: Array
     square: Array
     waiting: Array
+    unsummed: tuple[tuple[list[float], float], ...] = ()
 
 
 def start(m: int) -> RunningBatchMeans:
@@ -66,16 +68,33 @@ def start(m: int) -> RunningBatchMeans:
 
 def add(before: RunningBatchMeans, jacobian: Array, innovation: Array) -> RunningBatchMeans:
     """With some readings more: normalised Jacobian (n, m) and innovation (n,)."""
-    done = 0
+    before, done = sum_up(before), 0
     while done < len(innovation):
         rows = slice(done, done + SHORTEST - before.rows)
         w, z = jacobian[rows], innovation[rows]
         score, pending = before.score + z @ w, before.pending + w.T @ w
-        before = RunningBatchMeans(score, pending, before.rows + len(z), *before[3:])
+        before = RunningBatchMeans(score, pending, before.rows + len(z), *before[3:8])
         done += len(z)
         if before.rows == SHORTEST:
             before = _finish(before)
     return before
+
+
+def add_one(
+    before: RunningBatchMeans, jacobian: list[float], innovation: float
+) -> RunningBatchMeans:
+    """`add` of one reading, which waits for the others of its batch."""
+    unsummed = (*before.unsummed, (jacobian, innovation))
+    after = before._replace(rows=before.rows + 1, unsummed=unsummed)
+    return _finish(sum_up(after)) if after.rows == SHORTEST else after
+
+
+def sum_up(before: RunningBatchMeans) -> RunningBatchMeans:
+    """The same with all its readings in the sums."""
+    if not before.unsummed:
+        return before
+    w, z = map(np.array, zip(*before.unsummed, strict=True))
+    return RunningBatchMeans(before.score + z @ w, before.pending + w.T @ w, *before[2:8])
 
 
 def _finish(before: RunningBatchMeans) -> RunningBatchMeans:
