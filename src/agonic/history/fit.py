@@ -175,7 +175,7 @@ def _find(
             Finding(
                 "few calibrations",
                 "note",
-                f"{len(compared)} can be compared; from {FEWEST} on a drift can be told",
+                f"{len(compared)} can be compared; from {FEWEST} on a drift can be determined",
             )
         )
     left_out = int(population.fitted.sum()) - len(compared)

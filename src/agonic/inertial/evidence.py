@@ -55,7 +55,8 @@ def check_inclination(solved: Solved) -> Finding | None:
     return Finding(
         "inclination",
         "check",
-        f"the dip of the field is not known and the log tells it to {figure(sd)}° only: headings "
+        f"the dip of the field is not known and the log determines it to {figure(sd)}° only: "
+        f"headings "
         "hold where the vehicle is as level as it was",
         "give the place (--at LAT,LON), or tilt the vehicle by 5° and more while it turns",
     )

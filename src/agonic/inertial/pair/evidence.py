@@ -192,5 +192,5 @@ def _unknown_side(fit: PairFit) -> Finding | None:
         f"the field points up by {-fit.inclination_deg:.1f}°: right in the southern hemisphere; "
         "elsewhere the log has gravity itself where the specific force belongs, and headings turn "
         "the wrong way",
-        "say where it was recorded (--at LAT,LON): then the sign is told, and put right",
+        "say where it was recorded (--at LAT,LON): then the sign is found and corrected",
     )

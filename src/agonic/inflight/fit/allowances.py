@@ -121,7 +121,7 @@ def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, 
             Finding(
                 "sunlight",
                 "check",
-                f"the bias goes with the sunlight, by {figure(float(size) * problem.magnitude)} nT "
+                f"the bias follows the sunlight, by {figure(float(size) * problem.magnitude)} nT "
                 "(rms over the record), which is in its standard error now",
                 "record the currents of the solar panels and the temperature beside the sensor, "
                 "and fit with them (--with, --temperature); beside an attitude, check that as well",

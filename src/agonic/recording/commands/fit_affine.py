@@ -46,7 +46,8 @@ HELP = {
     "place.",
     "inertial": "Bias and matrix of what cannot be turned over: raw accelerometer and gyro.",
     "vector": "Bias and matrix where the whole attitude is known, heading included.",
-    "interference": "What currents on board, or a second magnetometer, say of the disturbance.",
+    "interference": "Bias, matrix and the effect of currents on board, or a mix with a second "
+    "magnetometer.",
 }
 """The fits that more than the magnitude aids, and what they find from what."""
 
