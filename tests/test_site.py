@@ -118,7 +118,7 @@ def test_a_notebook_of_a_person_has_ten_lines() -> None:
 
 
 def test_a_rover() -> None:
-    alone, result, error, _ = run("rover")
+    alone, result, figure = run("rover")
     assert alone.value.verdict == "refused"
     assert result.value.verdict == "good"
-    assert np.abs(error.value).max() < 4
+    assert hasattr(figure.value, "savefig")

@@ -258,7 +258,7 @@ def _method(samples: Samples, method: str) -> Method:
     }
     raise AgonicError(
         f"{samples.name} has no columns of {needed[method]}; without them it is not known when "
-        f"the sensor turned"
+        "the sensor turned"
     )
 
 
@@ -277,9 +277,7 @@ def _finding(
             "turn the sensor to and fro, briskly, for half a minute",
         )
     if not significant:
-        return Finding(
-            "latency", "note", f"no delay of the readings relative to {beside} shows ({size})"
-        )
+        return Finding("latency", "note", f"no delay relative to {beside} is seen ({size})")
     late = "late" if found.latency_s > 0 else "early"
     return Finding(
         "latency",

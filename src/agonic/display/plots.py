@@ -104,15 +104,15 @@ def _(shown: Fit, figure: Any) -> None:
 
 def _draw_shares(axes: Any, fit: Fit) -> None:
     """What the heading's error is made of, the largest first."""
-    made = list_shares(fit.shares)
-    axes.barh(made, [sd**2 for sd in fit.shares.values()])
+    axes.barh(list_shares(fit.shares), [sd**2 for sd in fit.shares.values()])
     axes.invert_yaxis()
     axes.set(xlabel="variance of the heading, °²", title="what the heading's error is made of")
 
 
 def _draw_heading_error(axes: Any, errors_deg: Sequence[float], sd_deg: float) -> None:
     """The error of the heading as recorded, and a band of ± the standard error calibrated."""
-    axes.plot(np.linspace(0, 360, len(errors_deg), endpoint=False), errors_deg, label="as recorded")
+    true = np.linspace(0, 360, len(errors_deg), endpoint=False)
+    axes.plot(true, errors_deg, label="as recorded")
     axes.axhspan(-sd_deg, sd_deg, color="C1", label=f"calibrated: ± {sd_deg:.2g}°")
     axes.legend()
     axes.set(title="heading error, level", xlabel="true heading, °", ylabel="error, °")
@@ -151,13 +151,9 @@ def _(shown: Heading, figure: Any) -> None:
 
 
 @draw.register
-def _(shown: Thermal, figure: Any) -> None:
-    _draw_temperature(figure, {shown.sensor: shown})
-
-
-@draw.register
-def _(shown: ThermalFit, figure: Any) -> None:
-    _draw_temperature(figure, {shown.calibration.sensor: shown.calibration})
+def _(shown: Thermal | ThermalFit, figure: Any) -> None:
+    one = shown if isinstance(shown, Thermal) else shown.calibration
+    _draw_temperature(figure, {one.sensor: one})
 
 
 @draw.register

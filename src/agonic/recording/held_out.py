@@ -205,8 +205,7 @@ def check_halves(checks: Sequence[Check]) -> Finding | None:
         "halves contradict",
         "refuse",
         f"calibrations from alternate parts of the log point {figure(halves.value)}° apart, far "
-        f"more than their standard errors: the disturbances are too strong for a log with so "
-        f"little turning",
+        "more than they state: the disturbances are too strong for so little turning",
         "record again in one undisturbed place, turning slowly about all three axes",
     )
 

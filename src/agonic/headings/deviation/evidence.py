@@ -106,7 +106,7 @@ def _headings(evidence: Evidence) -> Finding | None:
         return Finding(
             "headings",
             "refuse",
-            f"{readings} readings on {n} headings for {k} terms leave nothing to judge the card by",
+            f"{readings} readings on {n} headings for {k} terms leave none to check the card",
             f"{move}, or state the noise of one reading",
         )
     if amplified > AMPLIFIED_DOUBTFUL or gap > GAP_DOUBTFUL_DEG:
@@ -316,8 +316,8 @@ def find_dependence(
         "readings alike",
         "check",
         f"{what}; where one is derived from the other the card means nothing",
-        "take the reference from something that no magnetism moves: a surveyed line, two antennas, "
-        "the sun",
+        "take the reference from something that does not depend on magnetism: a surveyed line, "
+        "two antennas, the sun",
     )
 
 

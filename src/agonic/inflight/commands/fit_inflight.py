@@ -72,7 +72,7 @@ def inflight(
         int, typer.Option(metavar="ORDER", help="Polynomials in temperature up to this order.")
     ] = 0,
     matrix_rate: Annotated[
-        bool, typer.Option("--matrix-rate", help="Let the matrix change steadily with time.")
+        bool, typer.Option("--matrix-rate", help="Let the matrix change linearly with time.")
     ] = False,
     sources: Annotated[
         str,
@@ -112,10 +112,8 @@ def inflight(
         report = out.with_suffix(".html")
     if sys.stderr.isatty():
         kept = " and ".join(str(file) for file in (out, report) if file is not None)
-        shown = (
-            f"{kept} will be written" if kept else "the result is shown only; -o FOLDER keeps it"
-        )
-        print(f"agonic: {shown}", file=sys.stderr)
+        said = f"{kept} will be written" if kept else "-o FOLDER keeps the result; it is shown only"
+        print(f"agonic: {said}", file=sys.stderr)
     interval = None
     if latitudes is not None:
         interval = parse_numbers("--latitudes", latitudes, "LOW,HIGH in degrees")

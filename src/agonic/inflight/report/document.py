@@ -128,7 +128,7 @@ def _describe_correlation(fit: InflightFit) -> str:
     if fit.correlation < 1.05:
         return ""
     every = quantity(fit.correlation_s, "s", 2)
-    return f"; errors are correlated, as if one reading came every {every}"
+    return f"; errors are correlated, as if independent readings came every {every}"
 
 
 def _direction_values(fit: InflightFit) -> Mapping[str, Any]:

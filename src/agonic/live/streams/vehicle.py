@@ -124,8 +124,7 @@ GROUND = (255, 190)
 
 _PX4_SAYS = (
     "PX4 sends its readings corrected, with an estimate of the bias that telemetry does not "
-    "report: "
-    "they cannot be calibrated live; calibrate from the vehicle's own log (.ulg)"
+    "report: they cannot be calibrated live; calibrate from the vehicle's own log (.ulg)"
 )
 
 

@@ -58,10 +58,7 @@ def network(
     ] = False,
     figure: Annotated[
         Path | None,
-        typer.Option(
-            metavar="SVG",
-            help="Chart of the training or the table; needs agonic[plot].",
-        ),
+        typer.Option(metavar="SVG", help="Chart of training or table; needs agonic[plot]."),
     ] = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
