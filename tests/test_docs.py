@@ -91,7 +91,7 @@ TOLD_BESIDE = {"prior"}
 """Doubts of the heading that become notes beside a graver one."""
 CHAMBER = {"told.name": (*TOLD.values(), *OTHER_TURNS), "steady.name": (*TRENDS.values(),)}
 """The rows of tables of findings, by how their names stand where they are said."""
-JUDGED = {term.name for term in HIDDEN} | {STEP.name, "ripple", "coverage", "noise with memory"}
+JUDGED = {term.name for term in HIDDEN} | {STEP.name, "ripple", "coverage", "correlated noise"}
 
 
 def findings_in_the_source() -> dict[str, set[str]]:

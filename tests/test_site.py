@@ -1,5 +1,6 @@
 """The documentation builds without warnings or network; the notebooks it shows are true."""
 
+import json
 import re
 import warnings
 from collections.abc import Iterator
@@ -71,8 +72,7 @@ def run(name: str) -> list[Any]:
 
 
 def test_a_drone_log() -> None:
-    samples, result, ladder, figure, error, export = run("drone_log")
-    assert len(samples.value) == 3000
+    result, ladder, figure, error, export = run("drone_log")
     assert result.value.verdict == "good"
     assert "current_A" in ladder.printed.splitlines()[-1]
     assert np.abs(error.value).max() < 4
@@ -87,14 +87,38 @@ def test_a_chamber_campaign() -> None:
 
 
 def test_a_satellite() -> None:
-    fit, _, _, retrained, retrainer = run("satellite")
+    fit, bias, figure = run("satellite")
     assert fit.value.verdict == "good"
-    assert "change: the candidate is better" in retrained.printed
-    assert retrainer.value.verdict == "good"
+    assert np.abs(bias.value[0]).max() > 1000
+    assert hasattr(figure.value, "savefig")
+
+
+def test_a_sketch_that_prints_counts() -> None:
+    result, figure, corrected, header = run("maker")
+    assert result.value.verdict == "good"
+    assert hasattr(figure.value, "savefig")
+    assert corrected.value.shape == (3, 3)
+    assert "[counts]" in header.printed
+
+
+def test_files_and_fits_from_python() -> None:
+    fit, _, shares, verification, corrected, difference = run("from_python")
+    assert fit.value.verdict == "good"
+    assert "noise and coverage" in shares.value
+    assert verification.value.passed
+    assert len(corrected.value) == 1500
+    assert "chance" in difference.value
+
+
+def test_a_notebook_of_a_person_has_ten_lines() -> None:
+    for name in ("drone_log", "maker", "rover", "satellite", "from_python"):
+        cells = json.loads((ROOT / "examples" / f"{name}.ipynb").read_text(encoding="utf-8"))
+        code = "".join("".join(c["source"]) + "\n" for c in cells["cells"] if "outputs" in c)
+        assert len([line for line in code.splitlines() if line.strip()]) <= 10, name
 
 
 def test_a_rover() -> None:
-    _, alone, result, _, error, _ = run("rover")
+    alone, result, figure = run("rover")
     assert alone.value.verdict == "refused"
     assert result.value.verdict == "good"
-    assert np.abs(error.value).max() < 4
+    assert hasattr(figure.value, "savefig")

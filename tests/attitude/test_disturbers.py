@@ -128,7 +128,7 @@ def test_calibrate_takes_what_disturbs_and_says_so() -> None:
     assert result.fit.calibration.needs == tuple(columns)
     assert "motor1…4_duty^1.5 move the readings" in result.reason
     (said,) = [one for one in result.fit.findings if one.name == "disturbers"]
-    assert "% less in squares" in said.what
+    assert "variance of held-out residuals by" in said.what
 
 
 def test_readings_of_few_levels_beside_a_current_end_in_a_verdict() -> None:

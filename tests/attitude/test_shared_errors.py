@@ -177,6 +177,6 @@ def test_a_fit_with_a_current_is_examined_as_well(bend: float) -> None:
     samples = made.samples.with_columns(field=field)
     fit = fit_levelled(samples, PLACE, sources=("current_A",))
     if bend > 0.003:  # less moves a heading by less than anybody looks for
-        assert "non-linear" in {finding.name for finding in fit.findings}
+        assert "non-linearity" in {finding.name for finding in fit.findings}
     error = level_error_deg(fit.calibration.at(np.zeros(1)), made.truth)
     assert error < 3 * fit.coverage.heading_sd_deg

@@ -107,4 +107,4 @@ def test_what_moves_with_a_disturber_is_told_and_not_taken_too() -> None:
     result = ag.calibrate(samples, PLACE)
     assert len(result.calibration.needs) == 1
     (said,) = [one for one in result.fit.findings if one.name == "disturbers"]
-    assert "moved with that and cannot be told from it" in said.what
+    assert "changed together with it and cannot be separated from it" in said.what

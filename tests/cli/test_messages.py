@@ -114,7 +114,7 @@ def test_recording_longer_is_asked_for_last() -> None:
 
     found = [
         Finding("coverage", "check", "", f"{RECORD_LONGER}, turning slowly"),
-        Finding("non-linear", "check", "", "take iron away"),
+        Finding("non-linearity", "check", "", "take iron away"),
     ]
     assert moves(found)[0] == "take iron away"
     assert moves(found[:1]) == [f"{RECORD_LONGER}, turning slowly"]

@@ -153,7 +153,7 @@ def test_moments_alone_say_what_they_can(tmp_path):
         "wrong unit": "check",
     }
     assert table["findings"].tolist() == [("coverage",), ("coverage",), ("coverage",), ("scale",)]
-    assert "3 readings cannot hold a sphere" in table["status"][1]
+    assert "3 readings do not determine a sphere" in table["status"][1]
     assert "do not determine an ellipsoid" in table["status"][2]
 
 

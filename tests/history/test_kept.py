@@ -262,7 +262,7 @@ def test_the_screen_tells_method_latency_and_current(flown: Path, capsys) -> Non
     run(["fit", "vector", str(flown / "both.csv"), "-s", "mag1", "--with", "current_A"])
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     latency = next(line for line in lines if line.startswith("Latency"))
-    assert "ms late beside the attitude" in latency
+    assert "ms late relative to the attitude" in latency
     current = next(line for line in lines if line.startswith("Current"))
     assert current.endswith("nT per A (current_A)")
     assert any(line.split(maxsplit=1)[:1] == ["Method"] and " vector: " in line for line in lines)

@@ -251,14 +251,14 @@ def test_a_log_that_knows_little_is_drawn_as_far_as_it_goes() -> None:
     known = simulate("tumble", n=3000, noise=50.0).samples
     fit = fit_inflight(known, ag.Reference.constant(50_000.0), drift_knots=0)
     said = words(describe_inflight(fit, known).to_html())
-    assert "The log does not tell of latitude, temperature, sunlight and shadow" in said
+    assert "The log does not hold latitude, temperature, sunlight and shadow" in said
     assert "no ground calibration to compare with" in said
     assert not re.search(r"\bnan\b", said.lower())
 
 
 def test_without_the_samples_only_the_map_is_missing(fit) -> None:
     said = words(describe_inflight(fit).to_html())
-    assert "The log does not tell of place: not drawn." in said
+    assert "The log does not hold place: not drawn." in said
     assert "Along temperature" in said
 
 

@@ -24,7 +24,7 @@ def settings(page):
 
 
 def number(cell):
-    return float(cell.replace("\u2212", "-")) if cell not in ("", "not told") else cell
+    return float(cell.replace("\u2212", "-")) if cell not in ("", "not reported") else cell
 
 
 def offered(page, readings):
@@ -87,7 +87,7 @@ def test_a_motioncal_device_is_written_only_after_a_yes(live, page):
         shown = page(live(f"serial:{device.path}", "--field", "50000"))
         offered(shown, 200)
         table = settings(shown)
-        assert [row[0] for row in table.values()] == ["not told"] * 10
+        assert [row[0] for row in table.values()] == ["not reported"] * 10
         shown.click("#leave")
         wait(shown, f"!{OPEN}")
         shown.wait_for_timeout(200)

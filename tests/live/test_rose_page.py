@@ -20,7 +20,7 @@ def test_a_rover_sees_its_headings_and_what_to_drive_and_accepts(live, page, pic
     assert not shown.is_visible(".of-sphere")
     assert "headings seen, tilted up to" in shown.text_content(".seen")
     wait(shown, "/heading error then/.test(document.querySelector('.say').textContent)", 60)
-    assert "beside accelerometer and gyro" in shown.text_content(".heading")
+    assert "with accelerometer and gyro" in shown.text_content(".heading")
     assert shown.evaluate(INK) > 10_000
     picture(shown, "live-rose.png")
     shown.set_viewport_size({"width": 400, "height": 900})

@@ -41,7 +41,13 @@ from agonic.model.terms import HIDDEN
 
 KNOWN = ag.Reference.constant(MAGNITUDE)
 CAUSES = {term.name for term in HIDDEN} | {"ripple", "field changed", "two sensors mixed"}
-MOVING = {"field changed", "two sensors mixed", "bias drift", "follows turns", "noise with memory"}
+MOVING = {
+    "field changed",
+    "two sensors mixed",
+    "bias drift",
+    "turn-rate error",
+    "correlated noise",
+}
 
 
 def causes(fit: ag.Fit) -> set[str]:
@@ -69,15 +75,15 @@ def test_noise_of_any_kind_is_no_fault_of_the_model(faults) -> None:
 @pytest.mark.parametrize(
     ("fault", "cause"),
     [
-        (soft_saturation(90_000.0), "non-linear"),
-        (cubic(0.02), "non-linear"),
-        (gains_by_sign(0.007), "non-linear"),
-        (second_sensor(3000.0), "alternating"),
+        (soft_saturation(90_000.0), "non-linearity"),
+        (cubic(0.02), "non-linearity"),
+        (gains_by_sign(0.007), "non-linearity"),
+        (second_sensor(3000.0), "alternating rows"),
         (second_sensor(3000.0, 3), "two sensors mixed"),
         (switching(2500.0), "field changed"),
         (slow_step(0.01), "bias drift"),
         (stuck_bit(100.0, 4), "ripple"),
-        (follows_turns(500.0), "follows turns"),
+        (follows_turns(500.0), "turn-rate error"),
     ],
     ids=[
         "saturation",
@@ -98,7 +104,13 @@ def test_a_broken_model_is_named_and_the_stated_error_covers_the_true_one(fault,
         if fit.verdict == "refused":
             continue
         shown = causes(fit) | set(fit.shares)
-        assert shown & {cause, "field changed", "bias drift", "by direction", "memory of noise"}
+        assert shown & {
+            cause,
+            "field changed",
+            "bias drift",
+            "direction-dependent error",
+            "correlated noise",
+        }
         over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
     assert max(over, default=0.0) < 3.0
     assert np.median(over) > 0.005
@@ -108,7 +120,7 @@ def test_a_broken_model_is_named_and_the_stated_error_covers_the_true_one(fault,
     ("fault", "motion", "cause", "seeds"),
     [
         (cubic(0.005), tilts(30), None, [*range(4), *range(100, 105)]),  # 0.1° of heading
-        (saturation_across(100_000.0), tumble, "compressed", range(9000, 9004)),
+        (saturation_across(100_000.0), tumble, "saturation", range(9000, 9004)),
     ],
     ids=["cubic", "compression"],
 )
@@ -137,9 +149,11 @@ def test_some_dozens_of_changes_are_enough_to_tell_a_moving_bias(fault, cause) -
     seen, over = 0, []
     for seed in range(6):
         recording, fit = fitted(seed, fault, motion=tilts(60), n=1500)
-        lasts = cause is None and {"memory of noise", "by direction", "cross-talk"} & set(
-            fit.shares
-        )
+        lasts = cause is None and {
+            "correlated noise",
+            "direction-dependent error",
+            "cross-axis error",
+        } & set(fit.shares)
         seen += bool(lasts or {cause, *MOVING} & {finding.name for finding in fit.findings})
         over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
     assert seen >= 5
@@ -156,7 +170,9 @@ def test_a_field_that_differs_by_attitude_is_seen_by_what_lasts_on_one_side_or_a
     for seed in range(4):
         recording, fit = fitted(seed, fault)
         over.append(heading_error_deg(fit.calibration, recording) / fit.coverage.heading_sd_deg)
-        seen.append(bool(set(fit.shares) & {"by direction", "memory of noise", *MOVING}))
+        seen.append(
+            bool(set(fit.shares) & {"direction-dependent error", "correlated noise", *MOVING})
+        )
     assert sum(seen) >= 2
     assert max(over) < 3.0
     assert np.median(over) > 0.05
@@ -165,7 +181,7 @@ def test_a_field_that_differs_by_attitude_is_seen_by_what_lasts_on_one_side_or_a
 def test_what_of_the_error_is_for_noise_that_lasts_is_among_the_shares() -> None:
     for faults, told in (((coloured(0.9, 200.0),), True), ((), False)):
         _, fit = fitted(3, *faults, n=2000)
-        assert ("memory of noise" in fit.shares) == told
+        assert ("correlated noise" in fit.shares) == told
         assert fit.verdict == "good"
 
 
@@ -184,7 +200,7 @@ def test_what_lasts_may_go_with_the_turning_and_counts_for_the_heading() -> None
 def test_directions_tell_half_of_what_goes_with_the_turns() -> None:
     for seed in range(3):
         recording, fit = fitted(seed, follows_turns(500.0), motion=tilts(45))
-        assert "follows turns" in causes(fit)
+        assert "turn-rate error" in causes(fit)
         error = heading_error_deg(fit.calibration, recording)
         assert 0.3 < error / fit.coverage.heading_sd_deg < 3.0
 
@@ -196,7 +212,7 @@ def test_directions_tell_half_of_what_goes_with_the_turns() -> None:
 def test_a_bend_that_chance_would_rarely_show_is_in_the_stated_error() -> None:
     recording = record(24_004, tumble, (saturation_across(200_000.0),))
     fit = ag.fit_ellipsoid(recording.samples, KNOWN)
-    assert "compressed" not in causes(fit)
+    assert "saturation" not in causes(fit)
     error = heading_error_deg(fit.calibration, recording)
     assert 0.2 < error / fit.coverage.heading_sd_deg < 3.0
 
@@ -265,7 +281,7 @@ def test_a_few_attitudes_after_a_long_rest_are_not_taken_for_outliers(
 
 def test_clean_readings_of_few_tilts_show_no_common_bend() -> None:
     clean = [fitted(seed, motion=tilts(30), n=300 + 90 * seed)[1] for seed in range(12)]
-    assert not any(causes(fit) & {"non-linear", "compressed"} for fit in clean)
+    assert not any(causes(fit) & {"non-linearity", "saturation"} for fit in clean)
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def test_what_the_log_holds_decides() -> None:
     tumbled = simulate("tumble").samples
     cases = [
         (tumbled, ag.Reference.constant(50_000), "no reference but the magnitude"),
-        (tumbled.with_columns(roll_deg=None), PLACE, "magnitude alone tells"),
+        (tumbled.with_columns(roll_deg=None), PLACE, "magnitude alone determines"),
         (tumbled.with_columns(roll_deg=None, acceleration=None), PLACE, "no roll and pitch"),
         (tumbled, None, "or date"),
     ]

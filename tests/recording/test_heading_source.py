@@ -29,7 +29,7 @@ def test_a_heading_by_gps_is_used_and_named() -> None:
     samples, place, truth = drive()
     found = ag.calibrate(noisy(samples, 1.0), place)
     assert found.method == "vector"
-    assert "GPS yaw tells the heading" in found.reason
+    assert "the heading comes from GPS yaw" in found.reason
     off = found.fit.calibration.bias - truth.bias
     assert np.abs(off / found.fit.sd[:3]).max() < 4
 
@@ -118,7 +118,7 @@ def test_the_course_of_a_car_is_its_heading() -> None:
     assert known.mean() > 0.95
     assert np.sqrt(np.mean((apart[known] / driven.heading_sd_deg[known]) ** 2)) < 1.2
     found = ag.calibrate(driven, place)
-    assert "the course over ground tells the heading" in found.reason
+    assert "the heading comes from the course over ground" in found.reason
 
 
 def test_what_stands_still_has_no_course() -> None:

@@ -26,7 +26,7 @@ TOLD: Mapping[str, Told] = {
     "alignment undetermined": Told("{what}", "{action}", _REFUSED),
     "unknowns undetermined": Told("{what}, which the alignment survives", "{action}"),
     "no redundancy": Told(
-        "the orientations just determine the unknowns, so nothing tells a mistake",
+        "the orientations just determine the unknowns, so no mistake would show",
         "add orientations",
     ),
     "session mistake": Told("{what}", "{action}", _REFUSED),
@@ -36,7 +36,7 @@ TOLD: Mapping[str, Told] = {
         "the alignment is known to {sd}″ about its worst axis, not to {wanted:g}″", "{action}"
     ),
     "reference unchecked": Told(
-        "these orientations do not tell whether the reference's axes and the clocks are right: "
+        "these orientations do not show whether the reference's axes and the clocks are right: "
         "were they off by {by:g}″ (0.7 s of a clock), the alignment would be off by up to {off}″, "
         "and no residual would show it",
         "{action}; or state how well north and the clocks are known (axes_sd_arcsec of the "
@@ -87,7 +87,7 @@ TOLD: Mapping[str, Told] = {
         "look for a misread circle or a zero that drifts, and read again",
     ),
     "no spread": Told(
-        "nothing tells how well north is known",
+        "the standard error of north is not determined",
         "read more turning points, or state reading_sd_arcsec or time_sd_s",
     ),
     "faces": Told(
@@ -102,7 +102,7 @@ TOLD: Mapping[str, Told] = {
     "platform misfit": Told("{what}", "{action}"),
     "platform settles": Told(
         "the magnetometer turned by {by}″ while an orientation was recorded; circle and levels "
-        "tell one moment of it, and the standard error was widened by as much",
+        "were read at one moment of it, and the standard error was enlarged by the same amount",
         "wait after each turn until the readings rest, and clamp the platform",
     ),
     # fluxgate theodolite
@@ -123,7 +123,7 @@ TOLD: Mapping[str, Told] = {
         _NOTE,
     ),
     "no scale": Told(
-        "neither the total field nor a reading of known tilt tells what a unit of the fluxgate is",
+        "neither the total field nor a reading of known tilt gives the scale of the fluxgate",
         "give --field",
     ),
     "reads backwards": Told(

@@ -105,7 +105,7 @@ def fit_remanence(
     ('check', 5)
     """
     if samples.unit == RAW:
-        raise UnitError("name the unit of the readings: what the platform does is told in nT")
+        raise UnitError("name the unit of the readings: the field of the platform is given in nT")
     visits, angle = _visit(samples)
     _check_circle(angle, len(visits))
     seen = average_beside(visits, samples, samples.field, reference)

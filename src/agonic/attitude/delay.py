@@ -171,7 +171,7 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
         Finding(
             "delay",
             "check",
-            f"how late the readings are is known to {figure(1e3 * sd)} ms only: while turning as "
+            f"the delay of the readings is known to ± {figure(1e3 * sd)} ms only: while turning as "
             f"in this log, at {rate}°/s, that is {figure(turned)}° of heading",
             "log the magnetometer beside gyro or attitude at 50 rows a second or more, and turn to "
             "and fro; or turn more slowly where the heading counts",
@@ -184,7 +184,7 @@ def _count_delay(finding: Finding, own: Coverage, joined: Coverage) -> Finding:
     told, whole = check_coverage(own), check_coverage(joined)
     if told is None or whole is None or finding.what != told.what or whole.what == told.what:
         return finding
-    return replace(finding, what=f"{whole.what}, with what is not known of the delay")
+    return replace(finding, what=f"{whole.what}, the error of the delay included")
 
 
 def measure_rate(samples: Samples) -> float:

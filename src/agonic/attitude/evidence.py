@@ -277,7 +277,7 @@ def _remarks(fit: Fit, tilt_sd: float | None, *, felt: bool, doubted: bool) -> t
     """What else there is to say of the result, in words."""
     said = [test.sentence for test in fit.tests if not doubted]
     if tilt_sd:
-        which = "the tilt that was felt is" if felt else "roll and pitch are"
+        which = "the tilt by accelerometer and gyro is" if felt else "roll and pitch are"
         said.append(f"{which} good to {figure(tilt_sd)}° by the field's dip")
     return tuple(said)
 

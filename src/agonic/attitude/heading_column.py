@@ -33,7 +33,7 @@ def check_azimuth(
     if off <= HEADING_DOUBTFUL_DEG:
         return None
     if felt:
-        beside = "what the gyro tells: its unit, axes, sign or clock are wrong"
+        beside = "the azimuth by the gyro: its unit, axes, sign or clock are wrong"
         move = "check unit, axes and times of the gyro"
     else:
         beside = "that of the known heading: it is wrong, late, or in radians"

@@ -64,8 +64,7 @@ def check_heading_source(
         return Finding(
             "heading against the gyro",
             "check",
-            f"{named} turns otherwise than the gyro in {100 * apart:.0f} % of the log, so it was "
-            "not used",
+            f"{named} contradicts the gyro in {100 * apart:.0f} % of the log, so it was not used",
             "record until it has settled (drive a figure of eight), or check its axes and clock",
         )
     return None

@@ -72,7 +72,7 @@ def judge_placement(first: Array, second: Array, magnitude: float) -> Finding:
         return Finding(
             "placement",
             "check",
-            f"{words}, the same way: no mix of the two can tell it from the field",
+            f"{words}, the same way: no mix of the two can separate it from the field",
             "move one of them farther from the wires, or to their other side",
         )
     if np.linalg.norm(first + second) < ALIKE * max(sizes):

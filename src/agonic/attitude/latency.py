@@ -222,7 +222,7 @@ def _record(samples: Samples, readings: Array, limit_s: float, stretch_s: float)
     assert samples.time is not None
     if not np.ptp(readings, axis=0).any():
         raise CoverageError(
-            "the readings never change, so nothing tells how late they are",
+            "the readings never change, so their delay is not determined",
             turns="check the sensor and its wiring",
         )
     own = find_fresh(readings)
@@ -257,8 +257,8 @@ def _method(samples: Samples, method: str) -> Method:
         "auto": "roll, pitch and heading, or of rotation rate",
     }
     raise AgonicError(
-        f"{samples.name} has no columns of {needed[method]}; without them nothing tells when the "
-        "sensor turned"
+        f"{samples.name} has no columns of {needed[method]}; without them it is not known when "
+        "the sensor turned"
     )
 
 
@@ -273,11 +273,11 @@ def _finding(
         return Finding(
             "latency unknown",
             "note",
-            f"how late the readings are beside {beside} is not determined: {why}",
+            f"the delay of the readings relative to {beside} is not determined: {why}",
             "turn the sensor to and fro, briskly, for half a minute",
         )
     if not significant:
-        return Finding("latency", "note", f"no latency of readings beside {beside} shows ({size})")
+        return Finding("latency", "note", f"no delay relative to {beside} is seen ({size})")
     late = "late" if found.latency_s > 0 else "early"
     return Finding(
         "latency",

@@ -88,7 +88,7 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
     return Finding(
         "mounting about the vertical",
         "note",
-        f"the verdict is on the heading of the sensor's own axes (standard error {own}°); how the "
+        f"the verdict is for the heading of the sensor's own axes (standard error {own}°); how the "
         f"sensor is turned about the vertical has one of {figure(mounted.vertical_sd_deg)}°, and "
         f"the vehicle's heading one of {vehicle}°",
         "bank and pitch more while turning, or compare with one known heading",

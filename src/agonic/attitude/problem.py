@@ -48,8 +48,8 @@ def name_missing_hold() -> Iterator[None]:
         yield
     except (OverflowError, np.linalg.LinAlgError):
         raise CoverageError(
-            "the readings do not determine a calibration: an axis never moves, or says what "
-            "another does",
+            "the readings do not determine a calibration: an axis never moves, or repeats another "
+            "axis",
             turns="look at each axis of the log, and turn the sensor about all three",
         ) from None
 
@@ -109,8 +109,8 @@ def normalise(
     if still.any():
         names = [one for one, never in zip(signals(settings.sources), still, strict=True) if never]
         raise CoverageError(
-            f"{', '.join(names)} never changes, so what it does to the readings cannot be told "
-            "from the bias",
+            f"{', '.join(names)} never changes, so its effect on the readings cannot be separated "
+            f"from the bias",
             turns="record with the motors at several powers, or fit without it",
         )
     dip = None

@@ -21,7 +21,7 @@ from agonic.maths.rotations.vectors import skew
 
 TURN_DOUBTFUL = 0.01
 """A turn that chance makes this seldom may be the sensor's, or an error of roll and pitch."""
-TURN = "turn of the sensor"
+TURN = "misalignment of the sensor"
 _SMALL = 0.1  # of a standard deviation of the reference: the residuals are linear in so little
 
 

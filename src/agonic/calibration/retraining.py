@@ -81,7 +81,7 @@ class RetrainerParams:
         object.__setattr__(self, "hidden", require_nodes(self.hidden))
         check_inputs(self.inputs)
         if self.base is None and self.target == "magnitude":
-            raise AgonicError('target="magnitude" teaches a length only, so it needs a base')
+            raise AgonicError('target="magnitude" determines a length only, so it needs a base')
         for name in (
             "window_s",
             "every_n",

@@ -41,7 +41,7 @@ class Mission(NamedTuple):
         typer.Option(
             "--settling",
             metavar="S",
-            help="Record what torquers are told; their field follows in so long.",
+            help="Record the commands of the torquers; time constant of their field.",
         ),
     ] = None
     scalar_sd: Annotated[

@@ -48,7 +48,7 @@ Altitude = Annotated[
 ]
 Elements = Annotated[
     Path | None,
-    typer.Option("--tle", metavar="FILE", help="Two-line elements that tell the positions."),
+    typer.Option("--tle", metavar="FILE", help="Two-line elements that give the positions."),
 ]
 Magnitude = Annotated[
     float | None,

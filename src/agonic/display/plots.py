@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import singledispatch
 from typing import Any
@@ -20,8 +21,10 @@ from agonic.maths.equation.coverage import icosphere
 from agonic.population import History
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.figures import thin
-from agonic.recording.residuals import compute_residuals, find_level
+from agonic.recording.residuals import find_level
 from agonic.report.labels import unit_label
+from agonic.report.tables import list_shares
+from agonic.report.verdict import MEANINGS
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.result import CalibratedCampaign
 
@@ -64,16 +67,12 @@ def draw(shown: object, figure: Any) -> None:
 def _(shown: Calibrated, figure: Any) -> None:
     figure.set_size_inches(9, 8)
     above, below = figure.subfigures(2, 1, height_ratios=(3, 2))
-    calibration, unit = shown.fit.calibration, unit_label(shown.fit.calibration.unit_in)
+    calibration = shown.fit.calibration
     rows = thin(len(shown.samples), POINTS)
+    before, after = shown.verification.spread_before, shown.verification.spread_after
     spheres = (
-        ("readings", shown.samples.field[rows], unit, shown.verification.spread_before),
-        (
-            "calibrated",
-            shown.corrected[rows],
-            unit_label(calibration.unit_out),
-            shown.verification.spread_after,
-        ),
+        ("readings", shown.samples.field[rows], calibration.unit_in, before),
+        ("calibrated", shown.corrected[rows], calibration.unit_out, after),
     )
     for k, (name, points, of, spread) in enumerate(spheres, start=1):
         axes = above.add_subplot(1, 2, k, projection="3d")
@@ -82,34 +81,41 @@ def _(shown: Calibrated, figure: Any) -> None:
         axes.scatter(*points.T, c=size - level, s=2, cmap="coolwarm")
         axes.scatter(0, 0, 0, marker="+", color="black", s=60)
         axes.set(title=f"{name}, spread {100 * spread:.2g} %", aspect="equal")
-        axes.set(xlabel=f"x, {of}", ylabel="y", zlabel="z")
+        axes.set(xlabel=f"x, {unit_label(of)}", ylabel="y", zlabel="z")
         axes.locator_params(nbins=4)
+    figure.suptitle(f"{shown.samples.name}: {shown.verdict}, {MEANINGS[shown.verdict][1]}")
     left, right = below.subplots(1, 2)
-    residuals = compute_residuals(shown)
-    _draw_residuals(left, shown.samples.time, residuals.values, residuals.noise, unit)
-    _draw_coverage(right, shown.fit)
+    _draw_shares(left, shown.fit)
+    recorded = next((rung for rung in shown.ladder if rung.errors_deg), None)
+    if recorded is None:
+        _draw_coverage(right, shown.fit)
+    else:
+        _draw_heading_error(right, recorded.errors_deg, shown.fit.coverage.heading_sd_deg)
 
 
 @draw.register
 def _(shown: Fit, figure: Any) -> None:
     figure.set_size_inches(9, 3.4)
     left, right = figure.subplots(1, 2)
-    unit = unit_label(shown.calibration.unit_in)
-    if shown.residuals is None:
-        left.set_axis_off()
-    else:
-        _draw_residuals(left, None, shown.residuals, shown.noise, unit)
+    figure.suptitle(f"{shown.verdict}, {MEANINGS[shown.verdict][1]}")
+    _draw_shares(left, shown)
     _draw_coverage(right, shown)
 
 
-def _draw_residuals(axes: Any, time: Array | None, values: Array, noise: float, unit: str) -> None:
-    along = np.arange(len(values)) if time is None else time
-    axes.plot(along, values, ".", markersize=1.5)
-    for side in (-1, 1):
-        axes.axhline(side * noise, color="black", linewidth=0.8, linestyle="--")
-    limit = max(5 * noise, float(np.percentile(np.abs(values), 99)))
-    axes.set(ylim=(-limit, limit), ylabel=f"residual, {unit}", title="residuals, ± noise")
-    axes.set(xlabel="reading" if time is None else "time, s")
+def _draw_shares(axes: Any, fit: Fit) -> None:
+    """What the heading's error is made of, the largest first."""
+    axes.barh(list_shares(fit.shares), [sd**2 for sd in fit.shares.values()])
+    axes.invert_yaxis()
+    axes.set(xlabel="variance of the heading, °²", title="what the heading's error is made of")
+
+
+def _draw_heading_error(axes: Any, errors_deg: Sequence[float], sd_deg: float) -> None:
+    """The error of the heading as recorded, and a band of ± the standard error calibrated."""
+    true = np.linspace(0, 360, len(errors_deg), endpoint=False)
+    axes.plot(true, errors_deg, label="as recorded")
+    axes.axhspan(-sd_deg, sd_deg, color="C1", label=f"calibrated: ± {sd_deg:.2g}°")
+    axes.legend()
+    axes.set(title="heading error, level", xlabel="true heading, °", ylabel="error, °")
 
 
 def _draw_coverage(axes: Any, fit: Fit) -> None:
@@ -145,13 +151,9 @@ def _(shown: Heading, figure: Any) -> None:
 
 
 @draw.register
-def _(shown: Thermal, figure: Any) -> None:
-    _draw_temperature(figure, {shown.sensor: shown})
-
-
-@draw.register
-def _(shown: ThermalFit, figure: Any) -> None:
-    _draw_temperature(figure, {shown.calibration.sensor: shown.calibration})
+def _(shown: Thermal | ThermalFit, figure: Any) -> None:
+    one = shown if isinstance(shown, Thermal) else shown.calibration
+    _draw_temperature(figure, {one.sensor: one})
 
 
 @draw.register

@@ -123,8 +123,8 @@ def fit_recording_and_rows(
     fit = replace(fit, calibration=calibration)
     if len(drawn.samples) < drawn.rows:
         thinned = (
-            f"the fit is by {len(drawn.samples)} of {drawn.rows} rows, drawn evenly: what more "
-            "would tell is far below what the terms hold"
+            f"the fit is by {len(drawn.samples)} of {drawn.rows} rows, drawn evenly: more rows "
+            f"would hardly reduce the stated error"
         )
         fit = replace(fit, remarks=(*fit.remarks, thinned))
     total = drawn.rows + sum(drawn.rejected.values())

@@ -202,7 +202,7 @@ def _fit(
 
 def _fewer(count: int, model: Model) -> str:
     """Why so few readings were not fitted, as `fit_moments` says it."""
-    least = f"{count} readings cannot hold a sphere; four are the least"
+    least = f"{count} readings do not determine a sphere; four are needed"
     return least if count < UNKNOWNS["sphere"] else str(too_few(count, model))
 
 

@@ -57,7 +57,7 @@ def fit_moments(
     if reference is not None and len(reference.values) > 1:
         raise AgonicError("moments hold no rows, so they need one constant reference magnitude")
     if sums.count < 4:
-        raise CoverageError(f"{sums.count} readings cannot hold a sphere; four are the least")
+        raise CoverageError(f"{sums.count} readings do not determine a sphere; four are needed")
     normalised, scale = normalise_moments(sums, reference)
     found, tests = choose_model(
         lambda fixed: solve_algebraic(normalised, fixed, "adjusted"), model, sums.count

@@ -77,8 +77,8 @@ def list_outliers(
     lines = [
         element(
             "p",
-            f"{count(len(group), 'sensor')} ({group.name}) cannot tell what is usual "
-            f"among them: at least {LEAST} are needed.",
+            f"{count(len(group), 'sensor')} ({group.name}) are too few to find what is usual: at "
+            f"least {LEAST} are needed.",
             class_="aside",
         )
         for group in few

@@ -314,7 +314,7 @@ def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
     lost = _count_lost(found.field)
     doubtful, share = lost > DOUBTFUL * len(field), figure(100 * lost / len(field))
     what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
-    move = "look at the logger and at what reads it" if doubtful else ""
+    move = "check the logger and the program that reads it" if doubtful else ""
     return Finding("outliers", "check" if doubtful else "note", what, move)
 
 

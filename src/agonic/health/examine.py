@@ -85,13 +85,13 @@ def _few_orientations(e: Evidence) -> Finding | None:
     if count >= enough:
         return None
     lacking = count < e.unknowns
-    left = "that do not determine it" if lacking else "and next to nothing is left to check it by"
+    left = "that do not determine it" if lacking else "and hardly any are left to check the result"
     return Finding(
         "few orientations",
         "refuse" if lacking else "check",
         f"the sensor was held in {count} orientations only; the calibration has {e.unknowns} "
         f"unknowns, {left}",
-        f"record {enough} orientations or more, well spread, or turn the sensor slowly all the way",
+        f"record {enough} orientations or more, well spread, or keep turning the sensor slowly",
     )
 
 

@@ -108,8 +108,8 @@ def _check_normalised(field: Array) -> Finding | None:
     return Finding(
         "normalised",
         "refuse",
-        "all readings have exactly the same length: each was divided by its own, and what tells of "
-        "bias and soft iron is gone",
+        "all readings have exactly the same length: they were normalised, and the information on "
+        "bias and soft iron is lost",
         "have the driver record the readings as measured",
     )
 
@@ -133,7 +133,7 @@ def _few(samples: Samples) -> Finding | None:
     return Finding(
         "too few readings",
         "refuse",
-        f"only {len(samples)} readings: nine unknowns leave nothing to check them by",
+        f"only {len(samples)} readings: with nine unknowns none are left to check the result",
         "record at least a few hundred while turning the sensor about all axes",
     )
 
@@ -184,7 +184,7 @@ def _check_frozen(stuck: Mask, axis: int) -> Finding | None:
     move, dead = "check the sensor and its wiring", _throughout(stuck)
     if dead:
         what = f"{'never' if stuck.all() else 'hardly ever'} changes while the others do"
-        move += "; one axis short, only a compass held level is left"
+        move += "; with two axes it can only be used as a level compass"
     said = f"axis {'xyz'[axis]} {what}"
     return Finding("frozen axis", "refuse" if dead else "check", said, move)
 
@@ -271,7 +271,7 @@ def _check_corrected(samples: Samples) -> Finding | None:
         "corrected readings",
         "check",
         "the autopilot or the device had corrected these readings in a way that the log does not "
-        "tell, so the result comes on top of that correction and is not exported to an autopilot",
+        "state, so the result comes on top of that correction and is not exported to an autopilot",
         "record uncorrected readings, or calibrate from the vehicle's own log, or join the result "
         "and the parameters of then (agonic export --on OLD.param)",
     )

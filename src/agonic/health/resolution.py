@@ -80,7 +80,7 @@ def check_resolution(field: Array, radius: float, unit: str) -> Finding | None:
     >>> check_resolution(np.round(turned * 50_000, -4), 50_000, "nT").severity
     'check'
     >>> check_resolution(np.round(turned * 50_000, -4), 1e-200, "nT").what.split("leaves ")[1]
-    'the heading entirely open'
+    'the heading undetermined'
     """
     steps = find_steps(field)
     levels = 2 * radius / max(float(steps.max()), 1e-300)
@@ -89,7 +89,7 @@ def check_resolution(field: Array, radius: float, unit: str) -> Finding | None:
     axes = [letter for letter, step in zip("xyz", steps, strict=True) if step == steps.max()]
     whose = f"axis {axes[0]} reads" if len(axes) == 1 else f"axes {' and '.join(axes)} read"
     open_deg = _degrees_of_step(levels)
-    left = f"open by some {figure(open_deg)}°" if open_deg < OPEN_DEG else "entirely open"
+    left = f"uncertain by {figure(open_deg)}°" if open_deg < OPEN_DEG else "undetermined"
     return Finding(
         "resolution",
         "refuse" if levels < FEW_LEVELS else "check",

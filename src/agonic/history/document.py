@@ -68,8 +68,8 @@ MOST = 200
 _TITLES = {"bias": "Bias", "gain": "Gain along the axes", "cross": "Between the axes"}
 _EVENTS = {"step": "Step", "outlier": "Outlier", "last": "Left its band"}
 _COLUMNS = (
-    "Chance: how often scatter and walk alone make such a drift. Scatter: what calibrations "
-    "differ by beyond their standard errors. Walk: the random walk of the parameter in a year."
+    "Chance: how often scatter and walk alone make such a drift. Scatter: how much calibrations "
+    "differ beyond their standard errors. Walk: the random walk of the parameter in a year."
 )
 
 

@@ -175,7 +175,7 @@ def _find(
             Finding(
                 "few calibrations",
                 "note",
-                f"{len(compared)} can be compared; from {FEWEST} on a drift can be told",
+                f"{len(compared)} can be compared; from {FEWEST} on a drift can be determined",
             )
         )
     left_out = int(population.fitted.sum()) - len(compared)
@@ -207,16 +207,16 @@ def _describe_event(event: Event, n: int) -> Finding:
         return Finding(
             "left its band",
             "check",
-            f"the last calibration, of {event.before:%Y-%m-%d}, lies off what the earlier ones "
-            f"predict: {moved}",
+            f"the last calibration, of {event.before:%Y-%m-%d}, differs from what the earlier "
+            f"ones predict: {moved}",
             "calibrate once more: a step stays, an outlier does not",
         )
     if event.kind == "outlier":
         return Finding(
             "outlying calibration",
             "note",
-            f"that of {event.before:%Y-%m-%d} lies off those before and after it: {moved}; it is "
-            "left out of the drift",
+            f"that of {event.before:%Y-%m-%d} differs from those before and after it: {moved}; it "
+            "is left out of the drift",
         )
     fresh = n - event.place < _SETTLED
     return Finding(

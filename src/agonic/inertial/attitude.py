@@ -83,8 +83,8 @@ def feel_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
     force, rate, time = samples.acceleration, samples.rotation_rate, samples.time
     if force is None:
         raise LogError(
-            f"the samples of {samples.name} hold no acceleration, so nothing tells which way is "
-            "down; record it, or fit the magnitude alone with fit_ellipsoid"
+            f"the samples of {samples.name} hold no acceleration, so the vertical is not known; "
+            f"record it, or fit the magnitude alone with fit_ellipsoid"
         )
     n = len(force)
     if time is None or rate is None:

@@ -29,7 +29,7 @@ WALKS_DEG = 0.5
 OPPOSITE_DEG = 15.0
 """A dip is the opposite of the known one to this, and known one steep enough to tell."""
 TURN_ROUND = (
-    "turn that sign round: at rest and level, the axis that points down reads −9.8 m/s², and the "
+    "reverse that sign: at rest and level, the axis that points down reads −9.8 m/s², and the "
     "one that points north a positive field"
 )
 SCATTER = 0.35
@@ -55,8 +55,8 @@ def check_inclination(solved: Solved) -> Finding | None:
     return Finding(
         "inclination",
         "check",
-        f"the dip of the field is not known and the log tells it to {figure(sd)}° only: headings "
-        "hold where the vehicle is as level as it was",
+        f"the dip of the field is not known and the log determines it to {figure(sd)}° only: "
+        "headings hold where the vehicle is as level as it was",
         "give the place (--at LAT,LON), or tilt the vehicle by 5° and more while it turns",
     )
 
@@ -81,7 +81,7 @@ def check_speed(fit: Fit, solved: Solved) -> Finding | None:
     return Finding(
         "turned at one rate",
         "check",
-        "it turned at one rate only, so a speed that it keeps in its turns looks like a lean: at "
+        "it turned at one rate only, so a constant speed in its turns looks like a tilt: at "
         f"{figure(WALKING_M_S)} m/s headings would be off by up to {figure(off)}°",
         "stop for ten seconds between the turns, and turn both ways, fast and slowly",
     )

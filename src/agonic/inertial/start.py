@@ -197,7 +197,7 @@ def _solve_with(
     known = np.flatnonzero(felt.known)
     if len(known) < FEWEST:
         raise CoverageError(
-            f"accelerometer and gyro tell the attitude of {len(known)} readings only",
+            f"accelerometer and gyro determine the attitude of {len(known)} readings only",
             turns="record without pauses, and the acceleration with every reading",
         )
     part, reference = samples.select(known), reference.select(known)

@@ -226,7 +226,7 @@ class LiveFit:
         fitted = self.fitted
         if fitted is None:
             raise CoverageError(
-                f"{self.n} readings in too few directions hold no calibration yet",
+                f"{self.n} readings in too few directions do not determine a calibration yet",
                 turns="turn the sensor slowly about all three axes",
             )
         return fitted

@@ -129,7 +129,7 @@ class Posterior(NamedTuple):
 
     def list_shares(self) -> Mapping[str, float]:
         """The standard error of a level heading by what makes it, degrees, the largest first."""
-        shares = {"noise and coverage": self.noise_deg, "memory of noise": self.memory_deg}
+        shares = {"noise and coverage": self.noise_deg, "correlated noise": self.memory_deg}
         shares |= self.considered_deg
         for one in self.shares:
             shares[one.term.name] = float(np.hypot(shares.get(one.term.name, 0.0), one.heading_deg))

@@ -95,7 +95,7 @@ def _name_held_axes(posterior: Posterior, unit: str, radius: float) -> Iterator[
         "note",
         f"the bias along {' and '.join(axes)} follows from the assumed prior on soft iron: "
         f"± {figure(stated[worst] * radius)} {unit} with it, ± {figure(alone[worst] * radius)} "
-        f"{unit} without; the heading of a tilted vehicle rests on it",
+        f"{unit} without; the heading of a tilted vehicle depends on it",
     )
 
 
@@ -108,14 +108,15 @@ def _check_unseen(posterior: Posterior, stated_deg: float) -> Iterator[Finding]:
     if residuals > UNSEEN_RESIDUALS:
         what = f"scatter {figure(residuals)} times as much as it states"
     elif moves >= HEADING_DOUBTFUL_DEG and moves > most:
-        what = f"leave the heading {_say_uncertain(moves)}, by how it moves without each"
+        by = f"by {figure(moves)}°" if moves < OPEN_DEG else "to anywhere"
+        what = f"move the heading {by} where they are left out one by one"
     else:
         return
     yield Finding(
         "unseen parts",
         "check",
         f"parts of the log that the fit has not seen {what}",
-        "look what changed during the log, and record again",
+        "find what changed during the log, and record again",
     )
 
 
@@ -156,9 +157,9 @@ def _find_largest(posterior: Posterior | None, coverage: Coverage) -> tuple[str,
     if term is not None and term.odds > EVIDENCE and term.heading_deg > largest:
         return term.term.name, f"{term.term.what}; this leaves", term.term.move
     if posterior.memory_deg > max(posterior.noise_deg, shared):
-        what = "disturbances of unknown cause last while the sensor turns: they leave"
+        what = "residuals are correlated over time, from an unknown cause: this leaves"
         move = "let the sensor warm up, keep iron and currents as they are, and record longer"
-        return "noise with memory", what, move
+        return "correlated noise", what, move
     return "coverage", seen, turns
 
 
@@ -191,7 +192,7 @@ def _name_terms(
         effect = max(one.heading_deg, one.moves_deg)
         left = f"it leaves the heading uncertain by {figure(effect)}°"
         if one.moves_deg > one.heading_deg:
-            left = f"the calibration is of its mean, the heading moves by {figure(effect)}° with it"
+            left = f"calibrated is the mean, and the heading changes by {figure(effect)}° with it"
         moments: tuple[float, ...] = ()
         what = one.term.what
         if one.row is not None:
@@ -245,4 +246,4 @@ def _join_moves(shown: Sequence[Share]) -> list[Share]:
 
 def _say_uncertain(sd_deg: float) -> str:
     """How uncertain a heading is; beyond a quarter of the circle a number says nothing."""
-    return f"uncertain by {figure(sd_deg)}°" if sd_deg < OPEN_DEG else "entirely open"
+    return f"uncertain by {figure(sd_deg)}°" if sd_deg < OPEN_DEG else "undetermined"

@@ -79,7 +79,7 @@ class Comparison(Readable):
         x, y, z = self.directions[far]
         told = {
             True: "The difference matters: it is more than chance and more than half a degree.",
-            False: "The difference is of no matter to a heading."
+            False: "The difference does not matter for headings."
             if self.sure
             else "The difference is within what chance explains.",
         }[self.matters]

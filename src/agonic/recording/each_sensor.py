@@ -76,8 +76,8 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
     move = (
         "record the current that does it, or mix the two: agonic calibrate LOG --second auto"
         if correlation < 0
-        else "look for what is as near to both, a changing field, or a wrong place; no mix of the "
-        "two can tell it from the field"
+        else "look for a source that is as near to one as to the other, a changing field, or a "
+        "wrong place; no mix of the two can separate it from the field"
     )
     said = f"one thing disturbs {names}, {way} (correlation {figure(correlation)})"
     return Finding("pair", "check", said, move)
@@ -264,7 +264,7 @@ def open_missions(
     if names and given:
         raise AgonicError(
             f"{log.name} has {mission.rows} rows and is read piece by piece, by the magnitude "
-            f"alone, without {', '.join(given)}; cut it, or leave that away"
+            f"alone, without {', '.join(given)}; cut it, or leave those options out"
         )
     if sensor is not None:
         return (mission,) if names else ()

@@ -38,7 +38,7 @@ def judge(
     """
     if isinstance(calibration, Alignment):
         raise AgonicError(
-            "an alignment turns axes and changes no size, so that a log says nothing of it: report "
+            "an alignment turns axes and changes no size, so a log cannot check it: report "
             "the chain of a calibration and this alignment, or look at its session (agonic fit)"
         )
     calibration = _join_steps(calibration)

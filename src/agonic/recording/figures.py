@@ -139,15 +139,15 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
             _draw_sphere(
                 "before",
                 f"Raw readings, whose magnitude spreads by {percent(verification.spread_before)}.",
-                f"Before: readings as logged, {_say_middle(result)}, the axes begin at {size}; the "
-                "cross is where a reading of zero lies.",
+                f"Before: readings as logged, {_say_middle(result)}, axes drawn from {size} "
+                "outwards; the cross is where a reading of zero lies.",
             ),
             _draw_sphere(
                 "after",
                 "Calibrated readings, whose magnitude spreads by "
                 f"{percent(verification.spread_after)}; {describe_coverage(result)}.",
-                f"After: the calibrated field, axes from {level} on, and the 80 directions; those "
-                "never seen are red.",
+                f"After: the calibrated field, axes drawn from {level} outwards, and the 80 "
+                "directions; those never seen are red.",
             ),
             class_="pair",
         ),
@@ -171,7 +171,7 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
 
 def _say_middle(result: Calibrated) -> str:
     middle = find_middle(result.cleaned - result.fit.calibration.bias)[0]
-    return "about their own middle, for the bias lies outside" if middle.any() else "about the bias"
+    return "about their own centre, as the bias lies outside" if middle.any() else "about the bias"
 
 
 def _draw_sphere(part: str, shows: str, caption: str, **attributes: str) -> Markup:

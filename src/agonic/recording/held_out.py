@@ -189,7 +189,7 @@ def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
     return Finding(
         "attitude",
         "refuse",
-        f"readings that the fit has not seen dip {figure(off)}° off: roll and pitch are not those "
+        f"the dip of held-out readings is off by {figure(off)}°: roll and pitch are not those "
         "of this sensor's vehicle, or the field was disturbed",
         "check where roll and pitch come from and their delay, or calibrate by the magnitude alone "
         "(--method ellipsoid)",
@@ -205,7 +205,7 @@ def check_halves(checks: Sequence[Check]) -> Finding | None:
         "halves contradict",
         "refuse",
         f"calibrations from alternate parts of the log point {figure(halves.value)}° apart, far "
-        "more than they state: what disturbs the readings is stronger than what the turning tells",
+        "more than they state: the disturbances are too strong for so little turning",
         "record again in one undisturbed place, turning slowly about all three axes",
     )
 

@@ -57,7 +57,7 @@ def choose_sets(sets: Sequence[PlannedSets], wanted_deg: float | None) -> Planne
 def _advise_step(chosen: PlannedSets | None) -> str:
     if chosen is None:
         return (
-            "No step is enough: turned like this, the readings leave the heading to the prior on "
+            "No step is enough: turned like this, the heading follows from the assumed prior on "
             "soft iron. Tilt further, or record roll and pitch (--attitude-sd)."
         )
     each = f"{chosen.readings} reading{'s' if chosen.readings > 1 else ''} at each"

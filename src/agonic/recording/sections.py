@@ -25,10 +25,7 @@ from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
 from agonic.report.text import SIGNS, wrap
-from agonic.report.verdict import sentence
-
-USE = {"good": "use it", "check": "look at this first", "refused": "do not use it"}
-"""What each verdict means for whoever has to decide."""
+from agonic.report.verdict import MEANINGS, sentence
 
 
 def say_overview(
@@ -43,7 +40,7 @@ def say_overview(
     for result in results:
         yield from _say_sensor(result, width)
     for name, why in failures:
-        yield wrap(f"{name}: refused, {USE['refused']}", width=width, indent="", label="✗ ")
+        yield wrap(f"{name}: refused, {MEANINGS['refused'][1]}", width=width, indent="", label="✗ ")
         yield wrap(sentence(why), width=width)
     yield from _say_files(results, files, width)
 
@@ -54,7 +51,7 @@ def _say_sensor(result: Calibrated, width: int) -> Iterator[str]:
         largest = ", ".join(tables.list_shares(result.fit.shares)[:1])
         made = f" ({largest})" if largest else ""
         said.append(f"heading good to {describe_heading(result)[0]}{made}")
-    said.append(USE[result.verdict])
+    said.append(MEANINGS[result.verdict][1])
     yield wrap(", ".join(said), width=width, indent="", label=f"{SIGNS[result.verdict]} ")
     grave = list_grave(result)
     if grave:

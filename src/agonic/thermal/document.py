@@ -152,14 +152,13 @@ def _compare(
 def _show_chamber(found: ChamberField | None) -> list[Block]:
     """The common mode of the sensors, and what each has beside it."""
     if found is None:
-        said = "It takes two sensors with clocks to tell the chamber’s field from their errors."
+        said = "It takes two sensors with times to separate the chamber’s field from their errors."
         return [element("p", said, class_="aside")]
     turned = "in the axes of the chamber" if len(found.axes) > 1 else "along itself"
     said = (
         f"All sensors saw the field change {turned} by {quantity(found.common_sd, 'nT', 2)} (one "
-        "standard deviation of an axis within a station). That is the chamber and not they. From "
-        "one station to the next nothing is said: there field, fixture and sensors cannot be told "
-        "apart."
+        "standard deviation of an axis within a station). That is the chamber, not the sensors. "
+        "From one station to the next field, fixture and sensors cannot be separated."
     )
     note = (
         "Standard deviations of the means of windows, on one axis. “Its own” is what the "

@@ -197,7 +197,7 @@ def test_an_error_of_roll_and_pitch_leaves_the_magnitude_alone() -> None:
     there, _ = affine.dip_residual(raw, bias, matrix, down, 25_000.0, 43_000.0)
     wrong, _ = affine.dip_residual(raw, bias, matrix, tilted, 25_000.0, 43_000.0)
     assert np.abs(there - wrong).max() > 1000.0
-    # the two residuals hold the same as z − Z and h − H
+    # the two residuals contain the same as z − Z and h − H
     u = (raw - bias) @ matrix.T
     z = np.sum(u * down, axis=1)
     h = np.linalg.norm(u - z[:, None] * down, axis=1)

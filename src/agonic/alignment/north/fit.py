@@ -302,7 +302,7 @@ def _describe(fit: NorthFit) -> tuple[str, ...]:
     ]
     if not np.isfinite(fit.drift.sd_deg):
         said.append(
-            "so few readings do not tell whether the zero drifts: follow the gyro for eight "
+            "so few readings do not show whether the zero drifts: follow the gyro for eight "
             "turning points, or record its swing"
         )
     if fit.aligned is not None:

@@ -27,14 +27,14 @@ from agonic.report.verdict import moves
 
 WHEN_ALIGNED = (
     "Use this alignment; align again when either instrument was taken off the platform, or after a "
-    "journey. Any eight orientations of a later night tell whether it still holds."
+    "journey. Any eight orientations of a later night check whether it still holds."
 )
 ANGLES = ("α", "β", "γ")
 ANGLE_HEAD = ("Angle", "Value", "Standard error")
 QUATERNION_HEAD = ("Quaternion", "Value", "Standard error")
 AXES_CAPTION = (
     "Axes of the star sensor (x, y, z; z the boresight) and of the magnetometer (x₃, y₃, z₃): "
-    "turned by α about z (x to x₁), by β about the new y (z to z₃), by γ about the newest z "
+    "turned by α about z (x to x₁), by β about the new y (z to z₃), by γ about the new z "
     "(x₂ to x₃); seen from a side, the angles between the axes are true"
 )
 BUDGET_HEAD = ("Effect", "Size, ″", "Size, nT", "Done", "Remark")

@@ -39,8 +39,8 @@ MOST_ADDED, MOST_NAMED = 4, 2
 TOUCHED = 1e-3
 """Share of the alignment in a combination from which it is spoilt where that is undetermined."""
 ELSEWHERE = (
-    "the field at one place cannot tell; leave it out of solve, or state how well it is known "
-    "(sd_nT of the pier, axes_sd_arcsec of the reference)"
+    "it is not determined by the field at one place; leave it out of solve, or state how well it "
+    "is known (sd_nT of the pier, axes_sd_arcsec of the reference)"
 )
 NEAR_POLE_DEG = 1.0
 PREDICTED_ARCSEC = 0.5

@@ -198,11 +198,11 @@ def describe_gain(choice: SourceChoice) -> Finding | None:
     shaped = [f"; {one.describe()}" for one in choice.shapes]
     names = dict.fromkeys(name for one in choice.alike for name in list_columns(one))
     if names:
-        shaped.append(f"; {', '.join(names)} moved with that and cannot be told from it")
+        shaped.append(
+            f"; {', '.join(names)} changed together with it and cannot be separated from it"
+        )
     less = ""
     if choice.gain > 0.01:
-        less = (
-            f": with that, unseen parts of the log leave {100 * choice.gain:.0f} % less in squares"
-        )
+        less = f": that reduces the variance of held-out residuals by {100 * choice.gain:.0f} %"
     what = f"the readings move with {name_sources(choice.sources)}{less}{''.join(shaped)}"
     return Finding("disturbers", "note", what)

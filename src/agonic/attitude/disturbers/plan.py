@@ -99,7 +99,7 @@ def _advise(share: float, attitude: float, along: tuple[str, ...]) -> str:
         return f"switch it by itself: it moves together with {name_sources(along)}"
     if attitude > 1.0 - LITTLE:
         return "change it while the vehicle keeps its attitude: it only followed the attitude here"
-    return "change it by itself: the others and the attitude together explain it here"
+    return "change it alone: in this log the others and the attitude together explain it"
 
 
 def _explain(column: Array, others: Array) -> float:

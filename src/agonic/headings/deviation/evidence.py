@@ -106,7 +106,7 @@ def _headings(evidence: Evidence) -> Finding | None:
         return Finding(
             "headings",
             "refuse",
-            f"{readings} readings on {n} headings for {k} terms leave nothing to judge the card by",
+            f"{readings} readings on {n} headings for {k} terms leave none to check the card",
             f"{move}, or state the noise of one reading",
         )
     if amplified > AMPLIFIED_DOUBTFUL or gap > GAP_DOUBTFUL_DEG:
@@ -241,7 +241,7 @@ def _drift(evidence: Evidence) -> Finding | None:
     if size >= DRIFT_LEAST_DEG and 2 * stdtr(n - k, -t) <= DRIFT_SIGNIFICANT:
         what = f"the deviation changes by {figure(size)}° from the first reading to the last"
     elif evidence.drifting > DRIFT_LIKELY:
-        what = "the readings wander in the order they were taken"
+        what = "the readings drift in the order they were taken"
     else:
         return None
     return Finding(
@@ -315,9 +315,9 @@ def find_dependence(
     return Finding(
         "readings alike",
         "check",
-        f"{what}; where one follows the other the card says nothing",
-        "take the reference from something that no magnetism moves: a surveyed line, two antennas, "
-        "the sun",
+        f"{what}; where one is derived from the other the card means nothing",
+        "take the reference from something that does not depend on magnetism: a surveyed line, "
+        "two antennas, the sun",
     )
 
 

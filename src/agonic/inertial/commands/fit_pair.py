@@ -59,10 +59,11 @@ def pair(
     if out is not None and out.suffix.lower() != ".toml":
         raise AgonicError(f"-o {out} is no setup, which holds both calibrations; name it .toml")
     fit = fit_pair(samples, reference)
-    files = []
+    files, placed = [], _of_place(samples, reference)
     if out is not None and fit.verdict != "refused":
-        files.append(save_setup(fit.make_setup(**_of_place(samples, reference)), out))
-    following = f"agonic heading {quote(str(out))} LOG -o headings.csv"
+        files.append(save_setup(fit.make_setup(**placed), out))
+    heading = f"agonic heading {quote(str(out))} {quote(str(log))} -o headings.csv"
+    following = heading if placed else ""  # a true heading needs the declination
     if out is None:  # nothing is there to go on from
         typed = write_options(list_typed_options(context))
         following = f"agonic fit pair {quote(str(log))}{typed} -o setup.toml"

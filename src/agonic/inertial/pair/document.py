@@ -116,11 +116,9 @@ def _open(fit: PairFit) -> list[Section]:
     """What only the prior holds, and the attitudes that would help most."""
     said = []
     if fit.prior_only:
-        said.append(
-            "Of these the prior tells more than the shots: " + "; ".join(fit.prior_only) + "."
-        )
+        said.append("More from the prior than from the shots: " + "; ".join(fit.prior_only) + ".")
     said.append("These shots would add most: " + "; ".join(fit.to_add) + ".")
-    return [Section("What more shots would tell", said, printed=bool(fit.prior_only))]
+    return [Section("What more shots would improve", said, printed=bool(fit.prior_only))]
 
 
 def _values(fit: PairFit, sensor: str) -> dict[str, Any]:
@@ -161,7 +159,7 @@ def describe_check(check: PairCheck, sensor: str) -> Document:
         ]
         for change in check.changes
     ]
-    said = "Each change at its best, what it does to headings, and how likely chance does as much."
+    said = "Each change at its best, its effect on headings, and how likely it is by chance."
     return Document(
         schema="agonic/check-pair@1",
         kind="Check of a setup by shots",

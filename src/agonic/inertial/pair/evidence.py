@@ -155,7 +155,7 @@ def _open(fit: PairFit) -> Finding | None:
         return None
     add = "; ".join(fit.to_add[:4])
     if fit.heading_sd_deg > OPEN_DEG:
-        what = f"{fit.n} shots leave the heading open by {figure(fit.heading_sd_deg)}°"
+        what = f"{fit.n} shots leave the heading uncertain by {figure(fit.heading_sd_deg)}°"
         return Finding("attitudes missing", "refuse", what, f"add shots: {add}")
     what = f"the standard error of the heading is {figure(fit.heading_sd_deg)}°"
     return Finding("heading loose", "check", what, f"add shots: {add}")
@@ -178,7 +178,7 @@ def _signs(fit: PairFit, problem: Problem) -> list[Finding | None]:
     if abs(off) > 4 * sd:
         dip = f"{fit.free_inclination_deg:.1f}°"
         what = f"the field dips by {dip} and {expected:.1f}° is expected here"
-        move = "check the place, and look for iron: under a roof or in a car it dips otherwise"
+        move = "check the place, and look for iron: under a roof or in a car the dip differs"
         found.append(Finding("dip", "refuse" if abs(off) > 15 else "check", what, move))
     return found
 
@@ -192,5 +192,5 @@ def _unknown_side(fit: PairFit) -> Finding | None:
         f"the field points up by {-fit.inclination_deg:.1f}°: right in the southern hemisphere; "
         "elsewhere the log has gravity itself where the specific force belongs, and headings turn "
         "the wrong way",
-        "say where it was recorded (--at LAT,LON): then the sign is told, and put right",
+        "say where it was recorded (--at LAT,LON): then the sign is found and corrected",
     )

@@ -72,7 +72,7 @@ def inflight(
         int, typer.Option(metavar="ORDER", help="Polynomials in temperature up to this order.")
     ] = 0,
     matrix_rate: Annotated[
-        bool, typer.Option("--matrix-rate", help="Let the matrix change steadily with time.")
+        bool, typer.Option("--matrix-rate", help="Let the matrix change linearly with time.")
     ] = False,
     sources: Annotated[
         str,
@@ -108,8 +108,12 @@ def inflight(
     from agonic.inflight.report.document import describe_inflight
     from agonic.logs.large.mission import is_long
 
-    if out is None and report is None and sys.stderr.isatty():
-        print("agonic: the result is shown only; -o FOLDER keeps it", file=sys.stderr)
+    if report is None and out is not None and not is_folder(out):
+        report = out.with_suffix(".html")
+    if sys.stderr.isatty():
+        kept = " and ".join(str(file) for file in (out, report) if file is not None)
+        said = f"{kept} will be written" if kept else "-o FOLDER keeps the result; it is shown only"
+        print(f"agonic: {said}", file=sys.stderr)
     interval = None
     if latitudes is not None:
         interval = parse_numbers("--latitudes", latitudes, "LOW,HIGH in degrees")
@@ -144,8 +148,6 @@ def inflight(
         reference = _reference(samples, at, date, scalar, model)
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
-    if report is None and out is not None and not is_folder(out):
-        report = out.with_suffix(".html")
     return finish(document, out=out, report=report, as_json=as_json)
 
 

@@ -56,9 +56,9 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
             Finding(
                 "switching current",
                 "check",
-                f"residuals hold {figure(short * problem.magnitude)} nT that outlast noise and are "
-                "gone within minutes, as a current does that switches and that nothing recorded; "
-                "the bias' standard error contains it",
+                f"residuals contain {figure(short * problem.magnitude)} nT that are correlated "
+                f"over minutes, as from a switched current that was not recorded; the standard "
+                f"error of the bias includes them",
                 "record the currents on board and fit with them (--with), or leave out when they "
                 "flowed",
             )
@@ -121,8 +121,8 @@ def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, 
             Finding(
                 "sunlight",
                 "check",
-                f"the bias goes with the sunlight, by {figure(float(size) * problem.magnitude)} nT "
-                "(rms over the record), which is in its standard error now",
+                f"the bias follows the sunlight, by {figure(float(size) * problem.magnitude)} nT "
+                "(rms over the record), which its standard error includes",
                 "record the currents of the solar panels and the temperature beside the sensor, "
                 "and fit with them (--with, --temperature); beside an attitude, check that as well",
             )

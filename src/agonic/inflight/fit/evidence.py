@@ -209,8 +209,8 @@ def _axes(samples: Samples) -> list[Finding]:
         Finding(
             "axes of the Earth",
             "check",
-            "the readings are components north, east and down, so what is found is no bias and no "
-            "gain of a sensor",
+            "the readings are components north, east and down, so bias and gains of a sensor "
+            "cannot be found from them",
             "give the readings in the axes of the sensor",
         )
     ]

@@ -204,7 +204,7 @@ def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
     ]
     if still:
         raise CoverageError(
-            f"{', '.join(still)} never changes, so what it does to the readings cannot be told "
-            "from the bias; fit without it"
+            f"{', '.join(still)} never changes, so its effect on the readings cannot be separated "
+            f"from the bias; fit without it"
         )
     return spread

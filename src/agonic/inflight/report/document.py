@@ -124,7 +124,7 @@ def _describe_correlation(fit: InflightFit) -> str:
     if fit.correlation < 1.05:
         return ""
     every = quantity(fit.correlation_s, "s", 2)
-    return f"; errors are correlated, as if one reading came every {every}"
+    return f"; errors are correlated, as if independent readings came every {every}"
 
 
 def _direction_values(fit: InflightFit) -> Mapping[str, Any]:
@@ -143,17 +143,18 @@ def _direction_values(fit: InflightFit) -> Mapping[str, Any]:
 
 def add_figures(document: Document, flight: Flight) -> Document:
     """The document with what is shown of a flight on a page."""
+    moved = np.ptp(flight.course.bias, axis=0).any()  # a constant one is in the table of numbers
     sections = [
-        Section("Bias over time", [lambda: _bias(flight)]),
+        *([Section("Bias over time", [lambda: _bias(flight)])] if moved else []),
         _ground(flight),
         Section("Residuals", [lambda: _residuals(flight)]),
+        *(() if flight.fit is None else describe_direction(flight.fit)),
+        *(() if flight.fit is None else describe_sources(flight.fit)),
         Section("Error of the model", [tables.describe_model_error(flight)]),
         Section("Likely causes", [lambda: tables.list_causes(explain(flight))]),
         Section("Left out", [tables.list_left_out(flight)]),
         Section("What was chosen, and the held-out error", [tables.list_held_out(flight)]),
     ]
-    if flight.fit is not None:
-        sections[3:3] = [*describe_direction(flight.fit), *describe_sources(flight.fit)]
     return replace(
         document,
         about=f"{flight.sensor}, {flight.begun}",
@@ -220,7 +221,7 @@ def _ground(flight: Flight) -> Section:
     shown = tuple(group for group in flight.numbers if not all(q.fixed for q in group.rows))
     for group in flight.numbers:
         if group not in shown:
-            said += f" The {group.name.lower()} was fixed as it was."
+            said += f" The {group.name.lower()} was fixed at its earlier value."
     return Section(
         title, [lambda: tables.compare_numbers(shown), element("p", said, class_="aside")]
     )
@@ -258,7 +259,7 @@ def _residuals(flight: Flight) -> list[Markup]:
     else:
         parts.append(_map(flight, limit))
     if missing:
-        said = f"The log does not tell of {', '.join(missing)}: not drawn."
+        said = f"The log does not hold {', '.join(missing)}: not drawn."
         parts.append(element("p", said, class_="aside"))
     return parts
 

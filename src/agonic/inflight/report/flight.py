@@ -271,7 +271,7 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
         left_out={
             **samples.rejected,
             f"beyond {tracker.params.gate:g} standard deviations of its prediction": refused,
-            "learned from, but before enough was known to judge by it": len(used)
+            "used, before enough was known to judge them": len(used)
             - refused
             - int(np.count_nonzero(used)),
         },

@@ -276,7 +276,7 @@ def _duration(seconds: float) -> str:
 def list_causes(shares: list[Share]) -> Markup:
     """What the residuals go with, and the likely causes by name."""
     if not shares:
-        return element("p", "Too few readings to tell what the residuals go with.")
+        return element("p", "Too few readings to find what the residuals follow.")
     named = [share for share in shares if share.named]
     rows = [
         [
@@ -287,7 +287,7 @@ def list_causes(shares: list[Share]) -> Markup:
         for share in shares
     ]
     said = (
-        "Residuals that go with something have it as their likely cause."
+        "What the residuals follow is their likely cause."
         if named
         else f"Nothing takes {percent(NAMED)} or more of the residuals’ variance: no cause stands "
         "out."

@@ -2,7 +2,7 @@
 
 ArduPilot sends its readings corrected, RAW_IMU too (GCS_Common.cpp, send_raw_imu); its parameters
 are fetched and the correction is taken out as in a log. PX4 sends HIGHRES_IMU with its estimate of
-the bias in flight, which telemetry does not tell, and is refused.
+the bias in flight, which telemetry does not report, and is refused.
 """
 
 from __future__ import annotations
@@ -123,8 +123,8 @@ GROUND = (255, 190)
 """System and component of a ground station."""
 
 _PX4_SAYS = (
-    "PX4 sends its readings corrected, with an estimate of the bias that telemetry does not tell: "
-    "they cannot be calibrated live; calibrate from the vehicle's own log (.ulg)"
+    "PX4 sends its readings corrected, with an estimate of the bias that telemetry does not "
+    "report: they cannot be calibrated live; calibrate from the vehicle's own log (.ulg)"
 )
 
 

@@ -180,7 +180,7 @@ def describe_read_back(listed: list[Setting]) -> str:
         if one.read_back is not None and abs(one.read_back - one.new) > 1e-4 + 1e-5 * abs(one.new)
     ]
     if missing:
-        return f"written, but the device did not tell {', '.join(missing)}: do not rely on it"
+        return f"written, but the device did not report {', '.join(missing)}: do not rely on it"
     if wrong:
         return f"the device keeps another value of {', '.join(wrong)}: do not rely on it"
     return "written and read back: the device has it"

@@ -52,7 +52,7 @@ _CORRECTED_ARDUPILOT = (
 )
 _CORRECTED_PX4 = (
     "still corrected by the autopilot, with its estimate of the bias in flight, which telemetry "
-    "does not tell; to calibrate the sensor read the vehicle's own log (.ulg)"
+    "does not report; to calibrate the sensor read the vehicle's own log (.ulg)"
 )
 _MOTORS_LEFT = "the autopilot's compensation for the motors is not in telemetry and was left in"
 

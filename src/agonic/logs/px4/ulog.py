@@ -63,7 +63,7 @@ def remove_correction(
     rotation_bm = read_mounting(parameters, slot, external)
     notes: tuple[str, ...] = ()
     if in_body and (logged is None or rotation_bm is None):
-        unknown = "already corrected by the autopilot, in a way that the log does not tell"
+        unknown = "already corrected by the autopilot, in a way that the log does not state"
         return Readings(
             field=field, rotation_bm=Rotation.identity(), notes=(unknown,), corrected=True
         )

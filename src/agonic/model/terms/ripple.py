@@ -54,7 +54,7 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array, step: float) -> Term 
         errors=partial(ripple, frequencies=found),
         scale=2e-3,
         source="differential non-linearity of one step of 16 bits across ± 8 G",
-        what="readings err in waves along an axis, as of a converter that skips codes",
+        what="the error of an axis repeats along its range, as with a converter that skips codes",
         move="look whether the converter skips codes; choose a finer range, or another sensor",
         odds=float(0.1 * np.exp(-tries)),
         at_rest=True,

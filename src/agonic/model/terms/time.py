@@ -64,7 +64,7 @@ TIME = (
         moves=True,
     ),
     Term(
-        name="magnitude varies",
+        name="field variation",
         errors=field_change,
         scale=2e-3,
         source="daily variation and steel some metres off, 100 nT",
@@ -72,7 +72,7 @@ TIME = (
         move="keep the sensor in one place, away from steel and moving iron",
     ),
     Term(
-        name="alternating",
+        name="alternating rows",
         errors=alternation,
         scale=2e-3,
         source="offset left by set and reset in data sheets",

@@ -58,7 +58,7 @@ def network(
     ] = False,
     figure: Annotated[
         Path | None,
-        typer.Option(metavar="SVG", help="Chart to write: of the training, or of the table."),
+        typer.Option(metavar="SVG", help="Chart of training or table; needs agonic[plot]."),
     ] = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),

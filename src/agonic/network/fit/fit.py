@@ -72,7 +72,7 @@ def _targets(fit: NetworkFit, samples: Samples) -> list[Finding]:
             "targets",
             "check",
             f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % of "
-            "the field: the reference hardly goes with the readings",
+            "the field: the readings hardly follow the reference",
             "check the times, axes, signs and unit of the reference, and of the attitude with it",
         )
     ]

@@ -185,7 +185,7 @@ def _require_enough(rows: Mask, inputs: Array, settings: Settings) -> None:
     needed = max(FEWEST, int(PER_WEIGHT * count))
     if rows.sum() < needed:
         raise CoverageError(
-            f"{int(rows.sum())} usable readings cannot teach a network of {count} weights",
+            f"{int(rows.sum())} usable readings cannot determine a network of {count} weights",
             turns=f"record at least {needed}, or take fewer hidden nodes",
         )
     at = 0

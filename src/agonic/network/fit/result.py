@@ -102,7 +102,7 @@ class Comparison:
         word = "is no better" if self.ratio < 1 / WORTH else "is worse"
         if self.ratio < WORTH:
             word = f"gains {figure(self.certainty)} standard errors, {figure(CERTAIN)} are needed"
-        return f"unseen readings err by {both} (rms): the network {word}, so the base wins"
+        return f"unseen readings err by {both} (rms): the network {word}, so the base is kept"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -47,7 +47,7 @@ class Settings:
             check_choice("base", self.base, ("affine",))
         if self.base is None and self.target == "magnitude":
             raise AgonicError(
-                'target="magnitude" teaches a length and no direction, so it needs a base'
+                'target="magnitude" determines a length and no direction, so it needs a base'
             )
         for name in ("restarts", "most_epochs"):
             if getattr(self, name) < 1:

@@ -170,7 +170,7 @@ def caution(network: Network) -> list[Section]:
     """What a network that knows the magnitude alone cannot correct."""
     if network.target == "vector":
         return []
-    return [Section("What the magnitude cannot teach", [tables.MAGNITUDE_ONLY])]
+    return [Section("What the magnitude does not determine", [tables.MAGNITUDE_ONLY])]
 
 
 def _key_figures(fit: NetworkFit) -> list[tuple[str, str, str]]:

@@ -40,7 +40,7 @@ def choose_surer(
 
     Raises `CoverageError` where the log determines neither.
     """
-    enough = "the magnitude alone tells the calibration as surely as with the attitude"
+    enough = "the magnitude alone determines the calibration as well as with the attitude"
     alone = _try_alone(samples, reference, settings)
     if alone is not None and alone.fit.verdict != "refused":
         opposite = check_felt_dip(alone.fit, samples, reference)
@@ -185,20 +185,20 @@ def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, 
     """The word of the method, and why."""
     if reference is None or reference.kind not in ("vector", "horizontal-vertical"):
         if samples.roll_deg is None and _has_unit(samples):
-            return "inertial", "accelerometer and gyro tell how the sensor turned, and the dip"
+            return "inertial", "accelerometer and gyro give the attitude and the dip"
         if reference is None:
             lacks = describe_missing(samples)
-            return "ellipsoid", f"{lacks}, so only the steadiness of the magnitude counts"
+            return "ellipsoid", f"{lacks}, so the magnitude is taken as constant, of unknown size"
         return "ellipsoid", "no reference but the magnitude of the field is known"
     if samples.roll_deg is None or samples.pitch_deg is None:
         if samples.acceleration is None:
             return "ellipsoid", "the log holds no roll and pitch, so only the magnitude counts"
         unit = "accelerometer" if samples.rotation_rate is None else "accelerometer and gyro"
-        return "inertial", f"{unit} tell how the sensor turned, and the field of the place is known"
+        return "inertial", f"the attitude is from {unit}, and the field of the place is known"
     if not is_known(samples) or reference.kind != "vector":
         return "levelled", "roll and pitch were recorded and the field of the place is known"
     if samples.heading_source is not None:
-        told = f"roll and pitch were recorded, {samples.heading_source} tells the heading"
+        told = f"roll and pitch were recorded, the heading comes from {samples.heading_source}"
         return "vector", f"{told}, and the field of the place is known"
     return "vector", "the whole attitude was recorded and the field of the place is known"
 
@@ -213,7 +213,7 @@ def _has_unit(samples: Samples) -> bool:
 
 OF_THE_RECORDING = {"attitude", "heading", "mounting", "inertial unit"}
 """Reasons to refuse a fit which another recording of the same motion would not have."""
-NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting", "noise with memory"}
+NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting", "correlated noise"}
 """Reasons to refuse a fit that do not concern one that knows the magnitude only, or need not."""
 
 

@@ -51,7 +51,7 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 BESIDE_EACH_ROW = ("levelled", "vector")
 """Fits that compare a reading with the attitude of its row: one that is only held is late there."""
 
-MAY_BE_DISTURBED = {"coverage", "prior", "noise with memory", STEP.name, *(t.name for t in HIDDEN)}
+MAY_BE_DISTURBED = {"coverage", "prior", "correlated noise", STEP.name, *(t.name for t in HIDDEN)}
 """Reasons to refuse a fit that may go where what disturbs is known."""
 ENOUGH = 10_000
 """Rows that parts of a log are fitted to, together."""
@@ -85,9 +85,9 @@ class Choice:
 def describe_latency(latency: LatencyFit) -> str:
     """What is done about a latency, in a sentence."""
     late = f"{1e3 * abs(latency.latency_s):.1f} ± {1e3 * latency.sd_s:.1f} ms late"
-    what = f"readings came {late} beside the attitude"
+    what = f"readings came {late} relative to the attitude"
     if latency.latency_s < 0:
-        what = f"attitude came {late} beside the readings"
+        what = f"attitude came {late} relative to the readings"
     return f"The {what}; the calibration keeps it."
 
 

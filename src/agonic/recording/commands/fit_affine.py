@@ -46,7 +46,7 @@ HELP = {
     "place.",
     "inertial": "Bias and matrix of what cannot be turned over: raw accelerometer and gyro.",
     "vector": "Bias and matrix where the whole attitude is known, heading included.",
-    "interference": "What currents on board, or a second magnetometer, say of the disturbance.",
+    "interference": "Bias, matrix and the effect of currents, or a mix of two magnetometers.",
 }
 """The fits that more than the magnitude aids, and what they find from what."""
 

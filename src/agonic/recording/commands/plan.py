@@ -52,7 +52,7 @@ def placement(
     if len(sensors) < 2:
         raise AgonicError(f"{source} holds one magnetometer; record two, or give a table of places")
     if any(one.unit != "nT" for one in sensors[:2]):
-        raise UnitError("name the unit of the readings with --unit: what disturbs is told in nT")
+        raise UnitError("name the unit of the readings with --unit: the disturbance is given in nT")
     names = [one.name for one in sensors]
     if first is not None and first not in names:
         raise AgonicError(f"{source} holds {', '.join(names)}, and not {first}")

@@ -76,7 +76,7 @@ class Unseen(NamedTuple):
 def cross_validate(samples: Samples, known: Known, predict: Predict) -> Unseen:
     """The errors of every row by a fit that had not seen it.
 
-    The log is cut into eight blocks of time that tell as much each; the even ones are judged by a
+    The log is cut into eight blocks of time of equal information; the even ones are judged by a
     fit to the odd ones, and the reverse.
 
     Parameters: samples (n rows), what is known of them, and what predicts some rows from others.

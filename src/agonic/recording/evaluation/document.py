@@ -84,7 +84,7 @@ def _describe_sensor(result: Evaluation) -> Document:
 def _explain(result: Evaluation) -> str:
     """How it was judged, in words."""
     words = (
-        "The log was cut into eight blocks of time that tell as much each. The even ones were "
+        "The log was cut into eight blocks of time of equal information. The even ones were "
         "judged by a fit to the odd ones, and the reverse; stated is what these fits say that such "
         "errors should be, from the uncertainty of the calibration and all that they left of their "
         "own readings. The magnitude is judged about its mean."
@@ -92,7 +92,7 @@ def _explain(result: Evaluation) -> str:
     if not any(one.kind == HEADING for one in result.measures):
         return words
     return (
-        f"{words} The heading was compared with {result.truth}, which the fits were not shown, "
+        f"{words} The heading was compared with {result.truth}, which the fits did not use, "
         "after one constant turn."
     )
 

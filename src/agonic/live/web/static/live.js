@@ -10,7 +10,7 @@
   const AXES = ["+x nose", "+y right", "+z down"];
   const OPEN_DEG = 90;        // beyond, the standard error of a heading says nothing
   const BESIDE = {            // what told the attitude
-    inertial: " (beside accelerometer and gyro)", levelled: " (beside roll and pitch)",
+    inertial: " (with accelerometer and gyro)", levelled: " (with roll and pitch)",
   };
   const EASE = 0.12;          // share of the way that the view follows in a frame
 
@@ -244,7 +244,7 @@
       text(part(".heading"), now.heading_sd_deg === null ? "no calibration yet"
         : now.heading_sd_deg >= OPEN_DEG ? "the heading is not determined yet"
         : `heading standard error ${now.heading_sd_deg.toFixed(2)}°${BESIDE[now.method] || ""}, enough at ${now.target_deg}°`
-          + (now.vehicle_sd_deg === null ? "" : `; ${now.vehicle_sd_deg.toFixed(2)}° with how the sensor sits in the vehicle`));
+          + (now.vehicle_sd_deg === null ? "" : `; ${now.vehicle_sd_deg.toFixed(2)}° for the vehicle, its mounting included`));
       text(part(".count"), `${grouped(now.n)} readings, ${now.rate_Hz} a second`);
       problems(now.problems);
       numbers(now.numbers);
@@ -391,7 +391,7 @@
       row.innerHTML = "<th scope=row></th><td></td><td></td><td></td>";
       row.cells[0].textContent = setting.name;
       values.forEach((v, i) => {
-        row.cells[i + 1].textContent = v === null ? (i ? "" : "not told") : strips.minus(String(+v.toPrecision(7)));
+        row.cells[i + 1].textContent = v === null ? (i ? "" : "not reported") : strips.minus(String(+v.toPrecision(7)));
       });
       return row;
     }));
@@ -405,9 +405,7 @@
     if (now.outcomes.some((one) => one.files.length)) return "Calibrated: the files are written";
     if (good) return "Enough: accept the calibration";
     if (now.ended) return "The source has ended: accept, or start again";
-    if (now.sensors.length > 1) return now.sensors.some((one) => one.rose) ? "Drive on" : "Turn the sensors";
-    const [{ say }] = now.sensors;
-    return say.charAt(0).toUpperCase() + say.slice(1);
+    return now.sensors.some((one) => one.rose) ? "Drive on" : "Turn the sensor about all axes";
   }
 
   // Beside the button: whether the target is reached, and what stands against the result.
@@ -435,8 +433,7 @@
     const again = written ? "Write the files again" : "Accept and write the files";
     text(find("accept"), now.busy ? "Working …" : again);
     find("accept").classList.toggle("main", good && !written);
-    document.body.classList.toggle("enough", good && !written);
-    text(find("enough"), tellWhetherEnough(now, good));
+      text(find("enough"), tellWhetherEnough(now, good));
     find("trouble").hidden = !now.trouble;
     text(find("trouble"), now.trouble);
     outcomes(now.outcomes);
