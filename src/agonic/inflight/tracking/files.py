@@ -60,6 +60,7 @@ _KEPT: dict[type, tuple[str, ...]] = {
     Thermal: (*_BOTH, "centre_C", "half_range_C", "rate", "temperature_C"),
     Interference: (*_BOTH, "sources", "coefficients", "typical", "second_sensor"),
     FilterState: ("state", "columns", "diagonal", "watch", "batches"),
+    RunningBatchMeans: tuple(name for name in RunningBatchMeans._fields if name != "unsummed"),
     TrackerState: tuple(f.name for f in fields(TrackerState) if f.name != "turned"),
 }
 """What is kept of a part of the state; of others all."""
@@ -172,11 +173,12 @@ def _restore_batches(record: dict[str, Any] | None, size: int) -> RunningBatchMe
     nothing = running_batch_means.start(size)
     if record is None:
         return nothing
-    sums = {
+    sums: dict[str, Any] = {
         name: as_array(Array, one) if isinstance(one, list) else convert(one, int)
         for name, one in record.items()
+        if name in _KEPT[RunningBatchMeans]
     }
-    restored = RunningBatchMeans(**sums)
+    restored = nothing._replace(**sums)
     if [np.shape(a) for a in restored] != [np.shape(b) for b in nothing]:
         raise LogError("the sums over batches have other shapes")
     return restored
