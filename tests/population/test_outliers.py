@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.inference.false_discovery import find_discoveries
+from agonic.maths.estimation.inference import find_discoveries
 from agonic.maths.estimation.robust.robust_line import fit_robust_line
 from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
 from agonic.maths.estimation.robust.tails import fit_tail

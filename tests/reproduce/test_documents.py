@@ -9,8 +9,7 @@ from msgspec.structs import replace
 
 from agonic.cli import run
 from agonic.errors import AgonicError
-from agonic.reproduce.documents import Item, Source, load_documents
-from agonic.reproduce.own_data import with_own_data
+from agonic.reproduce.documents import Item, Source, load_documents, with_own_data
 from agonic.reproduce.report import describe_reproduction, list_commands
 from agonic.reproduce.run import Row, find_numbers, reproduce
 

@@ -32,7 +32,7 @@ from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.noisy_terms import calm_terms
 from agonic.maths.equation.parts import estimate_part
 from agonic.maths.equation.priors import compute_turn
-from agonic.maths.estimation.inference.wald import wald
+from agonic.maths.estimation.inference import wald
 from agonic.model.posterior import find_posterior
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -16,7 +16,7 @@ from agonic.maths.equation.channels import Dip, Problem, compute_residuals, piec
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.inference.wald import wald
+from agonic.maths.estimation.inference import wald
 from agonic.maths.rotations.vectors import skew
 
 TURN_DOUBTFUL = 0.01

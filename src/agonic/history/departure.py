@@ -12,7 +12,7 @@ from agonic.health import Finding
 from agonic.health.finding import figure
 from agonic.history.parameters import NAMES, extract_parameters
 from agonic.history.result import Drift
-from agonic.maths.estimation.inference.false_discovery import find_discoveries
+from agonic.maths.estimation.inference import find_discoveries
 from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
 from agonic.maths.estimation.robust.tails import Tail, fit_tail
 from agonic.population import Population, find_outliers

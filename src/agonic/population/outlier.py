@@ -11,7 +11,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.health.finding import figure
-from agonic.maths.estimation.inference.false_discovery import find_discoveries
+from agonic.maths.estimation.inference import find_discoveries
 from agonic.maths.estimation.robust.tails import Tail, fit_tail
 from agonic.population.axis_swaps import compute_likelihoods, swap_axes
 from agonic.population.peers import LEAST, Peers, Quantity, find_peers

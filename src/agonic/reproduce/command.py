@@ -42,8 +42,7 @@ def reproduce(
     from agonic.atomic import make_folder
     from agonic.console.finish import finish
     from agonic.console.progress import progress
-    from agonic.reproduce.documents import load_documents
-    from agonic.reproduce.own_data import with_own_data
+    from agonic.reproduce.documents import load_documents, with_own_data
     from agonic.reproduce.report import describe_reproduction
     from agonic.reproduce.run import reproduce as reproduce_items
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agonic.maths.estimation.shape import find_move
+from agonic.maths.estimation.inference import find_move
 
 
 def test_a_covariance_that_rounding_left_indefinite_gives_no_complex_error() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.maths.estimation.inference.model_averaging import average_over_term
+from agonic.maths.estimation.inference import average_over_term
 from agonic.thermal.maths import gaussian_process
 
 STATIONS, EACH = 5, 40

@@ -19,7 +19,7 @@ from agonic.alignment.session.laboratory import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, Judged, figure
-from agonic.maths.estimation.inference.model_averaging import average_over_term
+from agonic.maths.estimation.inference import average_over_term
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
 

@@ -27,7 +27,7 @@ from agonic.errors import AgonicError
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.estimation.shape import find_move
+from agonic.maths.estimation.inference import find_move
 from agonic.maths.one_pass import median
 from agonic.model.average import EVIDENCE, RIVALS
 from agonic.model.recorded import Weighed, is_surely_less, measure_slopes, weigh_recorded

@@ -15,7 +15,7 @@ from agonic.inflight.fit.covariance import Estimate
 from agonic.inflight.fit.problem import Problem, require_enough
 from agonic.inflight.fit.solve import find_estimate
 from agonic.inflight.fit.torquers import find_settling_s, is_settling, measure_since_switch
-from agonic.maths.estimation.shape import find_move
+from agonic.maths.estimation.inference import find_move
 
 E_FOLDINGS = 3.0
 """Time constants after which what is left of a switch is no longer seen, about."""

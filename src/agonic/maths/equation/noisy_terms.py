@@ -24,7 +24,7 @@ from agonic.arrays import Array
 from agonic.maths.equation.channels import Problem, pieces
 from agonic.maths.equation.maximum_likelihood import Estimate, refine
 from agonic.maths.estimation.filters.whittaker import FEWEST, smooth
-from agonic.maths.estimation.inference.model_averaging import average_over_term
+from agonic.maths.estimation.inference import average_over_term
 from agonic.maths.estimation.leastsq import inverse
 
 _NOISY = 0.5  # probability that a column is noisy, before the readings are seen

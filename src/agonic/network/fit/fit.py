@@ -16,8 +16,7 @@ from agonic.maths.equation.network import Nodes
 from agonic.network.fit.problem import Problem, compute_errors, pose_problem
 from agonic.network.fit.result import WORTH, Comparison, Errors, NetworkFit
 from agonic.network.fit.settings import Base, Settings, Target
-from agonic.network.fit.solve import Training, correlate, train
-from agonic.network.maths.blocks import number_blocks
+from agonic.network.fit.solve import Training, correlate, number_blocks, train
 from agonic.network.maths.levenberg_marquardt import Stopping
 from agonic.reference import Reference
 from agonic.samples import Samples

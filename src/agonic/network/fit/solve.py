@@ -25,8 +25,24 @@ from agonic.maths.estimation.noise.residuals import (
 from agonic.network.fit.base import BaseFit
 from agonic.network.fit.problem import Problem, compute_errors
 from agonic.network.maths import levenberg_marquardt
-from agonic.network.maths.blocks import hold_out
 from agonic.provenance import Provenance
+
+BLOCKS = 20
+"""Of time, for cross-validation and for what is held out of a training."""
+
+
+def number_blocks(n: int, count: int = BLOCKS) -> Index:
+    """The number of the block of time that each of n rows in order is in, (n,)."""
+    return np.asarray(np.arange(n) * count // max(n, 1), dtype=np.intp)
+
+
+def hold_out(n: int) -> Mask:
+    """The rows (n,) that are not trained on: every fifth block of time.
+
+    >>> hold_out(20).astype(int).tolist()
+    [0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0]
+    """
+    return np.asarray(number_blocks(n) % 5 == 2)
 
 
 class Scale(NamedTuple):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from agonic.maths.estimation.inference.wald import wald
+from agonic.maths.estimation.inference import wald
 
 
 @pytest.mark.parametrize("independent", [6, 30, 3000])
