@@ -111,8 +111,8 @@ class Posterior(NamedTuple):
     """Parameters (m,) averaged over the sizes of all terms, their covariance, what makes it.
 
     `shares` by term, the largest first; `noise_deg` is that of noise and coverage, `memory_deg` of
-    disturbances with memory whose cause is not known, `left` the noise and memory that terms leave and
-    `bias_sd` (3,), over the radius, `considered_deg` of errors that all rows share; `held` by
+    disturbances with memory whose cause is not known, `left` what terms leave, noise and memory,
+    and `bias_sd` (3,), over the radius, `considered_deg` of errors that all rows share; `held` by
     priors; `unseen` blocks.
     """
 
