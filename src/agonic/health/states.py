@@ -134,9 +134,8 @@ def _measure_cost(off: Array) -> float:
 def check_states(e: Evidence, left: float | None) -> Finding | None:
     """The finding that two sensors are mixed, or that the bias was another for a while.
 
-    It is told where it leaves as little as the terms that compete with it: `left`, noise and memory
-    over the radius, None where there are none. Few readings tell nothing: of 36 with ten outliers,
-    13 unknowns put half on either ellipsoid.
+    It is told where it leaves as little as terms do: `left`, noise and memory over the radius, if
+    there are any. Of few readings, 36 with ten outliers, 13 unknowns put half on either ellipsoid.
     """
     if len(e.readings) < 5 * FEWEST:
         return None

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from agonic.arrays import Array
 from agonic.coverage import OPEN_DEG, Coverage
@@ -18,7 +17,7 @@ from agonic.health.evidence import (
 )
 from agonic.health.finding import Finding, Severity, describe_moments, figure, sort_findings
 from agonic.model.average import EVIDENCE
-from agonic.model.posterior import Posterior
+from agonic.model.posterior import BY_CHANCE, Posterior
 from agonic.model.shares import Share
 from agonic.model.terms.time import STEP, TIME
 
@@ -29,8 +28,6 @@ PRIOR_SHARE = 0.5
 UNSEEN_RESIDUALS = 1.3
 """Unseen blocks scatter by so much more than stated where the model is not that of the log: twenty
 times what chance makes of 300 rows."""
-CHANCE = 0.01
-"""How often the heading may move by more as parts are left out where nothing is wrong (χ²)."""
 PRIOR_TOLD = 0.25
 """Of the variance of a bias: what priors hold more of is said to be theirs."""
 OPEN_BIAS = 0.035
@@ -104,7 +101,7 @@ def _check_unseen(posterior: Posterior, stated_deg: float) -> Iterator[Finding]:
     moves without each (its jackknife error)."""
     residuals, moves, expected, independent = posterior.unseen
     foretold = float(np.hypot(stated_deg, expected))
-    most = foretold * np.sqrt(chdtri(max(independent, 1.0), CHANCE) / max(independent, 1.0))
+    most = foretold * np.sqrt(1.0 + BY_CHANCE * np.sqrt(2.0 / max(independent, 1.0)))  # χ²
     if residuals > UNSEEN_RESIDUALS:
         what = f"scatter {figure(residuals)} times as much as it states"
     elif moves >= HEADING_DOUBTFUL_DEG and moves > most:

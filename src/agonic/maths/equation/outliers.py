@@ -15,8 +15,7 @@ from agonic.maths.one_pass import median
 
 _LOG_ROOT_2_PI = 0.5 * np.log(2 * np.pi)
 _CROWD = 0.2  # of the readings
-_STRANGE = 0.5  # of the field: by more the dip does not scatter where roll and pitch are right
-_NOISE = 0.35  # of the field: lengths of Gaussian vectors scatter by 0.42 of their mean (Maxwell)
+_STRANGE = 0.35  # of the field: lengths of Gaussian vectors scatter by 0.42 of their mean (Maxwell)
 _ALONE = 0.5  # leverage by which a reading decides more than all others together
 
 
@@ -96,15 +95,10 @@ def compute_surprise(
 
 
 def is_no_field(problem: Problem, params: Array, noise: dict[str, Noise]) -> bool:
-    """Whether the readings about a minimum are no measurement of the field.
-
-    Either the magnitude scatters as about the middle of readings at rest, whose noise is a small
-    ellipsoid of its own; or the dip scatters by half of it, where attitude and readings are
-    strangers.
-    """
+    """Whether readings about a minimum are none of the field: the magnitude scatters as about the
+    middle of readings at rest, whose noise is an ellipsoid of its own, or the dip as that of an
+    attitude that is another's."""
     _, matrix = split(problem.basis @ params[: problem.basis.shape[1]])
     gain = abs(float(np.trace(matrix))) / 3
-    over = {
-        channel: of.sd * gain / float(np.mean(problem.magnitude)) for channel, of in noise.items()
-    }
-    return over["magnitude"] > _NOISE or over.get("dip", 0.0) > _STRANGE
+    sd = max(of.sd for channel, of in noise.items() if channel != "azimuth")
+    return sd * gain > _STRANGE * float(np.mean(problem.magnitude))
