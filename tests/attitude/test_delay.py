@@ -128,7 +128,10 @@ def test_a_delay_that_a_fast_log_does_not_tell_is_named() -> None:
     doubted = doubted.with_findings(check_coverage(doubted.coverage))
     stated = keep_latency(doubted, samples, unknown)
     said = next(finding.what for finding in stated.findings if finding.name == "coverage")
-    assert f"uncertain by {figure(stated.coverage.heading_sd_deg)}°, with what is not" in said
+    assert (
+        f"uncertain by {figure(stated.coverage.heading_sd_deg)}°, the error of the delay included"
+        in said
+    )
 
 
 @pytest.mark.parametrize(

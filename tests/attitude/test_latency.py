@@ -131,7 +131,7 @@ def test_it_needs_no_calibration_no_unit_and_no_mounting() -> None:
 def test_no_latency_is_not_significant(method: str) -> None:
     fit = fit_latency(late("hand", seed=9, late_ms=0), method=method)
     assert (fit.known, fit.significant) == (True, False)
-    assert fit.status.startswith("No latency")
+    assert fit.status.startswith("No delay")
 
 
 @pytest.mark.slow

@@ -170,7 +170,7 @@ def test_within_sensors_the_slope_is_far_sharper() -> None:
 
 def test_few_sensors_are_said_to_be_few() -> None:
     text = words(page_of(drawn(4), title="four"))
-    assert "4 sensors (readings in nT) cannot tell what is usual" in text
+    assert "4 sensors (readings in nT) are too few to find what is usual: at least" in text
     assert "sensors differ by" not in text
     nothing = words(page_of(Population.of([]), title="none"))
     assert "Sensors 0" in nothing

@@ -136,7 +136,9 @@ def test_everything_by_keyboard(three_sensors, page):
     for _ in range(9):
         shown.keyboard.press("Tab")
         stops.append(shown.evaluate(FOCUSED))
-    assert [stop[0] for stop in stops] == ["CANVAS", "follow"] * 3 + ["accept", "restart", "BODY"]
+    assert [stop[0] for stop in stops] == ["accept", "restart"] + ["CANVAS", "follow"] * 3 + [
+        "BODY"
+    ]
     assert all(ring and not covered for name, ring, covered in stops if name != "BODY")
     shown.locator(".follow").first.uncheck()
     canvas = shown.locator("figure canvas").first

@@ -396,7 +396,7 @@ def test_wrong_references_are_told():
 def test_too_few_readings_are_refused():
     made = bent(0)
     few = made.select(slice(0, 50))
-    with pytest.raises(CoverageError, match="cannot teach a network of 87 weights"):
+    with pytest.raises(CoverageError, match="cannot determine a network of 87 weights"):
         fit_network(few.samples, few.reference, hidden=12)
     still = made.samples.with_columns(temperature=np.full(3000, 20.0))
     with pytest.raises(CoverageError, match="temperature never changes"):

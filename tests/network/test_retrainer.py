@@ -318,7 +318,7 @@ def test_file_without_the_posterior_of_its_trainings_says_so(tmp_path: Path) -> 
     assert "the state has no posterior" in Retrainer.resume(path).status
     record["state"].pop("noise")
     path.write_text(json.dumps(record))
-    with pytest.raises(ag.LogError, match="missing required field `noise`"):
+    with pytest.raises(ag.LogError, match="the state has no `noise`"):
         Retrainer.resume(path)
 
 

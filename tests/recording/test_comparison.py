@@ -47,7 +47,7 @@ def test_a_small_sure_difference_is_of_no_matter():
     found = ag.compare(one, other)
     assert found.sure
     assert not found.matters
-    assert "of no matter" in found.status
+    assert "does not matter for headings" in found.status
 
 
 def test_what_cannot_be_compared_is_told():

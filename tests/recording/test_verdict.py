@@ -38,7 +38,7 @@ def test_unseen_readings_that_dip_far_off_refuse_a_fit(good):
     check = replace(good.verification.checks[0], name=DIP, value=45.0)
     refusal = check_unseen_dip((*good.verification.checks, check))
     assert (refusal.name, refusal.severity) == ("attitude", "refuse")
-    assert "45° off" in refusal.what
+    assert "off by 45°" in refusal.what
     assert check_unseen_dip((replace(check, value=6.0),)) is None  # a failed check, no more
     assert check_unseen_dip(good.verification.checks) is None
 

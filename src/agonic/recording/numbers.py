@@ -87,7 +87,7 @@ def list_entries(result: Calibrated) -> dict[str, str]:
         f"{quantity(fit.noise, unit_label(fit.calibration.unit_in), 2)}",
     }
     if fit.shares:
-        shares = ", ".join(tables.list_shares(fit.shares))
+        shares = ", ".join(tables.list_shares(fit.shares, most=4))
         entries["Made of"] = f"{shares} (of the heading’s variance)"
     if (mounted := find_mounting_note(fit.findings)) is not None:
         entries["Mounting"] = sentences(mounted.what)

@@ -132,14 +132,18 @@ def spread(verification: Verification) -> str:
     return f"{percent(verification.spread_before)} → {percent(verification.spread_after)}"
 
 
-def list_shares(sds: Mapping[str, float]) -> list[str]:
-    """The share of each cause in a variance, by the standard errors that causes make.
+def list_shares(sds: Mapping[str, float], most: int | None = None) -> list[str]:
+    """The share of each cause in a variance, by the standard errors that causes make; beyond the
+    first `most` those of all others together.
 
     >>> [one.replace("\u202f", " ") for one in list_shares({"noise": 0.4, "drift": 0.3})]
     ['noise 64 %', 'drift 36 %']
     """
     total = sum(sd**2 for sd in sds.values())
-    return [f"{name} {percent(sd**2 / total)}" for name, sd in sds.items()]
+    each = [(name, sd**2 / total) for name, sd in sds.items()]
+    if most is not None and len(each) > most + 1:
+        each[most:] = [("others", sum(share for _, share in each[most:]))]
+    return [f"{name} {percent(share)}" for name, share in each]
 
 
 def draw_shares(sds: Mapping[str, float]) -> Markup:

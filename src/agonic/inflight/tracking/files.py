@@ -17,7 +17,7 @@ from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
-from agonic.calibration.tracking import TrackerParams, TrackerState
+from agonic.calibration.tracking import Recent, TrackerParams, TrackerState
 from agonic.errors import AgonicError, LogError
 from agonic.files.states import as_array, load_state
 from agonic.maths.estimation.filters.jump_test import SCALE, TIME, USUAL, WATCHED
@@ -145,6 +145,8 @@ def _restore_parts(part: Any) -> Any:
     if "rows" in values:
         filters = [one for one in values.values() if isinstance(one, FilterState)]
         values["rows"] = as_array(Array, values["rows"]).reshape(-1, filters[0].table.row)
+    if values.keys() == set(Recent._fields):
+        return [values[name] for name in Recent._fields]  # as msgspec has a named tuple
     return values
 
 

@@ -15,12 +15,15 @@ from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.calibration.encoding import decode, encode
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Retraining, Window
+from agonic.errors import LogError
 from agonic.files.states import as_array, load_state
 from agonic.maths.estimation.changes import cusum
 
 SCHEMA = "agonic/retrain-state@1"
 _ENDLESS = {"time": -inf, "since_time": -inf, "due_n": inf, "due_time": inf}
 """Moments that stand as null in the file before there is one."""
+_LATER = ("covariance", "reservoir", "learned")
+"""What files from before it was kept have none of."""
 
 
 class RetrainFile(Struct, frozen=True):
@@ -55,6 +58,9 @@ def load_retrainer(path: Path | str) -> tuple[RetrainerParams, RetrainerState]:
 
 def _restore(record: RetrainFile) -> tuple[RetrainerParams, RetrainerState]:
     given, kinds = record.state, get_type_hints(RetrainerState)
+    for name in kinds:
+        if name not in given and name not in _LATER:
+            raise LogError(f"the state has no `{name}`")
     running: Any = given["running"]
     channels = len(given["watch"][0])
     window = _restore_window(given["window"], channels)
