@@ -22,11 +22,11 @@ def apply(
     """Correct a log's readings and write them with everything recorded beside them."""
     from agonic.atomic import write_atomically
     from agonic.calibration.base import apply as correct
+    from agonic.cli.calibration_and_log import open_calibration_and_log
     from agonic.console.finish import require_table
     from agonic.console.output import finish_made
     from agonic.exports.csv import make_table, write_csv
     from agonic.exports.parquet import make_parquet
-    from agonic.recording.calibration_and_log import open_calibration_and_log
 
     as_parquet = out.suffix.lower() == ".parquet"
     calibration, samples = open_calibration_and_log(cal, log, *which)

@@ -7,7 +7,7 @@ GROUPS = {
         "calibrate": "agonic.cli.calibrate",
         "live": "agonic.live.command",
         "fit": "Fit one kind of calibration to a log.",
-        "verify": "agonic.recording.commands.verify",
+        "verify": "agonic.cli.verify",
         "evaluate": "agonic.recording.commands.evaluate",
         "demo": "agonic.recording.commands.demo",
     },

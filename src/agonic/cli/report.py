@@ -40,10 +40,10 @@ def report(
     from agonic.calibration.network import Network
     from agonic.calibration.steps import find_step, require_calibration
     from agonic.calibration.thermal import Thermal
+    from agonic.cli.calibration_and_log import open_calibration_and_log
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
     from agonic.files.calibration import load
-    from agonic.recording.calibration_and_log import open_calibration_and_log
     from agonic.recording.document import describe_recording
     from agonic.recording.earlier_calibration import judge
 

@@ -45,8 +45,6 @@ WIDE = 0.1
 """Of the field: where readings scatter by more about one ellipsoid, nothing was put right."""
 DOUBTFUL = 0.01
 """Of the readings: a logger that loses more asks for a look."""
-FROZEN = 0.98
-"""Of the rows, in which one reading repeats: what is left is a start or an end."""
 PRICE = 2.0
 """Of log-likelihood, of a reading that is given up: it has to be worth it."""
 
@@ -106,7 +104,7 @@ def read_as(samples: Samples, word: str) -> Samples:
 def _find_and_undo(samples: Samples) -> Measured | None:
     """The samples without the faults that were found one after the other; None where none was."""
     runs = np.diff(np.flatnonzero(find_changed(samples.field)), append=len(samples))
-    if len(samples) > 1 and runs.max() >= FROZEN * len(samples):
+    if len(samples) > 1 and runs.max() >= (1 - 2 * DOUBTFUL) * len(samples):
         few = (
             "" if len(runs) < 2 else f", but in {len(samples) - runs.max()} of {len(samples)} rows"
         )

@@ -20,9 +20,8 @@ from agonic.inertial.pair.accuracy import (
 )
 from agonic.inertial.pair.calibration import METHOD, make_pair, point_ahead, widen
 from agonic.inertial.pair.evidence import describe, examine, find_prior_only
-from agonic.inertial.pair.problem import Problem, pose
+from agonic.inertial.pair.problem import Problem, Settings, pose
 from agonic.inertial.pair.result import PairFit, Sight
-from agonic.inertial.pair.settings import Settings
 from agonic.inertial.pair.solve import Solution, compare_shots, find_outlier, solve
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.symmetric import unpack_symmetric

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.errors import CoverageError, LogError
+from agonic.errors import AgonicError, CoverageError, LogError
 from agonic.inertial.maths.shots import (
     BIAS_A,
     BIAS_M,
@@ -20,7 +21,6 @@ from agonic.inertial.maths.shots import (
     calibrate,
     observe,
 )
-from agonic.inertial.pair.settings import Settings
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.estimation.leastsq import inverse
@@ -49,6 +49,25 @@ ATTITUDES = (
     "hold it still level, upside down, on either side, nose up and nose down, each towards two "
     "directions a quarter turn apart"
 )
+
+EXPECTED_NOISE = np.array([2e-3, 3e-3, np.radians(0.15)])
+"""Of a reading of the accelerometer, in g, and the magnetometer, in F, and of pointing, rad."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a fit; see `fit_pair`."""
+
+    accelerometer_bias_sd: float = 0.05
+    accelerometer_shape_sd: float = 0.02
+    soft_iron_sd: float = 0.1
+    turn_sd_deg: float = 5.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0:
+                raise AgonicError(f"{field.name} is {value}; it has to be above zero")
 
 
 class Scale(NamedTuple):

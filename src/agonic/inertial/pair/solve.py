@@ -16,8 +16,7 @@ from agonic.inertial.maths.variance_components import (
     estimate_variances,
     weigh,
 )
-from agonic.inertial.pair.problem import Problem, hold_sight
-from agonic.inertial.pair.settings import EXPECTED_NOISE
+from agonic.inertial.pair.problem import EXPECTED_NOISE, Problem, hold_sight
 
 RARE = 0.01
 """A shot is left out where chance would make one of them all so odd this often."""

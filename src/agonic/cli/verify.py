@@ -39,10 +39,10 @@ def verify(
     """
     from dataclasses import asdict
 
+    from agonic.cli.calibration_and_log import open_calibration_and_log, set_against
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
     from agonic.files.calibration import save
-    from agonic.recording.calibration_and_log import open_calibration_and_log, set_against
     from agonic.verification import verify as check
 
     calibration, samples = open_calibration_and_log(cal, log, *which)
