@@ -86,7 +86,8 @@ def test_a_smooth_structure_counts_with_what_the_fit_has_taken_up_of_it() -> Non
 def test_noise_is_no_less_than_rounding_where_nothing_else_scatters() -> None:
     # at rest on one level, nine of twelve poses can fit exactly: an error of 0.0002 nT was stated
     draws = draw(quantised(1000.0), motion=poses(12, 100), k=12, n=1200, noise=10.0)
-    assert "good" not in draws.verdicts
+    assert draws.verdicts.count("good") <= 1  # by chance one of twelve states less than 2°
+    assert draws.heading.max() < 3.0
 
 
 @pytest.mark.parametrize(("step", "verdict"), [(5000.0, "check"), (40_000.0, "refused")])

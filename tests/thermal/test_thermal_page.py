@@ -143,7 +143,7 @@ def test_a_refused_sensor_and_findings_on_the_campaign_are_told(result) -> None:
     assert f"{first} To be looked at: MAG3." in said
     assert "Do next: Record again." in said
     assert "It never moved." in said
-    assert "It takes two sensors with clocks" in said
+    assert "It takes two sensors with times" in said
 
 
 def test_names_cannot_become_markup(result) -> None:

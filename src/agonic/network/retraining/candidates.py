@@ -15,7 +15,6 @@ from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Running, Window
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
-from agonic.field.worldfield import EXTERNAL_NT
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.network import Shape
 from agonic.network.fit import NetworkFit, fit_network
@@ -145,14 +144,12 @@ def find_common_error(state: RetrainerState) -> float:
 
         E d² = 6 s² + σ² (1/n_v+1 + 4/n_v + 1/n_v−1)
 
-    Before there are three visits it is that of currents outside the Earth, or what the reference
-    states of itself where that is less: of a world model that is mostly the crust, which changes
-    along a track, and taken for shared it would hide what the sensor does.
+    Before there are three visits it is what the reference states of itself.
     """
     kept = state.reservoir
     visits, visit = np.unique(kept.columns.get(VISIT, ()), return_inverse=True)
     if len(visits) < 3 or state.noise is None:
-        return min(state.reference_sd, EXTERNAL_NT)
+        return state.reference_sd
     n: Array = np.bincount(visit).astype(np.float64)
     left = compute_errors(correct(state.running, kept), kept.wanted)
     means = np.column_stack([np.bincount(visit, column) / n for column in left.T])
