@@ -102,7 +102,7 @@ class Blocks(NamedTuple):
         return np.asarray(self.radius * (after - rows @ after / rows.sum()))
 
     def add(self) -> Array:
-        """Cross-products of columns and steps over all rows, by channel, (c, m + k + 1, m + k + 1)."""
+        """Cross-products of columns and steps over all rows, (c, m + k + 1, m + k + 1)."""
         heights, spans = self.heights, list(pairwise(self.edges))
         places = heights.shape[1]
         both = (heights[:, :, None] * heights[:, None, :]).reshape(-1, places**2).T
