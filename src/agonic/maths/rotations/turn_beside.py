@@ -129,7 +129,7 @@ _ABOUT = np.stack([skew(axis) for axis in np.eye(3)])
 def measure_misfit(left: Array, turns: Array, irons: Array) -> Array:
     """The rms of the vertical part for turns (k, 3, 3) and soft iron (k, 5), (k,)."""
     whole = (turns @ (np.eye(3) + np.tensordot(irons, _SHAPES, 1))).reshape(-1, 9)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", whole, left, whole), 0.0)))
+    return np.asarray(np.sqrt(np.maximum(np.sum((whole @ left) * whole, axis=1), 0.0)))
 
 
 def _price(irons: Array, misfit: float, soft_iron_sd: float) -> Array:
@@ -154,8 +154,9 @@ def _step(
     whole, by = _slopes(turns, irons)
     weight = (_INDEPENDENT / misfit**2)[:, None, None]
     prior = np.diag(np.r_[np.ones(3), np.full(5, soft_iron_sd**-2.0)])
-    information = weight * (by @ left @ np.swapaxes(by, 1, 2)) + prior
-    pull = weight[:, 0] * np.einsum("kpi,ij,kj->kp", by, left, whole)
+    seen = by @ left
+    information = weight * (seen @ np.swapaxes(by, 1, 2)) + prior
+    pull = weight[:, 0] * (seen @ whole[:, :, None])[:, :, 0]
     pull[:, 3:] += irons * soft_iron_sd**-2.0
     step = -np.linalg.solve(information, pull[..., None])[..., 0]
     size = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
