@@ -209,7 +209,7 @@ def replaced(name: str, row: int, cell: str):
         (dropped("orientation"), "no column with the orientation's number"),
         (dropped("rot_deg"), "no attitudes: there is no rot_deg"),
         (dropped("unix_s"), "no column with times"),
-        (replaced("ra_deg", 2, "north"), "row 4: ra_deg is 'north', no number"),
+        (replaced("ra_deg", 2, "north"), "row 4: ra_deg is 'north', not a number"),
         (replaced("dec_deg", 3, "97"), "row 5: dec_deg is 97: a declination lies between"),
         (replaced("orientation", 0, "1.5"), "whole numbers"),
         (replaced("cov_xy_arcsec2", 1, "50"), "correlations below 1"),

@@ -43,7 +43,8 @@ def test_people_are_told_what_was_written(
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        AgonicError, match=r"-o .*a\.pdf is no kind of file for this; name it .html or .txt"
+        AgonicError,
+        match=r"-o .*a\.pdf is not a type written here; name it .html or .txt",
     ):
         finish(GOOD, report=tmp_path / "a.pdf", option="-o")
 

@@ -117,7 +117,7 @@ def test_the_page_says_what_was_found(result, page) -> None:
     assert "out/MMC5883MA-1.json" in said
     count = sum(anomaly.count for anomaly in result.sensors[0].fit.anomalies)
     assert count > 1
-    assert f"{count} readings stood out of the running median of their station" in said
+    assert f"{count} readings were outliers against the running median of their station" in said
     for share in result.chamber_field.shares:
         assert f"{share.name} {round(share.total_sd)} nT" in said
     assert "4 fits, each without some of the stations" in said

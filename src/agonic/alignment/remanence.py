@@ -212,7 +212,6 @@ def _remarks(fit: RemanenceFit) -> tuple[str, ...]:
         )
     most = fit.size + 2 * fit.sd
     return (
-        "no field of the platform's own is seen: it has no more than "
-        f"{figure(most)} nT ({figure(most / fit.magnitude / ARCSEC_RAD)}″) across the axis of the "
-        "turn",
+        f"no field of the platform itself is detected: it is at most {figure(most)} nT "
+        f"({figure(most / fit.magnitude / ARCSEC_RAD)}″) across the axis of the turn",
     )

@@ -206,8 +206,8 @@ def _turn_test(problem: Problem, found: Estimate) -> ModelTest:
         words = f"no sign of a turn between the sensor and {axes}"
     elif problem.shared is None:
         words = (
-            f"the sensor is misaligned by {degrees}° from {axes}, or their zero is off by as "
-            "much: the heading's standard error allows for either"
+            f"the sensor is misaligned by {degrees}° from {axes}, or their zero is wrong by the "
+            "same amount: the heading's standard error allows for either"
         )
     else:
         words = f"the sensor is misaligned by {degrees}° from {axes}"

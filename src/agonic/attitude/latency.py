@@ -231,7 +231,7 @@ def _record(samples: Samples, readings: Array, limit_s: float, stretch_s: float)
         raise CoverageError(
             f"only {len(record.time)} readings lie {limit_s:g} s or more from ends and gaps; a "
             f"latency needs {FEWEST}",
-            turns="record for half a minute while turning to and fro",
+            turns="record for half a minute while turning back and forth",
         )
     return record
 
@@ -274,7 +274,7 @@ def _finding(
             "latency unknown",
             "note",
             f"the delay of the readings relative to {beside} is not determined: {why}",
-            "turn the sensor to and fro, briskly, for half a minute",
+            "turn the sensor quickly back and forth for half a minute",
         )
     if not significant:
         return Finding("latency", "note", f"no delay relative to {beside} is seen ({size})")
@@ -282,6 +282,6 @@ def _finding(
     return Finding(
         "latency",
         "check",
-        f"the readings are {size} {late} beside {beside}",
+        f"the readings are {size} {late} relative to {beside}",
         "take it out before calibrating, and where the heading is computed",
     )

@@ -48,8 +48,8 @@ def name_missing_hold() -> Iterator[None]:
         yield
     except (OverflowError, np.linalg.LinAlgError):
         raise CoverageError(
-            "the readings do not determine a calibration: an axis never moves, or repeats another "
-            "axis",
+            "the readings do not determine a calibration: an axis never changes, or repeats "
+            "another axis",
             turns="look at each axis of the log, and turn the sensor about all three",
         ) from None
 

@@ -28,7 +28,7 @@ def calibrate(
         str | None,
         typer.Option(
             metavar="auto|SENSOR",
-            help="Mix in a second magnetometer, against what disturbs both: auto where better.",
+            help="Combine two magnetometers, against what disturbs both; auto: where better.",
         ),
     ] = None,
     between: Between = None,
@@ -43,7 +43,7 @@ def calibrate(
         typer.Option(
             "--as",
             metavar="INT16|NAME",
-            help="How its numbers are to be read, where a logger wrote them wrongly; or with "
+            help="How to read numbers that a logger wrote wrongly; or with "
             "--store its name in the history, by default its device number or the log's name.",
         ),
     ] = None,

@@ -27,10 +27,7 @@ Source = Annotated[
 
 def export(
     cal: Source,
-    to: Annotated[
-        str,
-        typer.Option("--to", help=f"{list_words(list(TARGETS), 'or')}."),
-    ],
+    to: Annotated[str, typer.Option("--to", help=f"{list_words(list(TARGETS), 'or')}.")],
     out: Annotated[
         Path | None,
         typer.Option("-o", "--out", metavar="PATH", help="File, or folder; default beside CAL."),
@@ -50,7 +47,7 @@ def export(
         Path | None,
         typer.Option(
             metavar="OLD",
-            help="What had corrected the readings that CAL was made from: parameters of then.",
+            help="Parameters that had corrected the readings when CAL's log was recorded.",
         ),
     ] = None,
     temperature: Annotated[
@@ -58,17 +55,18 @@ def export(
         typer.Option(
             "--temperature",
             metavar="C",
-            help="Where to hold a calibration that changes with temperature; for px4 TREF.",
+            help="At which to evaluate a calibration that changes with temperature; for px4 TREF.",
         ),
     ] = None,
     voltage: Annotated[
         float | None,
         typer.Option(
-            metavar="V", help="ardupilot: of the battery in the log, for the terms of each motor."
+            metavar="V",
+            help="ardupilot: battery voltage, for the terms of each motor.",
         ),
     ] = None,
     whole: Annotated[
-        bool, typer.Option("--whole", help="c: from readings to heading, also for a CAL alone.")
+        bool, typer.Option("--whole", help="c: compute the heading as well, also for a CAL alone.")
     ] = False,
     name: Annotated[
         str | None,
@@ -86,14 +84,12 @@ def export(
         typer.Option(metavar="S,N,W,E", help="c: a table of the model's declination, degrees."),
     ] = None,
     tolerance: Annotated[
-        float, typer.Option(metavar="DEG", help="c: how far that table may be off the model.")
+        float, typer.Option(metavar="DEG", help="c: largest error of that table against the model.")
     ] = 0.1,
     date: Date = None,
     window: Annotated[
         int | None,
-        typer.Option(
-            metavar="ROWS", help="c: a network that is trained on board, over so many readings."
-        ),
+        typer.Option(metavar="ROWS", help="c: train the network on board, on this many readings."),
     ] = None,
     layout: Annotated[
         str | None,

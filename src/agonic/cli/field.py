@@ -26,9 +26,7 @@ def field(
         Path | None,
         typer.Option(metavar="CSV", help="Table of latitude_deg, longitude_deg, altitude_m, date."),
     ] = None,
-    date: Annotated[
-        str | None, typer.Option(help="Day to state it for, 2026-05-01; default: today.")
-    ] = None,
+    date: Annotated[str | None, typer.Option(help="Date, 2026-05-01; default: today.")] = None,
     model: Annotated[
         str | None, typer.Option(help="igrf, wmm or wmmhr; default: wmm where valid, else igrf.")
     ] = None,

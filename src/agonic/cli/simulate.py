@@ -31,7 +31,11 @@ Clip = Annotated[float, typer.Option(help="Full scale, nT; 0 for none.", min=0)]
 Tilt = Annotated[float | None, typer.Option(help="Largest tilt of belt or circle, degrees.")]
 Truths = Annotated[
     list[Path] | None,
-    typer.Option("--truth", metavar="CAL", help="Whose readings; default: drawn by the seed."),
+    typer.Option(
+        "--truth",
+        metavar="CAL",
+        help="The sensor's calibration; default: random.",
+    ),
 ]
 
 
@@ -122,7 +126,7 @@ def vehicle(
         float, typer.Option(metavar="MS", help="How late the readings are, ms.")
     ] = 0.0,
     opposite: Annotated[
-        bool, typer.Option("--opposite", help="The second sensor is disturbed oppositely.")
+        bool, typer.Option("--opposite", help="Disturb the second sensor with the opposite sign.")
     ] = False,
     motors: Annotated[
         int, typer.Option(help="Motors with a duty and a field of their own.", min=0, max=12)
@@ -191,7 +195,7 @@ def rover(
     noise: Noise = 200.0,
     tilt: Annotated[float, typer.Option(help="Largest tilt, degrees.", min=0)] = 5.0,
     accelerometer_bias: Annotated[
-        float, typer.Option(help="Of each axis of the accelerometer, sd, m/s².", min=0)
+        float, typer.Option(help="Noise of each axis of the accelerometer, sd, m/s².", min=0)
     ] = 0.05,
     vibration: Annotated[
         float, typer.Option(help="What the motors add to each acceleration, sd, m/s².", min=0)

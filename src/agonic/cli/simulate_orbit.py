@@ -28,7 +28,7 @@ class Mission(NamedTuple):
     noise: Noise = 100.0
     step: Step = 0.0
     moved: Annotated[
-        float, typer.Option(metavar="NT", help="How far the bias moved since the ground.")
+        float, typer.Option(metavar="NT", help="Change of the bias since the ground calibration.")
     ] = 0.0
     drift: Annotated[float, typer.Option(metavar="NT", help="Drift of the bias.")] = 0.0
     jump: Annotated[float, typer.Option(metavar="NT", help="Step of the bias half-way.")] = 0.0

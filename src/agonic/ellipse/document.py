@@ -149,7 +149,7 @@ def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
             Section("Numbers", [Table(("Number", "This calibration"), _name_units(rows, unit))]),
             Section("Before and after", [lambda: draw_circles(fit)]),
             Section("Residuals", [lambda: draw_residuals(fit)]),
-            Section("What it does not know", [WITHOUT_Z]),
+            Section("What it does not determine", [WITHOUT_Z]),
         ],
         values=_list_values(fit, files),
         calibration=fit.calibration,
@@ -158,10 +158,10 @@ def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
 
 
 WITHOUT_Z = (
-    "A two-axis compass knows its heading while it is level: a tilt lets the vertical field in, "
-    "and turns the heading by up to the tilt times the tangent of the dip. How the sensor is "
-    "turned about the vertical in the vehicle is not known either: swing the compass for that "
-    "(agonic fit deviation)."
+    "The heading of a two-axis compass is right only while it is level: a tilt adds part of the "
+    "vertical field and turns the heading by up to the tilt times the tangent of the dip. How the "
+    "sensor is turned about the vertical in the vehicle is not known either: swing the compass "
+    "for that (agonic fit deviation)."
 )
 
 

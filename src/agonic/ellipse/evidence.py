@@ -85,7 +85,7 @@ def examine(fit: EllipseFit, found: Found) -> Iterator[Finding]:
 def _examine_circle(fit: EllipseFit, found: Found) -> Iterator[Finding]:
     shorter = float(1 / max(np.linalg.eigvalsh(make_matrix(found.ellipse))[1], 1e-300))
     if fit.noise > CLOUD * shorter:
-        what = "the readings are a cloud and no circle: the sensor did not turn, or noise hides it"
+        what = "the readings form a cloud, not a circle: the sensor did not turn, or noise hides it"
         yield Finding("static", "refuse", what, TURN)
     if fit.seen_deg < LEAST_SEEN_DEG:
         what = (
@@ -122,8 +122,8 @@ def _examine_errors(fit: EllipseFit) -> Iterator[Finding]:
     off_deg = float(np.degrees(lasting * gain / (fit.calibration.magnitude or 1.0)))
     if off_deg > LASTING_DEG:
         what = (
-            f"the readings depart from the ellipse by {figure(off_deg)}° for longer than noise "
-            "does: the vehicle tilted, or something magnetic moved"
+            f"the readings depart from the ellipse by {figure(off_deg)}° over longer times than "
+            "noise: the vehicle tilted, or something magnetic moved"
         )
         yield Finding("tilt", "check", what, "record again on level ground, away from iron")
     in_nt = fit.calibration.unit_in == fit.calibration.unit_out and fit.inclination_deg is not None
@@ -169,7 +169,7 @@ def _examine_turns(fit: EllipseFit) -> Iterator[Finding]:
         return
     field = fit.calibration.correct(fit.samples.field)[fit.weights > 0, :2]
     if min(compute_turns(field)) < ONE_WAY:
-        what = "the vehicle turned one way only: a heel that every turn has would look like iron"
+        what = "the vehicle turned one way only: a heel in its turns would look like hard iron"
         yield Finding("one way", "note", what, "turn once each way where it heels in turns")
 
 

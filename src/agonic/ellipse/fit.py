@@ -138,7 +138,7 @@ def _find_place(samples: Samples, reference: Reference | None) -> _Place | None:
         return None
     if reference.kind not in ("vector", "horizontal-vertical"):
         raise AgonicError(
-            "the magnitude of the whole field was given, of which a level compass sees the "
+            "the magnitude of the whole field was given, of which a level compass measures the "
             "horizontal part only: give the place (--at LAT,LON) instead, or neither, for headings "
             "need no magnitude"
         )

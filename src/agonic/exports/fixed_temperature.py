@@ -115,7 +115,7 @@ def hold_temperature(
         if temperature_C is not None:
             raise AgonicError(
                 f"the calibration of {known.sensor} does not change with temperature; leave the "
-                "temperature away"
+                "temperature out"
             )
         return known, ()
     low, high = find_range_C(known)

@@ -75,7 +75,7 @@ def find_range_C(calibration: Calibration) -> tuple[float, float]:
     """
     ranges = [_range(step) for step in steps_of(calibration) if isinstance(step, Thermal)]
     if not ranges:
-        raise AgonicError(f"the calibration of {calibration.sensor} does not change with warmth")
+        raise AgonicError(f"{calibration.sensor} is calibrated at one temperature")
     low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
     if not low <= high:
         raise AgonicError("the steps of this calibration have no temperature in common")

@@ -212,7 +212,7 @@ def _calibration(path: Path) -> Calibration:
 def _accelerometer(path: Path) -> Affine:
     found: object = load(path)
     if not isinstance(found, Affine) or found.unit_out != ACCELERATION:
-        raise LogError("it is no calibration of an accelerometer", path=path)
+        raise LogError("it is not a calibration of an accelerometer", path=path)
     return found
 
 

@@ -27,7 +27,7 @@ def read_toml(path: Path, needed: str = "a description in TOML") -> dict[str, An
         return tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:
         if path.suffix == ".toml":
-            raise LogError(f"this is no TOML: {error}", path=path) from None
+            raise LogError(f"this is not TOML: {error}", path=path) from None
         raise LogError(f"this is {name_content(data)}, and {needed} is needed", path=path) from None
 
 

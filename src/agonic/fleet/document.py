@@ -180,7 +180,7 @@ def _list_others(groups: Sequence[Peers]) -> Markup:
     if not groups:
         return Markup("")
     said = "; ".join(f"{group.name}: {count(len(group), 'sensor')}" for group in groups)
-    return element("p", f"Not drawn, for they are few: {said}.", class_="aside")
+    return element("p", f"Not drawn, because they are few: {said}.", class_="aside")
 
 
 def _place_table(population: Population) -> Markup:

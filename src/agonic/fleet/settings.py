@@ -61,7 +61,7 @@ class FleetSettings:
             try:
                 re.compile(self.name)
             except re.error as error:
-                raise AgonicError(f"name {self.name!r} is no regular expression: {error}") from None
+                raise AgonicError(f"name {self.name!r} is no regex: {error}") from None
 
     @property
     def asked(self) -> str:

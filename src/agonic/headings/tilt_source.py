@@ -57,9 +57,9 @@ def find_felt_tilt(
         speed = _measure_speed(samples, force, rate)
         followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
         if speed.taken:
-            reckoned = f"turns are reckoned at {figure(speed.taken)} m/s"
+            reckoned = f"the speed in turns is taken as {figure(speed.taken)} m/s"
             track = "" if samples.latitude_deg is None else ", and the track"
-            why = (*why, f"{reckoned}: what the accelerometer feels in them{track}")
+            why = (*why, f"{reckoned}, from the accelerometer in them{track}")
         return _make_attitude(followed, setup, source, speed, why, felt)
     if are_shots(samples, setup):
         still = np.zeros(len(force))
@@ -227,7 +227,7 @@ def _assume_level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
                 f"{figure(float(np.degrees(r[0])))}° of {n}"
                 for r, n in zip(rms, ("roll", "pitch"), strict=True)
             )
-            said = f"the vehicle is taken to be level; by the log it was off by {told}, rms"
+            said = f"the vehicle is taken to be level; by the log it was tilted by {told}, rms"
         notes = (said,)
     level = kernel.tilt_from_angles(zero, zero)
     return Attitude(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def history(
     sensor: Annotated[
-        str | None, typer.Argument(metavar="[SENSOR]", help="Who to look at; default: list all.")
+        str | None, typer.Argument(metavar="[SENSOR]", help="Sensor to show; default: list all.")
     ] = None,
     store: Annotated[
         Path | None,

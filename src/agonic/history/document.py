@@ -179,7 +179,7 @@ def _list_key_figures(drift: Drift, trends: Sequence[Trend]) -> list[tuple[str, 
         known = f"± {round_to_sd(sd, sd)} {worst.unit}".rstrip()
         entries.append(("Standard error", known, f"{worst.name} on {drift.at:%Y-%m-%d}"))
     steps = sum(event.kind == "step" for event in drift.events)
-    return [*entries, ("Steps", str(steps), "told from drift and scatter")]
+    return [*entries, ("Steps", str(steps), "found beyond drift and scatter")]
 
 
 def _format_span(days: float) -> str:
@@ -264,7 +264,7 @@ def _tabulate_calibrations(drift: Drift) -> list[Table | Markup]:
     ]
     notes = []
     if any(UNDATED.name in row.findings for row in shown):
-        notes.append("* the moment of adding: the log knows no date")
+        notes.append("* the date of adding: the log has no date")
     if len(shown) < len(rows):
         notes.append(f"{count(len(rows) - len(shown), 'earlier one')} left out.")
     table = Table(head, cells, "calibrations", scrolls=True)

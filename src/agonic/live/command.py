@@ -35,23 +35,22 @@ def live(
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     target: Annotated[
-        float, typer.Option(metavar="DEG", help="Standard error of the heading that is enough.")
+        float, typer.Option(metavar="DEG", help="Standard error of the heading to reach.")
     ] = 0.5,
     before: Annotated[
         list[Path] | None,
         typer.Option("--before", metavar="CAL", help="Calibration to show beside the new one."),
     ] = None,
     speed: Annotated[
-        float, typer.Option(help="Of a log or sim, over its own; 0: as fast as possible.")
+        float, typer.Option(help="Speed of replay or sim; 0: as fast as possible.")
     ] = 1.0,
-    port: Annotated[int, typer.Option(help="Of the page; 0: any.", min=0, max=65535)] = PORT,
+    port: Annotated[int, typer.Option(help="Of the page; 0: any free.", min=0, max=65535)] = PORT,
     listen: Annotated[
         str | None,
         typer.Option(metavar="ADDR", help="Show the page to other machines, by a secret address."),
     ] = None,
     fresh: Annotated[
-        bool,
-        typer.Option("--fresh", help="Begin anew, where a session was not finished in DIR."),
+        bool, typer.Option("--fresh", help="Start again where a session in DIR was not finished.")
     ] = False,
     browser: Annotated[
         bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
@@ -73,7 +72,7 @@ def live(
     if source is None:
         return _list_ports()
     if not 0 < target < 180:
-        raise AgonicError(f"a --target of {target:g}° is none; give one above zero")
+        raise AgonicError(f"a --target of {target:g}° is not possible; give one above zero")
     opened = open_source(source, unit=which.unit, speed=speed)
     _require_writable(out)
     reference, settings = _find_reference(opened, place)

@@ -254,7 +254,7 @@ def load_installed(group: str) -> dict[str, Any]:
             loaded[point.name] = point.load()
         except Exception as error:  # whatever is wrong with it, it is the package's
             raise AgonicError(
-                f"{point.value}, installed for {group}, cannot be imported ({error}); mend or "
+                f"{point.value}, installed for {group}, cannot be imported ({error}); repair or "
                 "uninstall its package"
             ) from error
     return loaded

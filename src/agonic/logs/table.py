@@ -288,14 +288,14 @@ def tell_rivals(found: Identified, headers: list[str], fields: list[str]) -> tup
         if rivals := find_rivals(headers, axes):
             taken = ", ".join(axes[axis].header for axis in "xyz" if axis in axes)
             given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
-            notes.append(f"{taken} are taken; the table holds the field again: --columns {given}")
+            notes.append(f"{taken} are taken; the table holds more fields: --columns {given}")
     return tuple(notes)
 
 
 def tell_doubtful(headers: Iterable[str]) -> tuple[str, ...]:
     """What was left out because several columns could be it."""
     if doubtful := find_doubtful(headers):
-        return (f"{' and '.join(doubtful)} left out: which of them is meant? --columns says it",)
+        return (f"{' and '.join(doubtful)} left out: choose one with --columns",)
     return ()
 
 

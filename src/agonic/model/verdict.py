@@ -103,10 +103,10 @@ def _check_unseen(posterior: Posterior, stated_deg: float) -> Iterator[Finding]:
     foretold = float(np.hypot(stated_deg, expected))
     most = foretold * np.sqrt(1.0 + BY_CHANCE * np.sqrt(2.0 / max(independent, 1.0)))  # χ²
     if residuals > UNSEEN_RESIDUALS:
-        what = f"scatter {figure(residuals)} times as much as it states"
+        what = f"scatter {figure(residuals)} times as much as the fit states"
     elif moves >= HEADING_DOUBTFUL_DEG and moves > most:
         by = f"by {figure(moves)}°" if moves < OPEN_DEG else "to anywhere"
-        what = f"move the heading {by} where they are left out one by one"
+        what = f"move the heading {by} when they are left out one by one"
     else:
         return
     yield Finding(
@@ -155,7 +155,7 @@ def _find_largest(posterior: Posterior | None, coverage: Coverage) -> tuple[str,
         return term.term.name, f"{term.term.what}; this leaves", term.term.move
     if posterior.memory_deg > max(posterior.noise_deg, shared):
         what = "residuals are correlated over time, from an unknown cause: this leaves"
-        move = "let the sensor warm up, keep iron and currents as they are, and record longer"
+        move = "let the sensor warm up, keep iron and currents unchanged, and record longer"
         return "correlated noise", what, move
     return "coverage", seen, turns
 
@@ -189,7 +189,7 @@ def _name_terms(
         effect = max(one.heading_deg, one.moves_deg)
         left = f"it leaves the heading uncertain by {figure(effect)}°"
         if one.moves_deg > one.heading_deg:
-            left = f"calibrated is the mean, and the heading changes by {figure(effect)}° with it"
+            left = f"the calibration has its mean; the heading varies by {figure(effect)}° with it"
         moments: tuple[float, ...] = ()
         what = one.term.what
         if one.row is not None:

@@ -23,7 +23,7 @@ VERSION = 1
 """Of the tables; files of a later one are left alone."""
 
 UNDATED = Finding(
-    "dated when added", "note", "the log knows no date, so the moment of adding stands for it"
+    "dated when added", "note", "the log has no date, so the date of adding is used instead"
 )
 
 

@@ -187,7 +187,7 @@ def _sum_sensor(task: _Task, campaign: Campaign, name: str) -> _SummedReadings:
     """The readings of a sensor in cells of temperature: little to hand to another process."""
     if name not in campaign.sensors:
         return _SummedReadings(
-            name, refused="None of its recordings can be used (see what was found)."
+            name, refused="None of its recordings can be used (see the findings)."
         )
     samples = campaign.samples(name)
     try:

@@ -70,9 +70,8 @@ def describe_campaign(
     """What is said and shown of a campaign; the parameters are those of `campaign_page`."""
     campaign, written = result.campaign, files or {}
     about = (
-        f"{count(len(result.sensors), 'sensor')}, "
-        f"stations {join_numbers(campaign.stations) or 'none'}, "
-        f"{count(campaign.rows, 'reading')}"
+        f"{count(len(result.sensors), 'sensor')}, stations "
+        f"{join_numbers(campaign.stations) or 'none'}, {count(campaign.rows, 'reading')}"
     )
     return Document(
         schema="agonic/fit-thermal@1",
@@ -117,7 +116,7 @@ def _summarise(result: CalibratedCampaign) -> str:
     doubted = [sensor.name for sensor in result.sensors if sensor.verdict != "good"]
     return " ".join(
         [
-            f"To be looked at: {', '.join(doubted)}." if doubted else "All sensors are calibrated.",
+            f"To be checked: {', '.join(doubted)}." if doubted else "All sensors are calibrated.",
             sentence(f"turns {result.turns}: {result.reason}"),
             *(sentence(finding.sentence) for finding in sort_findings(result.findings)),
         ]
@@ -180,8 +179,8 @@ def _show_recordings(campaign: Campaign) -> list[Block]:
         profile = campaign.description.profile
         shown.append(lambda: figures.draw_courses(dict(sorted(courses.items())), profile))
     note = (
-        "A restart is a clock that began anew within a recording; what is missing are the readings "
-        "that gaps cost each sensor."
+        "A restart is a clock that started again within a recording; missing are the readings "
+        "that each sensor lost in gaps."
     )
     return [*shown, element("p", note, class_="aside")]
 
@@ -232,9 +231,9 @@ def _show_evidence(
 def _compare_unseen(fit: ThermalFit) -> list[Block]:
     """Whether hysteresis or a network would foretell readings better that no fit has seen."""
     note = (
-        "Ten blocks of readings, in their order, each left out once. Hysteresis follows what has "
-        "been before; the network has 64 hidden units of random weights. What helps here is not "
-        "part of the calibration."
+        "Ten blocks of readings, in their order, each left out once. Hysteresis depends on the "
+        "readings before; the network has 64 hidden units of random weights. What helps here is "
+        "not part of the calibration."
     )
     return [tables.list_alternatives(fit), element("p", note, class_="aside")]
 

@@ -251,11 +251,11 @@ def describe_lag(calibration: Thermal) -> str:
 def list_anomalies(left_out: Sequence[Anomaly]) -> list[Block]:
     """Readings that were left out, by station, and when."""
     if not left_out:
-        return ["No reading stood out of the running median."]
+        return ["No reading were outliers against the running median."]
     total = sum(anomaly.count for anomaly in left_out)
     begun = min((float(a.times.min()) for a in left_out if np.isfinite(a.times).all()), default=0.0)
     said = (
-        f"{count(total, 'reading')} stood out of the running median of "
+        f"{count(total, 'reading')} were outliers against the running median of "
         f"{'their' if total > 1 else 'its'} station and {'were' if total > 1 else 'was'} left out."
     )
     rows = [

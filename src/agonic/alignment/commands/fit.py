@@ -99,9 +99,9 @@ def gravity(
     which: SensorChoice = SensorChoice(),
     calibration: Annotated[
         Path | None,
-        typer.Option("--calibration", metavar="CAL", help="Of the magnetometer, applied first."),
+        typer.Option("--calibration", metavar="CAL", help="Calibration to apply first."),
     ] = None,
-    bias: Annotated[bool, typer.Option("--bias", help="Seek the magnetometer's bias too.")] = False,
+    bias: Annotated[bool, typer.Option("--bias", help="Solve for the bias too.")] = False,
     between: Between = None,
     as_json: Json = False,
 ) -> int:
@@ -122,7 +122,7 @@ def remanence(
     log: LogPath,
     reference: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="A magnetometer farther off; its changes are taken out."),
+        typer.Option(metavar="LOG", help="A distant magnetometer; its changes are subtracted."),
     ] = None,
     wanted: Wanted = 2.0,
     which: SensorChoice = SensorChoice(),

@@ -24,18 +24,18 @@ def alignment(
     ],
     wanted: Wanted = 1.0,
     solve: Solve = "alignment",
-    readings: Annotated[int, typer.Option(help="Of each instrument in each orientation.")] = 20,
-    noise: Annotated[float, typer.Option(metavar="NT", help="Of the magnetometer.")] = 0.5,
-    reference_noise: Annotated[float, typer.Option(metavar="NT", help="Of the reference.")] = 0.3,
+    readings: Annotated[int, typer.Option(help="Readings per orientation.")] = 20,
+    noise: Annotated[float, typer.Option(metavar="NT", help="Noise of the magnetometer.")] = 0.5,
+    reference_noise: Annotated[float, typer.Option(metavar="NT", help="Reference noise.")] = 0.3,
     across: Annotated[
-        float, typer.Option(metavar="ARCSEC", help="Of the star sensor, across its boresight.")
+        float, typer.Option(metavar="ARCSEC", help="Star sensor noise across its boresight.")
     ] = 3.0,
     about: Annotated[float, typer.Option(metavar="ARCSEC", help="About its boresight.")] = 20.0,
     pier_sd: Annotated[
-        float | None, typer.Option(metavar="NT", help="How well the pier difference is known.")
+        float | None, typer.Option(metavar="NT", help="Error of the pier difference.")
     ] = None,
     axes_sd: Annotated[
-        float | None, typer.Option(metavar="ARCSEC", help="The same of the reference's axes.")
+        float | None, typer.Option(metavar="ARCSEC", help="Error of the reference's axes.")
     ] = None,
     lowest: Annotated[
         float, typer.Option(metavar="DEG", help="Lowest elevation for the star sensor.")

@@ -62,7 +62,7 @@ def hold_network(calibration: Calibration, temperature_C: float) -> Calibration:
     if "temperature" not in calibration.needs:
         raise AgonicError(
             f"the calibration of {calibration.sensor} does not change with temperature; leave the "
-            "temperature away"
+            "temperature out"
         )
     held: Calibration = calibration.at(temperature_C)  # type: ignore[attr-defined]
     return held

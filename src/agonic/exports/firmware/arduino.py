@@ -52,7 +52,7 @@ def _choose_sketch(files: Sequence[Path]) -> tuple[str, str, str]:
             if template == "tracker" and "_tracker_field(" in files[0].read_text():
                 template = "tracker_with_gyro"
             return first.removesuffix(ending), template, sketch
-    raise AgonicError(f"{first} is no header to make a library of")
+    raise AgonicError(f"{first} is not a header that can become a library")
 
 
 def _write_properties(name: str, headers: Sequence[str]) -> str:

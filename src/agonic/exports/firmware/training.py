@@ -96,7 +96,7 @@ def _require_network(calibration: Calibration) -> Network:
     if not isinstance(calibration, Network):
         raise AgonicError(
             f"this {type(calibration).__name__} has no weights to train on the controller; fit a "
-            "network (agonic fit network), or leave the window away"
+            "network (agonic fit network), or leave the window out"
         )
     base = calibration.base
     lacking = (

@@ -169,5 +169,5 @@ def _warnings(plan: Plan) -> tuple[str, ...]:
             "what is taken out comes as late"
         )
     if plan.tilt == "acceleration":
-        said.append("an accelerometer tells the tilt of a vehicle at rest only")
+        said.append("an accelerometer gives the tilt of a vehicle at rest only")
     return tuple(said)

@@ -83,7 +83,7 @@ def deviation(
     from agonic.headings.files.swing import read_swing
 
     if current is not None and not math.isfinite(current):
-        raise AgonicError(f"--current {current} is no current")
+        raise AgonicError(f"--current {current} is not a current")
     read = read_swing(swing) if setup is None else _of_log(swing, setup, which, between)
     fit = fit_deviation(
         read.compass_deg,

@@ -19,7 +19,7 @@ def swing(
         float, typer.Option("--noise-deg", metavar="DEG", help="Standard deviation of a reading.")
     ] = 1.0,
     terms: Annotated[str, typer.Option(help="Terms that will be fitted.")] = "ABCDE",
-    rounds: Annotated[int, typer.Option(help="Times round, each the other way.")] = 1,
+    rounds: Annotated[int, typer.Option(help="Rounds, in alternate directions.")] = 1,
     out: Annotated[
         Path | None,
         typer.Option(

@@ -21,12 +21,12 @@ def pair(
     log: Annotated[
         Path,
         typer.Argument(
-            metavar="SHOTS", help="Attitudes at rest, a row each; column target: rolled on it."
+            metavar="SHOTS",
+            help="Attitudes at rest, one a row; column target: that of the sight.",
         ),
     ],
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="SETUP", help="Setup to write, .toml."),
+        Path | None, typer.Option("-o", "--out", metavar="SETUP", help="Setup to write, .toml.")
     ] = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
@@ -34,7 +34,9 @@ def pair(
     check: Annotated[
         Path | None,
         typer.Option(
-            "--check", metavar="SETUP", help="Whether this setup is still good, by a few shots."
+            "--check",
+            metavar="SETUP",
+            help="Check this setup by a few shots.",
         ),
     ] = None,
     report: Report = None,
@@ -57,7 +59,7 @@ def pair(
         checked = check_pair(samples, load_setup(check))
         return finish(describe_check(checked, samples.name), report=report, as_json=as_json)
     if out is not None and out.suffix.lower() != ".toml":
-        raise AgonicError(f"-o {out} is no setup, which holds both calibrations; name it .toml")
+        raise AgonicError(f"-o {out} is not a setup, which holds both calibrations; name it .toml")
     fit = fit_pair(samples, reference)
     files, placed = [], _of_place(samples, reference)
     if out is not None and fit.verdict != "refused":

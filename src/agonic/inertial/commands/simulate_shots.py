@@ -13,7 +13,7 @@ from agonic.console.options import Json, Seed, Table
 class Survey(NamedTuple):
     """What is simulated, as for `simulate_shots`."""
 
-    attitudes: Annotated[int, typer.Option(help="Shots at no target.", min=0)] = 8
+    attitudes: Annotated[int, typer.Option(help="Shots without a target.", min=0)] = 8
     targets: Annotated[int, typer.Option(help="Targets that the sight is kept on.", min=0)] = 2
     rolls: Annotated[int, typer.Option(help="Shots at each, rolled about the sight.", min=1)] = 8
     noise: Annotated[float, typer.Option(help="Of the magnetometer, sd, nT.", min=0)] = 150.0

@@ -91,7 +91,7 @@ def inflight(
     altitude: Altitude = None,
     tle: Elements = None,
     gain_sd: Annotated[
-        float, typer.Option(help="How far gains may have moved since the ground, a share.")
+        float, typer.Option(help="Expected change of the gains since the ground, a share.")
     ] = 0.01,
     robust: Robust = True,
     between: Between = None,

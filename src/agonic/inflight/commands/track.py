@@ -30,7 +30,7 @@ def track(
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     solve: Annotated[
-        str | None, typer.Option(help="What moves: bias, gains or full; default: full.")
+        str | None, typer.Option(help="What changes: bias, gains or full; default: full.")
     ] = None,
     walk: Annotated[
         str | None,
@@ -41,7 +41,7 @@ def track(
     ] = None,
     external: Annotated[
         float | None,
-        typer.Option(metavar="NT", help="What the model leaves out; default: as the model states."),
+        typer.Option(metavar="NT", help="Field outside the model, sd; default: the model's."),
     ] = None,
     scalar: Scalar = None,
     gyro: Annotated[
@@ -52,7 +52,7 @@ def track(
         ),
     ] = None,
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="HTML", help="Page about what is new.")
+        Path | None, typer.Option("--report", metavar="HTML", help="Page about the new readings.")
     ] = None,
     as_json: Json = False,
 ) -> int:

@@ -247,7 +247,7 @@ class Session:
         with self._lock:
             if self.plan.sensor not in (None, chunk.sensor):
                 asked = f"only {self.plan.sensor} was asked for"
-                self._note(f"{chunk.sensor} is heard and left aside: {asked}")
+                self._note(f"{chunk.sensor} is received and not used: {asked}")
                 return
             watched = self._watched.get(chunk.sensor)
             if watched is None:

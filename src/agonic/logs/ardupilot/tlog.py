@@ -127,7 +127,7 @@ def _vehicle(heard: Heard) -> tuple[int, int, tuple[str, ...]]:
 def _damage(skipped: int, spoilt: int) -> tuple[str, ...]:
     notes = []
     if skipped:
-        notes.append(f"{skipped} bytes are damaged or cut off and were passed over")
+        notes.append(f"{skipped} bytes are damaged or cut off and were skipped")
     if spoilt:
         notes.append(f"{spoilt} messages with a wrong checksum were left out")
     return tuple(notes)

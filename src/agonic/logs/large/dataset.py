@@ -269,7 +269,7 @@ def _columns(db: Any, path: Path, files: Sequence[str]) -> dict[str, str]:
     try:
         described = db.execute(f"describe select * from {select_table(files)}").fetchall()
     except database_error_type() as error:
-        raise LogError(f"its files make no one table: {_first_line(error)}", path=path) from None
+        raise LogError(f"its files do not form a table: {_first_line(error)}", path=path) from None
     return {row[0]: str(row[1]) for row in described if row[0] not in _OURS}
 
 

@@ -71,7 +71,7 @@ def _choose_documented_unit(
 ) -> tuple[str, tuple[str, ...]]:
     """The given unit, else the documented one where readings of that size can be."""
     if given is not None:
-        return given, (f"{name} documents {unit}: the given unit {given} goes before it",)
+        return given, (f"{name} documents {unit}: the given unit {given} is used instead",)
     size = float(np.nanmedian(np.abs(field))) if np.isfinite(field).any() else 0.0
     if size * nanotesla_per(unit) > _STRONGEST:
         return RAW, (

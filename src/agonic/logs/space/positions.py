@@ -195,5 +195,5 @@ def _year(date: str) -> float:
     except ValueError:
         return float(decimal_year(date))
     if not _YEARS[0] <= year <= _YEARS[1]:
-        raise AgonicError(f"{date} is no year; give a date like 2026-03-01, or a year like 2026.17")
+        raise AgonicError(f"{date} is not a year; give a date like 2026-03-01, or like 2026.17")
     return year

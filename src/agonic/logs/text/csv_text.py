@@ -254,7 +254,7 @@ def _read_body(
     begun = _split_head(data, start)
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
-        raise LogError("there is a header and no row below it")
+        raise LogError("there is a header but no row below it")
     header = rename_headers(name_label(_name_index(layout.header, first), first), title)
     vectors = _find_vectors(header, first)
     wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])

@@ -76,7 +76,7 @@ def _make_table(
     records: list[dict[str, Any]], broken: int
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     table, others = make_table(records)
-    notes = (f"{broken} lines or a torn end are no JSON and were left out",) * (broken > 0)
+    notes = (f"{broken} lines or an incomplete end are not JSON and were left out",) * (broken > 0)
     return table, {"format": "JSON", "others": others, "notes": notes}
 
 

@@ -63,7 +63,7 @@ def network(
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     robust: Robust = True,
-    seed: Annotated[int, typer.Option(help="Of the random starts.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
     between: Between = None,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Page to write about the fit.")

@@ -56,7 +56,8 @@ def retrain(
         typer.Option(help="vector, or magnitude; default: vector where the attitude is known."),
     ] = None,
     alarm: Annotated[
-        float | None, typer.Option(help="How much of a shift has to add up; 0: never; default: 10.")
+        float | None,
+        typer.Option(help="Alarm threshold for a lasting change; 0: off; default: 10."),
     ] = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),

@@ -85,7 +85,7 @@ def _outliers(fit: NetworkFit) -> list[Finding]:
         Finding(
             "left out in training",
             "check" if share > OUTLIERS_DOUBTFUL else "note",
-            f"{figure(100 * share)} % of the readings stood out and were left out",
+            f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for wrong references, and for readings taken while something was switched",
         )
     ]
@@ -115,7 +115,7 @@ def _check_convergence(fit: NetworkFit) -> list[Finding]:
         Finding(
             "training unfinished",
             "note",
-            f"training still gained after {fit.iterations} epochs",
+            f"training still improved after {fit.iterations} epochs",
             "raise most_epochs, or take fewer hidden nodes",
         )
     ]

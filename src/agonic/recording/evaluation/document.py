@@ -86,8 +86,8 @@ def _explain(result: Evaluation) -> str:
     words = (
         "The log was cut into eight blocks of time of equal information. The even ones were "
         "judged by a fit to the odd ones, and the reverse; stated is what these fits say that such "
-        "errors should be, from the uncertainty of the calibration and all that they left of their "
-        "own readings. The magnitude is judged about its mean."
+        "errors should be, from the uncertainty of the calibration and from their own residuals. "
+        "The magnitude is judged about its mean."
     )
     if not any(one.kind == HEADING for one in result.measures):
         return words

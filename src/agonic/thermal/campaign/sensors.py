@@ -86,7 +86,7 @@ def parse_sensors(text: str) -> tuple[Sensor, ...]:
         times = int(match["times"] or 1) if match else 0
         if match is None or not 1 <= times <= 64:
             raise AgonicError(
-                f"{entry!r} is no sensor; write a model, 2xMODEL for two, MODEL:NOISE with the "
+                f"{entry!r} is not a sensor; write a model, 2xMODEL for two, MODEL:NOISE with the "
                 "noise of a reading in nT"
             )
         model = _spell(match["model"].strip())

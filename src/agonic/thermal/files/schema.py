@@ -202,7 +202,7 @@ def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -
     ):
         mistakes += [f"{what} {value!r} is described twice" for value in find_repeated(given)]
     mistakes += [
-        f"[[sensor]] {s.name}: temperature_of {s.temperature_of!r} is no sensor of the file"
+        f"[[sensor]] {s.name}: temperature_of {s.temperature_of!r} is not a sensor of the file"
         for s in sensors
         if s.temperature_of and s.temperature_of not in names
     ]
@@ -259,7 +259,7 @@ def _check_files(head: Any, stations: list[Any], folder: Path, mistakes: list[st
         named = set()
     if not named or named - {"station", "board"}:
         mistakes.append(
-            f"files = {head.files!r} is no pattern; write station-{{station:02d}}.csv, or "
+            f"files = {head.files!r} is not a pattern; write station-{{station:02d}}.csv, or "
             "{board}_{station:02d}.csv with the board of every [[sensor]]"
         )
 

@@ -75,7 +75,7 @@ def _find_largest_sd(calibration: Thermal) -> Array:
 
 _SCATTER_FIRST = (
     "first find what makes the readings scatter beyond their noise (field changes): a field that "
-    "changed or an error of the model, which more stations do not cure"
+    "changed or an error of the model, which more stations do not remove"
 )
 
 
@@ -101,7 +101,7 @@ def _judge_undetermined(fit: ThermalFit, faulty: bool) -> Finding | None:
 def _name_remedy(fit: ThermalFit, faulty: bool) -> str:
     """What would determine the rest."""
     if faulty:
-        return "first see to what was not the same at all stations; the standard error contains it"
+        return "first correct what was not the same at all stations; the standard error contains it"
     if _measure_scatter(fit) > EXCESS_DOUBTFUL:
         return _SCATTER_FIRST
     return "record the missing stations, or describe how the stations stood (stations='known')"
@@ -256,8 +256,8 @@ def _judge_anomalies(fit: ThermalFit, sums: Binned) -> Finding | None:
     return Finding(
         "anomalies",
         "check" if share > ANOMALIES_DOUBTFUL else "note",
-        f"{count} reading{'s' * (count > 1)} ({figure(100 * share)} %) stood out of the running "
-        f"median and {'were' if count > 1 else 'was'} left out, at "
+        f"{count} reading{'s' * (count > 1)} ({figure(100 * share)} %) were outliers against the "
+        f"running median and {'were' if count > 1 else 'was'} left out, at "
         f"{name_stations(anomaly.station for anomaly in fit.anomalies)}",
         "look for disturbances at those times" if share > ANOMALIES_DOUBTFUL else "",
     )

@@ -246,6 +246,6 @@ def describe_alternatives(alternatives: Mapping[str, float], unseen: float) -> t
     if not alternatives:
         return ()
     if min(alternatives.values()) > HELPS * unseen:
-        return ("neither hysteresis nor a network would foretell unseen blocks better",)
+        return ("neither hysteresis nor a network would predict unseen blocks better",)
     said = ", ".join(f"{figure(left)} nT with {name}" for name, left in alternatives.items())
     return (f"on unseen blocks it would be {said}",)

@@ -46,7 +46,7 @@ class Settings:
         whole = isinstance(self.degree, int) and 0 <= self.degree <= LARGEST_DEGREE
         if self.degree != "auto" and not whole:
             raise AgonicError(
-                f"degree {self.degree!r} is none; give 0 to {LARGEST_DEGREE}, or 'auto'"
+                f"degree {self.degree!r} is not possible; give 0 to {LARGEST_DEGREE}, or 'auto'"
             )
         for name in ("rate", "drift"):
             given = getattr(self, name)

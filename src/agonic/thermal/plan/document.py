@@ -23,7 +23,7 @@ RULES = (
     "Fix the box in its holder and keep magnets, steel and cables that carry changing currents "
     "away from the chamber; leave everything in the room where it is until the last station.",
     "Switch the sensors on and leave them on: their own heat is part of their temperature.",
-    "Open the chamber only while it is warm: a cold box draws water from the air of the room.",
+    "Open the chamber only while it is warm: room air condenses in a cold box.",
     "Never cool faster than planned: the sensor would no longer have the temperature that its "
     "thermometer reports.",
     "Let the chamber hold at the ends for the whole time: the inside of the box is delayed.",
@@ -169,8 +169,8 @@ def _warn_of_water(plan: ThermalPlan) -> str:
     """What to do against water that condenses on the boards."""
     room, low = plan.profile.room_C, plan.profile.lowest_C
     return (
-        f"water will condense: the programme goes to {format_signed(low)} °C, and the air of the "
-        f"room gives off its water at {format_signed(round(plan.dew_point_C, 1))} °C; dry the air "
+        f"water will condense: the programme goes to {format_signed(low)} °C, and the dew point "
+        f"of the room's air is {format_signed(round(plan.dew_point_C, 1))} °C; dry the air "
         f"in the chamber to below {significant(plan.dry_percent, 2)} % relative humidity at "
         f"{room:g} °C before it is closed (dry nitrogen, or the box in a bag with desiccant), and "
         f"open it only while the box is warmer than {format_signed(round(plan.dew_point_C, 1))} °C"
