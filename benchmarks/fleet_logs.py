@@ -18,9 +18,8 @@ import psutil
 
 from agonic.exports.csv import write_csv
 from agonic.fleet.distributed import Dask
-from agonic.fleet.engine import Engine
+from agonic.fleet.engine import Engine, Processes
 from agonic.fleet.inputs import JOURNAL
-from agonic.fleet.local import Processes
 from agonic.fleet.run import FleetRun, Progress, run_fleet
 from agonic.simulation import simulate
 from benchmarks import tables

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.errors import AgonicError
-from agonic.exports.mr import NAMES, write_mr
-from agonic.exports.table import write_table
+from agonic.exports.table import NAMES, write_mr, write_table
 from agonic.simulation import random_calibration
 
 OWN = ag.Affine(

@@ -56,7 +56,7 @@ def set_track(samples: Samples, altitude_m: float | None, elements: Path | None)
         return samples.with_columns(altitude_m=np.full(len(samples), altitude_m))
     if elements is None:
         return samples
-    from agonic.logs.space.tle import positions_from_tle
+    from agonic.logs.space.positions import positions_from_tle
 
     if samples.time is None or samples.epoch is None:
         raise AgonicError(f"--tle {elements}: {samples.name} has no date; give --date")

@@ -56,7 +56,7 @@ TARGETS: dict[str, Target] = {
     "matlab": Target("matlab:write_matlab", ".mat", thermal=True),
     "ros": Target("ros:write_ros", ".yaml"),
     "table": Target("table:write_table", ".csv", thermal=True),
-    "mr": Target("mr:write_mr", ".csv"),
+    "mr": Target("table:write_mr", ".csv"),
 }
 
 USE: Mapping[str, tuple[str, str, str]] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,16 @@ from msgspec import Struct
 from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import read_bytes
 from agonic.logs.formats import name_content
+
+
+def write_value(value: Any) -> str:
+    r"""A text, number or list as a value of TOML: as in JSON, but for the delete character.
+
+    >>> write_value('a "b"'), write_value([1.5, 2])
+    ('"a \\"b\\""', '[1.5, 2]')
+    """
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
 
 Made = TypeVar("Made")
 

@@ -14,8 +14,7 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from agonic.errors import AgonicError, MissingExtraError
-from agonic.fleet.engine import LONGEST_S, Lost
-from agonic.fleet.local import ask, count_processors
+from agonic.fleet.engine import LONGEST_S, Lost, ask, count_processors
 from agonic.logs.child_process import Child
 from agonic.version import __version__
 

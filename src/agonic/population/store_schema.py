@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.health import Finding
-from agonic.population.population import COLUMNS, Population, get_dtype
-from agonic.population.row import Row
+from agonic.population.population import COLUMNS, Population, Row, get_dtype
 from agonic.provenance import escape_text
 
 APPLICATION = 0x61676E63

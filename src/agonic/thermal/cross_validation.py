@@ -13,11 +13,11 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
 from agonic.reference import Reference
+from agonic.thermal.fit.evidence import compute_spread
 from agonic.thermal.fit.fit import fit_binned
 from agonic.thermal.fit.readings import Facts
 from agonic.thermal.fit.result import Spread, ThermalFit
 from agonic.thermal.fit.settings import Stations
-from agonic.thermal.fit.spread import compute_spread
 from agonic.thermal.maths.binned_sums import Binned, Cells
 from agonic.thermal.maths.ellipsoids import FEWEST
 

@@ -18,8 +18,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.steps import require_calibration
 from agonic.errors import LogError
 from agonic.files.calibration import load
-from agonic.files.toml_sections import read_section, read_toml, try_to_make
-from agonic.files.toml_text import write_value
+from agonic.files.toml_sections import read_section, read_toml, try_to_make, write_value
 from agonic.logs.read import open_log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples

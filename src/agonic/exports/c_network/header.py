@@ -15,8 +15,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
 from agonic.exports.banner import format_float32, write_banner
-from agonic.exports.c_network.parts import Parts, split_parts
-from agonic.exports.c_network.selftest import Known, make_known_readings
+from agonic.exports.c_network.parts import Known, Parts, make_known_readings, split_parts
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,

@@ -14,7 +14,7 @@ from agonic.field.decimal_year import parse_date
 from agonic.logs import parquet
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import identify_columns
-from agonic.logs.headers.words import LAST
+from agonic.logs.headers.quantities import LAST
 from agonic.logs.large.blocks import ROWS as STRIP
 from agonic.logs.large.blocks import Strip, find_layout, keep_usable, sweep
 from agonic.logs.read import open_log

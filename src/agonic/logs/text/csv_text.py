@@ -94,11 +94,11 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     dialect = find_dialect(head, rows)
     said: tuple[str, ...] = ()
     if dialect is None and _most(rows, _TAGGED.match):
-        from agonic.logs.text.kinds import find_stated_dialect
+        from agonic.logs.text.dialects import find_stated_dialect
 
         dialect, said = find_stated_dialect(head)
     if dialect is not None:
-        from agonic.logs.text.kinds import build_dialect_log
+        from agonic.logs.text.dialects import build_dialect_log
 
         facts = Facts(
             path=path, source=source, format=dialect.name, unit=unit, notes=(*notes, *said)
@@ -120,7 +120,7 @@ def read_table(path: Path) -> TableAndFacts:
     data, head, notes = _load(path)
     sample = sample_lines(head)
     if dialect := find_dialect(head, [head[i] for i in sample]):
-        from agonic.logs.text.kinds import read_dialect
+        from agonic.logs.text.dialects import read_dialect
 
         tables = read_dialect(dialect, _decode(data))
         return next(iter(tables.values())), {"format": dialect.name, "notes": notes}

@@ -19,14 +19,10 @@ FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
 
 def campaign(
     out: Folder,
-    sensors: Annotated[
-        str, typer.Option(metavar="LIST", help="2xMMC5883MA,3xMPU-9255; MODEL:NOISE in nT.")
-    ] = "2xMMC5883MA,3xMPU-9255",
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Readings a second.", min=0.001)] = 1.0,
-    noise: Annotated[
-        float | None, typer.Option(help="Noise per axis, nT; default: by the model.", min=0)
-    ] = None,
-    field: Annotated[float, typer.Option(help="Magnitude of the field, nT.")] = 48_000.0,
+    sensors: str = "2xMMC5883MA,3xMPU-9255",
+    rate: float = 1.0,
+    noise: float | None = None,
+    field: float = 48_000.0,
     fault: Annotated[
         list[str] | None, typer.Option(metavar="FAULT", help=f"Repeatable: {FAULTS}.")
     ] = None,
@@ -34,7 +30,15 @@ def campaign(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """A thermal chamber: recordings, their campaign.toml, and the truth in a folder of its own."""
+    """A thermal chamber: recordings, their campaign.toml, and the truth in a folder of its own.
+
+    Options
+    -------
+    sensors LIST : 2xMMC5883MA,3xMPU-9255; MODEL:NOISE in nT.
+    rate HZ ≥0.001 : Readings a second.
+    noise ≥0 : Noise per axis, nT; default: by the model.
+    field : Magnitude of the field, nT.
+    """
     from agonic.console.output import print_json, say
     from agonic.thermal.files.write import write_campaign
     from agonic.thermal.simulation.campaign import simulate_campaign

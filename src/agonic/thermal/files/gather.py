@@ -16,15 +16,11 @@ from agonic.health import Finding
 from agonic.logs.headers.columns import identify_column
 from agonic.provenance import Input
 from agonic.samples import Samples
-from agonic.thermal.campaign.description import Description, Station
+from agonic.thermal.campaign.description import Description, Sensor, Station, name_stations
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.campaign.sensors import Sensor
-from agonic.thermal.files.large_tables import RecordedFile
-from agonic.thermal.files.schema import FILE_NAME
-from agonic.thermal.files.sensor_columns import find_label
-from agonic.thermal.files.split_table import Part
+from agonic.thermal.files.schema import FILE_NAME, find_label
+from agonic.thermal.files.split_table import Part, RecordedFile
 from agonic.thermal.files.station_files import StationFile
-from agonic.thermal.names import name_stations
 from agonic.units import RAW, nanotesla_per
 
 Place = tuple[int, str]

@@ -19,7 +19,7 @@ from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.estimation.noise.residuals import estimate_noise, robust_scale
 from agonic.model.average import Base, Group, average
 from agonic.model.terms.time import TIME
-from agonic.thermal.maths import fixture, gaussian_process
+from agonic.thermal.maths import gaussian_process, stations
 from agonic.thermal.maths.prior import estimate_width, make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (
     Poses,
@@ -98,7 +98,7 @@ def estimate_by_orientations(
     """
     assert problem.rot_nb is not None
     seen = find_directions(problem, start)
-    found = fixture.find_mounting(seen, problem.rot_nb)
+    found = stations.find_mounting(seen, problem.rot_nb)
     kinds = gaussian_process.KINDS if slow is None else gaussian_process.list_near_kinds(slow)
     return _iterate(problem, start, Poses(seen, found.mount, found.field), kinds)
 
