@@ -17,8 +17,7 @@ from pathlib import Path
 import psutil
 
 from agonic.exports.csv import write_csv
-from agonic.fleet.distributed import Dask
-from agonic.fleet.engine import Engine, Processes
+from agonic.fleet.engine import Dask, Engine, Processes
 from agonic.fleet.inputs import JOURNAL
 from agonic.fleet.run import FleetRun, Progress, run_fleet
 from agonic.simulation import simulate

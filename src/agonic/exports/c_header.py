@@ -30,8 +30,13 @@ from agonic.exports.firmware.c_text import (
     write_comment,
     write_flash,
 )
-from agonic.exports.fixed_temperature import hold_temperature
-from agonic.exports.polynomials import RATE, Polynomials, changes_with_temperature, fit_polynomials
+from agonic.exports.temperature import (
+    RATE,
+    Polynomials,
+    changes_with_temperature,
+    fit_polynomials,
+    hold_temperature,
+)
 
 TESTS = 7
 """Known readings of the self-test, over the range of temperatures."""

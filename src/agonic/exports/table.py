@@ -25,8 +25,12 @@ from agonic.calibration.steps import compute_composed_covariance
 from agonic.calibration.thermal import Thermal
 from agonic.exports.banner import write_banner
 from agonic.exports.convert import Export, hold_sources, list_left_out, reduce
-from agonic.exports.fixed_temperature import hold_temperature
-from agonic.exports.polynomials import RATE, changes_with_temperature, fit_polynomials
+from agonic.exports.temperature import (
+    RATE,
+    changes_with_temperature,
+    fit_polynomials,
+    hold_temperature,
+)
 from agonic.maths.equation.affine import join, model_basis
 
 COLUMNS = ("parameter", "value", "standard_error", "unit")

@@ -19,7 +19,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning
-from agonic.exports.polynomials import Polynomials, fit_polynomials, make_constant
+from agonic.exports.temperature import Polynomials, fit_polynomials, make_constant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ from agonic.calibration.sources import SOURCES, list_columns
 from agonic.calibration.steps import compose
 from agonic.exports.firmware.following import find_time_constants
 from agonic.exports.firmware.grid import DeclinationGrid
-from agonic.exports.polynomials import (
+from agonic.exports.temperature import (
     RATE,
     Polynomials,
     changes_with_temperature,

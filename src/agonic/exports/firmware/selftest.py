@@ -25,7 +25,7 @@ from agonic.exports.firmware.prediction import (
     predict_one,
 )
 from agonic.exports.firmware.sources import write_about
-from agonic.exports.polynomials import changes_with_temperature, evaluate_affine
+from agonic.exports.temperature import changes_with_temperature, evaluate_affine
 from agonic.maths.rotations.attitude import rot_nb
 
 TOLERANCE_DEG = 0.01

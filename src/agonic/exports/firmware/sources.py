@@ -22,7 +22,7 @@ from agonic.exports.firmware.following import write_following, write_following_h
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, LESS, find_weakest
-from agonic.exports.polynomials import RATE
+from agonic.exports.temperature import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
 

@@ -102,7 +102,7 @@ def _choose_engine(
     if scheduler is not None and engine == "local":
         raise AgonicError("--scheduler is for the engine dask, not for local")
     if engine == "dask" or scheduler is not None:
-        from agonic.fleet.distributed import Dask
+        from agonic.fleet.engine import Dask
 
         return Dask(scheduler=scheduler, workers=workers, longest_s=longest_s)
     return Here() if workers == 0 else Processes(workers, longest_s)
