@@ -326,7 +326,10 @@ def open_mission(
     missing = [file for file in files if not file.is_file()]
     if missing:
         raise LogError("there is no such file", path=str(missing[0]))
-    counts = [_rows(file) for file in files]
+    counts = [
+        (parquet.count_rows(file) if _is_parquet(file) else len(open_log(file).sensors[0]))
+        for file in files
+    ]
     inputs = tuple(
         Input(
             name=file.name,
@@ -361,10 +364,6 @@ def is_long(paths: Sequence[Path | Remote], rows: int | None = None) -> bool:
         return True
     path = locate(paths[0])
     return path.is_file() and _is_parquet(path) and parquet.count_rows(path) > most
-
-
-def _rows(path: Path | Remote) -> int:
-    return parquet.count_rows(path) if _is_parquet(path) else len(open_log(path).sensors[0])
 
 
 def _is_parquet(path: Path | Remote) -> bool:

@@ -225,18 +225,13 @@ def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> T
         from agonic.logs.text.layout import scale_columns
 
         table = scale_columns(table, head[1 : layout.start - 1])
-    if _lacks_numbers(table):
+    if any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f"):
         from agonic.logs.text.sanity import check_numbers, cut_at_header
 
         check_numbers(table, data, start, layout)
         table, cut = cut_at_header(table, data, start, layout)
         notes += cut
     return table, {"format": "text table", "others": others, "notes": (*layout.notes, *notes)}
-
-
-def _lacks_numbers(table: Table) -> bool:
-    """Whether a cell of a numeric column is no number."""
-    return any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
 
 
 def _skip_lines(data: Text, count: int) -> int:

@@ -175,16 +175,15 @@ def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
         for found in stated:
             names = [name.strip() for name in found[3].split(separator)]
             if found[2] == separator and len(names) > 2:
-                headers[found[1]] = _fit_names(names, first.get(found[1], "").count(separator))
+                headers[found[1]] = (
+                    [name for name in names if name]
+                    if len(names) > first.get(found[1], "").count(separator)
+                    else names
+                )
         begun = headers.keys() & first
         if len(begun) > 1 or (begun and (len(headers) > 1 or first.keys() <= begun)):
             return _make(headers, separator=separator)
     return None
-
-
-def _fit_names(names: list[str], width: int) -> list[str]:
-    """The names of so many cells; a doubled separator among them is a slip of the pen."""
-    return [name for name in names if name] if len(names) > width else names
 
 
 def _find_named(rows: Sequence[str]) -> Stated:
@@ -320,15 +319,15 @@ def build_kinds_log(tables: Mapping[str, Table], kinds: Mapping[str, Kind], fact
     if "" in tables:
         log = build_log(tables[""], **facts)
     else:
-        others = [name for name, table in tables.items() if _holds_times_alone(table)]
+        others = [
+            name
+            for name, table in tables.items()
+            if ({*find_quantities(table).values()} <= {"time"})
+        ]
         groups = {name.lstrip("$"): table for name, table in tables.items() if name not in others}
         facts["others"] = others
         log = build_groups_log(groups, **facts)
     return replace(log, sensors=tuple(_mark(one, kinds) for one in log.sensors))
-
-
-def _holds_times_alone(table: Table) -> bool:
-    return {*find_quantities(table).values()} <= {"time"}
 
 
 def _mark(samples: Samples, kinds: Mapping[str, Kind]) -> Samples:

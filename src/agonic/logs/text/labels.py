@@ -70,13 +70,13 @@ def read_echo(rows: Iterable[str]) -> Iterator[dict[str, object]]:
             within = [*within, (indent, line["key"])][:_MOST_WITHIN]
             continue
         name = ".".join([*(key for _, key in within), line["key"]])
-        message[name] = _read_list(value) if value.startswith("[") else value.strip("\"'")
+        message[name] = (
+            [cell.strip() for cell in value[:1000].strip("[] ").split(",")]
+            if value.startswith("[")
+            else value.strip("\"'")
+        )
     if message:
         yield message
-
-
-def _read_list(value: str) -> list[str]:
-    return [cell.strip() for cell in value[:1000].strip("[] ").split(",")]
 
 
 _LABEL = re.compile(

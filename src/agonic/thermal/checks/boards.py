@@ -107,7 +107,7 @@ def find_courses(
     still: dict[str, dict[int, tuple[int, int]]] = {}
     for number, here in levels.items():
         guides = [*here.values(), usual, *([] if planned is None else [planned])]
-        course = _choose_liveliest(guides)
+        course = max(guides, key=lambda level: float(np.nanmax(level) - np.nanmin(level)))
         at_rest = {
             name: span for name, level in here.items() if (span := find_stuck(level, course))
         }
@@ -130,11 +130,6 @@ def _take_median(levels: list[Array]) -> Array:
     middle = np.full(table.shape[1], np.nan)
     middle[known] = np.nanmedian(table[:, known], axis=0)
     return middle
-
-
-def _choose_liveliest(levels: list[Array]) -> Array:
-    """The course with the largest range: one that stands still tells nothing of the others."""
-    return max(levels, key=lambda level: float(np.nanmax(level) - np.nanmin(level)))
 
 
 _GAP_S = 5.0

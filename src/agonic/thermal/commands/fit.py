@@ -78,7 +78,7 @@ def fit_chamber(
         bin_width_C=bin_width,
         unseen_change_sd=unseen_change,
         held_out=held_out,
-        workers=workers or _count_workers(read.rows),
+        workers=workers or ((os.cpu_count() or 1) if read.rows > LARGE else 1),
         progress=lambda names: progress(names, "Fitting"),
     )
     files = {} if out is None else _write_calibrations(result, make_folder(out))
@@ -118,11 +118,6 @@ def _fit_known_field(
     if out is not None:
         files.append(str(write_atomically(make_folder(out) / "report.html", document.to_html())))
     return finish(document, files=files, as_json=as_json)
-
-
-def _count_workers(rows: int) -> int:
-    """Processes that fit: a second one takes a second to begin."""
-    return (os.cpu_count() or 1) if rows > LARGE else 1
 
 
 def _write_calibrations(result: CalibratedCampaign, home: Path) -> dict[str, list[str]]:

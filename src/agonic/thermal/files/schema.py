@@ -197,7 +197,14 @@ def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -
     names = [sensor.name for sensor in sensors]
     for what, given in (
         ("sensor", names),
-        ("column", [_of_board(sensor.column, sensor.board) for sensor in sensors if sensor.column]),
+        (
+            "column",
+            [
+                (f"{sensor.column} of {sensor.board}" if sensor.board else sensor.column)
+                for sensor in sensors
+                if sensor.column
+            ],
+        ),
         ("station", [station.number for station in stations]),
         ("file", [station.file for station in stations if station.file]),
     ):
@@ -213,11 +220,6 @@ def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -
             mistakes.append(
                 f"[[station]] {station.number}: roll_deg, pitch_deg and heading_deg go together"
             )
-
-
-def _of_board(column: str, board: str) -> str:
-    """A column with the board that it is on: two boards may call theirs alike."""
-    return f"{column} of {board}" if board else column
 
 
 def _check_columns(head: Any, sensors: list[Any], mistakes: list[str]) -> None:
