@@ -86,6 +86,7 @@ def _word_mistake(value: Any, hint: Any, error: msgspec.ValidationError) -> str:
     hints = (hint, *get_args(hint))
     choices = [one for kind in hints if get_origin(kind) is Literal for one in get_args(kind)]
     if choices:
+        choices = ["a number"] * (float in hints) + choices
         return f"{value!r} is not known; use one of {', '.join(map(str, choices))}"
     return str(error).replace("Expected", "expected").replace(" | null", "")
 
