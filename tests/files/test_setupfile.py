@@ -188,7 +188,7 @@ def test_all_mistakes_are_named_at_once() -> None:
     said = mistakes(text)
     assert said.startswith("setup.toml: ")
     for part in (
-        "[[compass]] 1 gone.json",
+        "[[compass]] 1: gone.json",
         "[tilt] has no key `sd`",
         "[limits] `dip_deg` expected `float`",
     ):

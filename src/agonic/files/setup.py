@@ -122,8 +122,8 @@ ATTRIBUTES: Mapping[str, tuple[str, str]] = {
 
 
 NEEDED = (
-    "a setup (TOML) or a calibration file (JSON), both of which agonic calibrate LOG writes into "
-    "LOG-agonic,"
+    "a setup (TOML) or a calibration file (JSON) is needed: agonic calibrate LOG writes both into "
+    "LOG-agonic"
 )
 
 

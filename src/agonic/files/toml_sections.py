@@ -28,18 +28,18 @@ def write_value(value: Any) -> str:
 Made = TypeVar("Made")
 
 
-def read_toml(path: Path, needed: str = "a description in TOML") -> dict[str, Any]:
+def read_toml(path: Path, needed: str = "a description in TOML is needed") -> dict[str, Any]:
     """The tables of a TOML file, or a `LogError` that says why there are none.
 
-    `needed` is what the file should be.
+    `needed` says what the file should be.
     """
     data = read_bytes(path)
     try:
         return tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:
-        if path.suffix == ".toml":
-            raise LogError(f"this is not TOML: {error}", path=path) from None
-        raise LogError(f"this is {name_content(data)}, and {needed} is needed", path=path) from None
+        written = path.suffix == ".toml" and data.strip()
+        what = f"not TOML ({error})" if written else name_content(data)
+        raise LogError(f"this is {what}, and {needed}", path=path) from None
 
 
 def read_section(
