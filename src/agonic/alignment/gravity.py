@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -23,6 +24,7 @@ from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.rotations.tilt import down_from_force
+from agonic.readable import Shown
 from agonic.samples import Samples
 
 
@@ -54,27 +56,27 @@ class GravityFit(Judged):
         return len(self.down)
 
     @property
-    def rot_bm(self) -> Array:
+    def rot_bm(self) -> Annotated[Array, Shown(key="matrix_bm")]:
         """Magnetometer components into the accelerometer's, (3, 3)."""
         return self.estimate.rotation
 
     @property
-    def angle_deg(self) -> float:
+    def angle_deg(self) -> Annotated[float, Shown(key="turn_deg")]:
         """By how much the two are turned against each other."""
         return float(np.degrees(Rotation.from_matrix(self.rot_bm).magnitude()))
 
     @property
-    def sd_deg(self) -> Array:
+    def sd_deg(self) -> Annotated[Array, Shown()]:
         """Standard errors (3,) of the turn about the accelerometer's axes."""
         return np.asarray(np.degrees(np.sqrt(np.diag(self.estimate.covariance)[:3])))
 
     @property
-    def worst_sd_deg(self) -> float:
+    def worst_sd_deg(self) -> Annotated[float, Shown()]:
         """About the axis about which it is known least."""
         return float(np.degrees(compute_turn_sd(self.estimate.covariance)))
 
     @property
-    def inclination_deg(self) -> float:
+    def inclination_deg(self) -> Annotated[float, Shown()]:
         """Of the field, down positive, by magnetometer and accelerometer alone."""
         return float(np.degrees(np.arcsin(np.clip(self.estimate.vertical / self.magnitude, -1, 1))))
 

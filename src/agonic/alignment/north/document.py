@@ -15,6 +15,7 @@ from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.north.platform import Aligned
 from agonic.alignment.session.laboratory import SwingRecord
+from agonic.readable import make_record
 from agonic.report.axes import Axis, Columns
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
@@ -118,8 +119,7 @@ def _platform_rows(aligned: Aligned) -> list[list[str]]:
 
 def _numbers(fit: NorthFit) -> dict[str, Any]:
     values = {
-        "north_deg": fit.north_deg,
-        "north_sd_arcsec": fit.sd_arcsec,
+        **make_record(fit),
         "by": {
             name: {
                 "gyro_north_deg": found.reading_deg,
@@ -128,9 +128,6 @@ def _numbers(fit: NorthFit) -> dict[str, Any]:
             }
             for name, found in fit.by.items()
         },
-        "transit_constant": fit.constant,
-        "transit_constant_sd": fit.constant_sd,
-        "period_s": fit.period_s,
         "azimuths": [asdict(azimuth) for azimuth in fit.azimuths],
     }
     if fit.aligned is None:
