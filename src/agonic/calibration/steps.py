@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TypeAlias, TypeVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
@@ -144,6 +143,8 @@ def _find_roots(step: Calibration) -> Array | None:
 def _move(step: Calibration, root: Array) -> Calibration:
     """A step with its numbers changed by a root."""
     if isinstance(step, Alignment):
+        from scipy.spatial.transform import Rotation  # slow to load
+
         return replace(step, rotation=Rotation.from_rotvec(root) * step.rotation)
     if isinstance(step, Affine):
         return replace(step, bias=step.bias + root[:3], matrix=step.matrix + root[3:].reshape(3, 3))

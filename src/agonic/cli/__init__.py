@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any
 
 from agonic.cli.commands import COMMANDS, GROUPS, KINDS
-from agonic.console.output import allow_any_sign
+from agonic.console.terminal import allow_any_sign
 from agonic.version import __version__
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2

@@ -48,7 +48,8 @@ def finish(
     that the documents of the sensors have among their files; `open_page` shows it in a browser.
     `brief` leaves out what only `--verbose` says. The status is 0 where nothing is objected to.
     """
-    from agonic.console.output import find_width, print_json, say
+    from agonic.console.output import print_json, say
+    from agonic.console.terminal import find_width
     from agonic.files.calibration import save
     from agonic.report.text import wrap_command
 

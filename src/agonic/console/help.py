@@ -12,8 +12,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from agonic.console.boundary import stop
-from agonic.console.output import find_width
 from agonic.console.progress import timing
+from agonic.console.terminal import find_width
 
 Row = tuple[str, str]
 """A name, and what it means."""
