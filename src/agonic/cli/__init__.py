@@ -39,7 +39,7 @@ def run(arguments: list[str]) -> int:
     from agonic.atomic import protect
     from agonic.console.boundary import Interrupted, explain
     from agonic.console.help import describe_usage_error
-    from agonic.console.standard_input import keep_standard_input
+    from agonic.console.terminal import keep_standard_input
     from agonic.errors import AgonicError
 
     if arguments in (["--version"], ["-V"]):

@@ -15,9 +15,9 @@ from agonic.health import Finding, figure
 from agonic.reference import Reference
 from agonic.thermal.fit.evidence import compute_spread
 from agonic.thermal.fit.fit import fit_binned
+from agonic.thermal.fit.problem import Stations
 from agonic.thermal.fit.readings import Facts
 from agonic.thermal.fit.result import Spread, ThermalFit
-from agonic.thermal.fit.settings import Stations
 from agonic.thermal.maths.binned_sums import Binned, Cells
 from agonic.thermal.maths.ellipsoids import FEWEST
 

@@ -8,8 +8,7 @@ from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, correction_jacobian, model_basis
 from agonic.maths.estimation import leastsq
 from agonic.thermal.fit.known_field_model import KnownFieldReadings, choose_model
-from agonic.thermal.fit.problem import Scale
-from agonic.thermal.fit.settings import Settings
+from agonic.thermal.fit.problem import Scale, Settings
 from agonic.thermal.maths import (
     ellipsoids,
     estimate,

@@ -19,7 +19,7 @@ from agonic.thermal.fit import each_temperature, evidence
 from agonic.thermal.fit.calibration import make_chamber_calibration
 from agonic.thermal.fit.evidence import compute_spread
 from agonic.thermal.fit.known_field import fit_known_field
-from agonic.thermal.fit.problem import ChamberReadings, select_readings
+from agonic.thermal.fit.problem import ChamberReadings, Settings, select_readings
 from agonic.thermal.fit.readings import (
     Facts,
     collect_facts,
@@ -28,7 +28,6 @@ from agonic.thermal.fit.readings import (
     sum_readings,
 )
 from agonic.thermal.fit.result import Anomaly, Fixture, Positions, ThermalFit
-from agonic.thermal.fit.settings import Settings
 from agonic.thermal.fit.solve import Solution, solve
 from agonic.thermal.fit.station_faults import judge_faults
 from agonic.thermal.maths.binned_sums import Binned

@@ -22,7 +22,7 @@ from agonic.thermal.fit.known_field_model import (
     choose_model,
     normalise,
 )
-from agonic.thermal.fit.problem import find_narrow_range, require_range
+from agonic.thermal.fit.problem import Settings, find_narrow_range, require_range
 from agonic.thermal.fit.readings import (
     collect_facts,
     convert_to_celsius,
@@ -30,7 +30,6 @@ from agonic.thermal.fit.readings import (
     require_temperature,
 )
 from agonic.thermal.fit.result import ThermalFit
-from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths.known_field import (
     BLOCKS,
     FIELD,

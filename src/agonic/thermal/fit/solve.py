@@ -18,8 +18,7 @@ from agonic.thermal.fit.each_temperature import (
     choose_degree,
     fit_each_temperature,
 )
-from agonic.thermal.fit.problem import NO_LAG, ChamberReadings, make_problem
-from agonic.thermal.fit.settings import Settings
+from agonic.thermal.fit.problem import NO_LAG, ChamberReadings, Settings, make_problem
 from agonic.thermal.maths.ellipsoids import FEWEST
 from agonic.thermal.maths.estimate import (
     StationEstimate,
