@@ -19,7 +19,7 @@ GROUPS = {
         "calibrate": "agonic.cli.calibrate",
         "live": "agonic.live.command",
         "fit": "Fit one kind of calibration to a log.",
-        "verify": "agonic.cli.calibration_and_log",
+        "verify": "agonic.cli.verify",
         "evaluate": "agonic.recording.commands.evaluate",
         "demo": "agonic.recording.commands.demo",
     },
@@ -43,7 +43,7 @@ GROUPS = {
     },
     "Files": {
         "info": "agonic.recording.commands.info",
-        "apply": "agonic.cli.calibration_and_log",
+        "apply": "agonic.cli.apply",
         "export": "agonic.cli.export",
         "report": "agonic.cli.report",
         "cite": "agonic.cli.cite",
