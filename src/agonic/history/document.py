@@ -16,13 +16,13 @@ from agonic.history.result import YEAR_S, Drift, Event, Trend
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
 from agonic.readable import make_record
-from agonic.report.axes import Axis, down, right
+from agonic.report.axes import Axis, down, fit_axis, right
 from agonic.report.digits import count, group_digits, quantity, round_to_sd, show_sign, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
-from agonic.report.strips import caption, path, plot, points
+from agonic.report.strips import area, caption, curve, dots, path, plot
 from agonic.report.tables import NOTHING, mark
 
 DAYS_A_YEAR = 365.25
@@ -69,7 +69,7 @@ def draw_trend(one: Trend, drift: Drift) -> Markup:
     x = Axis(label, -margin, float(along[-1]) + margin)
     reach = _WIDE * band.calibration_sd
     shown = [band.mean - reach, band.mean + reach, one.value - one.sd, one.value + one.sd]
-    y = _make_axis(one.name, np.concatenate(shown))
+    y = fit_axis(one.name, np.concatenate(shown))
 
     def draw_step(event: Event) -> Markup:
         """The time between the two calibrations that it lies between."""
@@ -77,31 +77,26 @@ def draw_trend(one: Trend, drift: Drift) -> Markup:
         left, stop = right(x, (ends - start) / _UNITS_S[unit])
         return path(f"M{left:.1f} 0H{stop:.1f}V1000H{left:.1f}Z", "step")
 
-    def draw_band(half: Array, name: str) -> Markup:
-        there = points(right(x, along), down(y, band.mean + half))
-        back = points(right(x, along[::-1]), down(y, (band.mean - half)[::-1]))
-        return path(f"M{there}L{back}Z", name)
-
     layers = [
         *map(draw_step, _find_steps(one, drift)),
-        draw_band(reach, "calibrations"),
-        draw_band(_WIDE * band.sd, "band"),
-        path(f"M{points(right(x, along), down(y, band.mean))}", "level"),
-        *_draw_calibrations(one, right(x, seen), y),
+        area(x, y, along, *shown[:2], "calibrations"),
+        area(x, y, along, band.mean - _WIDE * band.sd, band.mean + _WIDE * band.sd, "band"),
+        curve(x, y, along, band.mean, "level"),
+        *_draw_calibrations(one, x, seen, y),
     ]
     return plot(x, y, layers, f"{one.name} over time with its bands", kind="small")
 
 
-def _draw_calibrations(one: Trend, at: Array, y: Axis) -> list[Markup]:
+def _draw_calibrations(one: Trend, x: Axis, seen: Array, y: Axis) -> list[Markup]:
     """Their standard errors, and their values as dots."""
+    at = right(x, seen)
     outlier = np.isin(np.arange(len(one.time)), [s.place for s in one.shifts if s.outlier])
     ends = zip(at, down(y, one.value + one.sd), down(y, one.value - one.sd), strict=True)
     layers = [path("".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if b == b), "sd")]
     told = np.isfinite(one.value)
     for name, rows in (("seen", ~outlier & told), ("astray", outlier & told)):
         if rows.any():
-            places = zip(at[rows], down(y, one.value)[rows], strict=True)
-            layers.append(path("".join(f"M{a:.1f} {b:.1f}h0" for a, b in places), name))
+            layers.append(dots(x, y, seen[rows], one.value[rows], name))
     return layers
 
 
@@ -109,12 +104,6 @@ def _find_steps(one: Trend, drift: Drift) -> list[Event]:
     """The steps that show in a parameter."""
     steps = (event for event in drift.events if event.kind == "step")
     return [step for step in steps if one.name in [moved.name for moved in step.parameters]]
-
-
-def _make_axis(label: str, values: Array) -> Axis:
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    margin = max(0.06 * (high - low), 1e-9 * max(abs(low), abs(high)), 1e-12)
-    return Axis(label, low - margin, high + margin)
 
 
 def list_values(drift: Drift) -> dict[str, Any]:

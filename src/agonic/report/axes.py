@@ -61,6 +61,18 @@ class Axis:
         return np.asarray(marks[(marks >= self.low * 0.999) & (marks <= self.high * 1.001)])
 
 
+def fit_axis(label: str, values: Array) -> Axis:
+    """An axis that holds the values, and never shows less than they can be told apart.
+
+    >>> axis = fit_axis("°C", np.array([-10.0, 40.0, np.nan]))
+    >>> axis.low, axis.high
+    (-13.0, 43.0)
+    """
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    margin = max(0.06 * (high - low), 1e-7 * max(abs(low), abs(high)), 1e-9)
+    return Axis(label, low - margin, high + margin)
+
+
 class Columns:
     """Readings put into the columns of a strip by where they lie along its axis.
 

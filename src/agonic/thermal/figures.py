@@ -12,10 +12,11 @@ from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.decomposition import decompose_at
 from agonic.calibration.thermal import Thermal
-from agonic.report.axes import Axis, down, right
+from agonic.report import strips
+from agonic.report.axes import Axis, down, fit_axis, right
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
-from agonic.report.strips import caption, level, path, plot, points
+from agonic.report.strips import area, caption, level, path, plot, points
 from agonic.report.time_axis import along_time
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.checks.boards import Course
@@ -148,12 +149,12 @@ def draw_coefficient(curve: Curve, dots: Sequence[Dots]) -> Markup:
     reach = np.zeros(len(curve.value)) if curve.sd is None else 2 * curve.sd
     shown = [curve.value - reach, curve.value + reach]
     shown += [_leave_out_outliers(curve, d) for d in dots if len(d.values)]
-    y = _fit_axis(curve.label, np.concatenate(shown))
+    y = fit_axis(curve.label, np.concatenate(shown))
     layers = []
     if curve.sd is not None:
-        layers.append(_draw_band(x, y, curve.temperature, curve.value - reach, curve.value + reach))
-    layers += [_draw_dots(x, y, d) for d in dots]
-    layers.append(path(f"M{points(right(x, curve.temperature), down(y, curve.value))}", "curve"))
+        layers.append(area(x, y, curve.temperature, *shown[:2], "band"))
+    layers += [strips.dots(x, y, d.temperature, d.values, f"dots {d.kind}") for d in dots]
+    layers.append(strips.curve(x, y, curve.temperature, curve.value, "curve"))
     words = f"{curve.name} from {low:.0f} to {high:.0f} °C"
     return plot(x, y, layers, words, kind="small")
 
@@ -168,24 +169,6 @@ def _leave_out_outliers(curve: Curve, dots: Dots) -> Array:
     """The dots that are no outliers: those are drawn at the edge."""
     away = np.abs(dots.values - np.interp(dots.temperature, curve.temperature, curve.value))
     return dots.values[away <= _OUTLIER * float(np.median(away)) + 1e-300]
-
-
-def _fit_axis(label: str, values: Array) -> Axis:
-    """An axis that holds the values, and never shows less than they can be told apart."""
-    low, high = float(values.min()), float(values.max())
-    margin = max(0.06 * (high - low), 1e-7 * max(abs(low), abs(high)), 1e-9)
-    return Axis(label, low - margin, high + margin)
-
-
-def _draw_band(x: Axis, y: Axis, at: Array, low: Array, high: Array) -> Markup:
-    there = points(right(x, at), down(y, high))
-    back = points(right(x, at[::-1]), down(y, low[::-1]))
-    return path(f"M{there}L{back}Z", "band")
-
-
-def _draw_dots(x: Axis, y: Axis, dots: Dots) -> Markup:
-    places = zip(right(x, dots.temperature), down(y, dots.values), strict=True)
-    return path("".join(f"M{a:.0f} {b:.0f}h0" for a, b in places), f"dots {dots.kind}")
 
 
 def _draw_station_bars(found: Spread, held_out: HeldOut | None, column: int, label: str) -> Markup:
@@ -229,7 +212,7 @@ def _draw_variances(variances: Array, chosen: int) -> Markup:
     for k, row in enumerate(shown):
         there = np.isfinite(row)
         name = "of-bias" if k < 3 else "of-matrix"
-        layers.append(path(f"M{points(right(x, order[there]), down(y, row[there]))}", name))
+        layers.append(strips.curve(x, y, order[there], row[there], name))
     return plot(x, y, layers, f"Variance of the residuals against the order; {chosen} is used")
 
 
@@ -243,7 +226,7 @@ def _draw_chamber_axis(found: ChamberField, axis: int) -> Markup:
     limit = 1.1 * max(reach, float(np.abs(common).max()), 1e-9)
     y = Axis(f"{found.axes[axis]}, nT", -limit, limit)
     layers = [level(y, 0.0, "zero")]
-    layers += [_draw_dots(x, y, Dots(along, values, "each")) for values in each]
+    layers += [strips.dots(x, y, along, values, "dots each") for values in each]
     parts = []
     for number in np.unique(found.station):
         rows = found.station == number
@@ -298,12 +281,11 @@ def draw_courses(courses: Mapping[int, Course], profile: Profile | None) -> Mark
     longest = max(len(course.level_C) for course in courses.values()) / 60
     levels = np.concatenate([course.level_C for course in courses.values()])
     x = Axis("hours", 0.0, longest)
-    low, high = float(np.nanmin(levels)), float(np.nanmax(levels))
     planned: tuple[Array, Array] | None = None
     if profile is not None:
         planned = profile.corners[0] / 3600, profile.corners[1]
-        low, high = min(low, profile.lowest_C), max(high, profile.highest_C)
-    y = Axis("°C", low - 0.06 * (high - low), high + 0.06 * (high - low))
+        levels = np.append(levels, [profile.lowest_C, profile.highest_C])
+    y = fit_axis("°C", levels)
     drawn = [_draw_course(x, y, number, course, planned) for number, course in courses.items()]
     keys = {"common": "median of the thermometers"}
     if planned is not None:
@@ -321,9 +303,7 @@ def _draw_course(
     layers = []
     if planned is not None:
         there = planned[0] <= x.high
-        layers.append(
-            path(f"M{points(right(x, planned[0][there]), down(y, planned[1][there]))}", "chosen")
-        )
+        layers.append(strips.curve(x, y, planned[0][there], planned[1][there], "chosen"))
     known = np.isfinite(level_)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
     runs = zip(edges[::2], edges[1::2], strict=True)

@@ -16,7 +16,7 @@ from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.north.platform import Aligned
 from agonic.alignment.session.laboratory import SwingRecord
 from agonic.readable import make_record
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, fit_axis
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
@@ -147,9 +147,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
     """Readings of the circle over time with the gyro's north across, and what the fit leaves."""
     x, along = along_rows(record.time_s, np.arange(len(record.time_s)))
     columns, reading = Columns(x, along), record.reading_deg
-    low, high = float(reading.min()), float(reading.max())
-    room = 0.06 * max(high - low, 1e-9)
-    circle = Axis("reading of the circle, °", low - room, high + room)
+    circle = fit_axis("reading of the circle, °", reading)
     course = [
         level(circle, float(swing.params[0]), "noise"),
         line(columns, circle, columns.mean(reading), "mean"),
