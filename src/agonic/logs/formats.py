@@ -184,7 +184,7 @@ FORMATS = (
     ROS,
     DATABASE,
     MATLAB,
-    Format("NumPy (.npz, .npy)", "arrays.stored", _is_numpy),
+    Format("NumPy (.npz, .npy)", "arrays.numpy_archive", _is_numpy),
     WORKBOOK,
     FOLDER,
     JSON,

@@ -2,10 +2,6 @@
 
 The libraries crash, go round for ever or take all memory on damaged files: whoever reads one calls
 these in a child process, which imports nothing but this.
-
-NumPy files, `.npz` and `.npy`: arrays named as the columns of a table are, or the file is.
-
-The fields of a structured array are columns. See `columns`, `stacked`.
 """
 
 from __future__ import annotations
@@ -18,12 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.arrays.stacked import build_arrays_log
-from agonic.logs.child_process import call
 from agonic.logs.contents import check_declared, explain_damage
 from agonic.logs.headers.columns import refuse_many
-from agonic.logs.log import Log
-from agonic.provenance import Input
 
 _DEEPEST = 4
 _MOST_IN_A_ROW = 4  # a quaternion
@@ -180,19 +172,3 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # bytes as they are
         raise LogError("no arrays of numbers, or damaged; fetch it again")
     return arrays
-
-
-MAGIC = b"\x93NUMPY"
-
-
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that an archive is; `unit` is that of the field where no array names one."""
-    with path.open("rb") as stream:
-        alone = stream.read(len(MAGIC)) == MAGIC
-    arrays: dict[str, NDArray[Any]] = call(read_arrays, path)
-    fields: dict[str, NDArray[Any]] = {}
-    for name, array in arrays.items():
-        parts = array.dtype.names or ()
-        fields |= {part: np.asarray(array[part]) for part in parts} if parts else {name: array}
-    kind = "NumPy array" if alone else "NumPy archive"
-    return build_arrays_log(fields, path=path, source=source, format=kind, unit=unit)
