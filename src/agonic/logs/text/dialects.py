@@ -24,7 +24,6 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.logs.contents import to_number
-from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.headers.conventions import find_named_quantity, read_dialects
 from agonic.logs.log import Facts, Log
@@ -319,10 +318,10 @@ def build_kinds_log(tables: Mapping[str, Table], kinds: Mapping[str, Kind], fact
     if "" in tables:
         log = build_log(tables[""], **facts)
     else:
+        from agonic.logs.groups import build_groups_log
+
         others = [
-            name
-            for name, table in tables.items()
-            if ({*find_quantities(table).values()} <= {"time"})
+            n for n, table in tables.items() if {*find_quantities(table).values()} <= {"time"}
         ]
         groups = {name.lstrip("$"): table for name, table in tables.items() if name not in others}
         facts["others"] = others
