@@ -9,8 +9,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from agonic.cli.commands import COMMANDS, GROUPS, KINDS
-from agonic.console.terminal import allow_any_sign
+from agonic.cli.commands import COMMANDS, EXAMPLES, GROUPS, KINDS
+from agonic.console.terminal import allow_any_sign, keep_standard_input
 from agonic.version import __version__
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2
@@ -39,7 +39,6 @@ def run(arguments: list[str]) -> int:
     from agonic.atomic import protect
     from agonic.console.boundary import Interrupted, explain
     from agonic.console.help import describe_usage_error
-    from agonic.console.terminal import keep_standard_input
     from agonic.errors import AgonicError
 
     if arguments in (["--version"], ["-V"]):
@@ -97,7 +96,6 @@ def make_command(only: str = "") -> Any:
     """
     import typer
 
-    from agonic.cli.commands import EXAMPLES
     from agonic.console.help import App, Group
     from agonic.console.kinds import Kinds, complete, register
 

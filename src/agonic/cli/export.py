@@ -10,7 +10,8 @@ import typer
 
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError
-from agonic.exports.targets import TARGETS, USE, list_words
+from agonic.exports.targets import TARGETS, USE, compass_number, find_target, list_words
+from agonic.exports.targets import write as write_target
 
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
@@ -150,8 +151,6 @@ def _export_calibration(
     from agonic.calibration.steps import compose, require_calibration
     from agonic.exports.convert import add_to
     from agonic.exports.firmware.c_text import make_c_name
-    from agonic.exports.targets import compass_number, find_target
-    from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
     from agonic.files.foreign import read_plain
     from agonic.files.foreign_forms import is_foreign
@@ -204,7 +203,6 @@ def _place_setup(
     date: str | None,
 ) -> tuple[Setup, float | DeclinationGrid | None]:
     """The setup with the field to expect, and where the controller has its declination from."""
-    from dataclasses import replace
     from datetime import UTC, datetime
 
     from agonic.console.parse import parse_numbers, parse_position

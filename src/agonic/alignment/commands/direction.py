@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from agonic.console.options import At, Json, Report, SensorChoice
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, check_choice
 
 if TYPE_CHECKING:
     from agonic.alignment.session import Site, StarReadings
@@ -98,7 +98,6 @@ def _read_attitudes(
     import numpy as np
 
     from agonic.alignment.files.tables import make_diagonal, read_stars
-    from agonic.errors import check_choice
 
     if table is None:
         raise AgonicError(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Json, Place, SensorChoice
-from agonic.fleet.engine import LONGEST_S
+from agonic.fleet.engine import LONGEST_S, Dask, Here, Processes
 
 if TYPE_CHECKING:
     from agonic.fleet.engine import Engine
@@ -96,14 +96,11 @@ def _choose_engine(
     engine: str | None, scheduler: str | None, workers: int | None, longest_s: float
 ) -> Engine:
     from agonic.errors import AgonicError, check_choice
-    from agonic.fleet.engine import Here, Processes
 
     check_choice("--engine", engine or "local", ("local", "dask"))
     if scheduler is not None and engine == "local":
         raise AgonicError("--scheduler is for the engine dask, not for local")
     if engine == "dask" or scheduler is not None:
-        from agonic.fleet.engine import Dask
-
         return Dask(scheduler=scheduler, workers=workers, longest_s=longest_s)
     return Here() if workers == 0 else Processes(workers, longest_s)
 

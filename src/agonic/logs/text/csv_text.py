@@ -26,7 +26,12 @@ from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.headers.header import identify_column
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
-from agonic.logs.text.dialects import find_dialect
+from agonic.logs.text.dialects import (
+    build_dialect_log,
+    find_dialect,
+    find_stated_dialect,
+    read_dialect,
+)
 from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LABVIEW,
@@ -35,9 +40,11 @@ from agonic.logs.text.layout import (
     SAMPLE,
     Layout,
     Table,
+    add_stated,
     find_layout,
     is_header,
     sample_lines,
+    scale_columns,
 )
 from agonic.logs.text.long_table import (
     LABEL,
@@ -46,7 +53,7 @@ from agonic.logs.text.long_table import (
     gather_channels,
     name_label,
 )
-from agonic.logs.text.numbers import read_numbers, split_rows
+from agonic.logs.text.numbers import find_hexadecimal, read_hexadecimal, read_numbers, split_rows
 from agonic.provenance import Input
 
 TableAndFacts = tuple[Table, dict[str, Any]]
@@ -94,12 +101,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     dialect = find_dialect(head, rows)
     said: tuple[str, ...] = ()
     if dialect is None and _most(rows, _TAGGED.match):
-        from agonic.logs.text.dialects import find_stated_dialect
-
         dialect, said = find_stated_dialect(head)
     if dialect is not None:
-        from agonic.logs.text.dialects import build_dialect_log
-
         facts = Facts(
             path=path, source=source, format=dialect.name, unit=unit, notes=(*notes, *said)
         )
@@ -120,8 +123,6 @@ def read_table(path: Path) -> TableAndFacts:
     data, head, notes = _load(path)
     sample = sample_lines(head)
     if dialect := find_dialect(head, [head[i] for i in sample]):
-        from agonic.logs.text.dialects import read_dialect
-
         tables = read_dialect(dialect, _decode(data))
         return next(iter(tables.values())), {"format": dialect.name, "notes": notes}
     table, facts = _read_lines(data, head, sample)
@@ -222,8 +223,6 @@ def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> T
 
         check_title(table, above)
     if head[0].startswith(_GYROFLOW):
-        from agonic.logs.text.layout import scale_columns
-
         table = scale_columns(table, head[1 : layout.start - 1])
     if any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f"):
         from agonic.logs.text.sanity import check_numbers, cut_at_header
@@ -259,8 +258,6 @@ def _read_body(
     table: Table = {}
     coded: list[int] = []
     if np.isnan(values).any():
-        from agonic.logs.text.numbers import find_hexadecimal, read_hexadecimal
-
         of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
         coded = find_hexadecimal(first, of)
     cells = [layout.split(row) for row in split_rows(data, start)] if texts or coded else []
@@ -278,8 +275,6 @@ def _read_body(
             table[name] = values[numeric.index(i)]
     others = [h for i, h in enumerate(layout.header) if i not in wanted]
     if layout.unit or layout.rate_Hz is not None:
-        from agonic.logs.text.layout import add_stated
-
         table = add_stated(table, layout)
     return table, others, tuple(notes)
 
