@@ -53,7 +53,13 @@ from agonic.logs.text.long_table import (
     gather_channels,
     name_label,
 )
-from agonic.logs.text.numbers import find_hexadecimal, read_hexadecimal, read_numbers, split_rows
+from agonic.logs.text.numbers import (
+    find_hexadecimal,
+    read_hexadecimal,
+    read_numbers,
+    read_texts,
+    split_rows,
+)
 from agonic.provenance import Input
 
 TableAndFacts = tuple[Table, dict[str, Any]]
@@ -260,10 +266,12 @@ def _read_body(
     if np.isnan(values).any():
         of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
         coded = find_hexadecimal(first, of)
-    cells = [layout.split(row) for row in split_rows(data, start)] if texts or coded else []
+    written = [*texts, *coded]
+    found = read_texts(data, start, layout, written) if written else []
+    cells = dict(zip(written, found, strict=True))
     notes: dict[str, None] = {}
     for i, name in wanted.items():
-        column = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
+        column = cells.get(i, np.empty(0))
         if i in vectors:
             table |= _take_apart(header[i], column)
         elif i in texts:
