@@ -39,11 +39,11 @@ def compare_alternatives(
     n, m = fitted.design.shape
     if n > MOST or 3 * n < _FEWEST * 3 * (m + UNITS):
         return {}
-    feet = fitted.design[:, 1:4]
+    footpoints = fitted.design[:, 1:4]
     features = {
         TEMPERATURE: [play(x[:, None], width) for width in WIDTHS],
-        FIELD: [play(feet, width) for width in WIDTHS],
-        NETWORK: [_respond(feet, x)],
+        FIELD: [play(footpoints, width) for width in WIDTHS],
+        NETWORK: [_respond(footpoints, x)],
     }
     plain = _measure(problem, fitted, weights, np.zeros((n, 0)))
     return {
