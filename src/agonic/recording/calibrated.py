@@ -163,8 +163,8 @@ def calibrate_as_named(
     Where the bias changed on the way, a stretch is calibrated: the last, or one that tells enough.
     """
     meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference, unit))
-    found = _calibrate_as_measured(interpolate_repeated(meant), known, kind, settings)
-    return found.with_finding(*wrong)
+    meant = interpolate_repeated(meant)
+    return _calibrate_as_measured(meant, known, kind, settings).with_finding(*wrong)
 
 
 def undo_damage(
@@ -336,7 +336,7 @@ def _verify(choice: Choice) -> Calibrated:
 
 
 def conclude(choice: Choice, verification: Verification) -> Calibrated:
-    """The result of a choice, its advice suited to where the samples were recorded."""
+    """The result of a choice, its advice adapted to where the samples were recorded."""
     fit = adapt_fit(choice.fit, choice.samples, choice.reference)
     late = choice.latency is not None and choice.latency.significant
     return Calibrated(

@@ -281,7 +281,7 @@ def test_ambiguous_and_missing_columns_are_named(table):
         read(table(text("t,mx,my,speed")))
     with pytest.raises(LogError, match="no magnetometer columns found among 't', 'a', 'b', 'c'"):
         read(table(text("t,a,b,c")))
-    with pytest.raises(LogError, match="a header and no row"):
+    with pytest.raises(LogError, match="a header but no row"):
         read(table(HEADER + "\n"))
 
 

@@ -21,8 +21,7 @@ def pair(
     log: Annotated[
         Path,
         typer.Argument(
-            metavar="SHOTS",
-            help="Attitudes at rest, one a row; column target: that of the sight.",
+            metavar="SHOTS", help="Attitudes at rest, one a row; column target: of the sight."
         ),
     ],
     out: Annotated[
@@ -33,11 +32,7 @@ def pair(
     between: Between = None,
     check: Annotated[
         Path | None,
-        typer.Option(
-            "--check",
-            metavar="SETUP",
-            help="Check this setup by a few shots.",
-        ),
+        typer.Option("--check", metavar="SETUP", help="Check this setup by a few shots."),
     ] = None,
     report: Report = None,
     as_json: Json = False,

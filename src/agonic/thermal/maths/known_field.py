@@ -87,9 +87,7 @@ def linearise(problem: KnownFieldProblem, unknowns: Array, response: Array) -> L
     """The readings about unknowns (m, 3)."""
     matrices = make_matrices(unknowns, response, problem.orders)
     each = (problem.powers @ matrices.reshape(len(matrices), 9)).reshape(-1, 3, 3)
-    footpoints = np.linalg.solve(each, problem.fields[:, :, None])[:, :, 0].astype(
-        float, copy=False
-    )
+    footpoints = np.linalg.solve(each, problem.fields[:, :, None])[:, :, 0].astype(np.float64)
     design = problem.expand(footpoints)
     moved = unknowns.copy()
     moved[: problem.orders].reshape(-1, 4, 3)[:, 1:] = 0.0  # these are in the footpoints
