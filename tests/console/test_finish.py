@@ -51,7 +51,7 @@ def test_another_ending_is_refused(tmp_path: Path) -> None:
 
 def test_a_table_is_not_given_the_name_of_a_page(tmp_path: Path) -> None:
     require_table(tmp_path / "out.csv")
-    with pytest.raises(AgonicError, match=r"a table of text; name it \.csv"):
+    with pytest.raises(AgonicError, match=r"a text table; name it \.csv"):
         require_table(tmp_path / "out.html")
 
 

@@ -86,7 +86,7 @@ def test_an_accelerometer_is_no_compass_nor_the_other_way_round() -> None:
         Setup(compasses=(Compass(calibration=affine()),), accelerometer=affine())
     save(affine(), "mag.json")
     said = mistakes('[[compass]]\ncalibration = "mag.json"\n[tilt]\naccelerometer = "mag.json"\n')
-    assert "no calibration of an accelerometer" in said
+    assert "not a calibration of an accelerometer" in said
 
 
 def test_the_default_setup_is_read_back_too() -> None:

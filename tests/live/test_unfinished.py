@@ -112,12 +112,12 @@ def test_a_full_disk_stops_nothing_and_is_told_as_long_as_it_lasts(tmp_path, mon
     with monkeypatch.context() as patch:
         patch.setattr("agonic.live.files.write_atomically", full)
         session.stop()
-    assert session.status.trouble == session.parting
-    assert "the readings are not saved: cannot write" in session.parting
+    assert session.status.trouble == session.closing_message
+    assert "the readings are not saved: cannot write" in session.closing_message
     assert LiveFit.resume(tmp_path / "mag.live").n == 300
     session.stop()
     assert session.status.trouble == ""
-    assert "900 readings saved" in session.parting
+    assert "900 readings saved" in session.closing_message
     assert session.accept()[0].verdict == "good"
 
 

@@ -227,14 +227,14 @@ speed = 3
     path.write_text('files = "station-{number}.csv"\nunit = "furlong"\nrate_Hz = -1\n')
     with pytest.raises(LogError) as error:
         read_description(path)
-    for said in ("is no pattern", "'furlong' is not known", "rate_Hz is -1"):
+    for said in ("is not a pattern", "'furlong' is not known", "rate_Hz is -1"):
         assert said in str(error.value)
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("= 3", "this is no TOML"),
+        ("= 3", "this is not TOML"),
         ("sensor = 3", "two brackets"),
         ("[profile]\nlowest_C = 60\n", "lower end first"),
         ("profile = 3", r"\[profile\] must be a section"),

@@ -150,8 +150,8 @@ def test_stations_that_do_not_determine_the_numbers_are_seen() -> None:
     [
         ("", "no sensors"),
         ("LIS3MDL", "LIS3MDL:NOISE"),
-        ("0xMMC5883MA", "is no sensor"),
-        ("MMC5883MA:x", "is no sensor"),
+        ("0xMMC5883MA", "is not a sensor"),
+        ("MMC5883MA:x", "is not a sensor"),
     ],
 )
 def test_lists_of_sensors_that_are_none(text, says) -> None:

@@ -29,7 +29,7 @@ from agonic.health import FEWEST, figure, find_usable_rows
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.equation.noisy_terms import calm_terms
+from agonic.maths.equation.noisy_terms import correct_for_current_noise
 from agonic.maths.equation.parts import estimate_part
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation.inference import wald
@@ -158,7 +158,7 @@ def make_fit(
     if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
     if part.shared is None and "second" not in settings.sources:
-        part, found = calm_terms(part, found, is_robust(part, settings))
+        part, found = correct_for_current_noise(part, found, is_robust(part, settings))
     posterior, turned = None, False
     if settings.model == "full":
         considered = list_considered(found, part, scale)

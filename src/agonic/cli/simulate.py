@@ -38,11 +38,7 @@ Clip = Annotated[float, typer.Option(help="Full scale, nT; 0 for none.", min=0)]
 Tilt = Annotated[float | None, typer.Option(help="Largest tilt of belt or circle, degrees.")]
 Truths = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--truth",
-        metavar="CAL",
-        help="The sensor's calibration; default: random.",
-    ),
+    typer.Option("--truth", metavar="CAL", help="The sensor's calibration; default: random."),
 ]
 
 

@@ -32,7 +32,7 @@ from agonic.headings.attitude import (
 from agonic.headings.gyro import FilteredDown, filter_down
 from agonic.health.finding import figure
 from agonic.maths.rotations import tilt as kernel
-from agonic.new_rows import without_held
+from agonic.new_rows import interpolate_repeated
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -167,7 +167,7 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
     "auto" takes what the log recorded, else the gyro filter, else the accelerometer.
     """
     source, why = _choose_source(samples, setup, calibration)
-    samples = without_held(samples)
+    samples = interpolate_repeated(samples)
     turn = find_mounting(calibration)
     felt: tuple[Array, Array] | None = None
     if setup.accelerometer is not None and samples.acceleration is not None:

@@ -187,7 +187,7 @@ def _run_on_page(session: Session, listen: str | None, port: int, browser: bool)
     stopped = threading.Event()
     serve(session, listen=listen, port=port, ready=ready)
     stopped.set()
-    say(session.parting)
+    say(session.closing_message)
     return 0
 
 

@@ -45,7 +45,7 @@ Again = Callable[[Samples], Calibrated]
 """What calibrates samples that have a second magnetometer beside them, mixing the two."""
 
 
-def tell_pairs(results: Sequence[Calibrated]) -> list[Calibrated]:
+def report_pairs(results: Sequence[Calibrated]) -> list[Calibrated]:
     """The results, with a finding where one thing disturbs a sensor and another."""
     told = []
     for result in results:
@@ -224,7 +224,7 @@ def calibrate_each(
         recording.sensor(second)  # an error names those that there are
     results, failures = _run([(one.name, partial(run, one)) for one in sensors])
     if second is None:
-        return recording, tell_pairs(results), failures
+        return recording, report_pairs(results), failures
     mixed = take_mixes(results, mix, second)
     wanted = None if which.sensor is None else recording.sensor(which.sensor).name
     return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures

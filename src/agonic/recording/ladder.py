@@ -1,4 +1,4 @@
-"""`climb`: the fits from the simplest to the chosen one, side by side on unseen parts of a log."""
+"""The fits from the simplest to the chosen one, side by side on unseen parts of a log."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Rung:
     unit: str = ""
 
 
-def climb(
+def build_ladder(
     samples: Samples,
     reference: Reference | None,
     fit: Fit,

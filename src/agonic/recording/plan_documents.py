@@ -231,8 +231,7 @@ def _advise_place(mix: Mix) -> str:
     """Which placement would do better."""
     if mix.left > 0.5 * mix.before and mix.share > ALIKE:
         return (
-            "They read nearly the same: move one to the other side of what disturbs, or far "
-            "from it."
+            "They read nearly the same: move one to the other side of the source, or far from it."
         )
     if mix.share > ALIKE:
         return (

@@ -281,7 +281,7 @@ def test_ambiguous_and_missing_columns_are_named(table):
         read(table(text("t,mx,my,speed")))
     with pytest.raises(LogError, match="no magnetometer columns found among 't', 'a', 'b', 'c'"):
         read(table(text("t,a,b,c")))
-    with pytest.raises(LogError, match="a header and no row"):
+    with pytest.raises(LogError, match="a header but no row"):
         read(table(HEADER + "\n"))
 
 
@@ -419,7 +419,7 @@ def test_commas_between_thousands(tmp_path):
 
 
 def test_long_tables_with_labels_are_read_as_short_ones_are(table) -> None:
-    rows = [f"{k / 50:.2f},MMC{k % 3}, {k % 7}.5,2,\"{k % 11}\",20.1" for k in range(120_000)]
+    rows = [f'{k / 50:.2f},MMC{k % 3}, {k % 7}.5,2,"{k % 11}",20.1' for k in range(120_000)]
     head = "time_s,sensor,mag_x_uT,mag_y_uT,mag_z_uT,temperature_C"
     long = open_log(table("\n".join([head, *rows])))
     short = open_log(table("\n".join([head, *rows[:3_000]])))

@@ -90,9 +90,7 @@ def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask]
     spared = {"disturbed", "no reading", "disagreement"}
     left = {name: rows & ~known if name in spared else rows for name, rows in flags.items()}
     share = float((doubted & known).mean())
-    notes = (f"the gyro bridges {100 * share:.1f} % of the rows, as the field is disturbed",) * (
-        share > 0
-    )
+    notes = (f"the gyro bridges {100 * share:.1f} % of the rows: disturbed",) * (share > 0)
     return MappingProxyType(left), notes
 
 

@@ -31,7 +31,7 @@ def pair(
 
     Options
     -------
-    log <SHOTS> : Attitudes at rest, one a row; column target: that of the sight.
+    log <SHOTS> : Attitudes at rest, one a row; column target: of the sight.
     out -o SETUP : Setup to write, .toml.
     check SETUP : Check this setup by a few shots.
     """

@@ -36,7 +36,7 @@ def examine(fit: PairFit, problem: Problem, disagreeing: bool) -> tuple[Finding,
         _scatter(fit),
         _varies(fit),
         _check_missed(problem),
-        _astray(fit),
+        _off_target(fit),
         _open(fit),
         *_signs(fit, problem),
     )
@@ -137,7 +137,7 @@ def _check_missed(problem: Problem) -> Finding | None:
     )
 
 
-def _astray(fit: PairFit) -> Finding | None:
+def _off_target(fit: PairFit) -> Finding | None:
     if fit.sight is None or fit.sight.scatter_deg < UNSTEADY_DEG:
         return None
     wrong = fit.sight.scatter_deg > ASTRAY_DEG

@@ -72,7 +72,7 @@ class SavedFits:
             self._saved[name] = state.n
         return ""
 
-    def parting(self, *, accepted: bool) -> str:
+    def closing_message(self, *, accepted: bool) -> str:
         """What is left when the program stops, in words."""
         if self._saved:
             total = f"{sum(self._saved.values()):,} readings"

@@ -92,9 +92,9 @@ class Session:
         self._save()
 
     @property
-    def parting(self) -> str:
+    def closing_message(self) -> str:
         """What is left of the session when it is stopped, in words."""
-        left = self._unfinished.parting(accepted=bool(self.written))
+        left = self._unfinished.closing_message(accepted=bool(self.written))
         return self._trouble or self._unsaved or left
 
     @property

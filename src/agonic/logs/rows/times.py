@@ -146,7 +146,7 @@ def _read_column(
             epoch = UNIX + timedelta(seconds=float(known[0]))
             return to_numbers(values) * (factor or 1.0), epoch, ()
         if np.isfinite(moment).any():
-            said = f"{start.header} left out: {moment[np.isfinite(moment)][0]:g} is not a date"
+            said = f"{start.header} left out: {moment[np.isfinite(moment)][0]:g} is no date"
             return to_numbers(values) * (factor or 1.0), None, (said,)
     days = table[date.header] if date is not None else None
     if days is None and "year" in found:

@@ -118,7 +118,7 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
             broken += 1
     if broken > len(records):
         try:
-            return _find_records(msgspec.json.decode(_mend(data))), 1
+            return _find_records(msgspec.json.decode(_close_brackets(data))), 1
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             raise LogError(
                 "damaged JSON, or none: most of its lines are no objects; fetch it again"
@@ -130,10 +130,10 @@ _BRACKET = re.compile(rb'"(?:[^"\\]|\\.)*"|[\[\]{}]')
 _CLOSING = {b"[": b"]", b"{": b"}"}
 
 
-def _mend(data: bytes) -> bytes:
+def _close_brackets(data: bytes) -> bytes:
     """A text that ends in the middle, as far as its objects are whole; empty where that is none.
 
-    >>> _mend(b'{"a": [{"x": 1}, {"x": 2}, {"x')
+    >>> _close_brackets(b'{"a": [{"x": 1}, {"x": 2}, {"x')
     b'{"a": [{"x": 1}, {"x": 2}]}'
     """
     opened: list[bytes] = []

@@ -37,7 +37,7 @@ from agonic.thermal.maths.known_field import (
     TEMPERATURE,
     compare_alternatives,
 )
-from agonic.thermal.maths.thermometer import calm_thermometer
+from agonic.thermal.maths.thermometer import smooth_thermometer
 
 FEWEST = 24
 _FLAT = 0.05  # of the field: components that vary by less leave gains open
@@ -51,7 +51,7 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     require_range(low, high, "record over the range of use, or fit with fit_vector")
     noisy: tuple[Finding, ...] = ()
     if samples.time is not None:
-        calmed = calm_thermometer(level, samples.time)
+        calmed = smooth_thermometer(level, samples.time)
         noisy, level = judge_thermometer([(level, calmed)]), calmed.temperature
     readings = normalise(samples, field, level, settings)
     scale = readings.scale

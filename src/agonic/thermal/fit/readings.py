@@ -17,7 +17,7 @@ from agonic.thermal.campaign.description import name_stations
 from agonic.thermal.fit.problem import Settings
 from agonic.thermal.maths.binned_sums import Binned, StationRecord
 from agonic.thermal.maths.ellipsoids import FEWEST
-from agonic.thermal.maths.thermometer import CALM_C, Calmed, calm_thermometer
+from agonic.thermal.maths.thermometer import CALM_C, Smoothed, smooth_thermometer
 
 KELVIN = 273.15
 NOISY_C = 0.2
@@ -67,15 +67,15 @@ def convert_to_celsius(temperature: Array) -> tuple[Array, tuple[Finding, ...]]:
     )
 
 
-def judge_thermometer(parts: Iterable[tuple[Array, Calmed]]) -> tuple[Finding, ...]:
+def judge_thermometer(parts: Iterable[tuple[Array, Smoothed]]) -> tuple[Finding, ...]:
     """Whether temperatures, recording after recording, scatter from reading to reading.
 
     A box has no such changes: second differences are those of the thermometer. Parameters: the
-    temperatures of each recording as they were read, and after `calm_thermometer`.
+    temperatures of each recording as they were read, and after `smooth_thermometer`.
 
     >>> t = np.linspace(50.0, -10.0, 900)
     >>> noisy = t + 0.5 * np.random.default_rng(0).normal(size=900)
-    >>> found = [judge_thermometer([(level, calm_thermometer(level))]) for level in (t, noisy)]
+    >>> found = [judge_thermometer([(level, smooth_thermometer(level))]) for level in (t, noisy)]
     >>> [[finding.name for finding in each] for each in found]
     [[], ['noisy thermometer']]
     """
@@ -98,7 +98,7 @@ def judge_thermometer(parts: Iterable[tuple[Array, Calmed]]) -> tuple[Finding, .
     )
 
 
-def _find_left(calmed: Sequence[Calmed]) -> float:
+def _find_left(calmed: Sequence[Smoothed]) -> float:
     """What is left of the noise of thermometers that were smoothed, °C; 0 where none was."""
     left = [part.left_C if part.noise_C >= CALM_C else 0.0 for part in calmed]
     rows = [len(part.temperature) for part in calmed]
@@ -125,11 +125,11 @@ def sum_readings(samples: Samples, width_C: float) -> tuple[Binned, tuple[Findin
         )
     sums = Binned(width_C)
     edges = [0, *(np.flatnonzero(np.diff(samples.station)) + 1).tolist(), len(samples)]
-    calmed: list[Calmed] = []
+    calmed: list[Smoothed] = []
     for start, stop in pairwise(edges):
         part = slice(start, stop)
         time = None if samples.time is None else samples.time[part]
-        calmed.append(calm_thermometer(level[part], time))
+        calmed.append(smooth_thermometer(level[part], time))
         sums.add(int(samples.station[start]), samples.field[part], calmed[-1].temperature, time)
     if not sums.stations:
         raise CoverageError("there are no readings at all", turns="record the twelve stations")

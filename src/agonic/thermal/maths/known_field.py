@@ -3,7 +3,7 @@
     raw = b(x) + W(x)⁻¹ field + l dT/dt + D(t) u,   b(x) = Σ b_k xᵏ,   W(x) = Σ W_k xᵏ
 
 The residual is in the space of the readings where their noise is, so noise does not pull the gains
-towards zero. At the feet v = W⁻¹ field, with A = W_0⁻¹, an increment of W_k moves the reading by
+towards zero. At the footpoints v = W⁻¹ field, with A = W_0⁻¹, an increment of W_k moves readings by
 −A dW_k v xᵏ: so one design [1, v]·xᵏ, dT/dt, D serves all three axes, and everything that is asked
 is algebra on its cross-products by blocks of time. Points are scaled to about one, as are fields.
 
@@ -53,10 +53,10 @@ class KnownFieldProblem(NamedTuple):
         edges = np.linspace(0, len(self.points), BLOCKS + 1).astype(int)
         return [slice(a, b) for a, b in pairwise(edges.tolist())]
 
-    def expand(self, feet: Array, rows: slice = slice(None)) -> Array:
-        """The design (n, m) at feet (n, 3): four columns a power, then the others."""
-        ones = np.concatenate([np.ones((len(feet), 1)), feet], axis=1)
-        by = (self.powers[rows, :, None] * ones[:, None]).reshape(len(feet), -1)
+    def expand(self, footpoints: Array, rows: slice = slice(None)) -> Array:
+        """The design (n, m) at footpoints (n, 3): four columns a power, then the others."""
+        ones = np.concatenate([np.ones((len(footpoints), 1)), footpoints], axis=1)
+        by = (self.powers[rows, :, None] * ones[:, None]).reshape(len(footpoints), -1)
         return np.concatenate([by, self.others[rows]], axis=1)
 
 
@@ -95,11 +95,11 @@ def linearise(problem: KnownFieldProblem, unknowns: Array, response: Array) -> L
     """The readings about unknowns (m, 3)."""
     matrices = make_matrices(unknowns, response, problem.orders)
     each = (problem.powers @ matrices.reshape(len(matrices), 9)).reshape(-1, 3, 3)
-    feet = np.linalg.solve(each, problem.fields[:, :, None])[:, :, 0].astype(np.float64, copy=False)
-    design = problem.expand(feet)
+    footpoints = np.linalg.solve(each, problem.fields[:, :, None])[:, :, 0].astype(np.float64)
+    design = problem.expand(footpoints)
     moved = unknowns.copy()
-    moved[: problem.orders].reshape(-1, 4, 3)[:, 1:] = 0.0  # these are in the feet
-    residuals = problem.points - feet - design @ moved
+    moved[: problem.orders].reshape(-1, 4, 3)[:, 1:] = 0.0  # these are in the footpoints
+    residuals = problem.points - footpoints - design @ moved
     return Linearised(design, residuals + design @ unknowns, residuals)
 
 
@@ -182,11 +182,11 @@ def compare_alternatives(
     n, m = fitted.design.shape
     if n > MOST or 3 * n < _FEWEST * 3 * (m + UNITS):
         return {}
-    feet = fitted.design[:, 1:4]
+    footpoints = fitted.design[:, 1:4]
     features = {
         TEMPERATURE: [play(x[:, None], width) for width in WIDTHS],
-        FIELD: [play(feet, width) for width in WIDTHS],
-        NETWORK: [_respond(feet, x)],
+        FIELD: [play(footpoints, width) for width in WIDTHS],
+        NETWORK: [_respond(footpoints, x)],
     }
     plain = _measure(problem, fitted, weights, np.zeros((n, 0)))
     return {
