@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from agonic.calibration.affine import Affine
     from agonic.calibration.network import Network
     from agonic.inflight.simulation.orbit import SimulatedOrbit
+    from agonic.samples import Samples
     from agonic.simulation import Defect
 
 
@@ -57,12 +58,8 @@ def motion(
     as_json: Json = False,
 ) -> int:
     """Write the readings of one sensor, and beside them the calibration that would undo it."""
-    from agonic.console.output import finish_made
     from agonic.errors import AgonicError
-    from agonic.exports.csv import write_csv
-    from agonic.files.calibration import save
     from agonic.simulation import simulate
-    from agonic.simulation.defects import round_as_logged
 
     kind = str(context.info_name)
     if tilt is not None and kind not in TILTED:
@@ -80,17 +77,30 @@ def motion(
         seed=seed,
         **settings,
     )
-    write_csv(round_as_logged(made.samples), out)
-    file = save(made.truth, out.with_suffix(".truth.json"))
-    record = {"kind": kind, "n": n, "files": [out, file], "bias_nT": made.truth.bias}
+    known = f" --field {field:g}"
+    return _finish(kind, made.samples, made.truth, out, as_json, known)
+
+
+def _finish(
+    kind: str, samples: Samples, truth: Affine, out: Path, as_json: bool, known: str = ""
+) -> int:
+    """Write the readings of one sensor and its calibration, and say where both are."""
+    from agonic.console.output import finish_made
+    from agonic.exports.csv import write_csv
+    from agonic.files.calibration import save
+    from agonic.simulation.defects import round_as_logged
+
+    n, file = len(samples), save(truth, out.with_suffix(".truth.json"))
+    write_csv(round_as_logged(samples), out)
+    record = {"kind": kind, "n": n, "files": [out, file], "bias_nT": truth.bias}
     return finish_made(
         n,
         "readings",
         out,
         f"The truth: {file}",
-        record={**record, "matrix": made.truth.matrix},
+        record=record | {"matrix": truth.matrix},
         as_json=as_json,
-        next_step=f"agonic calibrate {quote(str(out))} --field {field:g}",
+        next_step=f"agonic calibrate {quote(str(out))}{known}",
     )
 
 
@@ -213,12 +223,8 @@ def rover(
 
     import numpy as np
 
-    from agonic.console.output import finish_made
-    from agonic.exports.csv import write_csv
     from agonic.field.place import choose_model
-    from agonic.files.calibration import save
     from agonic.simulation import simulate, with_inertial_unit
-    from agonic.simulation.defects import round_as_logged
 
     epoch = datetime(2026, 5, 1, 10, 0, tzinfo=UTC)
     place = choose_model(epoch.year + 0.33).at(LATITUDE_DEG, LONGITUDE_DEG, 0.0, epoch)
@@ -244,18 +250,8 @@ def rover(
         "altitude_m": np.zeros(n),
         "epoch": epoch,
     }
-    write_csv(round_as_logged(unit(made.samples).with_columns(**where)), out)
-    file = save(made.truth, out.with_suffix(".truth.json"))
-    record = {"kind": "rover", "n": n, "files": [out, file], "bias_nT": made.truth.bias}
-    return finish_made(
-        n,
-        "readings",
-        out,
-        f"The truth: {file}",
-        record={**record, "matrix": made.truth.matrix},
-        as_json=as_json,
-        next_step=f"agonic calibrate {quote(str(out))}",
-    )
+    samples = unit(made.samples).with_columns(**where)
+    return _finish("rover", samples, made.truth, out, as_json)
 
 
 NODES = 6
@@ -356,11 +352,9 @@ def train_on_ground(made: SimulatedOrbit, noise: float, seed: int) -> Network:
 
 def write_truth(made: SimulatedOrbit, path: Path) -> Path:
     """The bias, the field met, the part outside the Earth and the eclipse, a row a sample."""
-    from io import StringIO
-
     import numpy as np
 
-    from agonic.atomic import write_atomically
+    from agonic.exports.csv import write_table
 
     groups = {"bias": made.bias, "field": made.field_n, "external": made.external_n}
     compass = ("north", "east", "down")
@@ -368,6 +362,5 @@ def write_truth(made: SimulatedOrbit, path: Path) -> Path:
     header = ["time_s", *(f"{name}_{a}_nT" for name in groups for a in axes[name]), "eclipse"]
     assert made.samples.time is not None, "simulate_orbit sets it"
     table = np.column_stack([made.samples.time, *groups.values(), made.eclipse])
-    stream = StringIO()
-    np.savetxt(stream, table, fmt="%.10g", delimiter=",", header=",".join(header), comments="")
-    return write_atomically(path, stream.getvalue())
+    rows = ([float(f"{value:.10g}") for value in column] for column in table.T)
+    return write_table(dict(zip(header, rows, strict=True)), path)

@@ -68,8 +68,8 @@ def draw_trend(one: Trend, drift: Drift) -> Markup:
     label = f"{unit} since {datetime.fromtimestamp(float(start), UTC):%Y-%m-%d}"
     x = Axis(label, -margin, float(along[-1]) + margin)
     reach = _WIDE * band.calibration_sd
-    shown = [band.mean - reach, band.mean + reach, one.value - one.sd, one.value + one.sd]
-    y = fit_axis(one.name, np.concatenate(shown))
+    low, high = band.mean - reach, band.mean + reach
+    y = fit_axis(one.name, np.concatenate([low, high, one.value - one.sd, one.value + one.sd]))
 
     def draw_step(event: Event) -> Markup:
         """The time between the two calibrations that it lies between."""
@@ -79,7 +79,7 @@ def draw_trend(one: Trend, drift: Drift) -> Markup:
 
     layers = [
         *map(draw_step, _find_steps(one, drift)),
-        area(x, y, along, *shown[:2], "calibrations"),
+        area(x, y, along, low, high, "calibrations"),
         area(x, y, along, band.mean - _WIDE * band.sd, band.mean + _WIDE * band.sd, "band"),
         curve(x, y, along, band.mean, "level"),
         *_draw_calibrations(one, x, seen, y),

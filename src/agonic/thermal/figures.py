@@ -143,19 +143,19 @@ def select_dots(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[D
 
 def draw_coefficient(curve: Curve, dots: Sequence[Dots]) -> Markup:
     """One coefficient over temperature: dots of the bins, the polynomial and its band."""
-    low, high = float(curve.temperature[0]), float(curve.temperature[-1])
-    margin = 0.03 * max(high - low, 1e-9)
-    x = Axis("°C", low - margin, high + margin)
+    cold, warm = float(curve.temperature[0]), float(curve.temperature[-1])
+    margin = 0.03 * max(warm - cold, 1e-9)
+    x = Axis("°C", cold - margin, warm + margin)
     reach = np.zeros(len(curve.value)) if curve.sd is None else 2 * curve.sd
-    shown = [curve.value - reach, curve.value + reach]
-    shown += [_leave_out_outliers(curve, d) for d in dots if len(d.values)]
-    y = fit_axis(curve.label, np.concatenate(shown))
+    low, high = curve.value - reach, curve.value + reach
+    shown = [_leave_out_outliers(curve, d) for d in dots if len(d.values)]
+    y = fit_axis(curve.label, np.concatenate([low, high, *shown]))
     layers = []
     if curve.sd is not None:
-        layers.append(area(x, y, curve.temperature, *shown[:2], "band"))
+        layers.append(area(x, y, curve.temperature, low, high, "band"))
     layers += [strips.dots(x, y, d.temperature, d.values, f"dots {d.kind}") for d in dots]
     layers.append(strips.curve(x, y, curve.temperature, curve.value, "curve"))
-    words = f"{curve.name} from {low:.0f} to {high:.0f} °C"
+    words = f"{curve.name} from {cold:.0f} to {warm:.0f} °C"
     return plot(x, y, layers, words, kind="small")
 
 

@@ -100,14 +100,9 @@ def _finish(
     facts: dict[str, Any] | None = None,
 ) -> int:
     """Write the truth beside the session, and say where both are; `facts` are for programs."""
-    import json
+    from agonic.console.output import finish_made, write_truth
 
-    from agonic.atomic import make_folder, write_atomically
-    from agonic.console.output import finish_made, plain
-
-    made = plain({"schema": f"agonic/{kind}-truth@1", **truth})
-    text = json.dumps(made, indent=1, ensure_ascii=False)
-    written = write_atomically(make_folder(out / "truth") / "truth.json", text + "\n")
+    written = write_truth(kind, truth, out / "truth")
     saved = "-o cal.json " if kind == "alignment" else ""
     of = f"in {facts['orientations']} orientations" if facts else "of the magnetometer"
     return finish_made(

@@ -49,7 +49,7 @@ def fleet(
     as_json: Json = False,
 ) -> int:
     """Many boards of one design: their logs or one dataset, and the truth about each."""
-    from agonic.console.output import print_json, say
+    from agonic.console.output import finish_made
     from agonic.errors import check_choice
     from agonic.fleet.simulation.files import write_truth
     from agonic.fleet.simulation.simulate import simulate_fleet
@@ -61,23 +61,17 @@ def fleet(
     groups, faults = made.truth["group"], made.truth["fault"]
     there = sorted(set(faults[groups != ""]))
     planted = {str(fault): int((faults == fault).sum()) for fault in there}
-    if as_json:
-        print_json(
-            "agonic/simulate-fleet@1",
-            {
-                "sensors": made.facts["n"],
-                "logs": len(made),
-                "files": [str(where), str(truth)],
-                "faults": planted,
-                "facts": made.facts,
-            },
-        )
-    else:
-        what = f"{len(made)} logs of {made.facts['n']} sensors"
-        say(f"{what}: {where}\nThe truth, with {sum(planted.values())} faults: {truth}")
-        following = f"agonic fleet {quote(str(where))} --field {made.facts['magnitude']:g} -o fleet"
-        say(f"\nNext      {following}")
-    return 0
+    record = {"sensors": made.facts["n"], "logs": len(made), "files": [where, truth]}
+    return finish_made(
+        len(made),
+        f"logs of {made.facts['n']} sensors",
+        where,
+        f"The truth, with {sum(planted.values())} faults: {truth}",
+        record=record | {"faults": planted, "facts": made.facts},
+        as_json=as_json,
+        next_step=f"agonic fleet {quote(str(where))} --field {made.facts['magnitude']:g} -o fleet",
+        schema="agonic/simulate-fleet@1",
+    )
 
 
 def _write_logs(made: SimulatedFleet, out: Path) -> Path:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Mask
-from agonic.atomic import check_target, make_folder, replacing, write_atomically
+from agonic.atomic import check_target, make_folder, replacing
 from agonic.errors import AgonicError, MissingExtraError
+from agonic.exports.csv import write_table
 from agonic.fleet.simulation.faults import DAMAGED, damage
 from agonic.fleet.simulation.simulate import RecordedLogs, SimulatedFleet
 
@@ -183,18 +182,14 @@ def write_truth(truth: Mapping[str, NDArray[Any]], path: Path | str) -> Path:
     ...     write_truth(truth, folder + "/t.csv").read_text().split()
     ['sensor,bias_x,bias_y,bias_z', 'a,1.0,1.0,1.0']
     """
-    columns: dict[str, list[Any]] = {}
+    columns: dict[str, list[object]] = {}
     for name, values in truth.items():
         names = [name]
         for _ in values.shape[1:]:
             names = [f"{n}{'_' if n == name else ''}{axis}" for n in names for axis in "xyz"]
         flat = values.reshape(len(values), -1)
         columns |= {n: _make_plain(flat[:, k]) for k, n in enumerate(names)}
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return write_atomically(path, stream.getvalue())
+    return write_table(columns, path)
 
 
 def _make_plain(column: NDArray[Any]) -> list[Any]:

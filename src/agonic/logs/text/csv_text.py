@@ -271,7 +271,7 @@ def _read_body(
     cells = dict(zip(written, found, strict=True))
     notes: dict[str, None] = {}
     for i, name in wanted.items():
-        column = cells.get(i, np.empty(0))
+        column = cells.get(i, np.empty(0, dtype=object))
         if i in vectors:
             table |= _take_apart(header[i], column)
         elif i in texts:

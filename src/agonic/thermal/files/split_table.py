@@ -155,7 +155,7 @@ def _join_restarts(table: Table, quantity: Mapping[str, str]) -> tuple[Table, tu
         column = identify_column(header)
         factor = column.quantity.units[column.unit][0] if column and column.unit else 1.0
         time = values.astype(np.float64, copy=False) * factor
-        joined, notes = continue_time(time, np.arange(len(time))[:, None])
+        joined, notes = continue_time(time, np.arange(float(len(time)))[:, None])
         if notes:
             rows = np.flatnonzero(np.diff(time) < 0) + 1
             begun = tuple((joined[rows] - joined[0]).tolist())
