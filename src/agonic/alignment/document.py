@@ -18,8 +18,7 @@ from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
-from agonic.report.origin import list_inputs
-from agonic.report.section import Section, Table
+from agonic.report.section import Section, Table, list_inputs
 
 WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
 CAPTION = "What is read at each angle of the platform beside the mean"

@@ -34,8 +34,8 @@ def reproduce(
     from agonic.atomic import make_folder
     from agonic.console.finish import finish
     from agonic.console.progress import progress
-    from agonic.reproduce.documents import load_documents, with_own_data
     from agonic.reproduce.report import describe_reproduction
+    from agonic.reproduce.run import load_documents, with_own_data
     from agonic.reproduce.run import reproduce as reproduce_items
 
     source = load_documents()[document]

@@ -13,16 +13,15 @@ from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.decomposition import decompose_at
 from agonic.calibration.thermal import Thermal
 from agonic.report import strips
-from agonic.report.axes import Axis, down, fit_axis, right
+from agonic.report.axes import Axis, along_time, down, fit_axis, right
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.strips import area, caption, level, path, plot, points
-from agonic.report.time_axis import along_time
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.checks.boards import Course
 from agonic.thermal.common_mode import ChamberField
-from agonic.thermal.cross_validation import HeldOut
 from agonic.thermal.fit.result import Bins, Spread, ThermalFit
+from agonic.thermal.result import HeldOut
 
 LEVELS = 61
 """Temperatures at which a curve is drawn."""

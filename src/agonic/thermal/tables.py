@@ -30,10 +30,9 @@ from agonic.thermal import figures
 from agonic.thermal.campaign.description import join_numbers
 from agonic.thermal.checks.boards import Board, list_boards
 from agonic.thermal.common_mode import ChamberField
-from agonic.thermal.cross_validation import HeldOut
 from agonic.thermal.fit.evidence import find_worst_sd
 from agonic.thermal.fit.result import Anomaly, Hysteresis, Positions, Spread, ThermalFit
-from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
+from agonic.thermal.result import CalibratedCampaign, CalibratedSensor, HeldOut
 
 _MOST_TIMES = 5
 

@@ -16,14 +16,12 @@ from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.north.platform import Aligned
 from agonic.alignment.session.laboratory import SwingRecord
 from agonic.readable import make_record
-from agonic.report.axes import Axis, Columns, fit_axis
+from agonic.report.axes import Axis, Columns, along_rows, fit_axis
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
-from agonic.report.origin import list_inputs
-from agonic.report.section import Section, Table
+from agonic.report.section import Section, Table, list_inputs
 from agonic.report.strips import caption, level, line, plot, spread
-from agonic.report.time_axis import along_rows
 
 SCALED = ("offset", "offset_sd", "scale")
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")

@@ -15,10 +15,11 @@ from agonic.exports.firmware.c_text import (
     write_array,
     write_comment,
     write_flash,
+    write_following,
+    write_following_header,
     write_integer,
     write_literal,
 )
-from agonic.exports.firmware.following import write_following, write_following_header
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, LESS, find_weakest
