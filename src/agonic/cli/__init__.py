@@ -10,7 +10,8 @@ from functools import cache
 from typing import Any
 
 from agonic.cli.commands import COMMANDS, EXAMPLES, GROUPS, KINDS
-from agonic.console.terminal import allow_any_sign, keep_standard_input
+from agonic.console.standard_input import keep_standard_input
+from agonic.console.terminal import allow_any_sign
 from agonic.version import __version__
 
 GOOD, FAILED, UNUSABLE = 0, 1, 2

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from agonic.console.options import write_options
-from agonic.console.terminal import NAME
+from agonic.console.standard_input import NAME
 from agonic.files.names import file_stem
 from agonic.health import Finding, figure
 from agonic.recording.advice import TURNING, is_in_space
