@@ -87,7 +87,7 @@ class Source(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 def load_documents() -> dict[str, Source]:
     """The documents by their names."""
-    text = Path(__file__).with_suffix(".toml").read_text("utf-8")
+    text = Path(__file__).with_name("documents.toml").read_text("utf-8")
     found = msgspec.convert(tomllib.loads(text)["document"], list[Source])
     return {one.name: one for one in found}
 
