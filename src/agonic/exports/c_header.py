@@ -28,7 +28,6 @@ from agonic.exports.firmware.c_text import (
     require_identifier,
     write_array,
     write_comment,
-    write_flash,
 )
 from agonic.exports.temperature import (
     RATE,
@@ -61,9 +60,7 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
         "headers/thermal.h.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(write_banner(calibration, formula, warnings)),
-            "flash": write_flash(),
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,
@@ -183,9 +180,7 @@ def write_c(
         "headers/affine.h.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(write_banner(calibration, formula, warnings)),
-            "flash": write_flash(),
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,

@@ -22,7 +22,6 @@ from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,
-    write_flash,
     write_literal,
 )
 
@@ -148,11 +147,9 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
         "headers/network.h.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(
                 (*write_banner(calibration, _describe(parts)), *_sizes(parts, known))
             ),
-            "flash": write_flash(),
             "formula": f"{_formula(parts)}.",
             "unit_out": calibration.unit_out,
             "inputs": str(shape.inputs),

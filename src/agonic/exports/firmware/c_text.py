@@ -70,14 +70,21 @@ def write_comment(lines: Iterable[str]) -> str:
 
 
 def fill_template(template: str, values: Mapping[str, str]) -> str:
-    """A template of this package with each @key@ replaced."""
-    text = files("agonic.exports.firmware").joinpath("templates", template).read_text("utf-8")
-    return re.sub(r"@(\w+)@", lambda key: values[key[1]], text)
+    """A template of this package with each @key@ replaced.
 
+    Where they are not given, @GUARD@ is the name in capitals, and @flash@ the macros by which
+    tables stay in flash on processors that else copy them to RAM.
+    """
+    home = files("agonic.exports.firmware").joinpath("templates")
+    usual: dict[str, Callable[[], str]] = {
+        "GUARD": lambda: values["name"].upper(),
+        "flash": lambda: home.joinpath("flash.h.in").read_text("utf-8"),
+    }
 
-def write_flash() -> str:
-    """The macros by which tables stay in flash on processors that else copy them to RAM."""
-    return fill_template("flash.h.in", {})
+    def find(key: re.Match[str]) -> str:
+        return values[key[1]] if key[1] in values else usual[key[1]]()
+
+    return re.sub(r"@(\w+)@", find, home.joinpath(template).read_text("utf-8"))
 
 
 def make_c_name(sensor: str) -> str:

@@ -11,7 +11,6 @@ from agonic.calibration.affine import Affine
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_comment,
-    write_flash,
     write_literal,
 )
 from agonic.exports.firmware.grid import DeclinationGrid
@@ -150,9 +149,7 @@ def write_selftest(plan: Plan, name: str) -> str:
         "selftest.c.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(write_about(plan)),
-            "flash": write_flash(),
             "tolerance": write_literal(TOLERANCE_DEG),
             "share": write_literal(SHARE),
             "tests": str(len(lines)),

@@ -14,7 +14,6 @@ from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,
-    write_flash,
     write_following,
     write_following_header,
     write_integer,
@@ -136,7 +135,6 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
     sensors = [_sensor(k, c) for k, c in enumerate(plan.calibrations)]
     return {
         "name": name,
-        "GUARD": guard,
         "about": write_comment(write_about(plan)),
         "compasses": str(len(plan.calibrations)),
         "sensors": write_comment(sensors),
@@ -149,7 +147,6 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
 
 def _tables(plan: Plan) -> dict[str, str]:
     values = {
-        "flash": write_flash(),
         "steepest": write_literal(plan.steepest),
         "first_status": "temperature_status(which, in)" if plan.warm else "0",
         **(_warm(plan) if plan.warm else _constant(plan)),
