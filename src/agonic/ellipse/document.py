@@ -17,7 +17,7 @@ from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
 from agonic.report.strips import caption, level, plot, spread
-from agonic.report.time_axis import along_rows
+from agonic.report.axes import along_rows
 from agonic.report.verdict import WHEN_GOOD
 
 _MOST = 1500
