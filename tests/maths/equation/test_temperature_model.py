@@ -12,9 +12,9 @@ from agonic.thermal.fit.problem import Scale, Settings
 from agonic.thermal.maths import (
     ellipsoids,
     estimate,
-    fixture,
     gaussian_process,
     station_residuals,
+    stations,
 )
 from agonic.thermal.maths.prior import make_prior
 from agonic.thermal.maths.stations import list_standard_rotations
