@@ -24,7 +24,7 @@ def latency(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """How late the readings are beside the attitude or the gyro of the log."""
+    """The delay of the readings relative to the attitude or the gyro of the log."""
     from typing import Any, cast
 
     from agonic.attitude.latency import fit_latency

@@ -56,7 +56,7 @@ def north(
     field: Magnitude = None,
     as_json: Json = False,
 ) -> int:
-    """True north by a gyrotheodolite, carried on; or declination and inclination of a sheet."""
+    """True north by a gyrotheodolite; or declination and inclination from a DI-flux sheet."""
     from agonic.alignment.files.read import read_north
     from agonic.alignment.files.read_di_flux import is_di_flux, read_di_flux
     from agonic.alignment.north import fit_di_flux, fit_north
@@ -132,7 +132,8 @@ def remanence(
 ) -> int:
     """The field of a platform itself: it is turned, the magnetometer stands still.
 
-    The angle of the platform is the column heading_deg. Exit status 1 where its field matters.
+    The angle of the platform is the column heading_deg. Exit status 1 where its field is not
+    negligible.
     """
     from agonic.alignment.document import describe_remanence
     from agonic.alignment.remanence import fit_remanence

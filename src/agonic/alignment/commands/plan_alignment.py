@@ -46,7 +46,7 @@ def alignment(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Orientations for a wanted standard error, and what they will tell."""
+    """Orientations for a wanted standard error, and the errors to expect."""
     from agonic.alignment.star_sensor import plan_alignment
     from agonic.alignment.star_sensor.plan_document import describe_plan
     from agonic.console.finish import finish

@@ -28,7 +28,7 @@ def swing(
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """The headings of a compass swing, in order, and how well they will tell the deviation."""
+    """The headings of a compass swing, in order, and the standard errors to expect."""
     from agonic.console.finish import finish
     from agonic.headings.deviation import plan_swing
     from agonic.headings.deviation.plan_document import describe_plan

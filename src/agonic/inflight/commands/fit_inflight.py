@@ -98,7 +98,7 @@ def inflight(
     report: Report = None,
     as_json: Json = False,
 ) -> int:
-    """Bias, gains or all nine numbers from the field that is known on the way."""
+    """Bias, gains or all nine numbers from the known field along the track."""
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, is_folder
     from agonic.console.place import set_track
