@@ -60,10 +60,7 @@ def export(
     ] = None,
     voltage: Annotated[
         float | None,
-        typer.Option(
-            metavar="V",
-            help="ardupilot: battery voltage, for the terms of each motor.",
-        ),
+        typer.Option(metavar="V", help="ardupilot: battery voltage, for the terms of each motor."),
     ] = None,
     whole: Annotated[
         bool, typer.Option("--whole", help="c: compute the heading as well, also for a CAL alone.")

@@ -57,9 +57,11 @@ def fit_chamber(
         bool, typer.Option(help="Try fits on stations that they have not seen; takes time.")
     ] = True,
     workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Processes; default: one for each core where it pays."),
+        int | None, typer.Option(min=1, help="Processes; default: one for each core where it pays.")
     ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="All that was found of each sensor too.")
+    ] = False,
     as_json: Json = False,
 ) -> int:
     """Bias and matrix of every sensor over temperature, from turned stations.
@@ -81,9 +83,7 @@ def fit_chamber(
     stations = "known" if known_turns else stations
     with counting(100) as bar:
         read = read_campaign(
-            campaign,
-            unit=unit,
-            progress=lambda _, share: bar("Reading", round(100 * share)),
+            campaign, unit=unit, progress=lambda _, share: bar("Reading", round(100 * share))
         )
     result = calibrate_campaign(
         read,
@@ -103,7 +103,8 @@ def fit_chamber(
     reports = []
     if out is not None:
         reports.append(write_atomically(out / "report.html", document.to_html()))
-    return finish(document, files=reports, as_json=as_json)
+    written = [*(file for own in files.values() for file in own), *reports]
+    return finish(document, files=written, as_json=as_json, brief=not verbose)
 
 
 def _fit_known_field(
