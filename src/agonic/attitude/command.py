@@ -13,7 +13,7 @@ def latency(
     limit_ms: float | None = None,
     as_json: Json = False,
 ) -> int:
-    """How late the readings are beside the attitude or the gyro of the log.
+    """The delay of the readings relative to the attitude or the gyro of the log.
 
     Options
     -------

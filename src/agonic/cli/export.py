@@ -49,9 +49,9 @@ def export(
     """Write a calibration in another program's own form, with what that form cannot hold.
 
     A setup file (TOML) becomes firmware: C for the whole chain from readings to true heading; the
-    state file of agonic track becomes C that goes on following the calibration on board. A
-    calibration that changes with temperature keeps doing so where the target
-    can hold that; for the others say with --temperature where to hold it.
+    state file of agonic track becomes C that continues on board. A calibration that changes with
+    temperature is written whole where the target can hold it; for the others --temperature says at
+    which temperature.
 
     Options
     -------

@@ -57,7 +57,7 @@ def motion(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """Write the readings of one sensor, and beside them the calibration that would undo it."""
+    """Write the readings of one sensor, and beside them its true calibration."""
     from agonic.errors import AgonicError
     from agonic.simulation import simulate
 

@@ -23,7 +23,7 @@ def verify(
     """Check a calibration on a log. Exit status 1 where a check failed.
 
     CAL may be of another program: parameters of ArduPilot or PX4, MotionCal's packet, or a vector
-    b and a matrix A as text, JSON or .mat; how they are meant is found on the log and said.
+    b and a matrix A as text, JSON or .mat; their equation is found with the log and reported.
 
     Options
     -------

@@ -26,7 +26,7 @@ def live(
             metavar="SOURCE",
             show_default=False,
             help="A serial port (/dev/ttyUSB0, COM3:57600), udp://[HOST]:PORT, tcp://HOST:PORT, "
-            "each also after mavlink+, a log to replay, or sim. Without it: the ports there are.",
+            "each also after mavlink+, a log to replay, or sim. Without it: list the serial ports.",
         ),
     ] = None,
     out: Path = Path("live-agonic"),
@@ -47,7 +47,7 @@ def live(
     Opens a page on this machine; its button Accept writes what `agonic calibrate` writes. With
     --text or --json the same in the terminal, which ends when the target is reached or the source
     has ended. Readings that come without a unit stay raw. When it is stopped before Accept, the
-    same command goes on from there.
+    same command continues.
 
     Options
     -------

@@ -16,10 +16,10 @@ def reproduce(
 ) -> int:
     """Make a published document again: its equations, figures, tables and claims.
 
-    Each of our numbers stands beside the document's, green where it keeps to the document's own
-    limit and red where it misses it. Exit status 1 where one is missed. The documents: a thermal
-    chamber for a nanosatellite (samsat), a heading system (uav), a neural network (network), and
-    the alignment with a star sensor (patent).
+    Each number is shown beside the document's, green where it is within the document's own limit
+    and red where not. Exit status 1 where one is missed. The documents: a thermal chamber for a
+    nanosatellite (samsat), a heading system (uav), a neural network (network), and the alignment
+    with a star sensor (patent).
 
     Options
     -------

@@ -53,7 +53,7 @@ def north(
     field: Magnitude = None,
     as_json: Json = False,
 ) -> int:
-    """True north by a gyrotheodolite, carried on; or declination and inclination of a sheet.
+    """True north by a gyrotheodolite; or declination and inclination from a DI-flux sheet.
 
     Options
     -------
@@ -137,7 +137,8 @@ def remanence(
 ) -> int:
     """The field of a platform itself: it is turned, the magnetometer stands still.
 
-    The angle of the platform is the column heading_deg. Exit status 1 where its field matters.
+    The angle of the platform is the column heading_deg. Exit status 1 where its field is not
+    negligible.
 
     Options
     -------

@@ -34,7 +34,7 @@ def alignment(
     out: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """Orientations for a wanted standard error, and what they will tell.
+    """Orientations for a wanted standard error, and the errors to expect.
 
     Options
     -------

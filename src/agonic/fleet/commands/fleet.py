@@ -40,7 +40,7 @@ def fleet(
     """Calibrate every magnetometer of many logs into one table, without anyone watching.
 
     Writes fleet.parquet, a row for each sensor and log, and report.html. A bad log is a row with
-    its reason, never a stop. Exit status 1 where any is refused.
+    its reason and does not stop the run. Exit status 1 where any is refused.
 
     Options
     -------

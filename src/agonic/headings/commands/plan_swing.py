@@ -16,7 +16,7 @@ def swing(
     out: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """The headings of a compass swing, in order, and how well they will tell the deviation.
+    """The headings of a compass swing, in order, and the standard errors to expect.
 
     Options
     -------

@@ -58,7 +58,7 @@ def inflight(
     report: Report = None,
     as_json: Json = False,
 ) -> int:
-    """Bias, gains or all nine numbers from the field that is known on the way.
+    """Bias, gains or all nine numbers from the known field along the track.
 
     Options
     -------

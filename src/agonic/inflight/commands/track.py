@@ -35,7 +35,7 @@ def track(
     """Follow bias and matrix of a magnetometer in flight or in orbit, from log to log.
 
     Starts where STATE does not exist, from --ground or from nothing, and resumes where it does.
-    Readings that were seen before, or are flagged, are passed over. Exit status 1 where the bias
+    Readings that were seen before, or are flagged, are skipped. Exit status 1 where the bias
     jumped or is not to be trusted.
 
     Options

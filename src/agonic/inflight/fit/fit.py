@@ -1,4 +1,4 @@
-"""`fit_inflight`: bias, gains or all nine numbers from the field that is known on the way."""
+"""`fit_inflight`: bias, gains or all nine numbers from the known field along the track."""
 
 from __future__ import annotations
 

@@ -38,9 +38,10 @@ def retrain(
 ) -> int:
     """Keep a network up to date in orbit or in use: retrained periodically, and after a change.
 
-    A candidate replaces what runs only where it is clearly better on readings it has not seen.
-    Readings that were seen before, or are flagged, are passed over. Exit status 1 where the last
-    retraining was rejected because of its readings, a change is not learned yet, or nothing runs.
+    A candidate replaces the running network only where it is clearly better on unseen readings.
+    Readings that were seen before, or are flagged, are skipped. Exit status 1 where the last
+    retraining was rejected because of its readings, a change is not learned yet, or nothing is
+    trained.
 
     Options
     -------

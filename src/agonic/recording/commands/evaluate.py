@@ -24,7 +24,7 @@ def evaluate(
 ) -> int:
     """Judge calibration and heading on parts of a log that they have not seen.
 
-    Found errors stand beside those that the fits state, and those of the readings as recorded. The
+    Found errors are compared with the stated ones, and with those of the readings as recorded. The
     heading is compared with that of --truth, or with an independent one in the log. Exit status 1
     where the calibration is refused or doubtful, or errors are larger than stated.
 

@@ -30,6 +30,7 @@ def fit_chamber(
     unseen_change: float = 0.0,
     held_out: bool = True,
     workers: int | None = None,
+    verbose: bool = False,
     as_json: Json = False,
 ) -> int:
     """Bias and matrix of every sensor over temperature, from turned stations.
@@ -51,6 +52,7 @@ def fit_chamber(
     unseen_change ≥0.0 : Share by which the field may have changed between stations, unseen.
     held_out : Try fits on stations that they have not seen; takes time.
     workers ≥1 : Processes; default: one for each core where it pays.
+    verbose --verbose -v : All that was found of each sensor too.
     """
     from agonic.atomic import make_folder, write_atomically
     from agonic.console.finish import finish
@@ -65,9 +67,7 @@ def fit_chamber(
     stations = "known" if known_turns else stations
     with counting(100) as bar:
         read = read_campaign(
-            campaign,
-            unit=unit,
-            progress=lambda _, share: bar("Reading", round(100 * share)),
+            campaign, unit=unit, progress=lambda _, share: bar("Reading", round(100 * share))
         )
     result = calibrate_campaign(
         read,
@@ -87,7 +87,8 @@ def fit_chamber(
     reports = []
     if out is not None:
         reports.append(write_atomically(out / "report.html", document.to_html()))
-    return finish(document, files=reports, as_json=as_json)
+    written = [*(file for own in files.values() for file in own), *reports]
+    return finish(document, files=written, as_json=as_json, brief=not verbose)
 
 
 def _fit_known_field(

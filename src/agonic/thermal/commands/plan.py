@@ -88,7 +88,8 @@ def plan_chamber(
         name=name,
     )
     saved = [] if folder is None else [_write_template(plan, folder)]
-    return finish(describe_plan(plan), files=saved, report=out, option="-o", as_json=as_json)
+    made, brief = describe_plan(plan), out is not None
+    return finish(made, files=saved, report=out, option="-o", as_json=as_json, brief=brief)
 
 
 def _write_template(plan: ThermalPlan, folder: Path) -> Path:

@@ -57,7 +57,8 @@ def describe_plan(plan: ThermalPlan, *, title: str = "") -> Document:
         status=f"{len(plan.stations)} stations, {sensors} sensor{'s' * (sensors > 1)}, "
         f"{profile.lowest_C:+g} to {profile.highest_C:+g} °C: {_format_hours(plan.duration_s)} "
         "in all",
-        entries={**_list_costs(plan), **poses},
+        entries=_list_costs(plan),
+        details=poses,
         entries_title="",
         sections=[
             Section("What to heed", [element("ul", *(element("li", rule) for rule in RULES))]),
