@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
-from msgspec import Struct
 
 from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import read_bytes
@@ -43,11 +42,12 @@ def read_toml(path: Path, needed: str = "a description in TOML is needed") -> di
 
 
 def read_section(
-    table: Any, kind: type[Struct], where: str, mistakes: list[str], beside: Sequence[str] = ()
+    table: Any, kind: type[Any], where: str, mistakes: list[str], beside: Sequence[str] = ()
 ) -> Any:
     """A section as it should be, or `None` with every mistake in it noted.
 
-    `beside` are the sections that may stand in the same place, for the list of what is known.
+    `kind` is a `Struct` or a dataclass; `beside` are the sections that may stand in the same
+    place, for the list of what is known.
 
     >>> class Place(Struct):
     ...     latitude_deg: float
@@ -73,12 +73,13 @@ def read_section(
             msgspec.convert(table[key], hints[key])
         except msgspec.ValidationError as error:
             mistakes.append(f"{where} `{key}` {_word_mistake(table[key], hints[key], error)}")
-    needed = [f.name for f in msgspec.structs.fields(kind) if f.required and f.name not in table]
+    known_fields = msgspec.inspect.type_info(kind).fields  # type: ignore[attr-defined]
+    needed = [f.name for f in known_fields if f.required and f.name not in table]
     if needed:
         mistakes.append(f"{where} needs {', '.join(f'`{key}`' for key in needed)}")
     if len(mistakes) > before:
         return None
-    return msgspec.convert(dict(table), kind)
+    return try_to_make(lambda: msgspec.convert(dict(table), kind), where, mistakes)
 
 
 def _word_mistake(value: Any, hint: Any, error: msgspec.ValidationError) -> str:
@@ -95,6 +96,6 @@ def try_to_make(make: Callable[[], Made], where: str, mistakes: list[str]) -> Ma
     """What is made, or `None` and its mistake noted."""
     try:
         return make()
-    except AgonicError as error:
+    except (AgonicError, msgspec.ValidationError) as error:
         mistakes.append(f"{where}: {error}")
         return None

@@ -87,7 +87,7 @@ def fit_chamber(
     reports = []
     if out is not None:
         reports.append(write_atomically(out / "report.html", document.to_html()))
-    written = [*(file for own in files.values() for file in own), *reports]
+    written: list[Path | str] = [*(file for own in files.values() for file in own), *reports]
     return finish(document, files=written, as_json=as_json, brief=not verbose)
 
 

@@ -39,7 +39,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -106,11 +106,6 @@ class FieldSection(Struct):
     inclination_deg: float | None = None
 
 
-ProfileSection = msgspec.defstruct(
-    "ProfileSection", [(f.name, float, f.default) for f in fields(Profile)]
-)
-"""[profile], with what a `Profile` is by default."""
-
 SECTIONS = ("sensor", "station", "profile", "field")
 
 
@@ -146,7 +141,7 @@ def _make_description(
     """The description, with what is wrong added to `mistakes`."""
     plain = {key: value for key, value in table.items() if key not in SECTIONS}
     head = read_section(plain, CampaignSection, "the file", mistakes, SECTIONS)
-    profile = read_section(table.get("profile"), ProfileSection, "[profile]", mistakes)
+    profile = read_section(table.get("profile"), Profile, "[profile]", mistakes)
     field = read_section(table.get("field", {}), FieldSection, "[field]", mistakes)
     sensors = _read_sections(table.get("sensor", []), SensorSection, "sensor", mistakes)
     stations = _read_sections(table.get("station", []), StationSection, "station", mistakes)
@@ -154,11 +149,6 @@ def _make_description(
     _check_columns(head, sensors, mistakes)
     _check_values(head, field, sensors, mistakes)
     _check_files(head, stations, folder, mistakes)
-    made = try_to_make(
-        lambda: None if profile is None else Profile(**_collect_fields(profile)),
-        "[profile]",
-        mistakes,
-    )
     if mistakes:
         return None
     return Description(
@@ -169,16 +159,12 @@ def _make_description(
         sensors=tuple(_make_sensor(one, head.unit) for one in sensors),
         stations=tuple(map(_make_station, stations)) or list_standard_stations(),
         assumed=not stations,
-        profile=made,
+        profile=profile,
         magnitude=field.magnitude_nT,
         inclination_deg=field.inclination_deg,
         unit=head.unit,
         columns=head.columns,
     )
-
-
-def _collect_fields(section: Struct) -> dict[str, Any]:
-    return {name: getattr(section, name) for name in section.__struct_fields__}
 
 
 def _read_sections(tables: Any, kind: type[Struct], what: str, mistakes: list[str]) -> list[Any]:
@@ -268,7 +254,7 @@ def _check_files(head: Any, stations: list[Any], folder: Path, mistakes: list[st
 
 
 def _make_sensor(section: SensorSection, unit: str | None) -> Sensor:
-    given = _collect_fields(section)
+    given = msgspec.structs.asdict(section)
     noise = given.pop("noise_nT")
     return Sensor(**{**given, "noise": noise, "unit": section.unit or unit})
 
