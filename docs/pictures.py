@@ -95,8 +95,14 @@ GALLERY: dict[str, tuple[str, ...]] = {
 """Commands that make each page of the gallery, and the page."""
 
 
+WHOLE_FIGURE = """() => Math.max(1100, ...[...document.querySelectorAll("figure")]
+    .map((figure) => figure.getBoundingClientRect())
+    .filter((box) => box.top < 1100 && box.bottom > 1100).map((box) => box.bottom + 10))"""
+"""How far down a page is drawn, so that no figure is cut."""
+
+
 def gallery_pictures(browser: Browser, folder: str, names: Iterable[str]) -> None:
-    """The top of each page, as a screen of 1100 by 1100 points shows it."""
+    """The top of each page, 1100 points wide, down to the end of the figure at 1100 points."""
     (STATIC / "gallery").mkdir(exist_ok=True)
     view = browser.new_page(viewport={"width": 1100, "height": 1100})
     for name in names:
@@ -105,7 +111,9 @@ def gallery_pictures(browser: Browser, folder: str, names: Iterable[str]) -> Non
             subprocess.run([sys.executable, "-m", "agonic", *command.split()], cwd=folder)
         view.goto(f"file://{folder}/{page}")
         view.wait_for_timeout(500)
-        view.screenshot(path=STATIC / "gallery" / f"{name}.png", scale="css")
+        size = {"x": 0, "y": 0, "width": 1100, "height": view.evaluate(WHOLE_FIGURE)}
+        path = STATIC / "gallery" / f"{name}.png"
+        view.screenshot(path=path, scale="css", full_page=True, clip=size)
 
 
 def report_pictures(browser: Browser, folder: str) -> None:

@@ -48,13 +48,13 @@ def find_fresh(values: Array) -> Mask:
     return np.asarray(fresh | ((age >= 2 * usual) & (age % usual == 0)))
 
 
-def without_held(samples: Samples) -> Samples:
+def interpolate_repeated(samples: Samples) -> Samples:
     """The samples with acceleration, rates and angles interpolated over rows that only repeat one.
 
     >>> i = np.arange(40.0)
     >>> turning = np.outer(i, [1.0, 1.0, 1.0])
     >>> slow = Samples(time=i, field=turning, unit="nT", heading_deg=(i // 4 * 20) % 360)
-    >>> without_held(slow).heading_deg[:6].round(9).tolist()
+    >>> interpolate_repeated(slow).heading_deg[:6].round(9).tolist()
     [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]
     """
     time = samples.time

@@ -185,7 +185,7 @@ class Reference(Readable):
             raise UnitError(f"a reference {kind} must be finite and above zero, in {unit}")
         if size.min(initial=1.0) < 1e-9 or size.max(initial=1.0) > _LARGEST_NT:
             raise UnitError(
-                f"a reference {kind} of {size.min():.3g} to {size.max():.3g} nT is no magnetic "
+                f"a reference {kind} of {size.min():.3g} to {size.max():.3g} nT is not a magnetic "
                 "field; the Earth's is 22 000 to 67 000"
             )
         array.flags.writeable = False

@@ -194,7 +194,7 @@ def _improvement_check(before: float, after: float, visits: int) -> Check:
         ratio <= limit or after <= 0.005,
         "the calibration makes the magnitude steadier"
         if ratio <= 1
-        else "the magnitude was as steady before as chance can tell",
+        else "the magnitude was as steady before, within chance",
         "the calibration makes these readings worse: do not use it for them",
     )
 

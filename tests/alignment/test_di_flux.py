@@ -91,7 +91,10 @@ def test_units_and_the_head_of_recorded_sheets(recordings: Path) -> None:
     ("text", "match"),
     [
         ("# MagPy Absolutes\nMiren:\n1 2\n", "lacks Abs-TheoUnit .*, Positions"),
-        (HEAD + "Miren:\n1 x\nPositions:\n2020-01-01_10:00:00 1 2 3\n", "row 5.*'x' is no number"),
+        (
+            HEAD + "Miren:\n1 x\nPositions:\n2020-01-01_10:00:00 1 2 3\n",
+            "row 5.*'x' is not a number",
+        ),
         (HEAD + "Miren:\n1\nPositions:\n2020-01-01_10:00:00 1 2\n", "3 cells where 4"),
         (HEAD + "Miren:\n1\nPositions:\nyesterday 1 2 3\n", "'yesterday' is no time"),
         (HEAD.replace("200", "south") + "Miren:\n1\nPositions:\n2020-01-01 1 2 3\n", "'south'"),

@@ -177,7 +177,7 @@ def test_every_mistake_of_the_description_is_said_at_once(folder) -> None:
     [
         ('"UTC"', '"EST"', "`time_scale`"),
         ('"NED"', '"ESD"', "[reference] `axes`"),
-        ("latitude_deg = 52.0725", "latitude_deg = 152.0", "is no place"),
+        ("latitude_deg = 52.0725", "latitude_deg = 152.0", "is not a place"),
         ('"reference.csv"', '"none.csv"', "there is no file none.csv"),
         ("[site]", "[place]", "there is no section [site]"),
         ("noise_nT = 0.5", 'unit = "furlong"', "furlong"),
@@ -209,7 +209,7 @@ def replaced(name: str, row: int, cell: str):
         (dropped("orientation"), "no column with the orientation's number"),
         (dropped("rot_deg"), "no attitudes: there is no rot_deg"),
         (dropped("unix_s"), "no column with times"),
-        (replaced("ra_deg", 2, "north"), "row 4: ra_deg is 'north', no number"),
+        (replaced("ra_deg", 2, "north"), "row 4: ra_deg is 'north', not a number"),
         (replaced("dec_deg", 3, "97"), "row 5: dec_deg is 97: a declination lies between"),
         (replaced("orientation", 0, "1.5"), "whole numbers"),
         (replaced("cov_xy_arcsec2", 1, "50"), "correlations below 1"),
@@ -249,5 +249,5 @@ def test_a_folder_without_a_session(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"does not hold session\.toml"):
         read_session(tmp_path)
     (tmp_path / "session.toml").write_text("name = ")
-    with pytest.raises(LogError, match="this is no TOML"):
+    with pytest.raises(LogError, match="this is not TOML"):
         read_session(tmp_path)

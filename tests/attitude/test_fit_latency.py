@@ -21,7 +21,7 @@ def test_a_latency_is_printed_with_what_to_do(capsys) -> None:
     assert run(["fit", "latency", "log.csv"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "25.0 ± " in said
-    assert "ms late beside the recorded attitude; take it out" in said
+    assert "ms late relative to the recorded attitude; take it out" in said
 
 
 @pytest.mark.parametrize("method", ["attitude", "gyro"])
@@ -42,7 +42,7 @@ def test_a_log_that_tells_nothing_is_a_failed_check(capsys) -> None:
     assert run(["fit", "latency", "log.csv", "--json"]) == 1
     (sensor,) = json.loads(capsys.readouterr().out)["sensors"]
     assert (sensor["known"], sensor["significant"]) == (False, False)
-    assert "turn the sensor to and fro" in sensor["status"]
+    assert "turn the sensor quickly back and forth" in sensor["status"]
 
 
 @pytest.mark.parametrize(

@@ -195,7 +195,7 @@ def test_apply_writes_parquet_where_the_name_says_so(cal, log, capsys) -> None:
     assert Path("field.parquet").read_bytes()[:4] == b"PAR1"
     assert np.array_equal(read("field.parquet").field, read("field.csv").field)
     assert run(["apply", cal, log, "-o", "field.xlsx"]) == 2
-    assert "would be a table of text; name it .csv" in capsys.readouterr().err
+    assert "would be a text table; name it .csv" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("target", ["ardupilot", "px4", "c", "motioncal", "matlab", "ros", "table"])

@@ -43,14 +43,15 @@ def test_people_are_told_what_was_written(
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        AgonicError, match=r"-o .*a\.pdf is no kind of file for this; name it .html or .txt"
+        AgonicError,
+        match=r"-o .*a\.pdf is not a type written here; name it .html or .txt",
     ):
         finish(GOOD, report=tmp_path / "a.pdf", option="-o")
 
 
 def test_a_table_is_not_given_the_name_of_a_page(tmp_path: Path) -> None:
     require_table(tmp_path / "out.csv")
-    with pytest.raises(AgonicError, match=r"a table of text; name it \.csv"):
+    with pytest.raises(AgonicError, match=r"a text table; name it \.csv"):
         require_table(tmp_path / "out.html")
 
 

@@ -362,7 +362,7 @@ def test_a_box_that_no_table_can_follow_names_the_place():
     [((50, 40), (0, 20)), ((40, 95), (0, 20)), ((40, 50), (5, 5)), ((40, float("nan")), (0, 9))],
 )
 def test_a_box_without_area_is_refused(latitudes, longitudes):
-    with pytest.raises(AgonicError, match="no box"):
+    with pytest.raises(AgonicError, match="not a box"):
         declination_grid(latitudes, longitudes, "2026-05-01")
 
 

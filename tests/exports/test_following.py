@@ -113,5 +113,5 @@ def test_a_target_with_a_term_for_the_current_takes_it_as_recorded(tmp_path: Pat
     made = [ag.write_ardupilot(one, tmp_path / "mag.param") for one in (late, plain)]
     parameters = [compute_ardupilot_parameters(one)[0] for one in (late, plain)]
     assert parameters[0] == parameters[1]
-    assert any("as it comes" in one for one in made[0].warnings)
-    assert not any("as it comes" in one for one in made[1].warnings)
+    assert any("without removing" in one for one in made[0].warnings)
+    assert not any("without removing" in one for one in made[1].warnings)

@@ -91,7 +91,7 @@ def test_turns_are_taken_out_at_the_speed_that_they_tell() -> None:
     """Half of this flight is turns at 18 m/s; believed, they pull the vertical by 8°."""
     s = flight(n=4000).samples.with_columns(latitude_deg=None, longitude_deg=None, altitude_m=None)
     found = find_attitude(s, setup_for(plain(), tilt="gyro"), plain())
-    told = re.search(r"turns are reckoned at ([0-9.]+) m/s", " ".join(found.notes))
+    told = re.search(r"speed in turns is taken as ([0-9.]+) m/s", " ".join(found.notes))
     assert told is not None
     assert float(told[1]) == pytest.approx(18.0, rel=0.05)
     assert np.sqrt(np.mean(tilt_error_deg(s, tilt="gyro") ** 2)) < 0.5
@@ -108,7 +108,7 @@ def test_a_hand_has_no_speed() -> None:
     rate = np.sqrt((s.rotation_rate**2).sum(axis=1))[:, None]
     swung = s.with_columns(acceleration=s.acceleration * (1 + 0.05 * rate**2))
     found = find_attitude(swung, setup_for(plain(), tilt="gyro"), plain())
-    assert not any("reckoned" in note for note in found.notes)
+    assert not any("speed in turns" in note for note in found.notes)
     assert np.sqrt(np.mean(tilt_error_deg(swung, tilt="gyro") ** 2)) < 1.5
 
 

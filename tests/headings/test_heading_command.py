@@ -190,7 +190,7 @@ def test_it_says_in_words_what_it_found(capsys) -> None:
         (["mag.json", "bare.csv", "--date", WHEN], "neither roll and pitch nor an accelerometer"),
         (["mag.json", "flight.csv", "--date", "1850-01-01"], "holds from 1900.0"),
         (["mag.json", "flight.csv", "--date", "soon"], "is not a date"),
-        (["mag.json", "flight.csv", "--at", "91,0"], "no place on Earth"),
+        (["mag.json", "flight.csv", "--at", "91,0"], "not a place on Earth"),
         (["mag.json", "flight.csv", "--sensor", "MAG9"], "no sensor 'MAG9'"),
         (["mag.json", "counts.csv", "--date", WHEN], "readings in nT and these are in raw"),
         (["mag.json", "flight.csv", "--unit", "furlong"], "furlong"),
@@ -238,7 +238,7 @@ def test_a_sensor_that_sits_by_right_angles_is_turned_into_the_vehicle(capsys) -
     assert np.abs((found - wanted + 180.0) % 360.0 - 180.0).max() < 0.01
     capsys.readouterr()
     assert run([*asked, "--mounting", "x up, y down"]) == 2
-    assert "is no mounting" in capsys.readouterr().err
+    assert "is not a mounting" in capsys.readouterr().err
 
 
 def test_info_shows_readings_in_the_vehicle_s_axes(capsys) -> None:

@@ -76,7 +76,10 @@ def test_without_a_gyro_each_row_is_taken_by_itself() -> None:
     both = [heading(logged, setup), each_row(logged, setup)]
     assert both[0].method == "each row by itself"
     assert np.array_equal(both[0].true_deg, both[1].true_deg)
-    assert "the gyro is not used: tilt from the accelerometer follows no motion" in both[0].notes
+    assert (
+        "the gyro is not used: tilt from the accelerometer does not follow the motion"
+        in both[0].notes
+    )
     bare = heading(logged.with_columns(rotation_rate=None), setup)
     assert (bare.method, "gyro is not used" in " ".join(bare.notes)) == (both[0].method, False)
 

@@ -81,7 +81,7 @@ def test_by_gyro(motion) -> None:
     # 0.6 in turns: an accelerometer's lean turns with the vehicle, and the filter averages it
     assert 0.55 < rms(z) < 1.3
     assert rms(error) < 3.0
-    assert all("turns are reckoned at" in " ".join(one.notes) for one in found)
+    assert all("speed in turns is taken as" in " ".join(one.notes) for one in found)
 
 
 @pytest.mark.slow
@@ -121,7 +121,7 @@ def test_taken_level_and_told_by_the_log_how_level_it_was(motion) -> None:
         z.append(off_deg(found.true_deg, truth_of(true)) / found.sd_deg)
         told += found.notes
     assert 0.7 < rms(np.concatenate(z)) < 1.3
-    assert sum("by the log it was off by" in note for note in told) == len(SEEDS)
+    assert sum("by the log it was tilted by" in note for note in told) == len(SEEDS)
 
 
 def test_taken_level_where_nothing_tells() -> None:

@@ -186,8 +186,8 @@ def test_what_moves_the_readings_of_a_vehicle_that_hardly_turns_is_no_mounting()
 @pytest.mark.parametrize(
     ("mirror", "told"),
     [
-        (np.diag([-1.0, 1.0, 1.0]), "pitch seems counted"),
-        (np.diag([1.0, -1.0, 1.0]), "roll seems counted"),
+        (np.diag([-1.0, 1.0, 1.0]), "pitch seems to have the opposite sign"),
+        (np.diag([1.0, -1.0, 1.0]), "roll seems to have the opposite sign"),
         (np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, 1]]), "roll and pitch seem exchanged in"),
     ],
 )

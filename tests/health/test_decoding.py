@@ -104,7 +104,7 @@ def test_a_low_byte_whose_sign_spread_is_left_out() -> None:
     low = samples.field % 256
     damaged = np.where(low >= 128, low - 256, samples.field) * [1, 0, 0] + samples.field * [0, 1, 1]
     undone, kept, (finding,) = undo_decoding(samples.with_columns(field=damaged))
-    assert "whose sign spread over the high byte" in finding.what
+    assert "sign of the low byte was extended" in finding.what
     assert np.array_equal(undone.field, samples.field[kept])
 
 

@@ -1,10 +1,10 @@
-"""What is wrong with accelerometer and gyro is named before any fit, and how to mend it."""
+"""What is wrong with accelerometer and gyro is named before any fit, and how to correct it."""
 
 import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.health.inertial_unit import find_faults, find_stopped_readings, mend
+from agonic.health.inertial_unit import find_faults, find_stopped_readings, repair
 from agonic.maths.rotations.mounting import right_angles
 from tests.inertial.drives import drive
 
@@ -103,8 +103,8 @@ def test_which_of_three_sensors_has_other_axes_is_told() -> None:
 @pytest.mark.slow
 def test_an_acceleration_in_another_unit_is_used_in_metres_per_second_squared() -> None:
     _, logged, place = drive(tilt_deg=10.0, n=1000)
-    mended, _ = mend(logged.with_columns(acceleration=logged.acceleration / G))
-    assert np.allclose(mended.acceleration, logged.acceleration)
+    repaired, _ = repair(logged.with_columns(acceleration=logged.acceleration / G))
+    assert np.allclose(repaired.acceleration, logged.acceleration)
     fit = ag.fit_inertial(logged.with_columns(acceleration=logged.acceleration / G), place)
     assert np.allclose(fit.calibration.bias, ag.fit_inertial(logged, place).calibration.bias)
     assert fit.verdict == "check"

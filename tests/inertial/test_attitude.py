@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.inertial.attitude import feel_attitude
+from agonic.inertial.attitude import estimate_attitude
 from agonic.maths.rotations.attitude import down_b
 from agonic.simulation import simulate
 
@@ -38,7 +38,7 @@ def test_errors_act_as_foretold(error: str, tilt_deg: float) -> None:
         acceleration=force + given[:3] + np.cross(rate, given[9:12]),
         rotation_rate=rate * (1 + given[6:9]) + given[3:6],
     )
-    felt = feel_attitude(logged)
+    felt = estimate_attitude(logged)
     down, field = down_b(true.roll_deg, true.pitch_deg), made.field_b
     down, field = (_record_late(v, true.time, given[12]) for v in (down, field))
     wrong = felt.down - down
@@ -60,21 +60,21 @@ def _record_late(vectors: np.ndarray, time: np.ndarray, delay_s: float) -> np.nd
 def test_pauses_begin_anew_and_rows_between_them_are_left_out() -> None:
     whole = simulate("circle", n=3000).samples
     rows = np.r_[0:1000, 1400:1410, 1700:3000]
-    felt = feel_attitude(whole.select(rows))
+    felt = estimate_attitude(whole.select(rows))
     assert felt.known.sum() == 2300
     assert len(np.unique(felt.part[felt.known])) == 2
 
 
 def test_without_a_gyro_each_row_tells_down() -> None:
     true = simulate("circle", n=300).samples
-    felt = feel_attitude(true.with_columns(rotation_rate=None))
+    felt = estimate_attitude(true.with_columns(rotation_rate=None))
     assert felt.ahead is None
     np.testing.assert_allclose(felt.down, down_b(true.roll_deg, true.pitch_deg), atol=1e-9)
     leaning = true.with_columns(acceleration=true.acceleration + 0.01, rotation_rate=None)
-    moved = feel_attitude(leaning).down - felt.down
+    moved = estimate_attitude(leaning).down - felt.down
     np.testing.assert_allclose(moved, felt.down_by @ np.full(3, 0.01), atol=5e-6)
 
 
 def test_without_an_accelerometer_it_says_what_is_missing() -> None:
     with pytest.raises(ag.LogError, match="hold no acceleration"):
-        feel_attitude(simulate("circle", n=300).samples.with_columns(acceleration=None))
+        estimate_attitude(simulate("circle", n=300).samples.with_columns(acceleration=None))

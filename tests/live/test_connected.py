@@ -214,7 +214,7 @@ def test_a_log_is_replayed_at_its_own_pace(monkeypatch, tmp_path):
         ("ftp://host", "names no source"),
         ("mavlink+ftp://x:1", "names no source"),
         ("sim?colour=red", "no setting 'colour'"),
-        ("sim?rate=fast", "no number"),
+        ("sim?rate=fast", "not a number"),
     ],
 )
 def test_what_names_no_source(text, why):

@@ -112,7 +112,7 @@ def test_ctrl_c_in_the_terminal_says_what_is_saved(sensor, tmp_path):
         (["sim", "--at", "north"], "--at"),
         (["sim", "--listen", "192.0.2.1"], "cannot listen"),
         (["sim", "--target", "0"], "--target"),
-        (["sim", "--speed", "-1"], "a speed of -1 is none"),
+        (["sim", "--speed", "-1"], "speed -1 is not possible"),
         (["sim?sensors=0"], "sensors=0: it must be above zero"),
         (["udp://:5005", "--unit", "furlong"], "'furlong' is not known"),
         (["sim", "-o", "/proc/nowhere"], "cannot write to /proc/nowhere"),

@@ -109,7 +109,7 @@ def test_noise_is_told_and_survived():
         said += lines.feed(rng.bytes(1000), 0.1 * k)
     told = [event for event in said if isinstance(event, Notice)]
     assert 10 <= len(told) <= 21  # once a second
-    assert "cannot read" in told[-1].text
+    assert "could not be read" in told[-1].text
     assert told[-1].text.isprintable()
     clean = [e for e in lines.feed(b"\n1,2,3\n", 30.0) if isinstance(e, Chunk)]
     assert len(clean) == 1

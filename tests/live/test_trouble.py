@@ -148,7 +148,7 @@ def test_a_fit_that_cannot_go_on_begins_anew_and_keeps_what_was_saved(begin, tmp
     object.__setattr__(state, "found", "nonsense")
     session._take(Chunk("mag", MADE.time[600:605], MADE.field[600:605], "nT"))
     note = wait_for(lambda: session.status.notes)[0]
-    assert "begun anew; the readings before are kept as mag-1.live" in note
+    assert "started again; the earlier readings are kept as mag-1.live" in note
     assert LiveFit.resume(tmp_path / "mag-1.live").n == 600
     session._take(Chunk("mag", MADE.time, MADE.field, "nT"))
     wait_for(lambda: session.status.sensors[0].done)

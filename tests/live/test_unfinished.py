@@ -80,7 +80,7 @@ def test_what_is_accepted_or_begun_again_is_not_gone_on_with(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"fresh": True}, "begun anew; the readings before are kept as mag-1.live"),
+        ({"fresh": True}, "started again; the earlier readings are kept as mag-1.live"),
         ({"name": "UDP port 5005"}, "holds readings of serial port /dev/ttyUSB0"),
     ],
 )
@@ -112,12 +112,12 @@ def test_a_full_disk_stops_nothing_and_is_told_as_long_as_it_lasts(tmp_path, mon
     with monkeypatch.context() as patch:
         patch.setattr("agonic.live.files.write_atomically", full)
         session.stop()
-    assert session.status.trouble == session.parting
-    assert "the readings are not saved: cannot write" in session.parting
+    assert session.status.trouble == session.closing_message
+    assert "the readings are not saved: cannot write" in session.closing_message
     assert LiveFit.resume(tmp_path / "mag.live").n == 300
     session.stop()
     assert session.status.trouble == ""
-    assert "900 readings saved" in session.parting
+    assert "900 readings saved" in session.closing_message
     assert session.accept()[0].verdict == "good"
 
 
@@ -125,7 +125,7 @@ def test_a_sensor_that_was_not_asked_for_is_told_once(tmp_path):
     session = Session(Wire(slice(0, 9)), Plan(folder=tmp_path, sensor="compass"))
     for _ in range(3):
         session._take(Chunk("mag", MADE.time[:9], MADE.field[:9], "nT"))
-    assert session.status.notes == ["mag is heard and left aside: only compass was asked for"]
+    assert session.status.notes == ["mag is received and not used: only compass was asked for"]
     assert session.shown == []
 
 

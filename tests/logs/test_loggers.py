@@ -413,7 +413,7 @@ def test_the_error_shows_the_line_to_type(tmp_path):
         read(write(tmp_path / "bare.csv", "", [TIME[::-1], FIELD]))
     with pytest.raises(LogError, match="columns names 'S9'; the columns are 'clock', 'S0'"):
         read(path, columns="x=S9,y=S1,z=S2")
-    with pytest.raises(LogError, match="'depth' is no column; use time, x, y, z"):
+    with pytest.raises(LogError, match="'depth' is not a column; use time, x, y, z"):
         read(path, columns="depth=S0")
     with pytest.raises(LogError, match="it needs NAME=HEADER"):
         read(path, columns="S0,S1,S2")

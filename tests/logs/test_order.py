@@ -58,7 +58,7 @@ def test_rows_a_few_places_out_of_order_are_sorted_with_what_stands_beside_them(
 def test_a_clock_that_begins_anew_loses_no_reading(tmp_path) -> None:
     samples = read(tmp_path, np.r_[TIME[:150], TIME[:100], TIME[:150]])
     np.testing.assert_allclose(samples.time, TIME, atol=1e-9)
-    assert "begins anew 2 times" in " ".join(samples.notes)
+    assert "starts again 2 times" in " ".join(samples.notes)
 
 
 def test_rows_that_were_written_twice_count_once(tmp_path) -> None:

@@ -11,7 +11,7 @@ import pytest
 import agonic as ag
 from agonic.cli import run
 from agonic.health import Finding
-from agonic.recording.advice import suit_advice
+from agonic.recording.advice import adapt_advice
 from agonic.simulation import simulate, with_inertial_unit
 
 N = 400
@@ -59,7 +59,7 @@ def test_nobody_turns_a_satellite_by_hand(capsys) -> None:
 def test_components_of_the_earth_are_no_readings_of_a_sensor() -> None:
     made = ag.Samples(field=still(), frame="n", time=np.arange(N))
     fit = ag.fit_ellipsoid(made)
-    names = [finding.name for finding in suit_advice(fit.findings, made)]
+    names = [finding.name for finding in adapt_advice(fit.findings, made)]
     assert names[0] == "axes of the Earth"
     assert not {"static", "plane"} & set(names)
 
@@ -76,8 +76,8 @@ def test_readings_of_one_length_are_blamed_for_nothing_else(capsys) -> None:
 def test_an_orientation_that_the_autopilot_applied_is_corrected_there() -> None:
     found = (Finding("mounting", "refuse", "axes are others", "agonic calibrate --mounting x"),)
     made = ag.Samples(field=still(), time=np.arange(N))
-    assert suit_advice(found, made) == found
-    (told,) = suit_advice(found, ag.Samples(field=still(), frame="b", time=np.arange(N)))
+    assert adapt_advice(found, made) == found
+    (told,) = adapt_advice(found, ag.Samples(field=still(), frame="b", time=np.arange(N)))
     assert "COMPASS_ORIENT" in told.move
     assert "--mounting" not in told.move
 

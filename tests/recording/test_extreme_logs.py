@@ -134,7 +134,7 @@ def test_a_log_whose_name_is_not_utf_8_is_calibrated():
 @pytest.mark.parametrize("field", ["1e308", "1e-308"])
 def test_a_magnitude_that_is_no_field_is_told(capsys, field):
     assert run(["calibrate", write("log.csv", field_uT()), "--field", field]) == 2
-    assert "no magnetic field" in capsys.readouterr().err
+    assert "not a magnetic field" in capsys.readouterr().err
 
 
 def test_a_half_of_a_log_whose_fit_runs_away_disagrees_with_the_other() -> None:

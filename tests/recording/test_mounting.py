@@ -49,7 +49,7 @@ def test_words_that_are_not_understood(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["x up, y down", "x forward, y right, z up"])
 def test_mountings_that_cannot_be(text: str) -> None:
-    with pytest.raises(ag.AgonicError, match="is no mounting"):
+    with pytest.raises(ag.AgonicError, match="is not a mounting"):
         parse_mounting(text)
 
 

@@ -162,7 +162,7 @@ def test_a_good_calibration_asks_for_no_turns(good):
     coverage = replace(good.fit.coverage, turns="turn the sensor until the field points along −z")
     words = text_of(render([replace(good, fit=replace(good.fit, coverage=coverage))], title="log"))
     assert "Turns to add" not in words
-    assert "No further turns are needed." in words
+    assert "No further orientations are needed." in words
     doubtful = replace(good, fit=replace(good.fit, coverage=coverage))
     doubtful = doubtful.with_finding(Finding("range", "check", "the field is weak"))
     words = text_of(render([doubtful], title="log"))

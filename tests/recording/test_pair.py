@@ -7,7 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.exports.csv import write_sensors
-from agonic.recording.each_sensor import calibrate_each, compare, tell_pairs
+from agonic.recording.each_sensor import calibrate_each, compare, report_pairs
 from agonic.simulation import simulate_vehicle
 from tests.command_line import complaint
 
@@ -24,7 +24,7 @@ def calibrate(sensors: list[ag.Samples]) -> list:
 @pytest.mark.slow
 def test_opposite_disturbance_is_told_and_mixed_away(tmp_path) -> None:
     sensors = fly(3, (60.0, -35.0, 90.0), "opposite")
-    told = tell_pairs(calibrate(sensors))
+    told = report_pairs(calibrate(sensors))
     for one in told:
         (found,) = [f for f in one.fit.findings if f.name == "pair"]
         assert "oppositely" in found.what
@@ -47,7 +47,7 @@ def test_opposite_disturbance_is_told_and_mixed_away(tmp_path) -> None:
 def test_undisturbed_sensors_are_no_pair(seed: int) -> None:
     first, second = calibrate(fly(seed, (0.0, 0.0, 0.0), "apart"))
     assert compare(first, second) is None
-    again = tell_pairs([first, second])
+    again = report_pairs([first, second])
     assert [one.fit.findings for one in again] == [first.fit.findings, second.fit.findings]
 
 

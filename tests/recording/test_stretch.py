@@ -33,7 +33,10 @@ def test_what_came_and_went_leaves_all_the_rest_to_calibrate() -> None:
     assert first.name == "field changed"
     np.testing.assert_allclose(first.moments, [10.0, 20.0], atol=0.5)
     assert len(result.samples) == pytest.approx(600, abs=30)
-    assert "this calibration is of the stretches from t = 0.0 s to " in first.what
+    assert (
+        "this calibration and its standard error hold only for the stretches from t = 0.0 s to "
+        in first.what
+    )
     np.testing.assert_allclose(np.ravel(result.stretches), [0.0, 10.0, 20.0, 39.95], atol=0.5)
 
 
@@ -46,7 +49,10 @@ def test_where_the_bias_did_not_come_back_one_stretch_is_calibrated(share: float
     assert result.verdict == "check"
     assert result.samples.time[0] == pytest.approx(20.0, abs=1.0)
     assert (np.abs(errors_over_sd(result, bias + share * MAGNET)) < 3.5).all()
-    assert "this calibration is of the stretch from t = " in result.fit.findings[0].what
+    assert (
+        "this calibration and its standard error hold only for the stretch from t = "
+        in result.fit.findings[0].what
+    )
 
 
 def test_what_was_put_on_to_stay_is_part_of_the_bias() -> None:

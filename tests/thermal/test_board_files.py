@@ -178,7 +178,7 @@ def test_one_column_is_named_beside_headers_that_speak(made, tmp_path) -> None:
     with pytest.raises(LogError, match=r"campaign.toml names 'Probe'; the columns are 'time_s'"):
         read_campaign(tmp_path)
     toml.write_text('[[sensor]]\nname = "A"\ncolumns = { x = "a", y = "b", warmth = "c" }\n')
-    with pytest.raises(LogError, match=r"'warmth' is no column.*x, y only of x, y and z"):
+    with pytest.raises(LogError, match=r"'warmth' is not a column.*x, y only of x, y and z"):
         read_campaign(tmp_path)
 
 

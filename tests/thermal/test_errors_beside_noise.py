@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 import agonic as ag
 from agonic.thermal.all_sensors import calibrate_campaign
 from agonic.thermal.fit.fit import fit_thermal
-from agonic.thermal.maths.thermometer import CALM_C, calm_thermometer, measure_noise
+from agonic.thermal.maths.thermometer import CALM_C, measure_noise, smooth_thermometer
 from agonic.thermal.simulation.campaign import SimulatedCampaign, simulate_campaign
 from tests.thermal.chambers import FIELD, KNOWN, nine
 from tests.thermal.coil import simulate_thermal_coil
@@ -55,12 +55,12 @@ def test_a_quiet_thermometer_is_taken_as_it_is() -> None:
     rng = np.random.default_rng(0)
     t = np.interp(np.arange(2000.0), [0.0, 1200.0, 1400.0, 2000.0], [50.0, -10.0, -10.0, 50.0])
     quiet = t + 0.5 * CALM_C * rng.standard_normal(2000)
-    assert calm_thermometer(quiet).temperature is quiet
+    assert smooth_thermometer(quiet).temperature is quiet
     steps = np.round(t)  # a thermometer with steps of 1 °C has no noise
-    assert calm_thermometer(steps).temperature is steps
+    assert smooth_thermometer(steps).temperature is steps
     for noise, left in ((0.1, 0.035), (0.5, 0.12), (2.0, 0.35)):
         noisy = t + noise * rng.standard_normal(2000)
-        found = calm_thermometer(noisy)
+        found = smooth_thermometer(noisy)
         assert found.noise_C == pytest.approx(noise, rel=0.1)
         assert measure_noise(found.temperature) < 0.1 * noise
         assert rms(found.temperature - t) < left
@@ -71,12 +71,12 @@ def test_gaps_and_short_stretches_of_a_noisy_thermometer() -> None:
     rng = np.random.default_rng(1)
     time = np.concatenate([np.arange(600.0), 3000.0 + np.arange(8.0), 9000.0 + np.arange(600.0)])
     t = np.interp(time, [0.0, 9600.0], [50.0, -10.0])
-    found = calm_thermometer(t + 0.5 * rng.standard_normal(len(t)), time)
+    found = smooth_thermometer(t + 0.5 * rng.standard_normal(len(t)), time)
     away = np.abs(found.temperature - t)
     assert away[:600].max() < 0.6  # the step over the gap is not smoothed away
     assert away[608:].max() < 0.6
     assert rms(found.temperature[600:608] - t[600:608]) > 0.2  # too few to smooth
-    assert calm_thermometer(np.array([1.0, 2.0])).temperature.tolist() == [1.0, 2.0]
+    assert smooth_thermometer(np.array([1.0, 2.0])).temperature.tolist() == [1.0, 2.0]
 
 
 @pytest.mark.slow

@@ -124,7 +124,7 @@ def test_a_file_that_ends_in_the_middle_of_a_line(made, folder) -> None:
     campaign = read_campaign(folder)
     assert campaign.stations == tuple(range(1, 13))
     assert len(campaign.recordings["MPU-9255"][4]) < 0.45 * 288
-    assert any("left out" in f.what for f in campaign.findings)
+    assert any("ends in the middle" in f.what for f in campaign.findings)
 
 
 def test_damaged_files_are_named_and_the_rest_is_read(made, folder) -> None:
@@ -227,14 +227,14 @@ speed = 3
     path.write_text('files = "station-{number}.csv"\nunit = "furlong"\nrate_Hz = -1\n')
     with pytest.raises(LogError) as error:
         read_description(path)
-    for said in ("is no pattern", "'furlong' is not known", "rate_Hz is -1"):
+    for said in ("is not a pattern", "'furlong' is not known", "rate_Hz is -1"):
         assert said in str(error.value)
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("= 3", "this is no TOML"),
+        ("= 3", "this is not TOML"),
         ("sensor = 3", "two brackets"),
         ("[profile]\nlowest_C = 60\n", "lower end first"),
         ("profile = 3", r"\[profile\] must be a section"),

@@ -6,9 +6,13 @@ import pytest
 import agonic as ag
 from agonic.maths.equation import affine
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.thermal.campaign.description import Station, list_standard_stations
+from agonic.thermal.campaign.description import (
+    Sensor,
+    Station,
+    list_standard_stations,
+    parse_sensors,
+)
 from agonic.thermal.campaign.profile import Profile
-from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.fit.fit import fit_thermal
 from agonic.thermal.plan.document import describe_plan
 from agonic.thermal.plan.plan import plan_thermal
@@ -146,8 +150,8 @@ def test_stations_that_do_not_determine_the_numbers_are_seen() -> None:
     [
         ("", "no sensors"),
         ("LIS3MDL", "LIS3MDL:NOISE"),
-        ("0xMMC5883MA", "is no sensor"),
-        ("MMC5883MA:x", "is no sensor"),
+        ("0xMMC5883MA", "is not a sensor"),
+        ("MMC5883MA:x", "is not a sensor"),
     ],
 )
 def test_lists_of_sensors_that_are_none(text, says) -> None:

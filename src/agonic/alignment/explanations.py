@@ -139,7 +139,7 @@ def _list_motions(
                 f"orientation {number}, off by {{field}} or {{share}},",
                 magnitude=solution.magnitude,
             ),
-            f"look whether the platform stood still in orientation {number}, or leave it out",
+            f"check whether the platform stood still in orientation {number}, or leave it out",
         )
 
 

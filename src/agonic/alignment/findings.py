@@ -24,9 +24,9 @@ _WORSE: tuple[Severity, ...] = ("check", "refuse")
 TOLD: Mapping[str, Told] = {
     # star sensor
     "alignment undetermined": Told("{what}", "{action}", _REFUSED),
-    "unknowns undetermined": Told("{what}, which the alignment survives", "{action}"),
+    "unknowns undetermined": Told("{what}; the alignment itself is determined", "{action}"),
     "no redundancy": Told(
-        "the orientations just determine the unknowns, so no mistake would show",
+        "orientations just enough for the unknowns: a mistake would not be noticed",
         "add orientations",
     ),
     "session mistake": Told("{what}", "{action}", _REFUSED),
@@ -63,7 +63,7 @@ TOLD: Mapping[str, Told] = {
         _NOTE,
     ),
     "near-zero beta": Told(
-        "the third axes of star sensor and magnetometer are all but parallel, so only the {known} "
+        "the third axes of star sensor and magnetometer are nearly parallel, so only the {known} "
         "of α and γ is determined; quaternion and matrix are good",
         severities=_NOTE,
     ),
@@ -95,7 +95,7 @@ TOLD: Mapping[str, Told] = {
         "check the readings, and adjust the theodolite",
     ),
     "orientations": Told(
-        "one orientation leaves the turn about the field open",
+        "one orientation does not determine the rotation about the field",
         "turn the platform to at least two others",
         _REFUSED,
     ),
@@ -107,13 +107,13 @@ TOLD: Mapping[str, Told] = {
     ),
     # fluxgate theodolite
     "no mark": Told(
-        "the sheet has no azimuth of the mark, so the declination is left open",
+        "the sheet has no azimuth of the mark, so the declination is not determined",
         "give Abs-AzimuthMark",
         _NOTE,
     ),
     "mark read once": Told(
-        "the readings of the mark do not differ, so its own error is not in that of the "
-        "declination",
+        "all readings of the mark are equal, so their error is not known and not included in that "
+        "of the declination",
         "read it in both faces before and after",
         _NOTE,
     ),
@@ -127,7 +127,7 @@ TOLD: Mapping[str, Told] = {
         "give --field",
     ),
     "reads backwards": Told(
-        "the fluxgate reads less where the field along it is more: its sign is reversed, or the "
+        "the fluxgate reads less where the field along it is larger: its sign is reversed, or the "
         "first setting of the inclination does not look north and the field dips the other way",
         "look for settings that were exchanged",
     ),
@@ -141,10 +141,11 @@ TOLD: Mapping[str, Told] = {
     ),
     # coil
     "one polarity": Told(
-        "the current never changes its sign, so what is even in it does not cancel", "reverse it"
+        "the current never changes its sign, so its steady errors do not cancel",
+        "reverse it",
     ),
     "no reference": Told(
-        "the drift of the ambient field is only what a smooth curve makes of it",
+        "the drift of the ambient field is only estimated, by a smooth curve",
         "record a reference beside it",
         _NOTE,
     ),
@@ -164,7 +165,7 @@ TOLD: Mapping[str, Told] = {
         _NOTE,
     ),
     "correlated residuals": Told(
-        "stretches are alike in what is left, {length} counting as one",
+        "residuals are correlated over {length} stretches",
         "reverse the current more often, or put the reference nearer",
     ),
     "coil not settled": Told(
@@ -178,7 +179,7 @@ TOLD: Mapping[str, Told] = {
         "give current_A in amperes; are these milliamperes?",
     ),
     "axis not as drawn": Told(
-        "the axis is {away}° from the one drawn", "check the leads and the axes: {cause}"
+        "the axis is {away}° from the nominal axis", "check the leads and the axes: {cause}"
     ),
     "coil in the reference": Told(
         "the reference sees {share} % of the coil's field, so that much may be missing from the "
@@ -186,8 +187,8 @@ TOLD: Mapping[str, Told] = {
         "put the reference farther from the coil, or fit without it",
     ),
     "ambient field differs": Told(
-        "without the coil the magnetometer reads {by} % {way} than the reference; if that is its "
-        "gain, the constant is as wrong",
+        "without the coil the magnetometer reads {by} % {way} than the reference; if that is an "
+        "error of its gain, the constant has the same error",
         "give the magnetometer's calibration, or state why the field differs",
     ),
     "constant drifts": Told(
@@ -202,7 +203,7 @@ TOLD: Mapping[str, Told] = {
         _WORSE,
     ),
     "turn undetermined": Told(
-        "{n} orientations leave the turn about {axis} open",
+        "{n} orientations do not determine the turn about {axis}",
         "hold it still also nose up, on either side and upside down, and in between",
         _REFUSED,
     ),
@@ -227,11 +228,11 @@ TOLD: Mapping[str, Told] = {
         "the magnetometer where it will stay",
     ),
     "platform iron": Told(
-        "something on the platform is magnetized by the field: {size} nT go round twice in a turn",
+        "something on the platform is magnetized by the field: {size} nT repeat twice in one turn",
         "find the screw or the motor, or solve for the matrix (--solve bias,matrix)",
     ),
     "remanence loose": Told(
-        "the platform's own field is known to {sd} nT only, and {wanted} nT matter",
+        "the platform's own field is known to {sd} nT only, and {wanted} nT are needed",
         "take more readings at each setting, and a reference farther off",
     ),
 }

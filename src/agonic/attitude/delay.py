@@ -173,8 +173,8 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
             "check",
             f"the delay of the readings is known to ± {figure(1e3 * sd)} ms only: while turning as "
             f"in this log, at {rate}°/s, that is {figure(turned)}° of heading",
-            "log the magnetometer beside gyro or attitude at 50 rows a second or more, and turn to "
-            "and fro; or turn more slowly where the heading counts",
+            "log the magnetometer beside gyro or attitude at 50 rows a second or more, and turn "
+            "back and forth; or turn more slowly where the heading counts",
         )
     )
 

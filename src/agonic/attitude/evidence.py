@@ -16,8 +16,7 @@ from agonic.attitude.mounted_heading import (
     check_turned_sensor,
     compute_mounted_heading,
 )
-from agonic.attitude.problem import Scale
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Scale, Settings
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage, compute_coverage
 from agonic.fit import Accuracy, Channel, Fit, ModelTest, gather_evidence

@@ -14,13 +14,13 @@ from agonic.attitude.calibration import (
 from agonic.attitude.evidence import assess, find_dip_deg, find_down
 from agonic.attitude.problem import (
     Scale,
+    Settings,
     estimate_usable,
     is_robust,
     name_missing_hold,
     normalise,
     select_usable,
 )
-from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import TURN, list_considered
 from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError
@@ -29,7 +29,7 @@ from agonic.health import FEWEST, figure, find_usable_rows
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.equation.noisy_terms import calm_terms
+from agonic.maths.equation.noisy_terms import correct_for_current_noise
 from agonic.maths.equation.parts import estimate_part
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation.inference import wald
@@ -158,7 +158,7 @@ def make_fit(
     if settings.gauge == "auto" and problem.dip is not None and problem.across is None:
         tests = (_turn_test(problem, found),)
     if part.shared is None and "second" not in settings.sources:
-        part, found = calm_terms(part, found, is_robust(part, settings))
+        part, found = correct_for_current_noise(part, found, is_robust(part, settings))
     posterior, turned = None, False
     if settings.model == "full":
         considered = list_considered(found, part, scale)
@@ -206,8 +206,8 @@ def _turn_test(problem: Problem, found: Estimate) -> ModelTest:
         words = f"no sign of a turn between the sensor and {axes}"
     elif problem.shared is None:
         words = (
-            f"the sensor is misaligned by {degrees}° from {axes}, or their zero is off by as "
-            "much: the heading's standard error allows for either"
+            f"the sensor is misaligned by {degrees}° from {axes}, or their zero is wrong by the "
+            "same amount: the heading's standard error allows for either"
         )
     else:
         words = f"the sensor is misaligned by {degrees}° from {axes}"

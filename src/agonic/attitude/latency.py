@@ -16,7 +16,7 @@ from agonic.health import Finding, sentences
 from agonic.health.inertial_unit import find_faults
 from agonic.health.turning import explains_change, find_telling
 from agonic.maths.rotations.attitude import down_b, rot_nb
-from agonic.new_rows import find_fresh, without_held
+from agonic.new_rows import find_fresh, interpolate_repeated
 from agonic.readable import Readable
 from agonic.samples import Samples
 
@@ -128,7 +128,7 @@ def fit_latency(
     check_choice("method", method, ("auto", *get_args(Method)))
     if limit_s is not None and not limit_s > 0:
         raise AgonicError(f"limit_s is {limit_s}; the search needs it above zero")
-    chosen, samples = _method(samples, method), without_held(find_telling(samples))
+    chosen, samples = _method(samples, method), interpolate_repeated(find_telling(samples))
     for fault in () if chosen == "attitude" else find_faults(samples):
         if fault.column == "rotation_rate" and fault.finding.severity == "refuse":
             raise AgonicError(fault.finding.sentence)  # beside it any delay would fit as well
@@ -231,7 +231,7 @@ def _record(samples: Samples, readings: Array, limit_s: float, stretch_s: float)
         raise CoverageError(
             f"only {len(record.time)} readings lie {limit_s:g} s or more from ends and gaps; a "
             f"latency needs {FEWEST}",
-            turns="record for half a minute while turning to and fro",
+            turns="record for half a minute while turning back and forth",
         )
     return record
 
@@ -274,7 +274,7 @@ def _finding(
             "latency unknown",
             "note",
             f"the delay of the readings relative to {beside} is not determined: {why}",
-            "turn the sensor to and fro, briskly, for half a minute",
+            "turn the sensor quickly back and forth for half a minute",
         )
     if not significant:
         return Finding("latency", "note", f"no delay relative to {beside} is seen ({size})")
@@ -282,6 +282,6 @@ def _finding(
     return Finding(
         "latency",
         "check",
-        f"the readings are {size} {late} beside {beside}",
+        f"the readings are {size} {late} relative to {beside}",
         "take it out before calibrating, and where the heading is computed",
     )

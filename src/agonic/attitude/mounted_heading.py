@@ -78,9 +78,9 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
         return Finding(
             "turned sensor",
             "check",
-            f"the sensor is misaligned by {figure(mounted.turn_deg)}{known} in the vehicle, or its "
-            f"attitude is off by as much: standard error of the heading {own}° in the sensor's "
-            f"own axes, {vehicle}° in the vehicle's",
+            f"the sensor is misaligned by {figure(mounted.turn_deg)}{known} in the vehicle, or "
+            f"its attitude is wrong by the same amount: standard error of the heading {own}° in "
+            f"the sensor's own axes, {vehicle}° in the vehicle's",
             "look how the sensor sits, and set the zero of roll and pitch with the vehicle level",
         )
     if mounted.vertical_sd_deg < UNSEEN_DEG or mounted.vehicle_sd_deg < 1.5 * mounted.own_sd_deg:
@@ -88,8 +88,8 @@ def check_turned_sensor(mounted: MountedHeading, turned: bool) -> Finding | None
     return Finding(
         "mounting about the vertical",
         "note",
-        f"the verdict is for the heading of the sensor's own axes (standard error {own}°); how the "
-        f"sensor is turned about the vertical has one of {figure(mounted.vertical_sd_deg)}°, and "
-        f"the vehicle's heading one of {vehicle}°",
+        f"the verdict is for the heading of the sensor's own axes (standard error {own}°); how "
+        f"the sensor is turned about the vertical is known to {figure(mounted.vertical_sd_deg)}°, "
+        f"and the vehicle's heading to {vehicle}°",
         "bank and pitch more while turning, or compare with one known heading",
     )

@@ -110,10 +110,10 @@ class Affine(Correction):
     sensor: Sensor = "mag"
     device_id: DeviceId = None
     latency_s: Annotated[
-        float, described("How late the readings came beside the attitude, seconds.")
+        float, described("How late the readings came relative to the attitude, seconds.")
     ] = 0.0
     latency_sd_s: Annotated[
-        NotNegative | None, described("Standard error of that; null: nothing told it.")
+        NotNegative | None, described("Standard error of that; null: not determined.")
     ] = None
     frame_in: Frame = "m"
     frame_out: Frame = "m"

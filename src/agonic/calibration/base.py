@@ -153,7 +153,7 @@ def as_readings(raw: ArrayLike) -> Array:
     """Readings (…, 3) as numbers, or an error that says what is needed."""
     kind = type(raw).__name__
     if isinstance(raw, Samples):
-        raise AgonicError("correct takes readings (n, 3); for samples there is agonic.apply")
+        raise AgonicError("correct takes readings (n, 3); for samples use agonic.apply")
     try:
         array = np.asarray(raw, dtype=np.float64)
     except (TypeError, ValueError):

@@ -250,7 +250,7 @@ def _require_affine(step: Affine | Thermal | Network) -> Affine:
 def _inverse(matrix: Array) -> Array:
     """The inverse of what the steps before amount to."""
     if np.linalg.matrix_rank(matrix) < 3:
-        raise AgonicError("a matrix of this chain is singular; no bias can follow it")
+        raise AgonicError("a matrix of this chain is singular, so it has no bias")
     return np.asarray(np.linalg.inv(matrix))
 
 

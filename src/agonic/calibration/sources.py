@@ -92,14 +92,14 @@ def parse_source(text: str) -> Source:
         source = Source(("",))
     if not source.columns[0] or (source.form == "^" and not 0.0 < source.value <= _LARGEST_POWER):
         raise AgonicError(
-            f"{text!r} names no source: give its column, a power of it as "
+            f"{text!r} is not a source: give its column, a power of it as "
             "motor1_duty^1.5, a sum as battery1_A+battery2_A, where it is on as heater_A>0.5, how "
             "many seconds late it is recorded as current_A@0.2, or the time constant of its filter "
             "as current_A~0.3 (the field follows it: rod_x_Am2~-2)"
         )
     vectors = [name for name in source.columns if WIDTH.get(name, 1) > 1]
     if vectors and text.strip() != vectors[0]:
-        raise AgonicError(f"{text!r}: {vectors[0]} is a vector and counts as it is")
+        raise AgonicError(f"{text!r}: {vectors[0]} is a vector and is used as it is")
     return source
 
 

@@ -14,7 +14,7 @@ _CAUSES: tuple[tuple[tuple[str, ...], str], ...] = (
     (("LinAlgError",), "the readings do not determine what is computed from them"),
     (
         ("OverflowError", "FloatingPointError", "ZeroDivisionError"),
-        "a number is beyond what can be computed with",
+        "a number is too large to compute with",
     ),
 )
 
@@ -37,7 +37,7 @@ def explain(error: Exception, arguments: Sequence[str]) -> str:
     """
     name = type(error).__name__
     known = (words for names, words in _CAUSES if name in names)
-    what = next(known, "it failed in a way that was not foreseen")
+    what = next(known, "it failed in an unexpected way")
     command = " ".join(["agonic", *arguments])
     shown = command if len(command) <= 200 else command[:199] + "…"
     said = " ".join(f"{name}: {error}".split())[:200]

@@ -142,7 +142,7 @@ def require_table(out: Path) -> None:
 
     check_target(out)  # what must not be replaced under any name is the first thing to know
     if out.suffix.lower() in _NO_TEXT:
-        raise AgonicError(f"-o {out} would be a table of text; name it .csv")
+        raise AgonicError(f"-o {out} would be a text table; name it .csv")
 
 
 def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]]) -> str:
@@ -158,5 +158,5 @@ def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]
     if make is None:
         *others, last = made
         named = f"{', '.join(others)} or {last}"
-        raise AgonicError(f"{option} {file} is no kind of file for this; name it {named}")
+        raise AgonicError(f"{option} {file} is not a type written here; name it {named}")
     return str(write_atomically(file, make()))

@@ -44,7 +44,7 @@ WorldModel = Annotated[
 ]
 Altitude = Annotated[
     float | None,
-    typer.Option("--altitude", metavar="M", help="Of all readings, where the log has none."),
+    typer.Option("--altitude", metavar="M", help="Altitude, where the log has none."),
 ]
 Elements = Annotated[
     Path | None,

@@ -43,7 +43,7 @@ def parse_nodes(text: str) -> int | tuple[int, int]:
     counts = [part.strip() for part in text.split(",")]
     if not 1 <= len(counts) <= 2 or not all(count.isdecimal() for count in counts):
         raise AgonicError(
-            f"--hidden {text!r} is no number of nodes; give one layer as 3, or two as 5,3"
+            f"--hidden {text!r} is not a number of nodes; give one layer as 3, or two as 5,3"
         )
     return int(counts[0]) if len(counts) == 1 else (int(counts[0]), int(counts[1]))
 
@@ -76,7 +76,7 @@ def parse_position(text: str) -> tuple[float, float, float]:
             f"--at {text!r} is not LAT,LON or LAT,LON,ALT in degrees, metres"
         ) from None
     if len(numbers) > 3 or not (-90 <= latitude <= 90 and -180 <= longitude <= 360):
-        raise AgonicError(f"--at {text!r} is no place on Earth; give LAT,LON[,ALT]")
+        raise AgonicError(f"--at {text!r} is not a place on Earth; give LAT,LON[,ALT]")
     return latitude, longitude, altitude
 
 
@@ -117,8 +117,8 @@ def parse_mounting(text: str) -> Array:
     turn = np.stack(axes, axis=1)
     if not np.array_equal(turn.T @ turn, np.eye(3)) or np.linalg.det(turn) < 0:
         raise AgonicError(
-            f"--mounting {text!r} is no mounting: two axes point the same way, or the three are "
-            "left-handed; turn the sensor in thought until each axis points where it says"
+            f"--mounting {text!r} is not a mounting: two axes point the same way, or the three are "
+            "left-handed; check where each axis points"
         )
     return turn + 0.0
 

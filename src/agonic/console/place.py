@@ -46,8 +46,6 @@ def find_scalar_reference(samples: Samples, wanted: bool | None) -> Reference | 
 
 def set_track(samples: Samples, altitude_m: float | None, elements: Path | None) -> Samples:
     """The samples with an altitude for all of them, or positions from two-line elements."""
-    import numpy as np
-
     if altitude_m is not None and elements is not None:
         raise AgonicError(
             "give --altitude or --tle, not both: elements have altitudes of their own"
@@ -56,7 +54,7 @@ def set_track(samples: Samples, altitude_m: float | None, elements: Path | None)
         return samples.with_columns(altitude_m=np.full(len(samples), altitude_m))
     if elements is None:
         return samples
-    from agonic.logs.space.tle import positions_from_tle
+    from agonic.logs.space.positions import positions_from_tle
 
     if samples.time is None or samples.epoch is None:
         raise AgonicError(f"--tle {elements}: {samples.name} has no date; give --date")
@@ -156,10 +154,3 @@ def _match(samples: Samples, known: Samples, given: str) -> tuple[Samples, Refer
         )
     frame = known.frame if known.frame in ("m", "b") else "m"
     return samples, Reference.vector(values, frame=frame, source=Path(given).name)
-
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from agonic.reference import Reference
-    from agonic.samples import Samples

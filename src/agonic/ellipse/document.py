@@ -10,14 +10,13 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.ellipse.result import EllipseFit
 from agonic.readable import make_record
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, along_rows
 from agonic.report.digits import count, degrees, group_digits, percent, quantity, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
 from agonic.report.strips import caption, level, plot, spread
-from agonic.report.time_axis import along_rows
 from agonic.report.verdict import WHEN_GOOD
 
 _MOST = 1500
@@ -149,7 +148,7 @@ def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
             Section("Numbers", [Table(("Number", "This calibration"), _name_units(rows, unit))]),
             Section("Before and after", [lambda: draw_circles(fit)]),
             Section("Residuals", [lambda: draw_residuals(fit)]),
-            Section("What it does not know", [WITHOUT_Z]),
+            Section("What it does not determine", [WITHOUT_Z]),
         ],
         values=_list_values(fit, files),
         calibration=fit.calibration,
@@ -158,10 +157,10 @@ def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
 
 
 WITHOUT_Z = (
-    "A two-axis compass knows its heading while it is level: a tilt lets the vertical field in, "
-    "and turns the heading by up to the tilt times the tangent of the dip. How the sensor is "
-    "turned about the vertical in the vehicle is not known either: swing the compass for that "
-    "(agonic fit deviation)."
+    "The heading of a two-axis compass is right only while it is level: a tilt adds part of the "
+    "vertical field and turns the heading by up to the tilt times the tangent of the dip. How the "
+    "sensor is turned about the vertical in the vehicle is not known either: swing the compass "
+    "for that (agonic fit deviation)."
 )
 
 

@@ -9,10 +9,16 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.ellipse.evidence import compute_spread, count_sectors, examine, find_change
+from agonic.ellipse.evidence import (
+    Found,
+    compute_spread,
+    count_sectors,
+    examine,
+    find_change,
+    solve,
+)
 from agonic.ellipse.maths.conic import compute_heading_sd_deg, make_matrix
 from agonic.ellipse.result import EllipseFit
-from agonic.ellipse.solve import Found, solve
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding, figure
 from agonic.health.resolution import find_rounding
@@ -138,7 +144,7 @@ def _find_place(samples: Samples, reference: Reference | None) -> _Place | None:
         return None
     if reference.kind not in ("vector", "horizontal-vertical"):
         raise AgonicError(
-            "the magnitude of the whole field was given, of which a level compass sees the "
+            "the magnitude of the whole field was given, of which a level compass measures the "
             "horizontal part only: give the place (--at LAT,LON) instead, or neither, for headings "
             "need no magnitude"
         )

@@ -45,7 +45,7 @@ from agonic.exports.convert import (
     hold_sources,
     take_symmetric,
 )
-from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.temperature import hold_temperature
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
@@ -117,7 +117,7 @@ def about_motors(terms: MotorTerms) -> tuple[str, ...]:
     )
     steep = (
         f"COMPASS_PMOT_EXP is {terms.power:g}, and ground stations warn beyond {USUAL_POWER:g}: "
-        "set it all the same"
+        "set it nevertheless"
     )
     said = [ABOUT_MOTORS, *([held] if terms.held else [])]
     return (*said, steep) if terms.power > USUAL_POWER else tuple(said)
@@ -226,7 +226,7 @@ def compute_ardupilot_parameters(
     motors = find_motor_terms(calibration, rotation_bm=rotation_bm) if compass == 1 else None
     if motors is not None and voltage_V is not None:
         if not 1.0 <= voltage_V <= 100.0:
-            raise AgonicError(f"a battery of {voltage_V:g} V is none; give its voltage in flight")
+            raise AgonicError(f"{voltage_V:g} V is not a battery's voltage; give that in flight")
         calibration, held = motors.rest, about_motors(motors)
     else:
         calibration, held = hold_sources(calibration, MOTOR_KIND)

@@ -158,7 +158,7 @@ def hold_sources(
     steps = steps_of(calibration)
     sources = [n for step in steps if isinstance(step, Interference) for n in step.sources]
     if len(sources) == 1 and (plain := _find_untimed(sources[0])) in kept:
-        said = f"the target takes {plain} as it comes, late or filtered as it was recorded"
+        said = f"the target uses {plain} as recorded, without removing its delay or filter"
         return _take_as_recorded(steps, plain), (said,)
     if not sources or "second" in sources or (len(sources) == 1 and sources[0] in kept):
         return calibration, ()
@@ -177,7 +177,7 @@ def hold_sources(
     ]
     warning = (
         f"the target has no terms for {name_sources(sources)}: held at their average in the log, "
-        "and what changes beside it stays in the field. Export the setup to c to keep the terms"
+        "and their changes about it stay in the field. Export the setup to c to keep the terms"
     )
     return held[0] if len(held) == 1 else Chain(steps=tuple(held)), (warning,)
 

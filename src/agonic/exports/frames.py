@@ -112,7 +112,7 @@ def _apply_to_frame(calibration: Calibration, samples: Any) -> Any:
     rows = from_pandas(samples[finite], unit=None if unit != RAW else given)
     if len(rows) != int(finite.sum()):
         why = ", ".join(rows.rejected)
-        raise AgonicError(f"{int(finite.sum()) - len(rows)} rows cannot be used: {why}; mend them")
+        raise AgonicError(f"{int(finite.sum()) - len(rows)} rows cannot be used: {why}; fix them")
     field = apply_to_samples(calibration, rows).field
     back = 1.0 if unit == RAW else nanotesla_per(unit)
     corrected = samples.copy()

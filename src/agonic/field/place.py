@@ -80,7 +80,7 @@ def describe_missing(samples: Samples) -> str:
     }
     missing = [name for name, part in parts.items() if part is None]
     if not missing:
-        return "date or positions are none that the world model knows"
+        return "date or positions are outside those of the world model"
     *others, last = missing
     return f"the log has no {', '.join(others)} or {last}" if others else f"the log has no {last}"
 

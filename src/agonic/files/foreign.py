@@ -94,16 +94,16 @@ def understand(path: Path, samples: Samples) -> Understood:
     before = _find_spread(samples.field)
     if not spread < max(HELPS * before, STEADY):
         raise LogError(
-            f"in no way that was tried does this calibration fit {samples.name}: the magnitude "
-            f"varies by {100 * spread:.1f} %, as recorded by {100 * before:.1f} %; check that it "
-            "is of this sensor, and the unit of the log",
+            f"this calibration does not fit {samples.name} in any of the ways that were tried: "
+            f"the magnitude varies by {100 * spread:.1f} %, as recorded by {100 * before:.1f} %; "
+            "check that it is of this sensor, and the unit of the log",
             path=path,
         )
     others = [s for s, other, _ in tried[1:] if not _is_same(affine, other)]
     left = f"the magnitude varies by {100 * spread:.2g} % with it, by {100 * before:.2g} % without"
     nearest = min(others, default=float("inf"))
     if nearest < WORSE * spread:
-        left += f"; another way to read it leaves {100 * nearest:.2g} %: the log hardly tells which"
+        left += f"; another reading of it leaves {100 * nearest:.2g} %: hardly different"
     made = _make_provenance(path, read_bytes(path), f"{how}; {left}")
     found = Affine(
         bias=affine[0],

@@ -51,5 +51,5 @@ def as_array(kind: Any, value: Any) -> Array:
     """
     array = np.array(value)
     if array.dtype.kind not in "fi":
-        raise ValueError("there is something else where numbers are needed")
+        raise ValueError("a value is not a number")
     return array.astype(np.float64)

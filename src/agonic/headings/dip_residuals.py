@@ -92,7 +92,7 @@ def refine_tilt_sd(
     if np.median(followed.variance) <= RAISED * np.median(attitude.variance):
         return followed
     scattered = float(np.degrees(_scatter(best.residual)))
-    said = f"the dip of the field scatters by {figure(scattered)}°, and so may the tilt"
+    said = f"the dip of the field scatters by {figure(scattered)}°, and perhaps the tilt as well"
     return replace(followed, notes=(*followed.notes, said))
 
 

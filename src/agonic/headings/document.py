@@ -12,14 +12,12 @@ from agonic.headings.result import FLAGS, Heading
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.tilt import compute_down, tilt_from_angles
 from agonic.provenance import Input
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, along_rows
 from agonic.report.digits import group_digits, write_minus
 from agonic.report.document import Document
 from agonic.report.markup import Markup
-from agonic.report.origin import list_inputs
-from agonic.report.section import Block, Section, Table
+from agonic.report.section import Block, Section, Table, list_inputs
 from agonic.report.strips import arrows, band, caption, line, mark_rows, plot, robust_limit, spread
-from agonic.report.time_axis import along_rows
 from agonic.samples import Samples
 
 _DOUBTED = {"held-out": "rows that a flag marks"}

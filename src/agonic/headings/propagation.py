@@ -41,8 +41,8 @@ def _known(step: Calibration) -> Affine | Thermal | Alignment:
     if isinstance(step, Affine | Thermal | Alignment):
         return step
     raise AgonicError(
-        f"a {step.kind} calibration cannot serve a compass yet; give an affine, an interference, "
-        "one over temperature, an alignment or a chain of them"
+        f"a {step.kind} calibration cannot be used for a compass yet; give an affine, an "
+        "interference, one over temperature, an alignment or a chain of them"
     )
 
 

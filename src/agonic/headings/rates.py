@@ -57,8 +57,8 @@ def _describe_limits(samples: Samples) -> list[str]:
     said = [] if clipped is None else [clipped.sentence]
     if fresh < 1.0:
         said.append(
-            f"the gyro reads anew in one of {1 / fresh:.0f} rows only: faster turns are not seen, "
-            "and the tilt may be off by more than is stated"
+            f"the gyro has a new reading in one of {1 / fresh:.0f} rows only: faster turns are "
+            "not seen, and the tilt may be off by more than is stated"
         )
     return said
 

@@ -18,11 +18,10 @@ FLAGS: Mapping[str, str] = MappingProxyType(
         "no reading": "no magnetometer was read at that time",
         "no attitude": "roll and pitch are not known",
         "tilted": "the vehicle is tilted too far for its nose to have a heading",
-        "vertical field": "next to nothing of the field is horizontal: near a magnetic pole",
+        "vertical field": "the field is nearly vertical: near a magnetic pole",
         "disturbed": "the field is not the one that is expected there",
         "unsure tilt": "the vehicle accelerates, turns or rocks: its tilt is not known to 5°",
-        "disagreement": "two sensors differ by more than their errors, and neither is seen "
-        "disturbed",
+        "disagreement": "two sensors differ by more than their errors, neither clearly disturbed",
     }
 )
 """Why a heading may mean nothing, in the order of `Heading.flags`."""
@@ -81,7 +80,7 @@ class Heading(Readable):
         said.append(f"{self.method}; tilt: {self.tilt}; declination {east:.2f}°")
         if trusted.any():
             sd = float(np.median(self.sd_deg[trusted]))
-            said.append(f"standard error {sd:.2g}° in the middle")
+            said.append(f"standard error {sd:.2g}° (median)")
         counts = {name: int(rows.sum()) for name, rows in self.flags.items()}
         return [*said, *(f"{n} rows: {name}" for name, n in counts.items() if n), *self.notes]
 

@@ -32,7 +32,7 @@ from agonic.headings.attitude import (
 from agonic.headings.gyro import FilteredDown, filter_down
 from agonic.health.finding import figure
 from agonic.maths.rotations import tilt as kernel
-from agonic.new_rows import without_held
+from agonic.new_rows import interpolate_repeated
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -57,9 +57,9 @@ def find_felt_tilt(
         speed = _measure_speed(samples, force, rate)
         followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
         if speed.taken:
-            reckoned = f"turns are reckoned at {figure(speed.taken)} m/s"
+            reckoned = f"the speed in turns is taken as {figure(speed.taken)} m/s"
             track = "" if samples.latitude_deg is None else ", and the track"
-            why = (*why, f"{reckoned}: what the accelerometer feels in them{track}")
+            why = (*why, f"{reckoned}, from the accelerometer in them{track}")
         return _make_attitude(followed, setup, source, speed, why, felt)
     if are_shots(samples, setup):
         still = np.zeros(len(force))
@@ -167,7 +167,7 @@ def find_attitude(samples: Samples, setup: Setup, calibration: Calibration) -> A
     "auto" takes what the log recorded, else the gyro filter, else the accelerometer.
     """
     source, why = _choose_source(samples, setup, calibration)
-    samples = without_held(samples)
+    samples = interpolate_repeated(samples)
     turn = find_mounting(calibration)
     felt: tuple[Array, Array] | None = None
     if setup.accelerometer is not None and samples.acceleration is not None:
@@ -227,7 +227,7 @@ def _assume_level(samples: Samples, setup: Setup, turn: Array) -> Attitude:
                 f"{figure(float(np.degrees(r[0])))}° of {n}"
                 for r, n in zip(rms, ("roll", "pitch"), strict=True)
             )
-            said = f"the vehicle is taken to be level; by the log it was off by {told}, rms"
+            said = f"the vehicle is taken to be level; by the log it was tilted by {told}, rms"
         notes = (said,)
     level = kernel.tilt_from_angles(zero, zero)
     return Attitude(

@@ -71,7 +71,7 @@ def check_dead_zones(field: Array, zones: list[DeadZone], unit: str) -> Finding 
         "check",
         f"an axis sticks at one reading while the others move: {where}, in {count} readings, which "
         "were left out; a heading from such readings is wrong, whatever the calibration",
-        "look whether a driver or a filter cuts small readings off, or replace the sensor",
+        "check whether a driver or a filter cuts small readings off, or replace the sensor",
     )
 
 

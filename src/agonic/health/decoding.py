@@ -308,7 +308,7 @@ def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
             f"readings of {'xyz'[axis]} jump by {jump} {unit} between rows {rows[at]} and "
             f"{rows[at + 1]}: {found.kind.what}, which was undone"
         )
-        move = f"mend the logger; --as {found.kind.word} reads its logs"
+        move = f"correct the logger; --as {found.kind.word} reads its logs"
         return Finding("decoding", "check", what, move)
     lost = _count_lost(found.field)
     doubtful, share = lost > DOUBTFUL * len(field), figure(100 * lost / len(field))
@@ -325,4 +325,4 @@ def _refuse_wide(field: Array, told: Finding) -> None:
     spread = float(np.sqrt(np.mean(off**2)))
     if spread > WIDE:
         still = f"undone, they still scatter by {figure(100 * spread)} % of the field"
-        raise CoverageError(f"{told.what}; {still}", turns="mend the logger and record again")
+        raise CoverageError(f"{told.what}; {still}", turns="correct the logger and record again")

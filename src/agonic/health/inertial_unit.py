@@ -48,31 +48,31 @@ _SENSORS = (("acceleration", "accelerometer"), ("rotation_rate", "gyro"))
 
 
 class Fault(NamedTuple):
-    """What is wrong with a column of the samples; `mended` (n, 3) where the fault can be undone."""
+    """What is wrong with a column of samples; `repaired` (n, 3) where the fault can be undone."""
 
     column: str
     finding: Finding
-    mended: Array | None = None
+    repaired: Array | None = None
 
 
 _FOUND: WeakKeyDictionary[Samples, tuple[Fault, ...]] = WeakKeyDictionary()
 
 
-def mend(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
-    """The samples without what cannot be mended of accelerometer and gyro, and the findings.
+def repair(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+    """The samples without what cannot be repaired of accelerometer and gyro, and the findings.
 
     Samples without a fault are returned themselves: what was found of them is kept with them.
 
     >>> still = Samples(field=np.eye(3), acceleration=[[0.0, 0.0, -1.0]] * 3)
-    >>> samples, (finding,) = mend(still)
+    >>> samples, (finding,) = repair(still)
     >>> samples.acceleration[0].tolist(), finding.what
     ([0.0, 0.0, -9.80665], 'the acceleration is 1 in size where gravity is 9.8 m/s²: it is in g')
     """
     faults = find_faults(samples)
     if not faults:
         return samples, ()
-    mended = samples.with_columns(**{fault.column: fault.mended for fault in faults})
-    return mended, tuple(fault.finding for fault in faults)
+    repaired = samples.with_columns(**{fault.column: fault.repaired for fault in faults})
+    return repaired, tuple(fault.finding for fault in faults)
 
 
 def leave_out_faulty(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
@@ -86,7 +86,7 @@ def leave_out_faulty(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     True
     """
     clipped = check_clipping(samples)  # which matters to a delay beside it only
-    samples, found = mend(samples)
+    samples, found = repair(samples)
     noted: tuple[Finding, ...] = () if clipped is None else (replace(clipped, severity="note"),)
     told = tuple(
         replace(one, severity="check", what=f"{one.what}; it was left out")
@@ -112,7 +112,7 @@ def _find_faults(samples: Samples) -> tuple[Fault, ...]:
     for check in (_check_nothing, _check_scale, _check_still, _check_turning, _check_gravity):
         for fault in check(samples):
             found.setdefault(fault.column, fault)
-            samples = samples.with_columns(**{fault.column: fault.mended})
+            samples = samples.with_columns(**{fault.column: fault.repaired})
     return tuple(found.values())
 
 

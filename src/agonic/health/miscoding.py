@@ -129,7 +129,7 @@ KINDS = (
     Kind(
         "",
         drop_extended,
-        "left with a low byte whose sign spread over the high byte",
+        "the sign of the low byte was extended over the high byte",
     ),
     Kind("advanced", advance_low_byte, "the low byte is that of the reading before", True),
     Kind("caught-up", advance_high_byte, "the high byte is that of the reading before", True),

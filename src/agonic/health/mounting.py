@@ -37,11 +37,11 @@ TALK = 0.1
 MIRRORED = 0.015
 """Of the field: a vertical that varies by less shows nothing, or does not matter."""
 MIRRORS = (
-    ("pitch seems counted the other way round", np.diag([-1.0, 1.0, 1.0])),
-    ("roll seems counted the other way round", np.diag([1.0, -1.0, 1.0])),
+    ("pitch seems to have the opposite sign", np.diag([-1.0, 1.0, 1.0])),
+    ("roll seems to have the opposite sign", np.diag([1.0, -1.0, 1.0])),
     ("roll and pitch seem exchanged", np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, 1]])),
     (
-        "roll and pitch seem exchanged and both counted the other way round",
+        "roll and pitch seem exchanged and both of the opposite sign",
         np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]),
     ),
 )
@@ -64,7 +64,7 @@ def find_mounting(readings: Array, down: Array) -> Array | None:
 REVERSED_FIELD = Finding(
     "mounting",
     "refuse",
-    "by the attitude of the log the field points the opposite way to the reference, up for down",
+    "by the attitude of the log the field points the opposite way to the reference, upside down",
     "check the place (the sign of its latitude) and the signs of the sensor's axes",
 )
 """A fit that reverses the readings: no gain of a sensor is negative."""

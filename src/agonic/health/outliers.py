@@ -146,11 +146,11 @@ def _name_gathered(e: Evidence, scattered: Finding) -> Finding:
     return Finding(
         "outliers",
         "check",
-        f"{scattered.what}; {count} of them gather {gathered.where}, where the magnitude is off by "
-        f"{figure(size)} {e.unit}: the sensor errs there, or something magnetic is near in that "
-        "attitude",
+        f"{scattered.what}; {count} of them gather {gathered.where}, where the magnitude is off "
+        f"by {figure(size)} {e.unit}: the sensor is wrong there, or something magnetic is near in "
+        "that attitude",
         "a heading from such readings is wrong, whatever the calibration; turn the sensor away "
-        "from steel, and look whether it errs there again",
+        "from steel, and check whether it is wrong there again",
     )
 
 

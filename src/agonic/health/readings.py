@@ -123,7 +123,7 @@ def _unread(samples: Samples) -> Finding | None:
         "not read",
         "note",
         f"not all of the log could be read: {'; '.join(told)}",
-        "what follows rests on the rest; name columns and units in the header, or with --columns",
+        "the result is from the rest; name columns and units in the header, or with --columns",
     )
 
 
@@ -273,5 +273,5 @@ def _check_corrected(samples: Samples) -> Finding | None:
         "the autopilot or the device had corrected these readings in a way that the log does not "
         "state, so the result comes on top of that correction and is not exported to an autopilot",
         "record uncorrected readings, or calibrate from the vehicle's own log, or join the result "
-        "and the parameters of then (agonic export --on OLD.param)",
+        "and the parameters in force then (agonic export --on OLD.param)",
     )

@@ -75,7 +75,7 @@ class Inertial(NamedTuple):
         return Inertial._make((*columns, *self[5:]))
 
 
-def feel_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
+def estimate_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
     """The attitude without heading by the accelerometer, and the gyro where there is one.
 
     Raises `LogError` without an accelerometer.
@@ -102,7 +102,7 @@ def feel_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
     variances = [(0.0, 0.0, 0)]
     for number, rows in enumerate(find_parts(time)):
         if len(rows) >= SHORTEST:
-            noise = _feel_part(felt, rows, time[rows], force[rows], rate[rows], settling_s)
+            noise = _estimate_part(felt, rows, time[rows], force[rows], rate[rows], settling_s)
             variances.append((*noise, len(rows)))
             felt.part[rows] = number
     *squares, counts = np.array(variances).T
@@ -117,7 +117,7 @@ def find_parts(time: Array) -> list[Index]:
     return np.split(np.arange(len(time)), np.flatnonzero(interval > limit) + 1)
 
 
-def _feel_part(
+def _estimate_part(
     felt: Inertial, rows: Index, time: Array, force: Array, rate: Array, settling_s: float
 ) -> tuple[float, float]:
     """What readings (m, 3) without pauses tell, put into their rows.

@@ -13,12 +13,12 @@ from agonic.attitude.delay import find_and_undo, keep_latency
 from agonic.attitude.fit import make_fit
 from agonic.attitude.heading_column import check_heading_column
 from agonic.attitude.heading_source import check_heading_source
-from agonic.attitude.settings import Gauge, Model
+from agonic.attitude.problem import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
 from agonic.fit import Fit
 from agonic.health import FEWEST, Finding
-from agonic.health.inertial_unit import check_clipping, mend
+from agonic.health.inertial_unit import check_clipping, repair
 from agonic.inertial.evidence import (
     check_contradiction,
     check_gravity,
@@ -28,12 +28,11 @@ from agonic.inertial.evidence import (
     without_scale,
 )
 from agonic.inertial.maths.factors import Headings
-from agonic.inertial.problem import orient
+from agonic.inertial.problem import Settings, orient
 from agonic.inertial.result import InertialFit
-from agonic.inertial.settings import Settings
 from agonic.inertial.solve import join_headings, keep_level, solve, solve_part
 from agonic.inertial.start import Solved
-from agonic.new_rows import without_held
+from agonic.new_rows import interpolate_repeated
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -194,9 +193,9 @@ def fit_inertial(
         accelerometer_scale_sd=accelerometer_scale_sd,
         seed=seed,
     )
-    samples, late = without_held(samples), None
+    samples, late = interpolate_repeated(samples), None
     clipped = check_clipping(samples)
-    samples, wrong = _mend(samples)
+    samples, wrong = _repair(samples)
     if latency:
         samples, reference, late = find_and_undo(samples, reference)
     solved = solve(samples, reference, settings)
@@ -208,13 +207,13 @@ def fit_inertial(
     return _make_result(keep_latency(fit, level.samples, late), level, solved)
 
 
-def _mend(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
+def _repair(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     """The samples without what is wrong with their inertial unit, and what was: nothing can be
     solved beside it, and without it the rest is judged."""
-    mended, wrong = mend(samples)
-    if samples.acceleration is not None and mended.acceleration is None:
+    repaired, wrong = repair(samples)
+    if samples.acceleration is not None and repaired.acceleration is None:
         raise LogError("; ".join(one.sentence for one in wrong))
-    return mended, wrong
+    return repaired, wrong
 
 
 def _judge(

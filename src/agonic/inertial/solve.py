@@ -9,11 +9,18 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.attitude.problem import estimate_usable
 from agonic.calibration.setup import LATENCY_SD_S
-from agonic.inertial.attitude import Inertial, feel_attitude
+from agonic.inertial.attitude import Inertial, estimate_attitude
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.maths.joint import Joint, estimate_jointly, estimate_part
-from agonic.inertial.problem import make_log, orient, pose, with_tilt, without_errors
-from agonic.inertial.settings import INCLINATION_SD, Settings
+from agonic.inertial.problem import (
+    INCLINATION_SD,
+    Settings,
+    make_log,
+    orient,
+    pose,
+    with_tilt,
+    without_errors,
+)
 from agonic.inertial.start import (
     Solved,
     choose_speed,
@@ -166,14 +173,14 @@ def _free_attitude(solved: Solved) -> Solved:
     found, samples = solved.found, solved.samples
     assert samples.time is not None
     params, q = found.solution.params, len(solved.sds)
-    felt = feel_attitude(without_errors(samples, solved.errors))
+    felt = estimate_attitude(without_errors(samples, solved.errors))
     try:
         joint = _estimate(solved, felt)
     except np.linalg.LinAlgError:
         return solved._replace(usable=thin_out(solved.usable), contradictory=True)
     p = len(params)
     taken_out, reference = joint.params[p - q : p], solved.reference
-    again = feel_attitude(without_errors(samples, taken_out * solved.sds))
+    again = estimate_attitude(without_errors(samples, taken_out * solved.sds))
     if solved.settings.inclination_sd:
         if solved.settings.inclination_free:
             reference = _steepen(reference, float(taken_out[-1] * solved.sds[-1]))

@@ -12,16 +12,17 @@ from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import Scale, estimate_usable, refine_usable
 from agonic.errors import CoverageError
 from agonic.health import FEWEST
-from agonic.inertial.attitude import Inertial, feel_attitude
+from agonic.inertial.attitude import Inertial, estimate_attitude
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.maths.joint import Joint
 from agonic.inertial.problem import (
+    INCLINATION_SD,
+    Settings,
     pose,
     standard_deviations,
     with_tilt,
     without_errors,
 )
-from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate
@@ -86,7 +87,7 @@ def find_field(
     one by which the dip scatters as little as the magnitude is the right one. Only that is refined,
     by some thousand rows.
     """
-    felt = feel_attitude(samples)
+    felt = estimate_attitude(samples)
     rows = np.flatnonzero(felt.known)
     rows = rows[:: max(1, len(rows) // _ENOUGH)]
     some, felt = samples.select(rows), felt.subset(rows)
@@ -193,7 +194,7 @@ def _solve_with(
     starts. The errors of the inertial unit act to first order, so those that were found are taken
     out and the attitude is felt again, until little is left.
     """
-    felt = feel_attitude(samples)
+    felt = estimate_attitude(samples)
     known = np.flatnonzero(felt.known)
     if len(known) < FEWEST:
         raise CoverageError(
@@ -218,7 +219,7 @@ def _solve_with(
         if np.abs(((unknowns - taken_out) * sds)[:unit] / MATTERS[:unit]).max() < 1.0:
             break
         taken_out = unknowns
-        felt = feel_attitude(without_errors(samples, taken_out * sds))
+        felt = estimate_attitude(without_errors(samples, taken_out * sds))
     assert found is not None
     return Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
 

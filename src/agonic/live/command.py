@@ -26,37 +26,20 @@ def live(
             metavar="SOURCE",
             show_default=False,
             help="A serial port (/dev/ttyUSB0, COM3:57600), udp://[HOST]:PORT, tcp://HOST:PORT, "
-            "each also after mavlink+, a log to replay, or sim. Without it: the ports there are.",
+            "each also after mavlink+, a log to replay, or sim. Without it: list the serial ports.",
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")
-    ] = Path("live-agonic"),
+    out: Path = Path("live-agonic"),
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    target: Annotated[
-        float, typer.Option(metavar="DEG", help="Standard error of the heading that is enough.")
-    ] = 0.5,
-    before: Annotated[
-        list[Path] | None,
-        typer.Option("--before", metavar="CAL", help="Calibration to show beside the new one."),
-    ] = None,
-    speed: Annotated[
-        float, typer.Option(help="Of a log or sim, over its own; 0: as fast as possible.")
-    ] = 1.0,
-    port: Annotated[int, typer.Option(help="Of the page; 0: any.", min=0, max=65535)] = PORT,
-    listen: Annotated[
-        str | None,
-        typer.Option(metavar="ADDR", help="Show the page to other machines, by a secret address."),
-    ] = None,
-    fresh: Annotated[
-        bool,
-        typer.Option("--fresh", help="Begin anew, where a session was not finished in DIR."),
-    ] = False,
-    browser: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
-    ] = True,
-    text: Annotated[bool, typer.Option("--text", help="In the terminal, without a page.")] = False,
+    target: float = 0.5,
+    before: list[Path] | None = None,
+    speed: float = 1.0,
+    port: int = PORT,
+    listen: str | None = None,
+    fresh: bool = False,
+    browser: bool = True,
+    text: bool = False,
     as_json: Json = False,
 ) -> int:
     """Calibrate while the sensor is being turned: what is covered, how good it is, what to do next.
@@ -64,7 +47,19 @@ def live(
     Opens a page on this machine; its button Accept writes what `agonic calibrate` writes. With
     --text or --json the same in the terminal, which ends when the target is reached or the source
     has ended. Readings that come without a unit stay raw. When it is stopped before Accept, the
-    same command goes on from there.
+    same command continues.
+
+    Options
+    -------
+    out -o DIR : Folder to write to.
+    target DEG : Standard error of the heading to reach.
+    before CAL : Calibration to show beside the new one.
+    speed : Speed of replay or sim; 0: as fast as possible.
+    port ≥0 ≤65535 : Of the page; 0: any free.
+    listen ADDR : Show the page to other machines, by a secret address.
+    fresh --fresh : Start again where a session in DIR was not finished.
+    browser --open/--no-open : Open the page in a browser.
+    text --text : In the terminal, without a page.
     """
     from agonic.live.streams import open_source
     from agonic.live.web.plan import Plan
@@ -73,7 +68,7 @@ def live(
     if source is None:
         return _list_ports()
     if not 0 < target < 180:
-        raise AgonicError(f"a --target of {target:g}° is none; give one above zero")
+        raise AgonicError(f"a --target of {target:g}° is not possible; give one above zero")
     opened = open_source(source, unit=which.unit, speed=speed)
     _require_writable(out)
     reference, settings = _find_reference(opened, place)
@@ -192,7 +187,7 @@ def _run_on_page(session: Session, listen: str | None, port: int, browser: bool)
     stopped = threading.Event()
     serve(session, listen=listen, port=port, ready=ready)
     stopped.set()
-    say(session.parting)
+    say(session.closing_message)
     return 0
 
 

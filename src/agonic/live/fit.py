@@ -101,7 +101,7 @@ class LiveFit:
 
     @property
     def left_out(self) -> int:
-        """How many readings do not count: no sensor gives them, or they lie far from all others."""
+        """How many readings do not count: impossible for a sensor, or far from all others."""
         found = self.state.found
         return self.state.rejected + (0 if found is None else found.left_out)
 

@@ -81,7 +81,7 @@ _PLACE_MISSING = Finding(
     "place",
     "check",
     "the vehicle stays level and the field of the place is not known, so accelerometer and gyro "
-    "count only in what is accepted",
+    "are used only in the accepted result",
     "give the place (--at LAT,LON)",
 )
 
@@ -192,7 +192,7 @@ def _find_missing(state: LiveState) -> list[Finding]:
     total = state.n + state.rejected
     if state.rejected < 0.01 * max(total, 1):
         return []
-    what = f"{state.rejected} of {total} readings are no numbers, or none that a sensor gives"
+    what = f"{state.rejected} of {total} readings are not numbers, or are impossible for a sensor"
     return [Finding("NaN", "check", what, "look at the sensor and its cable")]
 
 
@@ -232,7 +232,7 @@ def find_held_out(state: LiveState) -> list[Finding]:
     if share < MUCH:
         return []
     what = f"{100 * share:.0f} % of the readings do not fit the others: the field was not the same"
-    turns = "go away from steel, magnets and currents and start again"
+    turns = "move away from steel, magnets and currents and start again"
     return [Finding("disturbed", "check", what, turns)]
 
 
@@ -249,7 +249,7 @@ def _find_scatter(calibration: Affine) -> list[Finding]:
             "check",
             f"readings scatter by {100 * share:.1f} % of the field about the best sphere: the "
             "field was not the same all the time",
-            "go away from steel, magnets and currents and start again",
+            "move away from steel, magnets and currents and start again",
         )
     ]
 

@@ -62,7 +62,7 @@ class LiveParams:
             object.__setattr__(self, "inclination_deg", float(dip))
         if self.magnitude is not None and not self.magnitude > 0:
             raise AgonicError(
-                f"a magnitude of {self.magnitude} nT is none; leave it out if unknown"
+                f"a magnitude of {self.magnitude} nT is not possible; leave it out if unknown"
             )
 
     @property

@@ -36,7 +36,7 @@ def run_in_terminal(session: Session, as_json: bool) -> int:
                 break
     except KeyboardInterrupt:
         session.stop()
-        print(f"\n{session.parting}", file=stream)
+        print(f"\n{session.closing_message}", file=stream)
         return INTERRUPTED
     finally:
         session.stop()

@@ -71,7 +71,9 @@ def build_groups_log(
             continue
         own = (paths or {}).get(name, path)
         try:
-            if not _holds_field(table):
+            if not any(
+                len(axes) == 3 for axes in identify_columns(table).get("field", {}).values()
+            ):
                 beside.append(read_beside(name, table, own))
                 continue
             log = build_log(
@@ -98,10 +100,6 @@ def build_groups_log(
         streams=(*(s for _, log in logs for s in log.streams), *_list_streams(beside, others)),
         notes=(*notes, *(note for _, log in logs for note in log.notes), *failures),
     )
-
-
-def _holds_field(table: Table) -> bool:
-    return any(len(axes) == 3 for axes in identify_columns(table).get("field", {}).values())
 
 
 def read_beside(name: str, table: Table, path: Path) -> Beside:

@@ -29,13 +29,18 @@ from agonic.logs.headers.conventions import (
     is_corrected,
 )
 from agonic.logs.headers.header import LONGEST, identify_column
-from agonic.logs.headers.words import FALLBACK, LAST
+from agonic.logs.headers.quantities import FALLBACK, LAST
 from agonic.logs.log import TORN, Log, Stream, are_two_axes_allowed
-from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
+from agonic.logs.rows.auxiliary import (
+    Table,
+    find_field_unit,
+    find_finite_rows,
+    set_angle_unit,
+    state_unit,
+)
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.resample import compute_rate_Hz
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
-from agonic.logs.rows.units import find_field_unit, state_unit
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
@@ -288,14 +293,14 @@ def tell_rivals(found: Identified, headers: list[str], fields: list[str]) -> tup
         if rivals := find_rivals(headers, axes):
             taken = ", ".join(axes[axis].header for axis in "xyz" if axis in axes)
             given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
-            notes.append(f"{taken} are taken; the table holds the field again: --columns {given}")
+            notes.append(f"{taken} are taken; the table holds more fields: --columns {given}")
     return tuple(notes)
 
 
 def tell_doubtful(headers: Iterable[str]) -> tuple[str, ...]:
     """What was left out because several columns could be it."""
     if doubtful := find_doubtful(headers):
-        return (f"{' and '.join(doubtful)} left out: which of them is meant? --columns says it",)
+        return (f"{' and '.join(doubtful)} left out: choose one with --columns",)
     return ()
 
 

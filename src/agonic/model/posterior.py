@@ -44,9 +44,9 @@ def find_held(
 
     With the information M = G + P, P that of priors and N what noise pretends to, the share is
     hᵀM⁻¹(P + N)M⁻¹h/hᵀM⁻¹h, and the error alone that of G − N. In circles and planes G is of full
-    rank by noise only. N is found for white noise, of J at feet that a further draw of noise moves
-    along the surface less J at feet, beside the same of J; its part in G = LLᵀ is the same where
-    noise has a memory: L L_w⁻¹ N_w L_w⁻ᵀ Lᵀ.
+    rank by noise only. N is found for white noise, of J at footpoints that a further draw of noise
+    moves along the surface less J at footpoints, beside the same of J; its part in G = LLᵀ is the
+    same where noise has a memory: L L_w⁻¹ N_w L_w⁻ᵀ Lᵀ.
 
     Parameters: `level` (h, m) derivatives of the heading.
     """
@@ -78,16 +78,16 @@ def _root(information: Array) -> Array:
 
 
 def _add_up_white(rows: Rows, estimate: Estimate, channels: Sequence[str]) -> tuple[Array, Array]:
-    """Information (m, m) of the feet for white noise, and that which noise pretends to."""
-    params, points = estimate.solution.params, rows.feet.points
+    """Information (m, m) of the footpoints for white noise, and that which noise pretends to."""
+    params, points = estimate.solution.params, rows.footpoints.points
     blur = estimate.noise["magnitude"].sd * np.random.default_rng(0).normal(size=points.shape)
-    at_feet = {one: join_pieces(rows.feet, one, params)[1] for one in channels}
-    normal = at_feet["magnitude"][:, :3]
+    at_footpoints = {one: join_pieces(rows.footpoints, one, params)[1] for one in channels}
+    normal = at_footpoints["magnitude"][:, :3]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     blur -= normal * np.sum(blur * normal, axis=1, keepdims=True)
-    blurred = rows.feet._replace(points=points + blur)
+    blurred = rows.footpoints._replace(points=points + blur)
     seen, by_noise = np.zeros((len(params), len(params))), np.zeros((len(params), len(params)))
-    for channel, standing in at_feet.items():
+    for channel, standing in at_footpoints.items():
         weights = rows.weights / estimate.noise[channel].sd ** 2
         change = join_pieces(blurred, channel, params)[1] - standing
         seen += (standing.T * weights) @ standing
@@ -186,7 +186,7 @@ def find_posterior(
     `shrink` where the size of soft iron is a further unknown, by evidence.
     """
     rows = choose_rows(problem, estimate, time, origin)
-    if rows is None or not np.isfinite(rows.feet.points).all():
+    if rows is None or not np.isfinite(rows.footpoints.points).all():
         return None
     level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
     at = None if alone else _explain_rows(rows, estimate, level, None)
@@ -305,7 +305,7 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
     own = level.by_params - (level.by_params.mean(axis=0) if search.stacks[1:] else 0.0)
     channels = [one.name for one in search.stacks]
     counts = len(found.sds) * found.blocks.rows
-    at_feet = (rows, at.estimate, channels, found.base, search.prior, own)
+    at_footpoints = (rows, at.estimate, channels, found.base, search.prior, own)
     return Posterior(
         params=at.estimate.solution.params + shift,
         covariance=covariance,
@@ -318,7 +318,7 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
             for name, move in considered.items()
         },
         bias_sd=np.sqrt(np.diag(covariance)[:3]) / rows.radius,
-        held=find_held(*at_feet) if priors_alone else _FREE,
+        held=find_held(*at_footpoints) if priors_alone else _FREE,
         unseen=predict_unseen(found.split(found.base), counts, found.base, level.by_params),
     )
 

@@ -1,4 +1,4 @@
-"""The rows that tell terms and noise: their feet, and the columns of every channel.
+"""The rows that tell terms and noise: their footpoints, and the columns of every channel.
 
 Feet are where readings and attitudes would be without their noise. Columns and Jacobians at
 readings contain the readings' own noise, which residuals contain too: many columns then explain
@@ -24,7 +24,7 @@ _ROUNDS = 2
 """Projections onto a curved surface; two leave 1e-9 of the field for noise of a hundredth."""
 
 
-def stand_on_feet(problem: Problem, estimate: Estimate) -> Problem:
+def move_to_footpoints(problem: Problem, estimate: Estimate) -> Problem:
     """The problem with points and directions moved so that all its residuals are zero.
 
     Of a channel's residual r the share σ²/σ_c² is the reading's own noise (σ the magnitude's), the
@@ -92,11 +92,11 @@ MOST_NOISE = 0.5
 
 
 class Rows(NamedTuple):
-    """The problem of these rows, the same at their feet, what terms may depend on, their weights,
-    the radius of the readings, and which share of the log's rows they are."""
+    """The problem of these rows, the same at their footpoints, what terms may depend on, their
+    weights, the radius of the readings, and which share of the log's rows they are."""
 
     problem: Problem
-    feet: Problem
+    footpoints: Problem
     seen: Seen
     weights: Array
     radius: float
@@ -124,12 +124,12 @@ def choose_rows(
         return None
     part = problem.subset(rows)
     few = estimate._replace(weights=estimate.weights[rows])
-    feet = stand_on_feet(part, few)
-    x = (feet.points + origin) * gain
+    footpoints = move_to_footpoints(part, few)
+    x = (footpoints.points + origin) * gain
     t = np.arange(n, dtype=float) if time is None else time
     seen = Seen(
         x=x,
-        unit=find_units(feet.points, bias, matrix),
+        unit=find_units(footpoints.points, bias, matrix),
         time=(t[rows] - t[0]) / max(float(t[-1] - t[0]), 1e-300),
         rows=rows,
         blur=noise,
@@ -137,13 +137,13 @@ def choose_rows(
         length=float(find_length(x).max()),
         total=n,
     )
-    return Rows(part, feet, seen, few.weights, 1.0 / gain, len(rows) / max(counted, 1))
+    return Rows(part, footpoints, seen, few.weights, 1.0 / gain, len(rows) / max(counted, 1))
 
 
 def stack_columns(
     rows: Rows, estimate: Estimate, errors: Sequence[Errors], channels: Sequence[str]
 ) -> list[Stack]:
-    """Columns of parameters and terms at the feet, and residuals of the readings, by channel.
+    """Columns of parameters and terms at the footpoints, and residuals of the readings, by channel.
 
     A residual r(θ) is that of the true parameters θ + Δ, less J Δ, and what errors do to it:
     r = −J Δ + Σ E u + noise.
@@ -153,7 +153,7 @@ def stack_columns(
     count = len(params) + sum(one.unknowns for one in errors) + 1
     for channel in channels:
         residuals, _ = join_pieces(rows.problem, channel, params, noise)
-        _, jacobian = join_pieces(rows.feet, channel, params)
+        _, jacobian = join_pieces(rows.footpoints, channel, params)
         by_params = -jacobian.T
         ways = by_params[:3] * (rows.radius * roots)
         columns = np.empty((count, len(roots)))

@@ -70,7 +70,7 @@ def judge(
     for doubt in _doubt_heading(coverage, posterior):  # of one cause the graver is told
         own = terms.get(doubt.name, doubt)
         terms[doubt.name] = replace(sort_findings([doubt, own])[0], moments=own.moments)
-    found = _tell_once([*terms.values()], changed)
+    found = _report_once([*terms.values()], changed)
     names = {one.name for one in (*found, *facts) if one.severity != "note"}
     if not names:
         found += _check_unseen(posterior, coverage.heading_sd_deg)
@@ -100,13 +100,13 @@ def _check_unseen(posterior: Posterior, stated_deg: float) -> Iterator[Finding]:
     """Parts of the log that contradict what is stated: their residuals, or by how much the heading
     moves without each (its jackknife error)."""
     residuals, moves, expected, independent = posterior.unseen
-    foretold = float(np.hypot(stated_deg, expected))
-    most = foretold * np.sqrt(1.0 + BY_CHANCE * np.sqrt(2.0 / max(independent, 1.0)))  # χ²
+    predicted = float(np.hypot(stated_deg, expected))
+    most = predicted * np.sqrt(1.0 + BY_CHANCE * np.sqrt(2.0 / max(independent, 1.0)))  # χ²
     if residuals > UNSEEN_RESIDUALS:
-        what = f"scatter {figure(residuals)} times as much as it states"
+        what = f"scatter {figure(residuals)} times as much as the fit states"
     elif moves >= HEADING_DOUBTFUL_DEG and moves > most:
         by = f"by {figure(moves)}°" if moves < OPEN_DEG else "to anywhere"
-        what = f"move the heading {by} where they are left out one by one"
+        what = f"move the heading {by} when they are left out one by one"
     else:
         return
     yield Finding(
@@ -155,12 +155,12 @@ def _find_largest(posterior: Posterior | None, coverage: Coverage) -> tuple[str,
         return term.term.name, f"{term.term.what}; this leaves", term.term.move
     if posterior.memory_deg > max(posterior.noise_deg, shared):
         what = "residuals are correlated over time, from an unknown cause: this leaves"
-        move = "let the sensor warm up, keep iron and currents as they are, and record longer"
+        move = "let the sensor warm up, keep iron and currents unchanged, and record longer"
         return "correlated noise", what, move
     return "coverage", seen, turns
 
 
-def _tell_once(found: list[Finding], changed: bool) -> list[Finding]:
+def _report_once(found: list[Finding], changed: bool) -> list[Finding]:
     """The first of the gravest findings, the others as notes without a move; all but a refusal as
     notes where it is known that the bias `changed`."""
     told = sort_findings(found)
@@ -189,7 +189,7 @@ def _name_terms(
         effect = max(one.heading_deg, one.moves_deg)
         left = f"it leaves the heading uncertain by {figure(effect)}°"
         if one.moves_deg > one.heading_deg:
-            left = f"calibrated is the mean, and the heading changes by {figure(effect)}° with it"
+            left = f"the calibration has its mean; the heading varies by {figure(effect)}° with it"
         moments: tuple[float, ...] = ()
         what = one.term.what
         if one.row is not None:

@@ -1,4 +1,4 @@
-"""Advice that suits the recording: nobody can tilt a satellite, an observatory or the Earth."""
+"""Advice adapted to the recording: nobody can tilt a satellite, an observatory or the Earth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NORMALISED = "normalised"
 """Readings that hold directions only: what else a fit to them finds has this cause."""
 
 
-def suit_advice(
+def adapt_advice(
     findings: Iterable[Finding], samples: Samples, reference: Reference | None = None
 ) -> tuple[Finding, ...]:
     """The findings, what helps against them suited to where the samples were recorded.
@@ -35,7 +35,7 @@ def suit_advice(
     The `reference` is the one that they were calibrated by, if any.
 
     >>> still = Finding("static", "refuse", "the sensor did not turn", "turn it")
-    >>> [found.name for found in suit_advice([still], Samples(field=[[1.0, 2, 3]], frame="n"))]
+    >>> [found.name for found in adapt_advice([still], Samples(field=[[1.0, 2, 3]], frame="n"))]
     ['axes of the Earth']
     """
     found = tuple(findings)
@@ -58,9 +58,9 @@ def suit_advice(
     return sort_findings(found)
 
 
-def suit_fit(fit: Fit, samples: Samples, reference: Reference | None) -> Fit:
-    """A fit with its advice suited so."""
-    suited = suit_advice(fit.findings, samples, reference)
+def adapt_fit(fit: Fit, samples: Samples, reference: Reference | None) -> Fit:
+    """A fit with its advice adapted."""
+    suited = adapt_advice(fit.findings, samples, reference)
     return fit if suited == fit.findings else replace(fit, findings=()).with_findings(*suited)
 
 

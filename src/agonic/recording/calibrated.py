@@ -24,9 +24,9 @@ from agonic.fit import Fit
 from agonic.health import Finding, Verdict, sentences, undo_decoding, verdict_of
 from agonic.health.evidence import HEADING_REFUSED_DEG
 from agonic.logs.any_form import Given, as_samples
-from agonic.new_rows import without_held
+from agonic.new_rows import interpolate_repeated
 from agonic.readable import Readable
-from agonic.recording.advice import suit_fit
+from agonic.recording.advice import adapt_fit
 from agonic.recording.choice.choose import Kind, choose, fall_back
 from agonic.recording.choice.fits import Choice, describe_latency, list_sources
 from agonic.recording.held_out import (
@@ -37,7 +37,7 @@ from agonic.recording.held_out import (
     find_refusals,
     fit_folds,
 )
-from agonic.recording.ladder import Rung, climb
+from agonic.recording.ladder import Rung, build_ladder
 from agonic.recording.stretch import (
     CHANGED,
     Stretch,
@@ -128,7 +128,7 @@ class Calibrated(Readable):
         """
         if self.folds is None or self.verdict == "refused":
             return ()
-        return climb(
+        return build_ladder(
             self.samples,
             self.reference,
             self.fit,
@@ -163,7 +163,8 @@ def calibrate_as_named(
     Where the bias changed on the way, a stretch is calibrated: the last, or one that tells enough.
     """
     meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference, unit))
-    return _calibrate_as_measured(without_held(meant), known, kind, settings).with_finding(*wrong)
+    meant = interpolate_repeated(meant)
+    return _calibrate_as_measured(meant, known, kind, settings).with_finding(*wrong)
 
 
 def undo_damage(
@@ -274,7 +275,7 @@ def _choose_and_verify(
 
 
 def _verify_unless_refused(choice: Choice) -> tuple[Fit, Calibrated | None]:
-    fit = suit_fit(choice.fit, choice.samples, choice.reference)
+    fit = adapt_fit(choice.fit, choice.samples, choice.reference)
     made = None if fit.verdict == "refused" else _verify(choice)
     return fit if made is None else made.fit, made
 
@@ -335,8 +336,8 @@ def _verify(choice: Choice) -> Calibrated:
 
 
 def conclude(choice: Choice, verification: Verification) -> Calibrated:
-    """The result of a choice, its advice suited to where the samples were recorded."""
-    fit = suit_fit(choice.fit, choice.samples, choice.reference)
+    """The result of a choice, its advice adapted to where the samples were recorded."""
+    fit = adapt_fit(choice.fit, choice.samples, choice.reference)
     late = choice.latency is not None and choice.latency.significant
     return Calibrated(
         samples=choice.samples,

@@ -315,7 +315,7 @@ def _describe_coverage(result: Calibrated) -> list[Block]:
     coverage = result.fit.coverage
     seen = f"{figures.describe_coverage(result)} ({percent(coverage.filled)})."
     if result.verdict == "good":
-        return [seen, "No further turns are needed."]
+        return [seen, "No further orientations are needed."]
     if not coverage.turns:
         return [seen]
     return [seen, element("p", element("strong", "Turns to add: "), sentence(coverage.turns))]

@@ -45,7 +45,7 @@ Again = Callable[[Samples], Calibrated]
 """What calibrates samples that have a second magnetometer beside them, mixing the two."""
 
 
-def tell_pairs(results: Sequence[Calibrated]) -> list[Calibrated]:
+def report_pairs(results: Sequence[Calibrated]) -> list[Calibrated]:
     """The results, with a finding where one thing disturbs a sensor and another."""
     told = []
     for result in results:
@@ -71,15 +71,15 @@ def compare(result: Calibrated, other: Calibrated) -> Finding | None:
     correlation = float(np.corrcoef(left[0], left[1])[0, 1])
     if not abs(correlation) > TOGETHER:
         return None
-    way = "oppositely" if correlation < 0 else "alike"
+    way = "opposite signs" if correlation < 0 else "equal signs"
     names = f"{result.samples.name} and {other.samples.name}"
     move = (
         "record the current that does it, or mix the two: agonic calibrate LOG --second auto"
         if correlation < 0
-        else "look for a source that is as near to one as to the other, a changing field, or a "
-        "wrong place; no mix of the two can separate it from the field"
+        else "look for a source equally near to both, a changing field or a wrong place; no mix of "
+        "the two can separate it from the field"
     )
-    said = f"one thing disturbs {names}, {way} (correlation {figure(correlation)})"
+    said = f"{names} are disturbed together, with {way} (correlation {figure(correlation)})"
     return Finding("pair", "check", said, move)
 
 
@@ -224,7 +224,7 @@ def calibrate_each(
         recording.sensor(second)  # an error names those that there are
     results, failures = _run([(one.name, partial(run, one)) for one in sensors])
     if second is None:
-        return recording, tell_pairs(results), failures
+        return recording, report_pairs(results), failures
     mixed = take_mixes(results, mix, second)
     wanted = None if which.sensor is None else recording.sensor(which.sensor).name
     return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures
@@ -242,7 +242,7 @@ def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[tuple[str, str]]]
         except (ArithmeticError, LinAlgError) as error:  # nor do numbers that no sensor gives
             why = " ".join(f"{type(error).__name__}: {error}".split())
             move = "look for values that no sensor gives, and leave those rows out (--between)"
-            failures.append((name, f"the readings could not be computed with ({why}): {move}"))
+            failures.append((name, f"the readings could not be processed ({why}): {move}"))
     return results, failures
 
 

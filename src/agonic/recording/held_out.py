@@ -205,7 +205,7 @@ def check_halves(checks: Sequence[Check]) -> Finding | None:
         "halves contradict",
         "refuse",
         f"calibrations from alternate parts of the log point {figure(halves.value)}° apart, far "
-        "more than they state: the disturbances are too strong for so little turning",
+        "more than their standard errors: the disturbances are too strong for so few orientations",
         "record again in one undisturbed place, turning slowly about all three axes",
     )
 

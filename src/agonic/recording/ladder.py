@@ -1,4 +1,4 @@
-"""`climb`: the fits from the simplest to the chosen one, side by side on unseen parts of a log."""
+"""The fits from the simplest to the chosen one, side by side on unseen parts of a log."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Index, Mask
 from agonic.attitude.fit import CHANNELS, open_channels_parts
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.inputs import stack_inputs
@@ -69,7 +69,7 @@ class Rung:
     unit: str = ""
 
 
-def climb(
+def build_ladder(
     samples: Samples,
     reference: Reference | None,
     fit: Fit,

@@ -23,9 +23,9 @@ from agonic.recording.choice.choose import Kind
 from agonic.recording.turned_sensor import (
     MOST_DEG,
     describe_found,
-    feel_down,
     find_turn_of,
     is_certain,
+    measure_down,
     undo_turn,
 )
 from agonic.reference import Reference
@@ -96,7 +96,7 @@ def calibrate(
         turned = calibrate_as_named(_turn(meant, found.turn), known, kind=kind, **settings)
         if turned.verdict != "refused" and not NOT_FOLLOWED & _list_names(turned):
             made = turn_back(_undo_rest(turned, known=True), found.turn)
-            return _tell_turn(made, found).with_finding(*wrong)
+            return _report_turn(made, found).with_finding(*wrong)
     made = calibrate_as_named(meant, known, kind=kind, **settings)
     return _undo_rest(made).with_finding(*wrong)
 
@@ -112,7 +112,7 @@ def _undo_rest(result: Calibrated, *, known: bool = False) -> Calibrated:
     return replace(result, fit=undo_turn(*at, known=known))
 
 
-def _tell_turn(result: Calibrated, found: TurnBeside) -> Calibrated:
+def _report_turn(result: Calibrated, found: TurnBeside) -> Calibrated:
     """The result, saying how the sensor sits, by the calibration itself."""
     turn = found.turn
     if not np.array_equal(turn, np.rint(turn)):
@@ -135,7 +135,7 @@ def find_turn(samples: Samples, reference: Reference | None) -> TurnBeside | Non
     steep enough; roll counted the wrong way round looks like a sensor that lies on its back.
     """
     found = find_turn_of(samples.field, samples, SOFT_IRON_SD)
-    down = feel_down(samples)
+    down = measure_down(samples)
     if found is None or down is None:
         return None
     rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)

@@ -132,9 +132,9 @@ def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
         kind="Disturbers of a recording",
         name=sensor,
         status=(
-            "Each disturber can be told from the others and from the iron: agonic calibrate LOG."
+            "Each disturber can be separated from the others and the iron: agonic calibrate LOG."
             if not lacking
-            else f"{len(lacking)} of {len(judged)} cannot be told from the rest. "
+            else f"{len(lacking)} of {len(judged)} cannot be separated from the rest. "
             + " ".join(_list_moves(lacking))
         ),
         sections=[Section("Disturbers", [Table(head, rows, style="numbers")], printed=True)],
@@ -231,7 +231,7 @@ def _advise_place(mix: Mix) -> str:
     """Which placement would do better."""
     if mix.left > 0.5 * mix.before and mix.share > ALIKE:
         return (
-            "They see too much alike: move one to the other side of what disturbs, or far from it."
+            "They read nearly the same: move one to the other side of the source, or far from it."
         )
     if mix.share > ALIKE:
         return (

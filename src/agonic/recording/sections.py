@@ -126,7 +126,7 @@ def _say_of_network(result: Calibrated) -> str:
     if ratio < LEFT:
         return element(
             "p",
-            f"Nothing is left for a network: unseen residuals are {ratio:.1f} times the noise of "
+            f"A network would not help: unseen residuals are {ratio:.1f} times the noise of "
             "the readings.",
         )
     return (

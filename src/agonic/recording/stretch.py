@@ -110,7 +110,7 @@ def describe_part(changed: Finding, part: Sequence[Stretch], *, timed: bool) -> 
     return replace(
         changed,
         severity="check",
-        what=f"{changed.what}; this calibration is of the {kind} {named} alone, and so is its "
-        "standard error: at other times the bias differs by the same amount",
+        what=f"{changed.what}; this calibration and its standard error hold only for the {kind} "
+        f"{named}; at other times the bias differs by the same amount",
         move=f"use it only for that configuration of the vehicle{move}",
     )

@@ -21,7 +21,7 @@ from agonic.calibration.mounting import turn_field
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, figure, find_usable_rows
-from agonic.inertial.attitude import feel_attitude
+from agonic.inertial.attitude import estimate_attitude
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.mounting import describe_turn
@@ -59,7 +59,7 @@ SMALL_DEG = 45.0
 def find_turn_of(field: Array, samples: Samples, soft_iron_sd: float) -> TurnBeside | None:
     """The turn of a sensor whose readings, or calibrated field, are (n, 3) in the rows of samples;
     None where nothing tells down in enough of them."""
-    down = feel_down(samples)
+    down = measure_down(samples)
     if down is None:
         return None
     rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)
@@ -69,14 +69,14 @@ def find_turn_of(field: Array, samples: Samples, soft_iron_sd: float) -> TurnBes
     return find_turn_beside(field[some], down[some], soft_iron_sd)
 
 
-def feel_down(samples: Samples) -> Array | None:
+def measure_down(samples: Samples) -> Array | None:
     """Down (n, 3) in body axes by roll and pitch, else as an inertial unit feels it."""
     if samples.roll_deg is not None and samples.pitch_deg is not None:
         return down_b(samples.roll_deg, samples.pitch_deg)
     if samples.acceleration is None or samples.time is None:
         return None
     try:
-        return feel_attitude(samples).down
+        return estimate_attitude(samples).down
     except AgonicError:
         return None
 

@@ -203,6 +203,9 @@ class Document:
         if brief and self.overview is not None:
             yield from self.overview(width)
             return
+        if brief and len(self.sensors) > 1:
+            yield from (line for sensor in self.sensors for line in sensor._sum_up(width))
+            return
         shared = list_repeated(self.sensors)
         for sensor in self.sensors:
             yield ""
@@ -212,6 +215,15 @@ class Document:
         for one in shared:
             names = f"{', '.join(one.names)}: {one.says}"
             yield text.wrap(names, width=width, indent="", label="Note      ")
+
+    def _sum_up(self, width: int) -> Iterable[str]:
+        """One of several sensors: its verdict, and its gravest objection or its standard error."""
+        found, rest = self._split_status()
+        grave = [says for one, says in found if one.severity != "note"]
+        head = f"{self.name}: {self.verdict}, {MEANINGS[self.verdict][1]}"
+        yield text.wrap(head, width=width, indent="", label=f"{text.SIGNS[self.verdict]} ")
+        more = f" (and {len(grave) - 1} more)" if len(grave) > 1 else ""
+        yield text.wrap(f"{grave[0]}{more}" if grave else rest.split(". ")[0], width=width)
 
     @property
     def _shows_entries(self) -> bool:

@@ -14,14 +14,13 @@ from agonic.report.labels import unit_label
 from agonic.report.markup import element
 from agonic.report.section import Block, Section
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
-from agonic.thermal import curves, figures, tables, values
+from agonic.thermal import figures, tables
 from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures
+from agonic.thermal.campaign.description import join_numbers
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.checks.boards import list_boards
-from agonic.thermal.checks.thermometers import find_courses
+from agonic.thermal.checks.boards import find_courses, list_boards
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.fit.result import ThermalFit
-from agonic.thermal.names import join_numbers
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
 
@@ -70,9 +69,8 @@ def describe_campaign(
     """What is said and shown of a campaign; the parameters are those of `campaign_page`."""
     campaign, written = result.campaign, files or {}
     about = (
-        f"{count(len(result.sensors), 'sensor')}, "
-        f"stations {join_numbers(campaign.stations) or 'none'}, "
-        f"{count(campaign.rows, 'reading')}"
+        f"{count(len(result.sensors), 'sensor')}, stations "
+        f"{join_numbers(campaign.stations) or 'none'}, {count(campaign.rows, 'reading')}"
     )
     return Document(
         schema="agonic/fit-thermal@1",
@@ -91,7 +89,7 @@ def describe_campaign(
             Section("The recordings", _show_recordings(result.campaign)),
         ],
         contents=True,
-        values=values.list_campaign_values(result),
+        values=tables.list_campaign_values(result),
         sensors=[_describe_sensor(one, written.get(one.name, ())) for one in result.sensors],
         styles=STYLES,
     )
@@ -117,7 +115,7 @@ def _summarise(result: CalibratedCampaign) -> str:
     doubted = [sensor.name for sensor in result.sensors if sensor.verdict != "good"]
     return " ".join(
         [
-            f"To be looked at: {', '.join(doubted)}." if doubted else "All sensors are calibrated.",
+            f"To be checked: {', '.join(doubted)}." if doubted else "All sensors are calibrated.",
             sentence(f"turns {result.turns}: {result.reason}"),
             *(sentence(finding.sentence) for finding in sort_findings(result.findings)),
         ]
@@ -175,13 +173,13 @@ def _show_chamber(found: ChamberField | None) -> list[Block]:
 def _show_recordings(campaign: Campaign) -> list[Block]:
     """Whether boards kept working, and the temperature at every station."""
     courses, _ = find_courses(campaign)
-    shown: list[Block] = [tables.list_boards(list_boards(campaign))]
+    shown: list[Block] = [tables.show_boards(list_boards(campaign))]
     if courses:
         profile = campaign.description.profile
         shown.append(lambda: figures.draw_courses(dict(sorted(courses.items())), profile))
     note = (
-        "A restart is a clock that began anew within a recording; what is missing are the readings "
-        "that gaps cost each sensor."
+        "A restart is a clock that started again within a recording; missing are the readings "
+        "that each sensor lost in gaps."
     )
     return [*shown, element("p", note, class_="aside")]
 
@@ -199,7 +197,7 @@ def _describe_sensor(result: CalibratedSensor, files: Sequence[str]) -> Document
         entries_title="",
         sections=() if fit is None else _show_evidence(result, fit, files),
         contents=fit is not None,
-        values=values.list_sensor_values(result, files),
+        values=tables.list_sensor_values(result, files),
         calibration=None if fit is None else fit.calibration,
     )
 
@@ -232,9 +230,9 @@ def _show_evidence(
 def _compare_unseen(fit: ThermalFit) -> list[Block]:
     """Whether hysteresis or a network would foretell readings better that no fit has seen."""
     note = (
-        "Ten blocks of readings, in their order, each left out once. Hysteresis follows what has "
-        "been before; the network has 64 hidden units of random weights. What helps here is not "
-        "part of the calibration."
+        "Ten blocks of readings, in their order, each left out once. Hysteresis depends on the "
+        "readings before; the network has 64 hidden units of random weights. What helps here is "
+        "not part of the calibration."
     )
     return [tables.list_alternatives(fit), element("p", note, class_="aside")]
 
@@ -278,7 +276,7 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
         numbers = "   ".join(f"{axis} {with_sd(float(b), float(s))}" for axis, b, s in rows)
         entries[write_minus(f"Bias at {level:.1f} °C")] = f"{numbers} {calibration.unit_in}"
     middle = float(np.mean(calibration.range_C))
-    for group in _split_in_two(curves.evaluate_decomposition(calibration, np.array([middle]))):
+    for group in _split_in_two(figures.evaluate_decomposition(calibration, np.array([middle]))):
         numbers = "   ".join(
             f"{curve.name.split()[-1]} "
             + with_sd(float(curve.value[0]), None if curve.sd is None else float(curve.sd[0]))
@@ -294,6 +292,6 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
     return entries
 
 
-def _split_in_two(found: list[curves.Curve]) -> list[list[curves.Curve]]:
+def _split_in_two(found: list[figures.Curve]) -> list[list[figures.Curve]]:
     """The three scale factors, and the three angles."""
     return [part for part in (found[:3], found[3:]) if part]

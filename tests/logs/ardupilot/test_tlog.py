@@ -469,7 +469,7 @@ def test_noise_costs_only_what_it_hits(written: Any) -> None:
     (sensor,) = log.sensors
     np.testing.assert_allclose(sensor.time, np.delete(SECONDS - SECONDS[0], 100), atol=1e-3)
     assert log.notes == (
-        f"{1000 - 7 + 13} bytes are damaged or cut off and were passed over",
+        f"{1000 - 7 + 13} bytes are damaged or cut off and were skipped",
         "1 messages with a wrong checksum were left out",  # the one that was cut
     )
 

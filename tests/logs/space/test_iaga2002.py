@@ -117,7 +117,7 @@ def test_elements_that_are_no_field_are_named(file: Path) -> None:
 
 def test_a_header_alone(file: Path) -> None:
     file.write_text(iaga("XYZF", ROWS[:0]))
-    with pytest.raises(LogError, match="a header and no row"):
+    with pytest.raises(LogError, match="a header but no row"):
         read(file)
 
 

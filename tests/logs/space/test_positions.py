@@ -61,7 +61,7 @@ def test_seconds_of_a_log_are_no_date(table) -> None:
         ("lat,lon,date\n1,x,2026-01-01\n", r"row 2: lon is 'x'"),
         ("lat,lon,date\n1,nan,2026-01-01\n", r"row 2: lon is 'nan'"),
         ("lat,lon,date\n1,2,2026-01-01\n\n1,2,yesterday\n", r"row 4: .*yesterday"),
-        ("lat,lon,date\n1,2,1.7e9\n", r"row 2: 1.7e9 is no year"),
+        ("lat,lon,date\n1,2,1.7e9\n", r"row 2: 1.7e9 is not a year"),
         ("lat,lon,date\n1,2,\n", r"row 2"),
         ("lat,lon,date\n1,2\n", r"row 2: there is no date"),
         ("lat,lon,height_m,date\n1,2,-2e5,2026\n", r"row 2: height_m is '-2e5'"),

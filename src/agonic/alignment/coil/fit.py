@@ -127,7 +127,7 @@ def _read(session: CoilSession) -> tuple[Array, Stretches]:
         raise CoverageError(
             f"the current has {len(rows)} stretches",
             undetermined="drift and coil together",
-            turns=f"switch it to and fro, {FEWEST} times at least",
+            turns=f"reverse it at least {FEWEST} times",
         )
     read = average_beside(rows, samples, session.corrected, session.reference)
     return average(current, rows), read
@@ -245,7 +245,7 @@ def _describe(fit: CoilFit) -> tuple[str, ...]:
     if fit.geometric_deg is None or fit.geometric_sd_arcsec is None:
         return said
     away = f"{figure(3600 * fit.geometric_deg, 4)}″ ± {figure(fit.geometric_sd_arcsec)}″"
-    return (*said, f"the axis is {away} from the one drawn")
+    return (*said, f"the axis is {away} from the nominal axis")
 
 
 def _check_session(fit: CoilFit) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from agonic.console.options import At, Json, Report, SensorChoice
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, check_choice
 
 if TYPE_CHECKING:
     from agonic.alignment.session import Site, StarReadings
@@ -21,40 +21,18 @@ Effect = Annotated[
 
 
 def direction(
-    alignment: Annotated[
-        Path, typer.Argument(metavar="ALIGNMENT", help="Calibration of agonic fit alignment.")
-    ],
-    log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="Readings; or a session.toml, or its folder.")
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="CSV file to write.")],
-    stars: Annotated[
-        Path | None, typer.Option(metavar="TABLE", help="Attitudes of the star sensor.")
-    ] = None,
-    turns: Annotated[
-        str, typer.Option(metavar="SENSE", help="Quaternions: ci (inertial into sensor) or ic.")
-    ] = "ci",
-    across: Annotated[
-        float | None,
-        typer.Option(metavar="ARCSEC", help="Error of an attitude across the boresight."),
-    ] = None,
-    about: Annotated[
-        float | None,
-        typer.Option(metavar="ARCSEC", help="Error of an attitude about the boresight."),
-    ] = None,
+    alignment: Path,
+    log: Path,
+    out: Path,
+    stars: Path | None = None,
+    turns: str = "ci",
+    across: float | None = None,
+    about: float | None = None,
     refraction: Effect = "removed",
     aberration: Effect = "removed",
     at: At = None,
-    gap: Annotated[
-        float | None,
-        typer.Option(
-            "--gap", metavar="S", help="Longest gap, s, between attitudes that are interpolated."
-        ),
-    ] = None,
-    noise: Annotated[
-        float | None,
-        typer.Option("--noise", metavar="NT", help="Noise of one reading on one axis."),
-    ] = None,
+    gap: float | None = None,
+    noise: float | None = None,
     which: SensorChoice = SensorChoice(),
     report: Report = None,
     as_json: Json = False,
@@ -63,6 +41,18 @@ def direction(
 
     Writes the vector in all four, right ascension and declination of where it points, magnetic
     declination and inclination, and their standard errors.
+
+    Options
+    -------
+    alignment <ALIGNMENT> : Calibration of agonic fit alignment.
+    log <LOG> : Readings; or a session.toml, or its folder.
+    out -o OUT : CSV file to write.
+    stars TABLE : Attitudes of the star sensor.
+    turns SENSE : Quaternions: ci (inertial into sensor) or ic.
+    across ARCSEC : Error of an attitude across the boresight.
+    about ARCSEC : Error of an attitude about the boresight.
+    gap S : Longest gap, s, between attitudes that are interpolated.
+    noise NT : Noise of one reading on one axis.
     """
     from agonic.alignment.direction import field_direction
     from agonic.alignment.direction.document import describe_direction
@@ -108,7 +98,6 @@ def _read_attitudes(
     import numpy as np
 
     from agonic.alignment.files.tables import make_diagonal, read_stars
-    from agonic.errors import check_choice
 
     if table is None:
         raise AgonicError(

@@ -176,7 +176,7 @@ def _compute(
     rot_ne = _find_level_axes(seen, site)
     rot_ni = None if rot_ne is None else rot_ne @ rot_ei
     if rot_ne is None:
-        notes += ("no place is known, so north, east and down are not",)
+        notes += ("no place is known, so north, east and down cannot be computed",)
     return FieldDirection(
         rows=rows,
         time=time,
@@ -207,7 +207,7 @@ def _straighten(stars: StarReadings, site: Site | None, earth: EarthRotation) ->
 def _require_covariance(stars: StarReadings) -> Array:
     if stars.covariance is None:
         raise AgonicError(
-            "how sure the attitudes are is not known; give the standard errors of one attitude "
+            "the errors of the attitudes are not known; give the standard errors of one attitude "
             "across and about the boresight (across_sd_arcsec, about_sd_arcsec)"
         )
     return stars.covariance

@@ -263,7 +263,7 @@ def _list_attitude_mistakes(part: Any, site: bool) -> list[str]:
     if stellar and not site:
         said.append("[attitude] of a star sensor needs a [site]")
     if part.utc is not None and _moment(part.utc) is None:
-        said.append(f"[attitude] utc {part.utc!r} is no time such as 2024-03-12T21:00:00Z")
+        said.append(f"[attitude] utc {part.utc!r} is not a time such as 2024-03-12T21:00:00Z")
     return said
 
 

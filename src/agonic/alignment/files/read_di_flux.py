@@ -138,7 +138,7 @@ def _number(word: str, file: Path, row: int) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise LogError(f"{word!r} is no number", path=file, row=row)
+        raise LogError(f"{word!r} is not a number", path=file, row=row)
     return value
 
 
@@ -149,7 +149,7 @@ def _said(head: dict[str, str], key: str, file: Path) -> float | None:
         return None
     with suppress(ValueError):
         return float(words[0])
-    raise LogError(f"Abs-{key} is {words[0]!r}, no number", path=file)
+    raise LogError(f"Abs-{key} is {words[0]!r}, not a number", path=file)
 
 
 def _settings(angles: Array) -> NDArray[np.int64]:

@@ -60,7 +60,7 @@ class Table:
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             row = int(bad[0])
-            raise self.wrong(f"{name} is {self.columns[name][row]!r}, no number", row)
+            raise self.wrong(f"{name} is {self.columns[name][row]!r}, not a number", row)
         return values
 
     def read_angles(self, names: Iterable[str]) -> dict[str, Array]:

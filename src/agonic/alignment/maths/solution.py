@@ -18,7 +18,7 @@ from agonic.maths.rotations.vectors import find_best_rotation
 
 ROUNDS, STEPS = 6, 30
 HOPELESS = 1e4
-"""Mean square of residuals, in units of the noise, that no further round will mend."""
+"""Mean square of residuals, in units of the noise, that no further round will improve."""
 UNDETERMINED = 1e-3
 """A combination with a standard error above this share of the field (206″) is not known."""
 

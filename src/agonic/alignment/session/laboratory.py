@@ -75,8 +75,8 @@ class CoilSession(Recorded):
             frames.add("n")
         if self.geometric_axis is not None and self.geometric_frame not in frames:
             yield (
-                f"the geometric axis is in {self.geometric_frame} axes and nothing leads there "
-                f"(known: {', '.join(sorted(frames))})"
+                f"the geometric axis is in {self.geometric_frame} axes and no rotation to them is "
+                f"known (known axes: {', '.join(sorted(frames))})"
             )
 
 

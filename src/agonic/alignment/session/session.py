@@ -50,8 +50,8 @@ class Site:
         check_choice("coordinates", self.coordinates, ("astronomical", "geodetic"))
         if not (-90 <= self.latitude_deg <= 90 and -180 <= self.longitude_deg <= 360):
             raise AgonicError(
-                f"latitude {self.latitude_deg:g}°, longitude {self.longitude_deg:g}° is no place; "
-                "give degrees, longitude positive east"
+                f"latitude {self.latitude_deg:g}°, longitude {self.longitude_deg:g}° is not a "
+                "place; give degrees, longitude positive east"
             )
 
 
@@ -262,7 +262,7 @@ def _check_attitudes(session: Session) -> None:
     off = np.abs(matrices @ np.swapaxes(matrices, 1, 2) - np.eye(3)).max(axis=(1, 2))
     if off.max() > NOT_UNIT or np.linalg.det(matrices).min() < 0:
         raise AgonicError(
-            f"attitude {int(off.argmax()) + 1} of {session.star.name} is no rotation; give "
+            f"attitude {int(off.argmax()) + 1} of {session.star.name} is not a rotation; give "
             "ra, dec, rot in degrees or unit quaternions"
         )
 

@@ -120,7 +120,7 @@ def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
     apart = float(fit.sd[6:9].max()) / fit.solution.magnitude / ARCSEC_RAD
     known = "at most; astronomical coordinates contain it"
     unknown = "at most; the coordinates are geodetic"
-    unsolved = "taken as exactly north, east, down: what they are off goes into the result"
+    unsolved = "taken as exactly north, east, down: their error goes into the result"
     given = "taken as exact" if pier.difference.any() else "none was given"
     given = f"{given}: 0.24 nT are 1″ at 50 000 nT"
     treated: Treatment = "corrected" if plumb else "not corrected"

@@ -206,8 +206,8 @@ def plan_alignment(
     numbers = (wanted_sd_arcsec, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
     if readings < 1 or not all(n > 0 for n in numbers) or not 0 <= lowest_elevation_deg < 90:
         raise AgonicError(
-            "a plan needs a reading or more, noise and wanted standard error above 0, and a lowest "
-            "elevation from 0 to 90°"
+            "a plan needs at least one reading, noise and wanted standard error above 0, and a "
+            "lowest elevation from 0 to 90°"
         )
     for group in solve:
         check_choice("solve", group, tuple(GROUPS))

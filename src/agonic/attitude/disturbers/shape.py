@@ -14,8 +14,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.problem import Scale, estimate_usable, find_terms, normalise, select_usable
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import (
+    Scale,
+    Settings,
+    estimate_usable,
+    find_terms,
+    normalise,
+    select_usable,
+)
 from agonic.calibration.sources import (
     Source,
     list_columns,
@@ -141,7 +147,7 @@ class Shape(NamedTuple):
         digits = max(0, 1 - int(np.floor(np.log10(self.sd)))) if self.sd > 0 else 3
         size = f"{abs(self.value):.{digits}f} ± {self.sd:.{digits}f}"
         if self.what == "power":
-            return f"{named} counts to the power {size}"
+            return f"{named} enters to the power {size}"
         if self.what == "delay":
             return f"{named} is recorded {size} s {'late' if self.value > 0 else 'early'}"
         if self.value > 0:

@@ -52,7 +52,7 @@ def _choose_sketch(files: Sequence[Path]) -> tuple[str, str, str]:
             if template == "tracker" and "_tracker_field(" in files[0].read_text():
                 template = "tracker_with_gyro"
             return first.removesuffix(ending), template, sketch
-    raise AgonicError(f"{first} is no header to make a library of")
+    raise AgonicError(f"{first} is not a header that can become a library")
 
 
 def _write_properties(name: str, headers: Sequence[str]) -> str:
@@ -94,7 +94,7 @@ def _version() -> str:
 
 
 def _write_sketch(template: str, name: str, files: Sequence[Path]) -> str:
-    values = {"name": name, "GUARD": name.upper(), "about": "Written by agonic; see src."}
+    values = {"name": name, "about": "Written by agonic; see src."}
     values |= dict.fromkeys(("memory", "follow"), "")
     if template == "heading" and f"{name}_follow(" in files[0].read_text():
         values["memory"] = f"    static {name}_memory memory = {{{{0.0f}}, 0}};\n"

@@ -165,7 +165,7 @@ def _box(
         width = 360.0
     if not (-90.0 <= south < north <= 90.0 and width > 0.0):
         raise AgonicError(
-            f"latitudes {south:g} to {north:g} and longitudes {west:g} to {east:g} are no box: "
+            f"latitudes {south:g} to {north:g} and longitudes {west:g} to {east:g} are not a box: "
             "give the southern and northern, then the western and eastern edge, degrees"
         )
     return south, west, north - south, width

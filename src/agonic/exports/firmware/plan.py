@@ -17,9 +17,9 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.sources import SOURCES, list_columns
 from agonic.calibration.steps import compose
-from agonic.exports.firmware.following import find_time_constants
+from agonic.exports.firmware.c_text import find_time_constants
 from agonic.exports.firmware.grid import DeclinationGrid
-from agonic.exports.polynomials import (
+from agonic.exports.temperature import (
     RATE,
     Polynomials,
     changes_with_temperature,

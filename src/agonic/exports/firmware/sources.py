@@ -14,15 +14,15 @@ from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,
-    write_flash,
+    write_following,
+    write_following_header,
     write_integer,
     write_literal,
 )
-from agonic.exports.firmware.following import write_following, write_following_header
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, LESS, find_weakest
-from agonic.exports.polynomials import RATE
+from agonic.exports.temperature import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
 
@@ -135,7 +135,6 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
     sensors = [_sensor(k, c) for k, c in enumerate(plan.calibrations)]
     return {
         "name": name,
-        "GUARD": guard,
         "about": write_comment(write_about(plan)),
         "compasses": str(len(plan.calibrations)),
         "sensors": write_comment(sensors),
@@ -148,7 +147,6 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
 
 def _tables(plan: Plan) -> dict[str, str]:
     values = {
-        "flash": write_flash(),
         "steepest": write_literal(plan.steepest),
         "first_status": "temperature_status(which, in)" if plan.warm else "0",
         **(_warm(plan) if plan.warm else _constant(plan)),

@@ -84,7 +84,7 @@ def write_firmware(
                 "export CAL --to c), or give the setup the base of the network"
             )
     plan = Plan(setup=setup, declination=_declination(setup, declination))
-    values = {"name": require_identifier(name), "GUARD": name.upper()}
+    values = {"name": require_identifier(name)}
     texts = {
         f"{name}.h": write_header(plan, name),
         f"{name}.c": write_source(plan, name),
@@ -113,7 +113,6 @@ def write_ellipsoid(name: str) -> dict[str, str]:
     """The whole ellipsoid fit that runs on a controller, text by file."""
     values = {
         "name": name,
-        "GUARD": name.upper(),
         "noisy": f"{100 * NOISE_DOUBTFUL:g}",
         "noisy_share": write_literal(NOISE_DOUBTFUL),
     }
@@ -169,5 +168,5 @@ def _warnings(plan: Plan) -> tuple[str, ...]:
             "what is taken out comes as late"
         )
     if plan.tilt == "acceleration":
-        said.append("an accelerometer tells the tilt of a vehicle at rest only")
+        said.append("an accelerometer gives the tilt of a vehicle at rest only")
     return tuple(said)

@@ -187,7 +187,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
         "refuse" if off >= OUTLIER_REFUSED_DEG else "check",
         f"the reading at compass {name_heading(float(evidence.compass_deg[worst]))} is "
         f"{figure(off)}° from the curve of the others",
-        "look for a slip (east for west, a wrong figure) and steer that heading again",
+        "look for a mistake (east for west, a wrong digit) and steer that heading again",
     )
 
 

@@ -74,7 +74,7 @@ def plan_swing(
     least = len(terms) + 1
     if headings < least or rounds < 1 or not noise_deg > 0.0:
         raise AgonicError(
-            f"headings {headings}, rounds {rounds}, noise {noise_deg}° are no plan; {len(terms)} "
+            f"headings {headings}, rounds {rounds}, noise {noise_deg}° give no plan; {len(terms)} "
             f"terms need {least} headings or more, a round or more, and a noise above 0"
         )
     if heel_deg is not None and not 1.0 <= abs(heel_deg) <= 60.0:

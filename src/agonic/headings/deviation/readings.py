@@ -84,7 +84,7 @@ def select_complete(
     good = np.isfinite(np.column_stack([compass, reference, tilt])).all(axis=1)
     if not good.any():
         raise CoverageError(
-            "there is no complete reading", turns="steer eight headings and note compass and truth"
+            "there is no complete reading", turns="note compass and reference on eight headings"
         )
     return SwingReadings(
         compass[good] % 360.0,

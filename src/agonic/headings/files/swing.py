@@ -184,7 +184,7 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, int]:
     if len(references) > 1:
         named = " and ".join(header[found[name]] for name in references)
         raise LogError(
-            f"{named} say the same thing twice; leave one of these columns in", path=path
+            f"{named} hold the same quantity twice; keep one of these columns", path=path
         )
     return found
 
@@ -199,7 +199,7 @@ def _values(
         cell = row[at] if at < len(row) else ""
         value = read(cell if separator == "," else cell.replace(",", "."))
         if value is None:
-            raise LogError(f"{cell!r} is no {name} in degrees", path=path, row=number)
+            raise LogError(f"{cell!r} is not a {name} in degrees", path=path, row=number)
         values.append(value)
     return np.array(values)
 

@@ -52,7 +52,7 @@ def smooth_rows(
         return (
             by_row,
             None,
-            (_explain_kept(f"tilt from the {by_row.tilt.source} follows no motion"),),
+            (_explain_kept(f"tilt from the {by_row.tilt.source} does not follow the motion"),),
         )
     turn = find_rate_mounting(first, setup, by_row.compasses[0].compass.calibration)
     own = first
@@ -80,7 +80,7 @@ def _explain_kept(why: str) -> str:
     return f"the gyro is not used: {why}"
 
 
-_TOO_LITTLE = _explain_kept("too few readings are as they should be")
+_TOO_LITTLE = _explain_kept("too few readings are undisturbed")
 
 
 def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask], tuple[str, ...]]:
@@ -90,7 +90,7 @@ def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask]
     spared = {"disturbed", "no reading", "disagreement"}
     left = {name: rows & ~known if name in spared else rows for name, rows in flags.items()}
     share = float((doubted & known).mean())
-    notes = (f"the gyro bridges {100 * share:.1f} % of the rows, whose field is off",) * (share > 0)
+    notes = (f"the gyro bridges {100 * share:.1f} % of the rows: disturbed",) * (share > 0)
     return MappingProxyType(left), notes
 
 

@@ -116,7 +116,7 @@ def _open(fit: PairFit) -> list[Section]:
     """What only the prior holds, and the attitudes that would help most."""
     said = []
     if fit.prior_only:
-        said.append("More from the prior than from the shots: " + "; ".join(fit.prior_only) + ".")
+        said.append("Known mostly from the prior: " + "; ".join(fit.prior_only) + ".")
     said.append("These shots would add most: " + "; ".join(fit.to_add) + ".")
     return [Section("What more shots would improve", said, printed=bool(fit.prior_only))]
 

@@ -36,7 +36,7 @@ def examine(fit: PairFit, problem: Problem, disagreeing: bool) -> tuple[Finding,
         _scatter(fit),
         _varies(fit),
         _check_missed(problem),
-        _astray(fit),
+        _off_target(fit),
         _open(fit),
         *_signs(fit, problem),
     )
@@ -132,12 +132,12 @@ def _check_missed(problem: Problem) -> Finding | None:
     return Finding(
         "target missed",
         "check",
-        f"the sight was not kept on target {names}: those shots count as shots at none",
-        "roll the instrument about its sight, on the target all the time; a shot at none has 0",
+        f"the sight was not kept on target {names}: so the target was ignored",
+        "roll the instrument about its sight, on the target all the time; 0 is a shot at no target",
     )
 
 
-def _astray(fit: PairFit) -> Finding | None:
+def _off_target(fit: PairFit) -> Finding | None:
     if fit.sight is None or fit.sight.scatter_deg < UNSTEADY_DEG:
         return None
     wrong = fit.sight.scatter_deg > ASTRAY_DEG
@@ -170,9 +170,7 @@ def _signs(fit: PairFit, problem: Problem) -> list[Finding | None]:
     off = fit.free_inclination_deg - expected
     found: list[Finding | None] = []
     if problem.scale.gravity < 0:
-        what = (
-            "the log has gravity itself, down, where the specific force was expected: turned over"
-        )
+        what = "the log has gravity itself, down, where specific force was expected: sign changed"
         found.append(Finding("gravity reversed", "note", what))
     sd = float(np.hypot(fit.free_inclination_sd_deg, np.degrees(DIP_SD)))
     if abs(off) > 4 * sd:

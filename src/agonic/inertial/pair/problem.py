@@ -190,7 +190,7 @@ def _find_scale(force: Array, field: Array) -> Scale:
     radius = float(np.sqrt(max(found[3] + found[:3] @ found[:3], 0.01)))
     gravity = float(np.median(np.linalg.norm(force, axis=1)))
     if gravity == 0.0 or size == 0.0:
-        raise LogError("the readings do not change from shot to shot; no sensor can be read so")
+        raise LogError("the readings do not change from shot to shot; which no working sensor does")
     return Scale(gravity, middle + size * found[:3], size * radius)
 
 

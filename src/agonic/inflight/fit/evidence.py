@@ -50,11 +50,11 @@ def judge_swing_with_orbit(fit: InflightFit, samples: Samples) -> list[Finding]:
         Finding(
             "bias follows the orbit",
             "check",
-            f"the bias asks for a knot every {figure(_interval_s(fit) / 60)} min, and an orbit "
+            f"the bias needs a knot every {figure(_interval_s(fit) / 60)} min, and an orbit "
             f"takes {figure(period / 60)}: rather than the bias of the sensor it follows an error "
             "of the clock or the track, sunlight, or heat, and its standard errors do not hold",
             "check clock, date and heights; fit with the temperature and the currents on board "
-            "(--temperature, --with), and where the bias changes but slowly give --knots",
+            "(--temperature, --with), and where the bias changes slowly give --knots",
         )
     ]
 

@@ -1,4 +1,4 @@
-"""`fit_inflight`: bias, gains or all nine numbers from the field that is known on the way."""
+"""`fit_inflight`: bias, gains or all nine numbers from the known field along the track."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def _pose_problem(
         expected = field_along(samples)
         if expected is None:
             raise AgonicError(
-                f"the field on the way is not known: {describe_missing(samples)}; give a "
+                f"the field along the track is not known: {describe_missing(samples)}; give a "
                 "reference, positions (they can come from two-line elements), or --date"
             )
         along = expected.reference

@@ -125,8 +125,8 @@ class _Model:
     def __call__(self, samples: Samples) -> Known:
         if samples.latitude_deg is None or samples.longitude_deg is None or samples.epoch is None:
             raise AgonicError(
-                f"the field on the way is not known: {describe_missing(samples)}; give --date, "
-                "or a scalar instrument"
+                f"the field along the track is not known: {describe_missing(samples)}; give "
+                "--date, or a scalar instrument"
             )
         if samples.altitude_m is None:
             samples = samples.with_columns(altitude_m=np.zeros(len(samples)))

@@ -94,6 +94,9 @@ def describe_inflight(
     return add_figures(document, flight_of_fit(fit, samples))
 
 
+_CONSTANT = element("p", "It was taken as constant over the record: see its numbers below.")
+
+
 def _list_bias(found: Affine) -> dict[str, Any]:
     """The whole bias at the end of the record, in the unit of the readings and, where it is, nT."""
     sd = None if found.sd is None else found.sd[:3]
@@ -143,9 +146,9 @@ def _direction_values(fit: InflightFit) -> Mapping[str, Any]:
 
 def add_figures(document: Document, flight: Flight) -> Document:
     """The document with what is shown of a flight on a page."""
-    moved = np.ptp(flight.course.bias, axis=0).any()  # a constant one is in the table of numbers
+    moved = np.ptp(flight.course.bias, axis=0).any()
     sections = [
-        *([Section("Bias over time", [lambda: _bias(flight)])] if moved else []),
+        Section("Bias over time", [(lambda: _bias(flight)) if moved else _CONSTANT]),
         _ground(flight),
         Section("Residuals", [lambda: _residuals(flight)]),
         *(() if flight.fit is None else describe_direction(flight.fit)),

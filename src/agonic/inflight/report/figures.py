@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.flight import Course, Flight
-from agonic.report.axes import BINS, Axis, Columns, right
+from agonic.report.axes import BINS, Axis, Columns, along_time, right
 from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
@@ -23,7 +23,6 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
-from agonic.report.time_axis import along_time
 
 PER_COLUMN = 25
 """Readings that a column needs on average before its quartiles are drawn."""
@@ -134,14 +133,13 @@ def draw_bias(course: Course, axis: int) -> Markup:
     margin = max(0.08 * (high - low), 1e-9 * abs(high), 1e-9)
     y = Axis(f"{'xyz'[axis]}, {course.unit}", low - margin, high + margin)
     columns = Columns(x, at, BINS)
-    below, above = (columns.mean(bias + side * sd) for side in (-2.0, 2.0))
-    mean = columns.mean(bias)
-    inside = (y.low <= mean) & (mean <= y.high)  # beyond it would run along the edge
+    mean, known = columns.mean(bias), columns.mean(sd)
+    mean = np.where(known <= 5 * usual, mean, np.nan)  # what is not known yet is left blank
     scale = (x.high - x.low) / max(course.time[-1] - course.time[0], 1e-9)
     places = (right(x, np.array((j.time - course.time[0]) * scale)) for j in course.jumps)
     layers = [
-        band(columns, y, below, above, "band"),
-        line(columns, y, np.where(inside, mean, np.nan), "bias"),
+        band(columns, y, mean - 2.0 * known, mean + 2.0 * known, "band"),
+        line(columns, y, mean, "bias"),
         *(path(f"M{float(place):.1f} 0V1000", "jump") for place in places),
     ]
     return plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")

@@ -121,7 +121,7 @@ def compare_fit(fit: InflightFit) -> tuple[Numbers, ...]:
     if fit.before is None and ground is not None:
         # a ground calibration that is no bias and matrix: what the flight adds to its field
         none = Affine(bias=np.zeros(3), matrix=np.eye(3))
-        note = "on top of the field by the ground calibration, which it would leave as it is with 0"
+        note = "added to the field by the ground calibration; 0 changes nothing"
         return compare(none, fit.change, note)
     note = ""
     if isinstance(ground, Thermal) and fit.temperature is not None:
@@ -158,7 +158,7 @@ class Course:
 class Flight:
     """Residuals of a flight with what was recorded beside them, and what they led to.
 
-    `residuals` (n,) nT, `used` (n,) whether each had a part in the result; `predicted` where each
+    `residuals` (n,) nT, `used` (n,) whether each were used for the result; `predicted` where each
     is from before the reading was used. `latitude_deg` … `eclipse` (n,) are `None` where the log
     cannot tell. `fit` is there after a fit. `noise` is the standard deviation of a residual, nT;
     `correlation` how many of them count as one; `lasting_nT` of it are correlated errors, for

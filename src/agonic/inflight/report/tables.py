@@ -180,7 +180,7 @@ def compare_sunlight(flight: Flight) -> Markup:
         )
     drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
     if len(means) < 2:
-        said = "The whole record lies on one side of the shadow’s edge."
+        said = "The whole record lies in sunlight, or the whole of it in the shadow."
     else:
         apart = float(np.hypot(errors[0], errors[1]))
         said = (
@@ -199,7 +199,7 @@ def list_left_out(flight: Flight) -> Markup:
         if n
     ]
     used = int(np.count_nonzero(flight.used))
-    part = "are counted on this page" if flight.predicted else "had a part in the result"
+    part = "are counted on this page" if flight.predicted else "were used for the result"
     said = f"{count(used, 'reading')} of {group_digits(whole)} {part}."
     if flight.thinned > 1:
         said += f" Drawn and counted here is every {flight.thinned}th row of the record."
@@ -232,9 +232,9 @@ def list_held_out(flight: Flight) -> Markup:
     ]
     said = (
         "Every second block of time was left out of the fit and then predicted. Intervals are "
-        "doubled until readings not seen fit clearly better, then as long as they fit no worse."
+        "doubled until unseen readings fit clearly better, then as long as they fit no worse."
     )
-    head = ["Bias in time", "Residual not seen, rms", "Above the least", ""]
+    head = ["Bias in time", "Residual of unseen readings, rms", "Above the least", ""]
     return Markup(element("p", said) + table(head, rows, class_="numbers choices"))
 
 
@@ -289,8 +289,8 @@ def list_causes(shares: list[Share]) -> Markup:
     said = (
         "What the residuals follow is their likely cause."
         if named
-        else f"Nothing takes {percent(NAMED)} or more of the residuals’ variance: no cause stands "
-        "out."
+        else f"Nothing explains {percent(NAMED)} or more of the residuals’ variance: no cause "
+        "stands out."
     )
     head = ["Goes with", "Share of the variance", "Points to"]
     return Markup(element("p", said) + table(head, rows, class_="causes"))

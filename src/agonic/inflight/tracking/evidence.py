@@ -58,9 +58,9 @@ def list_findings(state: TrackerState) -> tuple[Finding, ...]:
             Finding(
                 "innovations",
                 "check",
-                f"readings miss their predictions by {figure(state.consistency)} times what is "
-                "stated",
-                "adapt noise, walk or external field; the band is wrong by about as much",
+                f"prediction errors are {figure(state.consistency)} times as large as stated",
+                "adapt noise, walk or external field; the stated band is wrong by about the same "
+                "factor",
             )
         )
     return tuple(found)
@@ -77,8 +77,8 @@ def _describe_correlation(state: TrackerState) -> list[Finding]:
         Finding(
             "correlated errors",
             "check" if doubted else "note",
-            f"what the readings miss their predictions by lasts: standard errors of the bias are "
-            f"{larger} times those of independent errors, and stated so"
+            "prediction errors are correlated over time: standard errors of the bias are "
+            f"{larger} times those of independent errors, and are stated with it"
             + (", and errors may last for longer than was seen" if growing else ""),
             "give the error of the reference and its time (external_sd, external_time_s), or "
             "follow a bias that moves (walk)",
@@ -128,5 +128,5 @@ def _describe_jumps(jumps: tuple[Jump, ...], unit: str) -> Finding:
         "bias jumped",
         "check",
         f"the bias jumped {sizes}{last}",
-        "look for what was switched or deployed then; readings from before do not count any more",
+        "look for what was switched or deployed then; earlier readings are not used any more",
     )

@@ -236,7 +236,7 @@ def choose_gyro(samples: Samples, magnitude: Array, wanted: bool | None) -> tupl
     if wanted or not len(known):
         return True, ""
     if np.ptp(known) > STEADY * float(np.mean(known)):
-        return False, "the field itself changes on the way, which no gyro sees"
+        return False, "the field itself changes along the track, which a gyro does not measure"
     if len(samples) >= FEWEST and explains_change(samples):
         return True, ""
     return False, "the gyro explains less than half of how the readings change"

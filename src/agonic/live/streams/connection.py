@@ -87,7 +87,7 @@ class Lines:
         self._said_at = now
         if unread <= 1 + 0.1 * good:
             return []
-        return [Notice(True, f"hears {unread} lines that it cannot read, the last: {self._why}")]
+        return [Notice(True, f"{unread} lines could not be read, the last: {self._why}")]
 
     def _chunk(self, rows: list[Reading], now: float) -> Chunk:
         time = self._clock.times([row.time for row in rows], now, rows[0].sensor)
@@ -154,7 +154,7 @@ class LineDecoder:
         if lines is None:
             if len(self.senders) >= MOST_SENDERS:
                 return [
-                    Notice(True, f"more than {MOST_SENDERS} senders: {received.origin} is left")
+                    Notice(True, f"more than {MOST_SENDERS} senders: {received.origin} is ignored")
                 ]
             suffix = f" from {received.origin}" if self.senders else ""
             lines = self.senders[received.origin] = Lines(self._unit, suffix)

@@ -20,9 +20,8 @@ from agonic.units import RAW, find_unit
 
 BAUD = 115_200
 FORMS = (
-    "serial:/dev/ttyUSB0[:115200], udp://[HOST]:PORT, tcp://HOST:PORT, "
-    "mavlink+udp://[HOST]:PORT, mavlink+tcp://HOST:PORT, mavlink+serial:/dev/ttyACM0[:115200], "
-    "a log, or sim"
+    "serial:/dev/ttyUSB0[:115200], udp://[HOST]:PORT, tcp://HOST:PORT, mavlink+udp://[HOST]:PORT, "
+    "mavlink+tcp://HOST:PORT, mavlink+serial:/dev/ttyACM0[:115200], a log, or sim"
 )
 _PORT = re.compile(r"(/dev/(?:tty|cu\.|serial/)[^:]*|COM\d+)(:\d+)?", re.IGNORECASE)
 """A serial port by its own name, and a speed."""
@@ -65,7 +64,7 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
     """
     find_unit(unit or RAW)
     if not 0 <= speed < math.inf:
-        raise AgonicError(f"a speed of {speed:g} is none: 1 is its own, 0 as fast as possible")
+        raise AgonicError(f"speed {speed:g} is not possible: 1 is as recorded, 0 the fastest")
     mavlink = text.startswith("mavlink+")
     named = text.removeprefix("mavlink+")
     wire, _, rest = (
@@ -117,7 +116,7 @@ def _parse_settings(query: str) -> dict[str, Any]:
         try:
             given[name] = _SETTINGS[name](value)
         except ValueError:
-            raise AgonicError(f"{name}={value} is no number") from None
+            raise AgonicError(f"{name}={value} is not a number") from None
         if name not in ("kind", "seed") and not given[name] > 0:
             raise AgonicError(f"{name}={value}: it must be above zero")
     if "rate" in given:

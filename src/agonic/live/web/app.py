@@ -212,7 +212,7 @@ def _do(what: PageRequest, session: Session) -> None:
 def make_hello(session: Session) -> Hello:
     """The first message of a session."""
     reference = session.plan.reference
-    told = "unknown: bias and shape are found all the same, the scale is that of the sensor"
+    told = "unknown: bias and shape are still found, the scale is that of the sensor"
     if reference is not None:
         told = f"{group_digits(float(reference.magnitudes(1)[0]))} nT ({reference.source})"
     return Hello(

@@ -43,11 +43,11 @@ class SavedFits:
         if not (self._origin and path.is_file()):
             return None, ""
         if self._fresh:
-            return None, f"begun anew; the readings before are kept as {_set_aside(path).name}"
+            return None, f"started again; the earlier readings are kept as {_set_aside(path).name}"
         try:
             live = LiveFit.resume(path, params, origin=self._origin)
         except AgonicError as error:
-            return None, f"begun anew: {error}; it is kept as {_set_aside(path).name}"
+            return None, f"started again: {error}; it is kept as {_set_aside(path).name}"
         self._saved[params.name] = live.n
         left = datetime.fromtimestamp(path.stat().st_mtime).strftime("%Y-%m-%d %H:%M")
         return live, f"{params.name}: continued from {live.n:,} readings, saved {left}"
@@ -72,7 +72,7 @@ class SavedFits:
             self._saved[name] = state.n
         return ""
 
-    def parting(self, *, accepted: bool) -> str:
+    def closing_message(self, *, accepted: bool) -> str:
         """What is left when the program stops, in words."""
         if self._saved:
             total = f"{sum(self._saved.values()):,} readings"
@@ -95,7 +95,7 @@ class SavedFits:
         path = self.path(sensor)
         with suppress(AgonicError):
             if self._origin and path.is_file():
-                return f"; the readings before are kept as {_set_aside(path).name}"
+                return f"; the earlier readings are kept as {_set_aside(path).name}"
         return ""
 
     def _forget(self, sensor: str) -> None:

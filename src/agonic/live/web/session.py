@@ -92,9 +92,9 @@ class Session:
         self._save()
 
     @property
-    def parting(self) -> str:
+    def closing_message(self) -> str:
         """What is left of the session when it is stopped, in words."""
-        left = self._unfinished.parting(accepted=bool(self.written))
+        left = self._unfinished.closing_message(accepted=bool(self.written))
         return self._trouble or self._unsaved or left
 
     @property
@@ -247,7 +247,7 @@ class Session:
         with self._lock:
             if self.plan.sensor not in (None, chunk.sensor):
                 asked = f"only {self.plan.sensor} was asked for"
-                self._note(f"{chunk.sensor} is heard and left aside: {asked}")
+                self._note(f"{chunk.sensor} is received and not used: {asked}")
                 return
             watched = self._watched.get(chunk.sensor)
             if watched is None:

@@ -110,13 +110,13 @@ class WatchedSensor:
             return self.status(), f"{trouble}; the last readings are left out"
         except Exception:
             self.restart()
-            return self.status(), f"{trouble} and was begun anew"
+            return self.status(), f"{trouble} and was started again"
 
     def _describe_left_out(self) -> str:
         """How many readings were left out, in words; "" where none was."""
         count = self.live.left_out
         word = "reading was" if count == 1 else "readings were"
-        reason = "no sensor gives them, or they lie far from all others"
+        reason = "impossible for a sensor, or far from all others"
         return f"{self.name}: {group_digits(count)} {word} left out: {reason}" if count else ""
 
     @property

@@ -218,7 +218,7 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
     )
     if boot is not None:
         return samples
-    placed = "the messages carry no time: columns meet by place in the file"
+    placed = "the messages carry no time: columns are matched by their place in the file"
     return samples.with_columns(notes=(*samples.notes, placed))
 
 

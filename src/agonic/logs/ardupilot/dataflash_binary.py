@@ -123,7 +123,7 @@ def read_binary(path: Path, wanted: Collection[str]) -> Content:
     starts = headers[length[data[headers + 2]] > 0]
     starts = starts[find_chained(starts, starts + length[data[starts + 2]], size)]
     skipped = size - int(length[data[starts + 2]].sum())
-    notes = [f"{skipped} bytes are damaged or cut off and were passed over"] if skipped else []
+    notes = [f"{skipped} bytes are damaged or cut off and were skipped"] if skipped else []
     for fmt in formats.values():
         if fmt.name in wanted and not fmt.readable:
             notes.append(f"the format of {fmt.name} contradicts itself; it was not read")

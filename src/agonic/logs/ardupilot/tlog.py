@@ -21,8 +21,18 @@ from agonic.errors import LogError
 from agonic.logs.ardupilot.beside import list_tracks
 from agonic.logs.ardupilot.dataflash import find_firmware
 from agonic.logs.ardupilot.dataflash_binary import Table, load
-from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, find_packets, load_definitions
-from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, make_tables
+from agonic.logs.ardupilot.mavlink import (
+    CLOCKED,
+    INERTIAL,
+    TABLES,
+    Messages,
+    Packets,
+    Timeline,
+    decode,
+    find_packets,
+    load_definitions,
+    make_tables,
+)
 from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
 from agonic.logs.log import Log, Readings, Stream
 from agonic.logs.rows.resample import compute_rate_Hz, find_misplaced
@@ -127,7 +137,7 @@ def _vehicle(heard: Heard) -> tuple[int, int, tuple[str, ...]]:
 def _damage(skipped: int, spoilt: int) -> tuple[str, ...]:
     notes = []
     if skipped:
-        notes.append(f"{skipped} bytes are damaged or cut off and were passed over")
+        notes.append(f"{skipped} bytes are damaged or cut off and were skipped")
     if spoilt:
         notes.append(f"{spoilt} messages with a wrong checksum were left out")
     return tuple(notes)

@@ -153,7 +153,7 @@ def parse_names(text: str | Mapping[str, str], where: str = "--columns") -> Colu
     for name in headers:
         if identify_column(_canonical(name, None)) is None:
             raise LogError(
-                f"{where}: {name!r} is no column; use time, x, y, z, temperature_C, acc_x_m_s2, "
+                f"{where}: {name!r} is not a column; use time, x, y, z, temperature_C, acc_x_m_s2, "
                 "gyro_x_rad_s, roll_deg, pitch_deg, heading_deg, current_A, heater_A …"
             )
     return ColumnNames(headers=headers, where=where)

@@ -16,7 +16,7 @@ from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import Identified, identify_columns
 from agonic.logs.headers.header import Column, identify_column
-from agonic.logs.headers.words import squash
+from agonic.logs.headers.quantities import squash
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 
@@ -269,7 +269,7 @@ def _columns(db: Any, path: Path, files: Sequence[str]) -> dict[str, str]:
     try:
         described = db.execute(f"describe select * from {select_table(files)}").fetchall()
     except database_error_type() as error:
-        raise LogError(f"its files make no one table: {_first_line(error)}", path=path) from None
+        raise LogError(f"its files do not form a table: {_first_line(error)}", path=path) from None
     return {row[0]: str(row[1]) for row in described if row[0] not in _OURS}
 
 

@@ -35,7 +35,7 @@ def order_rows(time: Array) -> tuple[Index | None, tuple[str, ...]]:
 
     >>> order, notes = order_rows(np.array([3.0, 2.0, 1.0, 0.0]))
     >>> order.tolist(), notes
-    ([3, 2, 1, 0], ('the table is written newest first: its rows are turned round',))
+    ([3, 2, 1, 0], ('the table is written newest first: its rows are reversed',))
     """
     known = np.flatnonzero(np.isfinite(time))
     steps = np.diff(time[known])
@@ -43,7 +43,7 @@ def order_rows(time: Array) -> tuple[Index | None, tuple[str, ...]]:
     if not back:
         return None, ()
     if back > _MOSTLY * np.count_nonzero(steps) and len(known) > 2:
-        note = "the table is written newest first: its rows are turned round"
+        note = "the table is written newest first: its rows are reversed"
         return np.arange(len(time))[::-1], (note,)
     near = min(_NEAR, len(known) // 10)
     far = np.abs(_rank(time[known]) - np.arange(len(known))) > near
@@ -147,11 +147,11 @@ def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     placed = time.copy()
     placed[known] = t + later
     if len(set(wraps)) == 1 and wraps[0]:
-        return placed, (f"the clock has {wraps[0]} and wraps: it is counted on",)
+        return placed, (f"the clock has {wraps[0]} and wraps: it is counted up",)
     times = "once" if len(wraps) == 1 else f"{len(wraps)} times"
     return placed, (
-        f"the clock begins anew {times}: what follows goes on after one step; how long the log "
-        "stood still is not known",
+        f"the clock starts again {times}: it is continued after one step; how long the log was "
+        "interrupted is not known",
     )
 
 

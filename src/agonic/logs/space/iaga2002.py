@@ -41,7 +41,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     text = path.read_bytes().decode("latin-1").replace("\r\n", "\n")
     header, rows = _parts(text)
     if not rows:
-        raise LogError("there is a header and no row of data; fetch the file again")
+        raise LogError("there is a header but no row of data; fetch the file again")
     station = header.get("IAGA CODE", "").strip() or "mag"
     elements, others = _elements(header, rows)
     table, notes = _table(header, elements, len(rows))

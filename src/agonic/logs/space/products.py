@@ -110,7 +110,10 @@ def build_spacecraft_log(
         except LogError as error:
             failures.append(f"{name}: {error}")
             continue
-        sensors += [s.with_columns(name=_name_vector(name, s.name)) for s in log.sensors]
+        sensors += [
+            s.with_columns(name=(name if s.name == "mag" else f"{s.name} {name}"))
+            for s in log.sensors
+        ]
     if not sensors:
         raise LogError(f"{'; '.join(failures)}; fetch the file again")
     others = [n for n in variables if n not in {*used, *_vectors(fitting)}]
@@ -132,11 +135,6 @@ def _vectors(variables: Variables) -> list[str]:
         if _VECTOR.fullmatch(name) and values.ndim == 2 and values.shape[1] == 3
     ]
     return sorted(names, key=lambda name: list(FRAMES).index(name.split("_")[1][:3]))
-
-
-def _name_vector(vector: str, label: str) -> str:
-    """The vector's name, after that of its spacecraft where there are several."""
-    return vector if label == "mag" else f"{label} {vector}"
 
 
 def _shared(variables: Variables) -> tuple[dict[str, NDArray[Any]], list[str], set[str]]:

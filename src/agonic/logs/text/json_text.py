@@ -21,8 +21,7 @@ from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
 from agonic.logs.log import Facts, Log
-from agonic.logs.text.dialects import Cell, Kind, find_group
-from agonic.logs.text.kinds import build_kinds_log, name_cells
+from agonic.logs.text.dialects import Cell, Kind, build_kinds_log, find_group, name_cells
 from agonic.logs.text.layout import SAMPLE
 from agonic.logs.text.long_table import build_tables_log, name_label
 from agonic.provenance import Input
@@ -76,7 +75,7 @@ def _make_table(
     records: list[dict[str, Any]], broken: int
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     table, others = make_table(records)
-    notes = (f"{broken} lines or a torn end are no JSON and were left out",) * (broken > 0)
+    notes = (f"{broken} lines or an incomplete end are not JSON and were left out",) * (broken > 0)
     return table, {"format": "JSON", "others": others, "notes": notes}
 
 
@@ -119,7 +118,7 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
             broken += 1
     if broken > len(records):
         try:
-            return _find_records(msgspec.json.decode(_mend(data))), 1
+            return _find_records(msgspec.json.decode(_close_brackets(data))), 1
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             raise LogError(
                 "damaged JSON, or none: most of its lines are no objects; fetch it again"
@@ -131,10 +130,10 @@ _BRACKET = re.compile(rb'"(?:[^"\\]|\\.)*"|[\[\]{}]')
 _CLOSING = {b"[": b"]", b"{": b"}"}
 
 
-def _mend(data: bytes) -> bytes:
+def _close_brackets(data: bytes) -> bytes:
     """A text that ends in the middle, as far as its objects are whole; empty where that is none.
 
-    >>> _mend(b'{"a": [{"x": 1}, {"x": 2}, {"x')
+    >>> _close_brackets(b'{"a": [{"x": 1}, {"x": 2}, {"x')
     b'{"a": [{"x": 1}, {"x": 2}]}'
     """
     opened: list[bytes] = []

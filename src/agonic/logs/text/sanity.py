@@ -20,7 +20,7 @@ from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import find_quantities, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
-from agonic.logs.headers.words import FALLBACK
+from agonic.logs.headers.quantities import FALLBACK
 from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import (
     LABVIEW,
@@ -227,7 +227,7 @@ def check_groups(head: Sequence[str]) -> None:
             sizes[-1] += 1
     if len(sizes) > _FEW_GROUPS and len({*sizes[1:-1]}) == 1 and sizes[1] > 1:
         raise LogError(
-            f"lines of dashes part its rows into groups of {sizes[1]}, each of which may be of "
+            f"lines of dashes divide its rows into groups of {sizes[1]}, each of which may be of "
             "another sensor; write one row for each moment, with names in a first line"
         )
 

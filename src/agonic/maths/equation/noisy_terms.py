@@ -32,37 +32,37 @@ _TELLING = 1.0  # variance of a share: a column that hardly moves the readings t
 _SEEN = 1e-4  # of the column: less does nothing
 
 
-class Calmed(NamedTuple):
+class Corrected(NamedTuple):
     """The problem with terms less their noise, and its estimate."""
 
     problem: Problem
     estimate: Estimate
 
 
-def calm_terms(problem: Problem, estimate: Estimate, robust: bool) -> Calmed:
+def correct_for_current_noise(problem: Problem, estimate: Estimate, robust: bool) -> Corrected:
     """The problem with the noise of terms taken off, as far as that is sure, and its estimate.
 
     Parameters: the problem of the readings that were fitted, in order of time.
     """
     solution = estimate.solution
-    as_it_was = Calmed(problem, estimate)
+    unchanged = Corrected(problem, estimate)
     if problem.terms is None or len(problem.terms) < FEWEST:
-        return as_it_was
+        return unchanged
     quick = np.stack([column - smooth(column).values for column in problem.terms.T], axis=1)
     if (quick.std(axis=0) < _SEEN).any():
-        return as_it_was
+        return unchanged
     by, noise, spread = _find_noise(problem, estimate, quick)
     noisy = np.zeros(len(noise))
     for k in np.flatnonzero((noise > 0.0) & (np.diag(spread) < _TELLING)):
         found = average_over_term(noise[[k]], spread[[k]][:, [k]], slice(0, 1), _NOISY)
         noisy[k] = found.params[0]
     if not noisy.any():
-        return as_it_was
+        return unchanged
     params = problem.move(solution.params, -by @ noisy)
     grown = _measure_slopes(problem, params) / _measure_slopes(problem, solution.params)
     share = np.minimum(noisy / np.maximum(grown, 1.0), 1.0)
     calmed = problem._replace(terms=problem.terms - share * quick)
-    return Calmed(calmed, refine(calmed, params, robust))
+    return Corrected(calmed, refine(calmed, params, robust))
 
 
 def _measure_slopes(problem: Problem, params: Array) -> Array:

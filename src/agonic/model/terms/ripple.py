@@ -55,7 +55,7 @@ def find_ripple(seen: Seen, residuals: Array, bias: Array, step: float) -> Term 
         scale=2e-3,
         source="differential non-linearity of one step of 16 bits across ± 8 G",
         what="the error of an axis repeats along its range, as with a converter that skips codes",
-        move="look whether the converter skips codes; choose a finer range, or another sensor",
+        move="check whether the converter skips codes; choose a finer range, or another sensor",
         odds=float(0.1 * np.exp(-tries)),
         at_rest=True,
         sideways=1.0,

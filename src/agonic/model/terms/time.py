@@ -50,8 +50,8 @@ TIME = (
         scale=2e-3,
         source="100 nT while a sensor warms up by some degrees (RM3100, MMC5983 data sheets)",
         what="the bias moved during the log",
-        move="let it warm up, keep iron and currents as they are, stay away from magnets and steel "
-        "that stand near, and record again",
+        move="let it warm up, keep iron and currents unchanged, keep away from magnets and steel, "
+        "and record again",
         moves=True,
     ),
     Term(
@@ -60,7 +60,7 @@ TIME = (
         scale=2e-3,
         source="0.03 to 0.3 % a degree of uncompensated magnetoresistors",
         what="gains changed during the log",
-        move="let it warm up and keep its settings as they are, and record again",
+        move="let it warm up and keep its settings unchanged, and record again",
         moves=True,
     ),
     Term(
@@ -76,7 +76,7 @@ TIME = (
         errors=alternation,
         scale=2e-3,
         source="offset left by set and reset in data sheets",
-        what="even and odd rows differ: two sensors take turns, or set and reset",
+        what="even and odd rows differ: two sensors alternate, or set and reset",
         move="separate them (a sensor column, --sensor) and calibrate each by itself",
         moves=True,
     ),

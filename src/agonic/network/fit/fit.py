@@ -13,9 +13,8 @@ from agonic.errors import AgonicError
 from agonic.health import Finding, figure, inspect, sort_findings
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.network import Nodes
-from agonic.network.fit.problem import Problem, compute_errors, pose_problem
+from agonic.network.fit.problem import Base, Problem, Settings, Target, compute_errors, pose_problem
 from agonic.network.fit.result import WORTH, Comparison, Errors, NetworkFit
-from agonic.network.fit.settings import Base, Settings, Target
 from agonic.network.fit.solve import Training, correlate, number_blocks, train
 from agonic.network.maths.levenberg_marquardt import Stopping
 from agonic.reference import Reference
@@ -85,7 +84,7 @@ def _outliers(fit: NetworkFit) -> list[Finding]:
         Finding(
             "left out in training",
             "check" if share > OUTLIERS_DOUBTFUL else "note",
-            f"{figure(100 * share)} % of the readings stood out and were left out",
+            f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for wrong references, and for readings taken while something was switched",
         )
     ]
@@ -115,7 +114,7 @@ def _check_convergence(fit: NetworkFit) -> list[Finding]:
         Finding(
             "training unfinished",
             "note",
-            f"training still gained after {fit.iterations} epochs",
+            f"training still improved after {fit.iterations} epochs",
             "raise most_epochs, or take fewer hidden nodes",
         )
     ]

@@ -95,14 +95,14 @@ class Comparison:
     def sentence(self) -> str:
         """Which won, and by how much."""
         if self.base is None:
-            return f"unseen readings err by {figure(self.network.rms)} nT (rms)"
+            return f"the error of unseen readings is {figure(self.network.rms)} nT (rms)"
         both = f"{figure(self.network.rms)} nT with the network, {figure(self.base.rms)} without"
         if self.winner == "network":
-            return f"unseen readings err by {both} (rms): the network wins"
+            return f"the error of unseen readings is {both} (rms): the network is better"
         word = "is no better" if self.ratio < 1 / WORTH else "is worse"
         if self.ratio < WORTH:
             word = f"gains {figure(self.certainty)} standard errors, {figure(CERTAIN)} are needed"
-        return f"unseen readings err by {both} (rms): the network {word}, so the base is kept"
+        return f"unseen error {both} (rms): the network {word}, so the base is kept"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -196,7 +196,7 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
         return []
     keys = {"by-base": "base alone"} if comparison.base else {}
     keys["by-network"] = "with the network" if comparison.base else "the network"
-    note = "Each block of time by what was trained on the other three of four."
+    note = "Each of four blocks of time is judged by a network trained on the other three."
 
     def draw() -> Markup:
         drawn = figures.draw_unseen_error(comparison, samples.time)
@@ -208,8 +208,8 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
 
 def _choice(choice: NetworkChoice) -> Section:
     said = (
-        f"{sentence(choice.sentence)} Unseen: by what was trained on the other three of four "
-        "blocks."
+        f"{sentence(choice.sentence)} Unseen: each of four blocks is judged by a network trained "
+        "on the other three."
     )
     return Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)
 
@@ -217,7 +217,7 @@ def _choice(choice: NetworkChoice) -> Section:
 def _methods(fit: NetworkFit, methods: Sequence[Method]) -> Section:
     """Levenberg–Marquardt beside gradient descent."""
     keys = {key: method.name for key, method in zip(figures.METHODS, methods, strict=True)}
-    note = "All from the same random start, on all readings, with nothing to restrain the weights."
+    note = "All from the same random start, on all readings, without a prior on the weights."
 
     def draw() -> Markup:
         drawn = figures.draw_methods(fit, methods)
@@ -233,7 +233,7 @@ def _training(fit: NetworkFit) -> Markup:
         keys["held"] = "held out"
     note = (
         "From the most promising of several random starts: first on some of the readings, then on "
-        "all, then without what stood out and without the noise of the inputs."
+        "all, then without outliers and without the noise of the inputs."
     )
     return caption("Error after each epoch", figures.draw_training(fit), keys, note)
 

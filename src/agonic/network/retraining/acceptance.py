@@ -86,7 +86,7 @@ def judge(unseen: Unseen, params: RetrainerParams, *others: tuple[Array, Array])
     if running is not None:
         errors = f"{figure(made, 3)} nT with the candidate, {figure(before, 3)} nT without (rms)"
         accepted = is_better((candidate[fitting], running[fitting]), *others)
-    said = f"{describe_outcome(accepted, before, made)}: unseen readings err by {errors}"
+    said = f"{describe_outcome(accepted, before, made)}: the error of unseen readings is {errors}"
     return Judgement(accepted, said, False, before, made)
 
 

@@ -265,12 +265,7 @@ def correct(running: Running | None, rows: Window) -> Array:
     return running.correct(rows.raw, **beside)
 
 
-def _fit(
-    state: RetrainerState,
-    params: RetrainerParams,
-    rows: Window,
-    base: Any,
-) -> NetworkFit:
+def _fit(state: RetrainerState, params: RetrainerParams, rows: Window, base: Any) -> NetworkFit:
     samples, reference = to_samples(state, rows)
     fit = fit_network(
         samples,

@@ -107,11 +107,7 @@ def _key_figures(
     return [
         ("Residual", _quantity(rms), "rms, each reading before it was learned"),
         ("Largest", _quantity(largest), of),
-        (
-            "Accepted",
-            group_digits(accepted),
-            f"of {count(len(seen.retrainings), 'retraining')}",
-        ),
+        ("Accepted", group_digits(accepted), f"of {count(len(seen.retrainings), 'retraining')}"),
         ("Left now", _quantity(noise, 2), "standard deviation on an axis"),
     ]
 

@@ -41,8 +41,8 @@ def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
             Finding(
                 "change not learned yet",
                 "check",
-                f"the residual changed {state.n - state.onset} readings ago, and {state.wait} are "
-                "waited for",
+                f"the residual changed {state.n - state.onset} readings ago, and {state.wait} "
+                "readings are needed to learn it",
                 "pass on more readings",
             )
         )
@@ -54,7 +54,7 @@ def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
                 "retraining rejected",
                 "check",
                 f"the last retraining, at {last.time:.1f} s, was rejected: {last.reason}",
-                "look at sensor and reference; what ran before goes on running",
+                "look at sensor and reference; the network before it stays in use",
             )
         )
     if state.changes:
@@ -82,10 +82,10 @@ def _judge_drift(state: RetrainerState) -> list[Finding]:
         Finding(
             "residual drifts",
             "check",
-            f"what is running errs steadily more: its residual moved by {figure(moved)} nT on an "
-            "axis through the window",
-            "train on a shorter window, for one that drifts is learned as its mean; look for what "
-            "warms up",
+            "the error of the running network grows steadily: its residual moved by "
+            f"{figure(moved)} nT on an axis through the window",
+            "train on a shorter window, because a drift is learned as its mean; look for parts "
+            "that warm up",
         )
     ]
 

@@ -154,7 +154,7 @@ class Retrainer(Judged):
             return seen.rows, False
         onset = max(state.n - seen.age, state.first)
         if not state.retrainings:  # from then on the correlation is that of unseen readings
-            state = schedule.doubt_alarm(state, self._measure_correlation(state, onset))
+            state = schedule.discount_alarm(state, self._measure_correlation(state, onset))
         self.state = state
         alarmed = bool((state.watch.size > params.alarm).any())
         if alarmed:

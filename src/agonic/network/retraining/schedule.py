@@ -127,7 +127,7 @@ def reschedule(state: RetrainerState, params: RetrainerParams) -> RetrainerState
     )
 
 
-def doubt_alarm(state: RetrainerState, correlation: float) -> RetrainerState:
+def discount_alarm(state: RetrainerState, correlation: float) -> RetrainerState:
     """The state after an alarm, with the correlation of the residuals before it: where they last
     longer than was known, the sums count for less, and it may have been none."""
     if correlation <= state.correlation:

@@ -21,7 +21,7 @@ from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.levelled import fit_levelled, fit_vector
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import describe_sources
 from agonic.ellipsoid import (
@@ -31,7 +31,7 @@ from agonic.ellipsoid import (
 )
 from agonic.fit import Fit
 from agonic.health import Finding
-from agonic.health.inertial_unit import leave_out_faulty, mend
+from agonic.health.inertial_unit import leave_out_faulty, repair
 from agonic.inertial.fit import fit_inertial, open_inertial_parts
 from agonic.inertial.result import InertialFit
 from agonic.model.terms import HIDDEN
@@ -100,7 +100,7 @@ def fit_magnitude(
     plain = fit_ellipsoid(samples, reference, **settings)
     fit = check_by_gravity(plain, samples, reference)
     if fit.verdict == "refused":  # then what was recorded wrongly is the first thing to know
-        wrong = mend(recorded)[1]
+        wrong = repair(recorded)[1]
     fit = fit.with_findings(*wrong)
     same = {**settings, "model": fit.calibration.model}
     parts = partial(open_some, partial(open_ellipsoid_parts, **same, near=fit.calibration))

@@ -76,7 +76,7 @@ def disturbers(
     between: Between = None,
     as_json: Json = False,
 ) -> int:
-    """What to switch while recording; of a LOG, what it tells of each disturber and what to add."""
+    """What to switch while recording; for a LOG, how well each is known and what to add."""
     from agonic.console.finish import finish
     from agonic.console.parse import parse_names
     from agonic.recording.plan_documents import describe_judged, describe_steps

@@ -14,7 +14,7 @@ from agonic.attitude.delay import advance
 from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
 from agonic.logs.any_form import Given, as_samples
-from agonic.new_rows import without_held
+from agonic.new_rows import interpolate_repeated
 from agonic.readable import Shown
 from agonic.recording.calibrated import Calibrated, calibrate_as_named, calibrate_whole
 from agonic.recording.choice.choose import Kind
@@ -129,7 +129,7 @@ def predict_by_choice(
 
     def predict(fitted: Index, unseen: Index) -> Prediction:
         part = None if reference is None else reference.select(fitted)
-        made = calibrate_whole(without_held(samples.select(fitted)), part, kind, settings)
+        made = calibrate_whole(interpolate_repeated(samples.select(fitted)), part, kind, settings)
         judged, calibration = samples.select(unseen), made.fit.calibration
         field = advance(correct_field(calibration, samples), samples, calibration)[unseen]
         stated = state_errors(made, judged, field, known.select(unseen))

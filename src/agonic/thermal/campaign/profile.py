@@ -75,8 +75,8 @@ class Profile:
     def __post_init__(self) -> None:
         if not (-150.0 <= self.lowest_C < self.highest_C <= 250.0):
             raise AgonicError(
-                f"a range of {self.lowest_C:g} to {self.highest_C:g} °C is none; give the lower "
-                "end first, within -150 to 250 °C"
+                f"a range of {self.lowest_C:g} to {self.highest_C:g} °C is not a range; give the "
+                "lower end first, within -150 to 250 °C"
             )
         rates = (self.cooling_C_per_min, self.heating_C_per_min, self.step_C)
         if min(rates) <= 0 or min(self.hold_min, self.step_hold_min) < 0:

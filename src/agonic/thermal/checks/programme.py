@@ -8,12 +8,10 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health import Finding
-from agonic.thermal.campaign.description import list_standard_stations
+from agonic.thermal.campaign.description import list_standard_stations, name_stations
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.checks.boards import judge_boards
-from agonic.thermal.checks.thermometers import Course, find_courses
-from agonic.thermal.names import name_stations
+from agonic.thermal.checks.boards import Course, find_courses, judge_boards
 
 END_C = 1.5
 """How far from its set point a chamber may hold, °C; also how far a sensor lags its rise."""
@@ -37,7 +35,7 @@ def check_campaign(campaign: Campaign) -> tuple[Campaign, tuple[Finding, ...]]:
     >>> campaign = Campaign(recordings={"mag": {1: warm}})
     >>> [f.sentence for f in check_campaign(campaign)[1] if f.name == "range"]
     ['station 1 reached only -5.0 of -10 °C, and station 1 reached only 25.0 of +50 °C; a \
-calibration holds only where it was measured: record again, or expect less range']
+calibration holds only where it was measured: record again, or use it over a smaller range']
     """
     profile = campaign.description.profile or Profile()
     made, still = find_courses(campaign)
@@ -129,7 +127,7 @@ def _judge_range(made: Mapping[int, Course], profile: Profile) -> list[Finding]:
     ]
     if not parts:
         return []
-    move = "a calibration holds only where it was measured: record again, or expect less range"
+    move = "a calibration holds only where it was measured: record again, or use a smaller range"
     return [Finding("range", "check", ", and ".join(parts), move)]
 
 
@@ -304,8 +302,8 @@ def find_missing_columns(campaign: Campaign) -> list[Finding]:
         Finding(
             "no clock",
             "check",
-            f"{name} has no times at {name_stations(at)}: its programme cannot be "
-            "checked there, nor cooling be told from heating",
+            f"{name} has no times at {name_stations(at)}: its programme cannot be checked there, "
+            "nor cooling be distinguished from heating",
             "record a column time_s",
         )
         for name, at in timeless.items()
@@ -326,9 +324,8 @@ def judge_stuck(
             Finding(
                 "stuck temperature",
                 "check" if rest else "refuse",
-                f"the thermometer of {name} stands still for {last - first} min at {where} "
-                f"while the "
-                "chamber's temperature moves: left out there",
+                f"the thermometer of {name} stands still for {last - first} min at {where} while "
+                "the chamber's temperature moves: left out there",
                 "take another sensor's with temperature_of in campaign.toml if one is near",
             )
         )

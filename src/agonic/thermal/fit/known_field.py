@@ -22,6 +22,7 @@ from agonic.thermal.fit.known_field_model import (
     choose_model,
     normalise,
 )
+from agonic.thermal.fit.problem import Settings, find_narrow_range, require_range
 from agonic.thermal.fit.readings import (
     collect_facts,
     convert_to_celsius,
@@ -29,16 +30,14 @@ from agonic.thermal.fit.readings import (
     require_temperature,
 )
 from agonic.thermal.fit.result import ThermalFit
-from agonic.thermal.fit.scale import find_narrow_range, require_range
-from agonic.thermal.fit.settings import Settings
-from agonic.thermal.maths.alternatives import (
+from agonic.thermal.maths.known_field import (
+    BLOCKS,
     FIELD,
     NETWORK,
     TEMPERATURE,
     compare_alternatives,
 )
-from agonic.thermal.maths.known_field import BLOCKS
-from agonic.thermal.maths.thermometer import calm_thermometer
+from agonic.thermal.maths.thermometer import smooth_thermometer
 
 FEWEST = 24
 _FLAT = 0.05  # of the field: components that vary by less leave gains open
@@ -52,7 +51,7 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     require_range(low, high, "record over the range of use, or fit with fit_vector")
     noisy: tuple[Finding, ...] = ()
     if samples.time is not None:
-        calmed = calm_thermometer(level, samples.time)
+        calmed = smooth_thermometer(level, samples.time)
         noisy, level = judge_thermometer([(level, calmed)]), calmed.temperature
     readings = normalise(samples, field, level, settings)
     scale = readings.scale
@@ -246,6 +245,6 @@ def describe_alternatives(alternatives: Mapping[str, float], unseen: float) -> t
     if not alternatives:
         return ()
     if min(alternatives.values()) > HELPS * unseen:
-        return ("neither hysteresis nor a network would foretell unseen blocks better",)
+        return ("neither hysteresis nor a network would predict unseen blocks better",)
     said = ", ".join(f"{figure(left)} nT with {name}" for name, left in alternatives.items())
     return (f"on unseen blocks it would be {said}",)

@@ -54,7 +54,7 @@ class Cells(NamedTuple):
         """Covariance (3, 3) of one reading about the line of its cell, from all cells."""
         enough = self.n > 3
         if not enough.any():
-            raise ValueError("no cell holds enough readings to tell their noise")
+            raise ValueError("no cell holds enough readings to determine their noise")
         total = np.tensordot(self.n[enough], self.about_line[enough], axes=1)
         return np.asarray(total / (self.n[enough] - 2).sum())
 

@@ -26,7 +26,7 @@ CALM_C = 0.03
 _GAP = 20.0  # usual steps
 
 
-class Calmed(NamedTuple):
+class Smoothed(NamedTuple):
     """Temperatures (n,), the noise of the thermometer, and what is left of it, °C."""
 
     temperature: Array
@@ -46,7 +46,7 @@ def measure_noise(temperature: Array) -> float:
     return float(MAD_TO_SD * np.median(np.abs(np.diff(temperature, 2))) / np.sqrt(6.0))
 
 
-def calm_thermometer(temperature: Array, time: Array | None = None) -> Calmed:
+def smooth_thermometer(temperature: Array, time: Array | None = None) -> Smoothed:
     """Temperatures with the noise of the thermometer taken off, where it has more than `CALM_C`.
 
     Whittaker's smoother between gaps of the clock: as smooth as the readings allow, corners of the
@@ -54,13 +54,13 @@ def calm_thermometer(temperature: Array, time: Array | None = None) -> Calmed:
 
     >>> true = np.interp(np.arange(900.0), [0.0, 600.0, 900.0], [50.0, -10.0, -10.0])
     >>> noisy = true + 0.5 * np.random.default_rng(0).normal(size=900)
-    >>> found = calm_thermometer(noisy)
+    >>> found = smooth_thermometer(noisy)
     >>> bool(np.std(found.temperature - true) < 0.12), round(found.noise_C, 1)
     (True, 0.5)
     """
     noise = measure_noise(temperature)
     if noise < CALM_C:
-        return Calmed(temperature, noise, noise)
+        return Smoothed(temperature, noise, noise)
     calmed, variance = temperature.copy(), 0.0
     for start, stop in pairwise(_find_edges(temperature, time)):
         if stop - start < FEWEST:
@@ -69,7 +69,7 @@ def calm_thermometer(temperature: Array, time: Array | None = None) -> Calmed:
         part = temperature[start:stop]
         calmed[start:stop], freedom = smooth(part)
         variance += (stop - start) * noise**2 * freedom
-    return Calmed(calmed, noise, float(np.sqrt(variance / len(temperature))))
+    return Smoothed(calmed, noise, float(np.sqrt(variance / len(temperature))))
 
 
 def propagate_error(bias: Array, half_range_C: float, left_C: float) -> Array:

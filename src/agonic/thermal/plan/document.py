@@ -13,9 +13,8 @@ from agonic.report.document import Document
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
 from agonic.report.verdict import sentence
-from agonic.thermal.campaign.description import Station
+from agonic.thermal.campaign.description import Sensor, Station
 from agonic.thermal.campaign.profile import format_signed
-from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.plan.figures import draw_pose, draw_profile
 from agonic.thermal.plan.plan import ThermalPlan
 
@@ -23,7 +22,7 @@ RULES = (
     "Fix the box in its holder and keep magnets, steel and cables that carry changing currents "
     "away from the chamber; leave everything in the room where it is until the last station.",
     "Switch the sensors on and leave them on: their own heat is part of their temperature.",
-    "Open the chamber only while it is warm: a cold box draws water from the air of the room.",
+    "Open the chamber only while it is warm: room air condenses in a cold box.",
     "Never cool faster than planned: the sensor would no longer have the temperature that its "
     "thermometer reports.",
     "Let the chamber hold at the ends for the whole time: the inside of the box is delayed.",
@@ -58,7 +57,8 @@ def describe_plan(plan: ThermalPlan, *, title: str = "") -> Document:
         status=f"{len(plan.stations)} stations, {sensors} sensor{'s' * (sensors > 1)}, "
         f"{profile.lowest_C:+g} to {profile.highest_C:+g} °C: {_format_hours(plan.duration_s)} "
         "in all",
-        entries={**_list_costs(plan), **poses},
+        entries=_list_costs(plan),
+        details=poses,
         entries_title="",
         sections=[
             Section("What to heed", [element("ul", *(element("li", rule) for rule in RULES))]),
@@ -169,8 +169,8 @@ def _warn_of_water(plan: ThermalPlan) -> str:
     """What to do against water that condenses on the boards."""
     room, low = plan.profile.room_C, plan.profile.lowest_C
     return (
-        f"water will condense: the programme goes to {format_signed(low)} °C, and the air of the "
-        f"room gives off its water at {format_signed(round(plan.dew_point_C, 1))} °C; dry the air "
+        f"water will condense: the programme goes to {format_signed(low)} °C, and the dew point "
+        f"of the room's air is {format_signed(round(plan.dew_point_C, 1))} °C; dry the air "
         f"in the chamber to below {significant(plan.dry_percent, 2)} % relative humidity at "
         f"{room:g} °C before it is closed (dry nitrogen, or the box in a bag with desiccant), and "
         f"open it only while the box is warmer than {format_signed(round(plan.dew_point_C, 1))} °C"

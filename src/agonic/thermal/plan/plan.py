@@ -14,9 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
 from agonic.readable import Shown
-from agonic.thermal.campaign.description import Description, Station, list_standard_stations
+from agonic.thermal.campaign.description import (
+    Description,
+    Sensor,
+    Station,
+    list_standard_stations,
+    parse_sensors,
+)
 from agonic.thermal.campaign.profile import Profile
-from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.maths.stations import describe_turn
 from agonic.thermal.plan.standard_errors import (
     ExpectedErrors,
@@ -230,15 +235,15 @@ def plan_thermal(
         raise AgonicError("a plan needs sensors and the noise of each, in nT above 0")
     if not 0.0 < rate_Hz <= 10_000.0 or not 0 <= degree <= 9 or not bin_width_C > 0.0:
         raise AgonicError(
-            f"rate {rate_Hz:g} Hz, degree {degree} and bins of {bin_width_C:g} °C are no plan; "
+            f"rate {rate_Hz:g} Hz, degree {degree} and bins of {bin_width_C:g} °C are not a plan; "
             "give a rate of 10 kHz at most, a degree of 0 to 9, and bins above 0"
         )
     lowest, highest = range_C
     made = profile or Profile(lowest_C=lowest, highest_C=highest)
     if not 0.0 < humidity_percent <= 100.0 or not -60.0 <= made.room_C <= 80.0:
         raise AgonicError(
-            f"a room at {made.room_C:g} °C and {humidity_percent:g} % relative humidity is none; "
-            "give -60 to 80 °C, and above 0 to 100 %"
+            f"a room at {made.room_C:g} °C and {humidity_percent:g} % relative humidity is not "
+            "possible; give -60 to 80 °C, and above 0 to 100 %"
         )
     described = Description(
         name=name,

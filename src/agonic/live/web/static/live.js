@@ -234,7 +234,8 @@
       points.refit(now.centre, now.shape);
       article.classList.toggle("done", now.done);
       article.classList.toggle("alone", !now.before);
-      text(part(".say"), now.say);
+      const written = status.outcomes.some((one) => one.sensor === now.name && one.files.length);
+      text(part(".say"), now.done && written ? "done: the files are written" : now.say);
       const cells = now.cells.filter((n) => n > 0).length;
       const seen = now.rose ? `${rose.count(now.rose)} of ${rose.SECTORS}` : `${cells} of 80`;
       text(part(".seen"), now.rose ? `${seen} headings seen, tilted up to ${rose.tilt(now.rose).toFixed(0)}°` : `${seen} directions seen`);
@@ -411,8 +412,8 @@
   // Beside the button: whether the target is reached, and what stands against the result.
   function tellWhetherEnough(now, good) {
     if (good) return "Enough: the target is reached.";
-    if (now.sensors.some((one) => one.problems.length)) return "There is something to look at first: see the notes beside the sphere.";
-    return now.ended ? "The target is not reached." : "You can go on turning: the target is not reached yet.";
+    if (now.sensors.some((one) => one.problems.length)) return "Look at the notes beside the sphere first.";
+    return now.ended ? "The target is not reached." : "Continue turning: the target is not reached yet.";
   }
 
   function take(now) {
@@ -433,7 +434,7 @@
     const again = written ? "Write the files again" : "Accept and write the files";
     text(find("accept"), now.busy ? "Working …" : again);
     find("accept").classList.toggle("main", good && !written);
-      text(find("enough"), tellWhetherEnough(now, good));
+    text(find("enough"), tellWhetherEnough(now, good));
     find("trouble").hidden = !now.trouble;
     text(find("trouble"), now.trouble);
     outcomes(now.outcomes);
