@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import Between, Course, Json, LogPath, Mounting, Place, SensorChoice
+from agonic.console.options import Between, Course, Json, LogPath, Mounting, Place, ScalarChoice, SensorChoice
 
 
 def calibrate(
@@ -20,6 +20,7 @@ def calibrate(
     ] = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
+    scalar: ScalarChoice = ScalarChoice(),
     method: Annotated[
         str,
         typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
@@ -80,6 +81,7 @@ def calibrate(
             between,
             method,
             place=place,
+            scalar=scalar,
             course=course,
             second=second,
             mounting=mounting,

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from agonic.errors import AgonicError, UnitError
 
 if TYPE_CHECKING:
+    from agonic.console.options import ScalarChoice
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -33,15 +36,79 @@ def find_reference(
 def find_scalar_reference(samples: Samples, wanted: bool | None) -> Reference | None:
     """The scalar instrument beside the sensor as reference, where there is one and it may teach.
 
-    `wanted` true requires it, false leaves it aside, `None` takes it where the log has it.
+    `wanted` true requires it, false leaves it aside, `None` takes it where the log has it. Raises
+    `AgonicError` where it is not the magnitude of a field.
     """
-    from agonic.reference import Reference
-
     if wanted is False or (wanted is None and samples.scalar is None):
         return None
     if samples.scalar is None:
         raise AgonicError("--scalar: the log holds no scalar instrument (column scalar_nT)")
-    return Reference.magnitude(samples.scalar, source="the scalar instrument in the log")
+    return make_scalar_reference(samples)
+
+
+def make_scalar_reference(samples: Samples, sd: float = 0.0) -> Reference:
+    """The scalar column as the magnitude of every row; `AgonicError` where it cannot be that."""
+    from agonic.health.scalar import check_scalar
+    from agonic.reference import Reference
+
+    assert samples.scalar is not None
+    if (wrong := check_scalar(samples)) is not None:
+        raise AgonicError(f"{wrong.sentence}; --no-scalar or --scalar none leaves it aside")
+    said = "the scalar instrument in the log"
+    return Reference.magnitude(samples.scalar, sd=sd, source=said)
+
+
+NO_SCALAR = "none"
+
+
+class Beside(NamedTuple):
+    """A scalar instrument that was asked for: the header of its column in the log, or its own
+    table, and how far it may be off as a whole, nT; neither where the log's own is to be taken."""
+
+    header: str | None
+    table: Samples | None
+    sd: float
+
+    def refer(
+        self, samples: Samples, reference: Reference | None, *, given: bool
+    ) -> tuple[Samples, Reference | None]:
+        """The samples, of rows that the scalar instrument has, and its readings as reference.
+
+        Where none was asked for, that of the log is taken unless a place was `given`, or roll and
+        pitch make more of the `reference` there is.
+        """
+        if self.table is not None:
+            from agonic.logs.beside_scalar import join_scalar
+
+            samples = join_scalar(samples, self.table)
+        asked = self.table is not None or self.header is not None
+        if self.header == NO_SCALAR or (
+            not asked and (given or samples.scalar is None or samples.roll_deg is not None)
+        ):
+            return samples, reference
+        if samples.scalar is None:
+            notes = (note for note in samples.notes if note.startswith("scalar left out"))
+            why = next(notes, f"{samples.name} has no such column; call it scalar_nT")
+            raise AgonicError(f"--scalar {self.header}: {why}")
+        return samples, make_scalar_reference(samples, self.sd)
+
+
+@contextmanager
+def open_beside_scalar(choice: ScalarChoice) -> Iterator[Beside]:
+    """The scalar instrument that the command line names; logs opened meanwhile have its column."""
+    from agonic.logs.beside_scalar import read_scalar
+    from agonic.logs.headers.column_names import naming_scalar
+
+    given = choice.column
+    file, _, header = (given or "").rpartition(":")
+    table = None
+    if given is not None and Path(given).is_file():
+        table = read_scalar(Path(given))
+    elif file and Path(file).is_file():
+        table = read_scalar(Path(file), header)
+    column = given if table is None else None
+    with naming_scalar(None if column == NO_SCALAR else column):
+        yield Beside(column, table, choice.sd)
 
 
 def set_track(samples: Samples, altitude_m: float | None, elements: Path | None) -> Samples:
@@ -156,10 +223,3 @@ def _match(samples: Samples, known: Samples, given: str) -> tuple[Samples, Refer
         )
     frame = known.frame if known.frame in ("m", "b") else "m"
     return samples, Reference.vector(values, frame=frame, source=Path(given).name)
-
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from agonic.reference import Reference
-    from agonic.samples import Samples

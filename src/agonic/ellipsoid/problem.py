@@ -19,6 +19,8 @@ from agonic.fit import Accuracy, ModelTest
 from agonic.health import FEWEST, figure, find_rounding, find_usable_rows
 from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation.channels import Problem
+from agonic.model.term import Term
+from agonic.model.terms.reference import list_reference_terms
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -87,18 +89,26 @@ def describe_missing_scale(magnitude: float, unit: str) -> str:
 
 
 class Posed(NamedTuple):
-    """Which rows are usable (n,), their scale, points (k, 3) and magnitudes, (1,) or (k,), and what
-    rounding scatters a point."""
+    """Which rows are usable (n,), their scale, points (k, 3) and magnitudes, (1,) or (k,), what
+    rounding scatters a point, and whether the magnitudes were measured row by row."""
 
     usable: Mask
     scale: Scale
     points: Array
     magnitude: Array
     rounding: float
+    measured: bool = False
 
     def problem(self, model: Fixed, soft_iron_sd: float | None) -> Problem:
         """The problem of one model."""
         return Problem(self.points, self.magnitude, model, soft_iron_sd, rounding=self.rounding)
+
+    def list_terms(self, time: Array | None) -> tuple[Term, ...]:
+        """What a magnitude that was measured at every row, at these times (k,), may be wrong by."""
+        size = self.scale.magnitude
+        if not self.measured or size is None:
+            return ()
+        return list_reference_terms(self.magnitude, time, self.scale.sd / size, size)
 
     @property
     def origin(self) -> Array:
@@ -116,7 +126,10 @@ def pose(samples: Samples, reference: Reference | None, method: str) -> Posed:
     usable = find_usable_rows(samples.field)
     scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
-    return Posed(usable, scale, points, magnitude, find_rounding(samples.field) / scale.size)
+    rounding = find_rounding(samples.field) / scale.size
+    by_rows = reference is not None and reference.kind == "magnitude"
+    measured = by_rows and bool(np.ptp(magnitude) > 0.0)
+    return Posed(usable, scale, points, magnitude, rounding, measured)
 
 
 def rows_of(mask: Mask) -> slice | Mask:

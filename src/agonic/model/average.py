@@ -260,6 +260,8 @@ def price(groups: Sequence[Group], there: Mapping[int, float]) -> float:
 
 @lru_cache(maxsize=64)
 def _list_sizes(scale: float, odds: float, most: float) -> tuple[Array, Array]:
+    if odds == 1.0:
+        return np.array([0.0, scale]), np.array([np.finfo(float).tiny, 1.0])
     ratio = GRID[most * 1.01 >= GRID]
     density = ratio / (1 + ratio**2)  # half-Cauchy over the logarithm
     chance = odds * density / density.sum()

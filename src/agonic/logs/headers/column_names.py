@@ -19,7 +19,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import isfile
 from pathlib import Path
 
@@ -58,13 +58,15 @@ class ColumnNames:
     """The headers of a file by the canonical names of what they hold, and the unit of the field.
 
     With `several` files the columns of a numbered sensor may be in others: they are left out of a
-    file that has none of them.
+    file that has none of them. `scalar` is the header of the scalar instrument, where one was
+    named by itself.
     """
 
     headers: Mapping[str, str]
     unit: str | None = None
     where: str = "--columns"
     several: bool = False
+    scalar: str | None = None
 
     def rename(self, headers: Sequence[str]) -> list[str]:
         """The headers as they should be read: others for the same quantity become empty.
@@ -82,15 +84,34 @@ class ColumnNames:
             ours = {h: name for h, name in ours.items() if _sensor(name) in {"", *here}}
         missing = [theirs for theirs in ours if theirs not in headers]
         if missing:
-            there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
-            raise LogError(f"{self.where} names {missing[0]!r}; the columns are {there}")
+            raise _lacking(self.where, missing[0], headers)
         replaced = _of_sensor if self.several else _quantity
         named = {replaced(name) for name in ours.values()}
         return [ours.get(h, "" if replaced(h) in named else h) for h in headers]
 
+    def rename_scalar(self, headers: Sequence[str], named: Sequence[str]) -> list[str]:
+        """The headers as they are `named`, that of the scalar instrument with its canonical name.
+
+        >>> ColumnNames(headers={}, scalar="F_nT").rename_scalar(["t", "F_nT"], ["time_s", "F_nT"])
+        ['time_s', 'scalar_nT']
+        """
+        if self.scalar is None:
+            return list(named)
+        if self.scalar not in headers:
+            raise _lacking("--scalar", self.scalar, headers)
+        others = ["" if _quantity(header) == "scalar" else header for header in named]
+        others[list(headers).index(self.scalar)] = _canonical("scalar", None, self.scalar)
+        return others
+
+
+def _lacking(where: str, header: str, headers: Sequence[str]) -> LogError:
+    there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
+    return LogError(f"{where} names {header!r}; the columns are {there}")
+
 
 _given: ContextVar[ColumnNames | None] = ContextVar("given", default=None)
 _in_force: ContextVar[ColumnNames | None] = ContextVar("in_force", default=None)
+_scalar: ContextVar[str | None] = ContextVar("scalar", default=None)
 
 
 def _canonical(name: str, unit: str | None, theirs: str = "") -> str:
@@ -117,7 +138,7 @@ def _read_unit(ours: str, theirs: str, column: Column) -> str | None:
     own = identify_column(theirs)
     if own is not None and own.quantity == column.quantity:
         named.append(own)
-    if _FIELD_BEHIND.search(theirs) and column.quantity.column == "field":
+    if _FIELD_BEHIND.search(theirs) and column.quantity.column in ("field", "scalar"):
         named.append(identify_column(f"{ours}_{theirs.rpartition('_')[2]}"))
     return next((one.unit for one in named if one is not None and one.unit is not None), None)
 
@@ -177,6 +198,16 @@ def write_given_names() -> str:
 
 
 @contextmanager
+def naming_scalar(header: str | None) -> Iterator[None]:
+    """While this lasts, the column with that header is the scalar instrument of logs opened."""
+    token = _scalar.set(header)
+    try:
+        yield
+    finally:
+        _scalar.reset(token)
+
+
+@contextmanager
 def names_for(
     path: Path, columns: str | Mapping[str, str] | ColumnNames | None
 ) -> Iterator[ColumnNames | None]:
@@ -185,6 +216,8 @@ def names_for(
         found: ColumnNames | None = columns
     else:
         found = parse_names(columns, "columns") if columns else _given.get() or _read_beside(path)
+        if (scalar := _scalar.get()) is not None:
+            found = replace(found or ColumnNames(headers={}), scalar=scalar)
     token = _in_force.set(found)
     try:
         yield found
@@ -211,7 +244,9 @@ def _read_beside(path: Path) -> ColumnNames | None:
 def rename_headers(headers: Sequence[str], title: str = "") -> list[str]:
     """The headers as the names in force say, or the format of a table below these lines."""
     names = _in_force.get()
-    named = name_documented(headers, title) if names is None else names.rename(headers)
+    stated = names is not None and names.headers
+    named = names.rename(headers) if names and stated else name_documented(headers, title)
+    named = named if names is None else names.rename_scalar(headers, named)
     if any(map(_PART_OF_SECOND.fullmatch, named)):  # sec and nsec
         named = [f"time_{header}" if header in ("sec", "s") else header for header in named]
     return _name_strength(_name_parts(named))
@@ -254,7 +289,8 @@ def _name_strength(headers: Sequence[str]) -> list[str]:
 
 def number_columns(width: int) -> list[str] | None:
     """Numbers from 1 for the columns of a table without a header, where names are in force."""
-    return None if _in_force.get() is None else [str(k + 1) for k in range(width)]
+    names = _in_force.get()
+    return [str(k + 1) for k in range(width)] if names and names.headers else None
 
 
 def suggest_names(headers: Iterable[str]) -> str:
