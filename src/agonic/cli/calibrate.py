@@ -8,7 +8,16 @@ from typing import Annotated
 
 import typer
 
-from agonic.console.options import Between, Course, Json, LogPath, Mounting, Place, ScalarChoice, SensorChoice
+from agonic.console.options import (
+    Between,
+    Course,
+    Json,
+    LogPath,
+    Mounting,
+    Place,
+    ScalarChoice,
+    SensorChoice,
+)
 
 
 def calibrate(

@@ -68,7 +68,10 @@ ScalarColumn = Annotated[
 ScalarSd = Annotated[
     float,
     typer.Option(
-        "--scalar-sd", metavar="NT", help="How far a scalar instrument may be off as a whole.", min=0
+        "--scalar-sd",
+        metavar="NT",
+        help="How far the scalar instrument may be off.",
+        min=0,
     ),
 ]
 SCALAR_SD_NT = 0.5

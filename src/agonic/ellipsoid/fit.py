@@ -168,7 +168,7 @@ def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> F
     usable, at_rows = posed.usable, rows_of(posed.usable)
     if found.estimate is not None:
         time = None if samples.time is None else samples.time[at_rows]
-        terms = posed.list_terms(time)
+        terms = posed.list_terms()
         posterior = find_posterior(
             posed.problem(found.model, settings.soft_iron_sd),
             found.estimate,
@@ -194,14 +194,13 @@ def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> F
     return fit.with_findings(_check_magnitudes(solved, samples, settings))
 
 
-def _check_magnitudes(
-    solved: _Solved, samples: Samples, settings: Settings
-) -> Finding | None:
+def _check_magnitudes(solved: _Solved, samples: Samples, settings: Settings) -> Finding | None:
     """The refusal of magnitudes that change from row to row as the readings do not: they leave much
     of the field, or one for all rows leaves far less."""
-    if not solved.posed.measured:
+    course, size = solved.posed.course, solved.posed.scale.size
+    if course is None:
         return None
-    size, left = solved.posed.scale.size, solved.found.noise
+    left = float(np.hypot(solved.found.noise, course.noise))
     mean = Reference.constant(float(solved.posed.scale.magnitude or 1.0))
     least = _solve(samples, mean, settings).found.noise
     if least > WORSE * left and left < MOST_LEFT:

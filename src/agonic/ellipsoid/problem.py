@@ -20,7 +20,7 @@ from agonic.health import FEWEST, figure, find_rounding, find_usable_rows
 from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation.channels import Problem
 from agonic.model.term import Term
-from agonic.model.terms.reference import list_reference_terms
+from agonic.model.terms.reference import Course, follow_magnitude, list_reference_terms
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -90,25 +90,25 @@ def describe_missing_scale(magnitude: float, unit: str) -> str:
 
 class Posed(NamedTuple):
     """Which rows are usable (n,), their scale, points (k, 3) and magnitudes, (1,) or (k,), what
-    rounding scatters a point, and whether the magnitudes were measured row by row."""
+    rounding scatters a point, and the course of the magnitudes where they were measured."""
 
     usable: Mask
     scale: Scale
     points: Array
     magnitude: Array
     rounding: float
-    measured: bool = False
+    course: Course | None = None
 
     def problem(self, model: Fixed, soft_iron_sd: float | None) -> Problem:
         """The problem of one model."""
         return Problem(self.points, self.magnitude, model, soft_iron_sd, rounding=self.rounding)
 
-    def list_terms(self, time: Array | None) -> tuple[Term, ...]:
-        """What a magnitude that was measured at every row, at these times (k,), may be wrong by."""
+    def list_terms(self) -> tuple[Term, ...]:
+        """What a magnitude that was measured at every row may be wrong by."""
         size = self.scale.magnitude
-        if not self.measured or size is None:
+        if self.course is None or size is None:
             return ()
-        return list_reference_terms(self.magnitude, time, self.scale.sd / size, size)
+        return list_reference_terms(self.course.rate, self.scale.sd / size, size)
 
     @property
     def origin(self) -> Array:
@@ -127,9 +127,11 @@ def pose(samples: Samples, reference: Reference | None, method: str) -> Posed:
     scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
     rounding = find_rounding(samples.field) / scale.size
-    by_rows = reference is not None and reference.kind == "magnitude"
-    measured = by_rows and bool(np.ptp(magnitude) > 0.0)
-    return Posed(usable, scale, points, magnitude, rounding, measured)
+    if reference is None or reference.kind != "magnitude" or len(magnitude) < len(points):
+        return Posed(usable, scale, points, magnitude, rounding)
+    time = None if samples.time is None else samples.time[rows_of(usable)]
+    course = follow_magnitude(magnitude, time)
+    return Posed(usable, scale, points, course.values, rounding, course)
 
 
 def rows_of(mask: Mask) -> slice | Mask:

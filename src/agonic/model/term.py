@@ -82,8 +82,8 @@ class Term:
     every axis by so many times that mean square.
     `moves`: it changes the readings of a sensor in time, so that a calibration is of its mean.
     `diluted`: its columns follow noisy rates, so its size comes out too small. `what` says it in
-    words and `move` what helps. With `odds` of one it is there for certain, and its size is `scale`.
-    Of one that has a single unknown, a `quantum` is what an error of the whole field is in `unit`.
+    words and `move` what helps. With `odds` of one it is there for certain, its size is `scale`. Of
+    one that has a single unknown, a `quantum` is what an error of the whole field is in `unit`.
     """
 
     name: str

@@ -93,7 +93,7 @@ class ColumnNames:
         """The headers as they are `named`, that of the scalar instrument with its canonical name.
 
         >>> ColumnNames(headers={}, scalar="F_nT").rename_scalar(["t", "F_nT"], ["time_s", "F_nT"])
-        ['time_s', 'scalar_nT']
+        ['time_s', 'scalar_nt']
         """
         if self.scalar is None:
             return list(named)

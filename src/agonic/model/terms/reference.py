@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.maths.estimation.filters.whittaker import FEWEST, Smoothed, smooth
 from agonic.maths.one_pass import median
 from agonic.model.term import Errors, Seen, Term
 
 DELAY_S = 0.1
 """Proton and Overhauser magnetometers count for 0.1 to 1 s, and stamp the begin or the end."""
-_TELLS = 5.0
-"""Times that the field's rate must exceed what the instrument's noise makes of it."""
+_SEEN = 3.0
+"""Times that the course must exceed what noise leaves in it."""
+_GAP = 3.0
+"""Usual steps of time: what lies farther apart is smoothed apart."""
 
 
-def list_reference_terms(
-    magnitude: Array, time: Array | None, offset_sd: float, size: float
-) -> tuple[Term, ...]:
+def list_reference_terms(rate: Array | None, offset_sd: float, size: float) -> tuple[Term, ...]:
     """What the measured magnitudes of all rows may be wrong by.
 
-    Parameters: `magnitude` (n,) over their mean `size`, nT; `time` (n,), s; `offset_sd` of an
+    Parameters: `rate` (n,) of the magnitudes over their mean `size`, nT, 1/s; `offset_sd` of an
     offset of the instrument over the mean, the prior of which is Gaussian.
     """
     terms = []
@@ -39,7 +41,6 @@ def list_reference_terms(
                 unit="nT",
             )
         )
-    rate = None if time is None else find_rate(magnitude, time)
     if rate is not None:
         rms = float(np.sqrt(np.mean(rate**2)))
         terms.append(
@@ -68,25 +69,45 @@ def delay(seen: Seen, *, rate: Array) -> Errors:
     return Errors((rate[seen.rows] * seen.unit.T)[None], apart=False)
 
 
-def find_rate(magnitude: Array, time: Array) -> Array | None:
-    """dF/dt (n,) by central differences over as many rows as the instrument was slower; None where
-    it does not stand out of noise.
+class Course(NamedTuple):
+    """Measured magnitudes (n,) without the instrument's noise, the standard deviation of that, and
+    dF/dt (n,) where times are known."""
 
-    >>> t = np.arange(9.0)
-    >>> find_rate(5 + 2 * t, t).tolist()
-    [0.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 0.0]
-    >>> find_rate(np.random.default_rng(0).normal(size=99), np.arange(99.0)) is None
-    True
+    values: Array
+    noise: float
+    rate: Array | None
+
+
+def follow_magnitude(magnitude: Array, time: Array | None) -> Course:
+    """The course of magnitudes that were measured at every row, between gaps as smooth as they
+    allow; their mean where nothing but noise is seen of a course.
+
+    Noise that stays in them is in the columns of terms and in what terms explain: gain, offset and
+    saturation differ by the course alone, and would fit it.
+
+    >>> t = np.arange(900.0)
+    >>> noise = 0.1 * np.random.default_rng(0).normal(size=900)
+    >>> course = follow_magnitude(48_000 + 20 * np.sin(t / 100) + noise, t)
+    >>> round(course.noise, 2), bool(np.abs(course.rate - 0.2 * np.cos(t / 100)).max() < 0.02)
+    (0.1, True)
+    >>> float(np.ptp(follow_magnitude(48_000 + noise, t).values))
+    0.0
     """
-    bent = np.count_nonzero(np.abs(np.diff(magnitude, 2)) > 1e-12 * magnitude.mean())
-    rows = max(round(len(magnitude) / max(bent, 1)), 1) if bent else 1
-    if len(magnitude) < 4 * rows + 1:
-        return None
-    rate = np.zeros(len(magnitude))
-    step = time[2 * rows :] - time[: -2 * rows]
-    usual = median(step)
-    slope = (magnitude[2 * rows :] - magnitude[: -2 * rows]) / step
-    rate[rows:-rows] = np.where(step < 2 * usual, slope, 0.0)  # none across a gap
-    bend = magnitude[2 * rows :] - 2 * magnitude[rows:-rows] + magnitude[: -2 * rows]
-    sd = median(np.abs(bend)) / 0.6745 / np.sqrt(6)
-    return rate if np.sqrt(np.mean(rate**2)) > _TELLS * np.sqrt(2) * sd / usual else None
+    t = np.arange(float(len(magnitude))) if time is None else time
+    steps = np.diff(t)
+    gaps = np.flatnonzero(steps > _GAP * median(steps)) + 1
+    parts = [_smooth(part) for part in np.split(magnitude, gaps)]
+    values = np.concatenate([part.values for part in parts])
+    left = float(np.mean(np.concatenate([np.full(len(p.values), p.freedom) for p in parts])))
+    noise = float(np.std(magnitude - values) / np.sqrt(max(1.0 - left, 1.0 / len(t))))
+    if np.std(values) < _SEEN * np.sqrt(left) * noise:
+        return Course(np.full(len(t), magnitude.mean()), float(magnitude.std()), None)
+    slopes = [
+        np.gradient(part.values, one) if len(one) > 1 else np.zeros(1)
+        for part, one in zip(parts, np.split(t, gaps), strict=True)
+    ]
+    return Course(values, noise, None if time is None else np.concatenate(slopes))
+
+
+def _smooth(part: Array) -> Smoothed:
+    return smooth(part) if len(part) >= FEWEST else Smoothed(part, 1.0)
