@@ -1,0 +1,173 @@
+"""`agonic direction ALIGNMENT --live SOURCE`: a line of JSON for each reading, as it comes in."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from queue import Empty, Queue
+from threading import Event as Flag
+from threading import Thread
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from agonic.alignment.direction import Follower
+from agonic.alignment.files.tables import QUATERNION, SDS, TIMES, Table, Turns, parse_stars
+from agonic.alignment.session import StarReadings
+from agonic.console.output import plain
+from agonic.errors import AgonicError
+from agonic.live.streams import Chunk, Notice, Source, Words
+from agonic.maths.one_pass import median
+from agonic.samples import Samples
+
+if TYPE_CHECKING:
+    from agonic.live.streams.events import Event
+
+MARK = "star,"
+"""Begins the lines of attitudes in a stream that has readings too."""
+BATCH_S = 0.002
+"""What comes within it is computed together: a thousand readings a second cost little more so."""
+_DATED_S = 1e8
+"""Clocks count from 1970 from here on, as in tables of attitudes."""
+_HEADER = ["unix_s", *QUATERNION, *SDS]
+"""Columns of attitudes that come without a header."""
+
+
+class Heard(NamedTuple):
+    """What has come of a source: its number and an event, or `None` where it has ended."""
+
+    source: int
+    event: Event | None
+
+
+class StarLines:
+    """Lines of a star sensor's table, its header first; without one the columns are `_HEADER`."""
+
+    def __init__(self, turns: Turns, complete: Callable[[StarReadings], StarReadings]) -> None:
+        self._turns, self._complete = turns, complete
+        self._headers: dict[str, list[str]] = {}
+
+    def read(self, words: Words) -> Iterator[StarReadings | str]:
+        """The attitudes in lines, or what is wrong with one of them."""
+        for line in words.lines:
+            cells = [cell.strip() for cell in line.split(",")]
+            if set(cells) & set(TIMES):
+                self._headers[words.origin] = cells
+                continue
+            header = self._headers.get(words.origin, _HEADER)
+            try:
+                if len(cells) != len(header):
+                    raise AgonicError(f"{len(cells)} cells under {', '.join(header)}")
+                columns = {name: [cell] for name, cell in zip(header, cells, strict=True)}
+                table = Table(columns, Path("attitudes"))
+                yield self._complete(parse_stars(table, self._turns, numbered=False))
+            except AgonicError as error:
+                yield f"an attitude was left out: {error}"
+
+
+def follow_live(
+    follower: Follower,
+    sources: list[Source],
+    stars: StarLines,
+    *,
+    sensor: str | None = None,
+    stop: Flag | None = None,
+) -> int:
+    """Write the direction at every reading until the sources have ended; the exit status.
+
+    What is heard of the sources and what was left out goes to standard error.
+    """
+    stop, heard = stop or Flag(), Queue[Heard]()
+    ears = [
+        Thread(target=_listen, args=(k, one, heard, stop), daemon=True)
+        for k, one in enumerate(sources)
+    ]
+    for ear in ears:
+        ear.start()
+    shown = 0
+    try:
+        for batch in _gather(heard, len(sources)):
+            for event in batch:
+                _take(follower, event, stars, sensor)
+            shown += _show(follower)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        stop.set()
+    shown += _show(follower, final=True)
+    _say(f"{shown} readings with a direction, {follower.left_out} without attitude")
+    return 0 if shown else 1
+
+
+def _listen(number: int, source: Source, heard: Queue[Heard], stop: Flag) -> None:
+    """Pass on what a source tells; an error of it is its end, said."""
+    try:
+        for event in source.events(stop):
+            heard.put(Heard(number, event))
+    except AgonicError as error:
+        heard.put(Heard(number, Notice(False, str(error), ended=True)))
+    heard.put(Heard(number, None))
+
+
+def _gather(heard: Queue[Heard], sources: int) -> Iterator[list[Event]]:
+    """Events that came within a moment, until every source has ended."""
+    open_sources = sources
+    while open_sources:
+        batch, until = [heard.get()], time.monotonic() + BATCH_S
+        while (rest := until - time.monotonic()) > 0:
+            try:
+                batch.append(heard.get(timeout=rest))
+            except Empty:
+                break
+        open_sources -= sum(one.event is None for one in batch)
+        yield [one.event for one in batch if one.event is not None]
+
+
+def _take(follower: Follower, event: Event, stars: StarLines, sensor: str | None) -> None:
+    """Add what an event holds to what waits."""
+    if isinstance(event, Notice):
+        _say(event.text)
+    elif isinstance(event, Words):
+        for one in stars.read(event):
+            if isinstance(one, str):
+                _say(one)
+            else:
+                follower.add(one)
+    elif sensor in (None, event.sensor):
+        follower.add(_make_samples(event))
+
+
+def _make_samples(chunk: Chunk) -> Samples:
+    """Readings at their own moments where the device tells the date, else at their arrival."""
+    moments = chunk.time + (time.time() - time.monotonic())
+    if chunk.own is not None and median(chunk.own) > _DATED_S:
+        moments = chunk.own
+    order = np.argsort(moments, kind="stable")
+    first = float(np.floor(moments[order[0]]))
+    return Samples(
+        time=moments[order] - first,
+        field=chunk.field[order],
+        unit=chunk.unit,
+        epoch=datetime.fromtimestamp(first, UTC),
+        name=chunk.sensor,
+        frame=chunk.frame,
+    )
+
+
+def _show(follower: Follower, *, final: bool = False) -> int:
+    """Write the readings that are ready, a line each, and how many they were."""
+    found = follower.finish() if final else follower.take()
+    if found is None:
+        return 0
+    lines = [json.dumps(plain(record), allow_nan=False) for record in found.records()]
+    sys.stdout.write("\n".join(lines) + "\n")
+    sys.stdout.flush()
+    return len(lines)
+
+
+def _say(text: str) -> None:
+    print(f"agonic: {text}", file=sys.stderr, flush=True)
