@@ -18,7 +18,6 @@ import numpy as np
 from agonic.alignment.direction import Follower
 from agonic.alignment.files.tables import QUATERNION, SDS, TIMES, Table, Turns, parse_stars
 from agonic.alignment.session import StarReadings
-from agonic.console.output import plain
 from agonic.errors import AgonicError
 from agonic.live.streams import Chunk, Notice, Source, Words
 from agonic.maths.one_pass import median
@@ -119,6 +118,8 @@ def _gather(heard: Queue[Heard], sources: int) -> Iterator[list[Event]]:
     while open_sources:
         batch, until = [heard.get()], time.monotonic() + BATCH_S
         while (rest := until - time.monotonic()) > 0:
+            if isinstance(batch[-1].event, Words):  # an attitude, for which readings wait
+                break
             try:
                 batch.append(heard.get(timeout=rest))
             except Empty:
@@ -163,7 +164,7 @@ def _show(follower: Follower, *, final: bool = False) -> int:
     found = follower.finish() if final else follower.take()
     if found is None:
         return 0
-    lines = [json.dumps(plain(record), allow_nan=False) for record in found.records()]
+    lines = [json.dumps(record, allow_nan=False) for record in found.records()]
     sys.stdout.write("\n".join(lines) + "\n")
     sys.stdout.flush()
     return len(lines)

@@ -81,19 +81,16 @@ def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
     >>> check_rejected({"time does not increase": 3}, 1000)[0].what
     '3 of 1000 rows were left out (time does not increase)'
     """
-    return [_tell_rejected(why, count, total) for why, count in rejected.items() if count]
-
-
-def _tell_rejected(why: str, count: int, total: int) -> Finding:
-    """Those of one reason; a scalar instrument that is slower or has gaps is no fault of a log."""
-    kind = "torn end" if "ends" in why else "clock"
-    many = count > 0.01 * total and "scalar" not in why
-    return Finding(
-        "NaN" if "NaN" in why or "scalar" in why else kind,
-        "check" if many else "note",
-        f"{count} of {total} rows were left out ({why})",
-        "look at the logger" if many else "",
-    )
+    return [
+        Finding(
+            "NaN" if "NaN" in why or "scalar" in why else "torn end" if "ends" in why else "clock",
+            "check" if count > 0.01 * total and "scalar" not in why else "note",
+            f"{count} of {total} rows were left out ({why})",
+            "look at the logger" if count > 0.01 * total and "scalar" not in why else "",
+        )
+        for why, count in rejected.items()
+        if count
+    ]
 
 
 def _check_normalised(field: Array) -> Finding | None:

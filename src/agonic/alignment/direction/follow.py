@@ -122,6 +122,8 @@ class Follower:
     def _sort(self, waiting: Samples, stars: StarReadings, *, final: bool) -> tuple[Mask, Mask]:
         """Which readings are ready (n,), and which have waited long enough."""
         moments, time = compute_unix_s(waiting), stars.time
+        if not final and time[-1] < moments[0] - SAME_MOMENT_S:
+            return (np.zeros(len(moments), dtype=bool),) * 2
         gap = self._find_gap(stars)
         wait = gap if self._wait_s is None else self._wait_s
         over = (time[-1] - moments > wait) | final
