@@ -189,4 +189,4 @@ def _follow(
     elif stars is not None:
         sources.append(open_source(stars, mark=""))
     lines = StarLines(turns, complete)  # type: ignore[arg-type]
-    return follow_live(follower, sources, lines, sensor=which.sensor)
+    return follow_live(follower, sources, lines, which.sensor)

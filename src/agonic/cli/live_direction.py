@@ -11,11 +11,11 @@ from pathlib import Path
 from queue import Empty, Queue
 from threading import Event as Flag
 from threading import Thread
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agonic.alignment.direction import Follower
+from agonic.alignment.direction import FieldDirection, Follower
 from agonic.alignment.files.tables import QUATERNION, SDS, TIMES, Table, Turns, parse_stars
 from agonic.alignment.session import StarReadings
 from agonic.errors import AgonicError
@@ -34,13 +34,6 @@ _DATED_S = 1e8
 """Clocks count from 1970 from here on, as in tables of attitudes."""
 _HEADER = ["unix_s", *QUATERNION, *SDS]
 """Columns of attitudes that come without a header."""
-
-
-class Heard(NamedTuple):
-    """What has come of a source: its number and an event, or `None` where it has ended."""
-
-    source: int
-    event: Event | None
 
 
 class StarLines:
@@ -72,60 +65,51 @@ def follow_live(
     follower: Follower,
     sources: list[Source],
     stars: StarLines,
-    *,
     sensor: str | None = None,
-    stop: Flag | None = None,
 ) -> int:
     """Write the direction at every reading until the sources have ended; the exit status.
 
     What is heard of the sources and what was left out goes to standard error.
     """
-    stop, heard = stop or Flag(), Queue[Heard]()
-    ears = [
-        Thread(target=_listen, args=(k, one, heard, stop), daemon=True)
-        for k, one in enumerate(sources)
-    ]
-    for ear in ears:
-        ear.start()
+    stop, heard = Flag(), Queue["Event | None"]()
+    for one in sources:
+        Thread(target=_listen, args=(one, heard, stop), daemon=True).start()
     shown = 0
     try:
         for batch in _gather(heard, len(sources)):
             for event in batch:
                 _take(follower, event, stars, sensor)
-            shown += _show(follower)
+            shown += _show(follower.take())
     except KeyboardInterrupt:
         pass
     finally:
         stop.set()
-    shown += _show(follower, final=True)
+    shown += _show(follower.finish())
     _say(f"{shown} readings with a direction, {follower.left_out} without attitude")
     return 0 if shown else 1
 
 
-def _listen(number: int, source: Source, heard: Queue[Heard], stop: Flag) -> None:
-    """Pass on what a source tells; an error of it is its end, said."""
+def _listen(source: Source, heard: Queue[Event | None], stop: Flag) -> None:
+    """Pass on what a source tells, `None` at its end; an error of it is its end, said."""
     try:
         for event in source.events(stop):
-            heard.put(Heard(number, event))
+            heard.put(event)
     except AgonicError as error:
-        heard.put(Heard(number, Notice(False, str(error), ended=True)))
-    heard.put(Heard(number, None))
+        heard.put(Notice(False, str(error), ended=True))
+    heard.put(None)
 
 
-def _gather(heard: Queue[Heard], sources: int) -> Iterator[list[Event]]:
+def _gather(heard: Queue[Event | None], sources: int) -> Iterator[list[Event]]:
     """Events that came within a moment, until every source has ended."""
-    open_sources = sources
-    while open_sources:
+    while sources:
         batch, until = [heard.get()], time.monotonic() + BATCH_S
-        while (rest := until - time.monotonic()) > 0:
-            if isinstance(batch[-1].event, Words):  # an attitude, for which readings wait
-                break
+        while not isinstance(batch[-1], Words):  # an attitude, for which readings wait
             try:
-                batch.append(heard.get(timeout=rest))
+                batch.append(heard.get(timeout=max(until - time.monotonic(), 0.0)))
             except Empty:
                 break
-        open_sources -= sum(one.event is None for one in batch)
-        yield [one.event for one in batch if one.event is not None]
+        sources -= batch.count(None)
+        yield [event for event in batch if event is not None]
 
 
 def _take(follower: Follower, event: Event, stars: StarLines, sensor: str | None) -> None:
@@ -159,9 +143,8 @@ def _make_samples(chunk: Chunk) -> Samples:
     )
 
 
-def _show(follower: Follower, *, final: bool = False) -> int:
-    """Write the readings that are ready, a line each, and how many they were."""
-    found = follower.finish() if final else follower.take()
+def _show(found: FieldDirection | None) -> int:
+    """Write readings that are ready, a line each, and how many they were."""
     if found is None:
         return 0
     lines = [json.dumps(record, allow_nan=False) for record in found.records()]

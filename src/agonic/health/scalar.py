@@ -27,35 +27,22 @@ def check_scalar(samples: Samples) -> Finding | None:
     """
     scalar, size = samples.scalar, find_length(samples.field)
     assert scalar is not None
-    what, move = "", ""
+    runs = np.diff(np.flatnonzero(np.r_[True, np.diff(scalar) != 0, True]))
+    first, what, move = figure(scalar[0], 6), "", ""
     if not (scalar > 0).any():
         what, move = "the scalar instrument reads nothing above zero", "it is off, or not locked"
-    elif np.ptp(scalar) == 0.0:
-        what = f"the scalar instrument reads {figure(scalar[0], 6)} nT in all {len(scalar)} rows"
-        move = f"it is dead, or the number was typed in: --field {figure(scalar[0], 6)} gives one"
-    elif (rows := _find_longest(scalar)) > STUCK * len(scalar) and _find_usual(scalar) == 1:
-        what = f"the scalar instrument repeats one value in {rows} rows on end"
+    elif len(runs) == 1:
+        what = f"the scalar instrument reads {first} nT in all {len(scalar)} rows"
+        move = f"it is dead, or the number was typed in: --field {first} gives one"
+    elif runs.max() > STUCK * len(scalar) and median(runs) == 1:
+        what = f"the scalar instrument repeats one value in {runs.max()} rows on end"
         move = "it lost its lock there: leave those rows out (--between), or mend it"
     elif samples.unit == "nT" and _is_computed(samples, scalar, size):
         what = "the scalar column is the magnitude of the vector itself"
         move = "name the column of an instrument of its own"
-    elif (low_or_high := _find_scale(samples, scalar, size)) is not None:
-        what, move = low_or_high
+    elif (off := _find_other_size(samples, median(scalar), size)) is not None:
+        what, move = off, "check the unit in its header (F_nT, F_uT), and that it is the magnitude"
     return Finding("scale", "refuse", what, move) if what else None
-
-
-def _find_runs(scalar: Array) -> Array:
-    """How many rows on end each value stands in."""
-    edges = np.flatnonzero(np.r_[True, np.diff(scalar) != 0, True])
-    return np.diff(edges)
-
-
-def _find_longest(scalar: Array) -> int:
-    return int(_find_runs(scalar).max())
-
-
-def _find_usual(scalar: Array) -> float:
-    return median(_find_runs(scalar))
 
 
 def _is_computed(samples: Samples, scalar: Array, size: Array) -> bool:
@@ -64,24 +51,16 @@ def _is_computed(samples: Samples, scalar: Array, size: Array) -> bool:
     return bool(np.abs(size - scalar).max() < COMPUTED_NT + rounding)
 
 
-def _find_scale(samples: Samples, scalar: Array, size: Array) -> tuple[str, str] | None:
-    """What speaks against the size of the scalar readings, and what to do about it."""
-    usual = median(scalar)
+def _find_other_size(samples: Samples, usual: float, size: Array) -> str | None:
+    """What the scalar usually reads, where that is no field, or not that of the vector."""
+    read = f"the scalar instrument reads {figure(usual, 3)} nT"
     if samples.unit != "nT":
-        low, high = MAGNITUDES_NT
-        if low < usual < high:
-            return None
-        said = f"the scalar instrument reads {figure(usual, 3)} nT, as no place on Earth has it"
-        return said, "check the unit in its header (F_nT, F_uT)"
-    centre = samples.field.mean(axis=0)
-    sizes = (median(size), median(find_length(samples.field - centre)))
-    if any(GAIN[0] < one / usual < GAIN[1] for one in sizes):
+        within = MAGNITUDES_NT[0] < usual < MAGNITUDES_NT[1]
+        return None if within else f"{read}, as no place on Earth has it"
+    turned = median(find_length(samples.field - samples.field.mean(axis=0)))
+    middle = median(size)
+    if any(GAIN[0] < one / usual < GAIN[1] for one in (middle, turned)):
         return None
-    off = usual / sizes[0]
+    off = usual / middle
     times = f"{figure(off)} times too large" if off > 1 else f"{figure(1 / off)} times too small"
-    return (
-        f"the scalar instrument reads {figure(usual, 3)} nT where the vector reads "
-        f"{figure(sizes[0], 3)} nT",
-        f"its numbers are {times}: check the unit in its header (F_nT, F_uT), and that the column "
-        "is the magnitude of the field",
-    )
+    return f"{read} where the vector reads {figure(middle, 3)} nT, {times}"

@@ -18,7 +18,7 @@ from agonic.alignment.direction.compute import (
 from agonic.alignment.direction.result import FieldDirection
 from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
 from agonic.alignment.session.session import Site, StarReadings, compute_unix_s
-from agonic.arrays import Mask
+from agonic.arrays import Array, Mask
 from agonic.calibration.steps import AnyCalibration
 from agonic.samples import Samples
 
@@ -89,47 +89,38 @@ class Follower:
 
     def take(self) -> FieldDirection | None:
         """The direction at the readings that are ready now; `None` where none is."""
-        return self._take(final=False)
-
-    def finish(self) -> FieldDirection | None:
-        """That of all that still wait: no attitude is to come any more."""
-        return self._take(final=True)
-
-    def _take(self, *, final: bool) -> FieldDirection | None:
         waiting, stars = self._waiting, self._stars
-        if waiting is None or (stars is None and not final):
+        if waiting is None or stars is None:
             return None
-        if stars is None:
-            ready, over = np.zeros(len(waiting), dtype=bool), np.ones(len(waiting), dtype=bool)
-        else:
-            ready, over = self._sort(waiting, stars, final=final)
+        ready, over = self._sort(compute_unix_s(waiting), stars)
         self.left_out += int((over & ~ready).sum())
         rest = np.flatnonzero(~(ready | over))
         self._waiting = waiting.select(rest) if len(rest) else None
-        if stars is None or not ready.any():
+        if not ready.any():
             return None
-        now = waiting.select(np.flatnonzero(ready))
-        moments = compute_unix_s(now)
-        first, last = np.searchsorted(stars.time, moments[[0, -1]])
+        now, gap = waiting.select(np.flatnonzero(ready)), self._find_gap(stars)
+        first, last = np.searchsorted(stars.time, compute_unix_s(now)[[0, -1]])
         near = stars.select(slice(max(int(first) - _BESIDE, 0), int(last) + _BESIDE))
-        gap = self._find_gap(stars)
         self._stars = stars.select(np.flatnonzero(stars.time >= stars.time[-1] - KEPT_S - gap))
         return compute_direction(self._known, now, near, self._site, self._noise, gap, self._earth)
+
+    def finish(self) -> FieldDirection | None:
+        """That of all that still wait: no attitude is to come any more."""
+        self._wait_s = -np.inf
+        found = self.take()
+        self.left_out, self._waiting = self.left_out + self.waiting, None
+        return found
 
     def _find_gap(self, stars: StarReadings) -> float:
         return choose_gap(stars) if self._gap_s is None else self._gap_s
 
-    def _sort(self, waiting: Samples, stars: StarReadings, *, final: bool) -> tuple[Mask, Mask]:
-        """Which readings are ready (n,), and which have waited long enough."""
-        moments, time = compute_unix_s(waiting), stars.time
-        if not final and time[-1] < moments[0] - SAME_MOMENT_S:
-            return (np.zeros(len(moments), dtype=bool),) * 2
-        gap = self._find_gap(stars)
-        wait = gap if self._wait_s is None else self._wait_s
-        over = (time[-1] - moments > wait) | final
-        after = np.clip(np.searchsorted(time, moments - SAME_MOMENT_S), 1, max(len(time) - 1, 1))
+    def _sort(self, moments: Array, stars: StarReadings) -> tuple[Mask, Mask]:
+        """Which readings at moments (n,) are ready, and which have waited long enough."""
+        time, gap = stars.time, self._find_gap(stars)
+        over = time[-1] - moments > (gap if self._wait_s is None else self._wait_s)
         if len(time) < 2:
             return np.abs(time[0] - moments) <= SAME_MOMENT_S, over
+        after = np.clip(np.searchsorted(time, moments - SAME_MOMENT_S), 1, len(time) - 1)
         left, right = time[after - 1], time[after]
         read = np.minimum(np.abs(left - moments), np.abs(right - moments)) <= SAME_MOMENT_S
         joined = (stars.orientation[after - 1] == stars.orientation[after]) & (right - left <= gap)
@@ -153,14 +144,16 @@ def follow_direction(
     The vectors are those of `field_direction` on all batches together. So are the standard errors,
     unless the platform's rate changes just where a batch ends.
 
-    Parameters: as for `Follower`, and `batches` of new readings (n,) and new attitudes (m,), in any
-    order of time. Yields a `FieldDirection` for readings that have become complete. Raises as
-    `field_direction`.
+    Parameters
+    ----------
+    alignment, site, noise, gap_s, wait_s, earth : as for `Follower`.
+    batches : pairs of new readings (n,) and new attitudes (m,), in any order of time.
+
+    Yields a `FieldDirection` for readings that have become complete. Raises as `field_direction`.
 
     >>> import agonic as ag
     >>> night = ag.alignment.simulate_session(seed=1).session
-    >>> turn = ag.fit_alignment(night).calibration
-    >>> batches = [(night.magnetometer, night.star)]
+    >>> turn, batches = ag.fit_alignment(night).calibration, [(night.magnetometer, night.star)]
     >>> sum(len(part) for part in follow_direction(turn, batches, night.site, gap_s=30.0))
     456
     """

@@ -58,15 +58,13 @@ class ColumnNames:
     """The headers of a file by the canonical names of what they hold, and the unit of the field.
 
     With `several` files the columns of a numbered sensor may be in others: they are left out of a
-    file that has none of them. `scalar` is the header of the scalar instrument, where one was
-    named by itself.
+    file that has none of them.
     """
 
     headers: Mapping[str, str]
     unit: str | None = None
     where: str = "--columns"
     several: bool = False
-    scalar: str | None = None
 
     def rename(self, headers: Sequence[str]) -> list[str]:
         """The headers as they should be read: others for the same quantity become empty.
@@ -84,29 +82,11 @@ class ColumnNames:
             ours = {h: name for h, name in ours.items() if _sensor(name) in {"", *here}}
         missing = [theirs for theirs in ours if theirs not in headers]
         if missing:
-            raise _lacking(self.where, missing[0], headers)
+            there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
+            raise LogError(f"{self.where} names {missing[0]!r}; the columns are {there}")
         replaced = _of_sensor if self.several else _quantity
         named = {replaced(name) for name in ours.values()}
         return [ours.get(h, "" if replaced(h) in named else h) for h in headers]
-
-    def rename_scalar(self, headers: Sequence[str], named: Sequence[str]) -> list[str]:
-        """The headers as they are `named`, that of the scalar instrument with its canonical name.
-
-        >>> ColumnNames(headers={}, scalar="F_nT").rename_scalar(["t", "F_nT"], ["time_s", "F_nT"])
-        ['time_s', 'scalar_nt']
-        """
-        if self.scalar is None:
-            return list(named)
-        if self.scalar not in headers:
-            raise _lacking("--scalar", self.scalar, headers)
-        others = ["" if _quantity(header) == "scalar" else header for header in named]
-        others[list(headers).index(self.scalar)] = _canonical("scalar", None, self.scalar)
-        return others
-
-
-def _lacking(where: str, header: str, headers: Sequence[str]) -> LogError:
-    there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
-    return LogError(f"{where} names {header!r}; the columns are {there}")
 
 
 _given: ContextVar[ColumnNames | None] = ContextVar("given", default=None)
@@ -217,7 +197,8 @@ def names_for(
     else:
         found = parse_names(columns, "columns") if columns else _given.get() or _read_beside(path)
         if (scalar := _scalar.get()) is not None:
-            found = replace(found or ColumnNames(headers={}), scalar=scalar)
+            found = found or ColumnNames(headers={}, where="--scalar")
+            found = replace(found, headers={**found.headers, "scalar": scalar})
     token = _in_force.set(found)
     try:
         yield found
@@ -241,12 +222,16 @@ def _read_beside(path: Path) -> ColumnNames | None:
     return ColumnNames(headers=names.headers, unit=unit, where=beside.name)
 
 
+def _names_sensor(names: ColumnNames | None) -> bool:
+    """Whether names are of more than a scalar instrument, which stands beside what is known."""
+    return names is not None and [*names.headers] != ["scalar"]
+
+
 def rename_headers(headers: Sequence[str], title: str = "") -> list[str]:
     """The headers as the names in force say, or the format of a table below these lines."""
     names = _in_force.get()
-    stated = names is not None and names.headers
-    named = names.rename(headers) if names and stated else name_documented(headers, title)
-    named = named if names is None else names.rename_scalar(headers, named)
+    named = headers if _names_sensor(names) else name_documented(headers, title)
+    named = list(named) if names is None else names.rename(named)
     if any(map(_PART_OF_SECOND.fullmatch, named)):  # sec and nsec
         named = [f"time_{header}" if header in ("sec", "s") else header for header in named]
     return _name_strength(_name_parts(named))
@@ -289,8 +274,7 @@ def _name_strength(headers: Sequence[str]) -> list[str]:
 
 def number_columns(width: int) -> list[str] | None:
     """Numbers from 1 for the columns of a table without a header, where names are in force."""
-    names = _in_force.get()
-    return [str(k + 1) for k in range(width)] if names and names.headers else None
+    return [str(k + 1) for k in range(width)] if _names_sensor(_in_force.get()) else None
 
 
 def suggest_names(headers: Iterable[str]) -> str:
