@@ -264,12 +264,13 @@ def as_found(lines: list[str]) -> FieldDirection:
 
 
 def test_standard_input_to_lines_of_json(calibration: str) -> None:
+    """Beside a second magnetometer, which is left aside, and a line that is no attitude."""
     samples, stars = record(2.0)
-    lines = [HEADER]
+    lines = [f"{HEADER},mag2_x_nT,mag2_y_nT,mag2_z_nT"]
     for k in range(len(samples)):
         if k % 100 == 0:
             lines.append(star_line(stars, k // 100))
-        lines.append(mag_line(samples, k))
+        lines.append(f"{mag_line(samples, k)},1,2,3")
     lines += ["star,nonsense", star_line(stars, len(stars) - 1)]
     done = subprocess.run(
         [

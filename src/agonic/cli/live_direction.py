@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from queue import Empty, Queue
@@ -20,7 +21,6 @@ from agonic.alignment.files.tables import QUATERNION, SDS, TIMES, Table, Turns, 
 from agonic.alignment.session import StarReadings
 from agonic.errors import AgonicError
 from agonic.live.streams import Chunk, Notice, Source, Words
-from agonic.maths.one_pass import median
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
@@ -78,6 +78,8 @@ def follow_live(
     try:
         for batch in _gather(heard, len(sources)):
             for event in batch:
+                if isinstance(event, Chunk):  # of several magnetometers the first that is heard
+                    sensor = sensor or _name(event)
                 _take(follower, event, stars, sensor)
             shown += _show(follower.take())
     except KeyboardInterrupt:
@@ -103,11 +105,11 @@ def _gather(heard: Queue[Event | None], sources: int) -> Iterator[list[Event]]:
     """Events that came within a moment, until every source has ended."""
     while sources:
         batch, until = [heard.get()], time.monotonic() + BATCH_S
-        while not isinstance(batch[-1], Words):  # an attitude, for which readings wait
-            try:
-                batch.append(heard.get(timeout=max(until - time.monotonic(), 0.0)))
-            except Empty:
+        while (rest := until - time.monotonic()) > 0:
+            if isinstance(batch[-1], Words):  # an attitude, for which readings wait
                 break
+            with suppress(Empty):
+                batch.append(heard.get(timeout=rest))
         sources -= batch.count(None)
         yield [event for event in batch if event is not None]
 
@@ -122,15 +124,20 @@ def _take(follower: Follower, event: Event, stars: StarLines, sensor: str | None
                 _say(one)
             else:
                 follower.add(one)
-    elif sensor in (None, event.sensor):
+    elif sensor in (event.sensor, _name(event)):
         follower.add(_make_samples(event))
+
+
+def _name(chunk: Chunk) -> str:
+    """The sensor, whichever of several senders told of it."""
+    return chunk.sensor.partition(" from ")[0]
 
 
 def _make_samples(chunk: Chunk) -> Samples:
     """Readings at their own moments where the device tells the date, else at their arrival."""
     moments = chunk.time + (time.time() - time.monotonic())
-    if chunk.own is not None and median(chunk.own) > _DATED_S:
-        moments = chunk.own
+    if chunk.own is not None:
+        moments = np.where(chunk.own > _DATED_S, chunk.own, moments)
     order = np.argsort(moments, kind="stable")
     first = float(np.floor(moments[order[0]]))
     return Samples(

@@ -33,25 +33,23 @@ def find_reference(
     return choose_reference(samples, where, date, magnitude, model)
 
 
-def find_scalar_reference(samples: Samples, wanted: bool | None) -> Reference | None:
+def find_scalar_reference(
+    samples: Samples, wanted: bool | None, sd: float = 0.0
+) -> Reference | None:
     """The scalar instrument beside the sensor as reference, where there is one and it may teach.
 
-    `wanted` true requires it, false leaves it aside, `None` takes it where the log has it. Raises
-    `AgonicError` where it is not the magnitude of a field.
+    `wanted` true requires it, false leaves it aside, `None` takes it where the log has it; `sd` is
+    how far it may be off as a whole, nT. Raises `AgonicError` where it is no magnitude of a field.
     """
-    if wanted is False or (wanted is None and samples.scalar is None):
-        return None
-    if samples.scalar is None:
-        raise AgonicError("--scalar: the log holds no scalar instrument (column scalar_nT)")
-    return make_scalar_reference(samples)
-
-
-def make_scalar_reference(samples: Samples, sd: float = 0.0) -> Reference:
-    """The scalar column as the magnitude of every row; `AgonicError` where it cannot be that."""
     from agonic.health.scalar import check_scalar
     from agonic.reference import Reference
 
-    assert samples.scalar is not None
+    if wanted is False or (wanted is None and samples.scalar is None):
+        return None
+    if samples.scalar is None:
+        notes = [f" ({note})" for note in samples.notes if note.startswith("scalar left out")]
+        why = "".join(notes) or " (column scalar_nT)"
+        raise AgonicError(f"--scalar: the log holds no scalar instrument{why}")
     if (wrong := check_scalar(samples)) is not None:
         raise AgonicError(f"{wrong.sentence}; --no-scalar or --scalar none leaves it aside")
     said = "the scalar instrument in the log"
@@ -82,15 +80,10 @@ class Beside(NamedTuple):
 
             samples = join_scalar(samples, self.table)
         asked = self.table is not None or self.header is not None
-        if self.header == NO_SCALAR or (
-            not asked and (given or samples.scalar is None or samples.roll_deg is not None)
-        ):
+        other = given or samples.scalar is None or samples.roll_deg is not None
+        if self.header == NO_SCALAR or (other and not asked):
             return samples, reference
-        if samples.scalar is None:
-            notes = (note for note in samples.notes if note.startswith("scalar left out"))
-            why = next(notes, f"{samples.name} has no such column; call it scalar_nT")
-            raise AgonicError(f"--scalar {self.header}: {why}")
-        return samples, make_scalar_reference(samples, self.sd)
+        return samples, find_scalar_reference(samples, True, self.sd)
 
 
 @contextmanager
