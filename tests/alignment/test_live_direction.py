@@ -338,7 +338,7 @@ def test_udp_at_a_kilohertz_with_late_attitudes(calibration: str) -> None:
     out = np.array([came[round(START + t, 5)] for t in samples.time])
     waited = out - (begun + ready - START)
     print("waited, ms:", 1e3 * np.percentile(waited, [5, 50, 95, 99]))
-    assert np.median(waited) < 0.02  # with what else this machine does
+    assert np.median(waited) < 0.2  # with what else this machine does; alone 0.008
 
 
 def _find_ready(t: float, star: Array, arrival: Array) -> float:

@@ -37,8 +37,8 @@ def direction(
         typer.Option(
             "--live",
             metavar="SOURCE",
-            help="Instead of LOG: readings as they come, by what agonic live reads (udp://…, a "
-            "serial port, mavlink+…, a log) or - for standard input; a line of JSON for each.",
+            help="Instead of LOG: readings as they come from what agonic live reads, or - for "
+            "standard input; a line of JSON for each.",
         ),
     ] = None,
     stars: Annotated[

@@ -239,11 +239,8 @@ def interpolate_attitudes(
     >>> found.rows.tolist(), found.rotation[0, 0].round(6).tolist()
     ([0], [0.707107, -0.707107, 0.0])
     """
-    after = np.minimum(np.searchsorted(time, moments - SAME_MOMENT_S), len(time) - 1)
-    read = np.abs(time[after] - moments) <= SAME_MOMENT_S
-    joined = (np.diff(time) <= gap_s) & (np.diff(number) == 0)
-    between = (moments > time[0]) & (moments < time[-1])
-    between[between] = joined[after[between] - 1]
+    after, read, between = find_neighbours(moments, time, number, gap_s)
+    joined = are_joined(time, number, gap_s)
     rows = np.flatnonzero(read | between)
     right = after[rows]
     left = np.where(read[rows], right, right - 1)
@@ -257,6 +254,23 @@ def interpolate_attitudes(
     spread = (1 - s) ** 2 * covariance[left] + s**2 * covariance[right]
     bend = (s * (1 - s) / 2) * change[:, :, None]
     return Between(rows, attitude, spread + bend @ np.swapaxes(bend, 1, 2))
+
+
+def are_joined(time: Array, number: Index, gap_s: float) -> Mask:
+    """Whether attitudes (m,) are interpolated to the next, (m − 1,)."""
+    return np.asarray((np.diff(time) <= gap_s) & (np.diff(number) == 0))
+
+
+def find_neighbours(
+    moments: Array, time: Array, number: Index, gap_s: float
+) -> tuple[Index, Mask, Mask]:
+    """The attitude at or after each moment (n,), whether one was read then, and whether the moment
+    lies between two that are joined."""
+    after = np.minimum(np.searchsorted(time, moments - SAME_MOMENT_S), len(time) - 1)
+    read = np.abs(time[after] - moments) <= SAME_MOMENT_S
+    between = (moments > time[0]) & (moments < time[-1])
+    between[between] = are_joined(time, number, gap_s)[after[between] - 1]
+    return after, read, between
 
 
 def _second_differences(turn: Array, time: Array, covariance: Array, joined: Mask) -> Array:

@@ -12,6 +12,7 @@ from agonic.alignment.direction.compute import (
     SAME_MOMENT_S,
     choose_gap,
     compute_direction,
+    find_neighbours,
     require_covariance,
     require_into_stars,
 )
@@ -118,15 +119,10 @@ class Follower:
         """Which readings at moments (n,) are ready, and which have waited long enough."""
         time, gap = stars.time, self._find_gap(stars)
         over = time[-1] - moments > (gap if self._wait_s is None else self._wait_s)
-        if len(time) < 2:
-            return np.abs(time[0] - moments) <= SAME_MOMENT_S, over
-        after = np.clip(np.searchsorted(time, moments - SAME_MOMENT_S), 1, len(time) - 1)
-        left, right = time[after - 1], time[after]
-        read = np.minimum(np.abs(left - moments), np.abs(right - moments)) <= SAME_MOMENT_S
-        joined = (stars.orientation[after - 1] == stars.orientation[after]) & (right - left <= gap)
-        inside = (left < moments) & (moments < right) & joined
-        usual = (right - left) <= _USUAL * float(np.median(np.diff(time)))
-        return read | (inside & (usual | over)), over
+        after, read, between = find_neighbours(moments, time, stars.orientation, gap)
+        step = np.diff(time, prepend=-np.inf)
+        usual = step[after] <= _USUAL * float(np.median(step[1:])) if len(time) > 1 else read
+        return read | (between & (usual | over)), over
 
 
 def follow_direction(
