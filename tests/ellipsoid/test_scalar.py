@@ -147,6 +147,14 @@ def test_what_is_not_the_field_is_refused(seed: int) -> None:
     assert fit.verdict == "refused"
 
 
+def test_a_noisy_scalar_in_a_constant_field_is_no_fault() -> None:
+    """1 nT of noise beside a vector of 0.3 nT: its mean counts."""
+    t, raw, scalar, truth = record(6, moving=False)
+    fit = fit_scalar(t, raw, scalar + np.random.default_rng(6).normal(size=N), 0.5)
+    assert fit.verdict == "good", fit.status
+    assert np.abs((numbers(fit) - truth) / fit.sd).max() < 3
+
+
 def write(path: Path, header: str, *columns: Array) -> Path:
     rows = (
         ",".join("" if np.isnan(v) else f"{v:.4f}" for v in row)

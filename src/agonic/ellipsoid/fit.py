@@ -91,6 +91,8 @@ def open_ellipsoid_parts(
 
 WORSE = 0.5
 """What one magnitude for all rows leaves, over what those of the rows do: below, they are wrong."""
+LEFT_UNSEEN = 1e-3
+"""Of the field: what magnitudes leave less of it errs a heading by no more than 0.1°."""
 MOST_LEFT = 0.02
 """Of the field: what a measured magnitude leaves more of it is no scatter of a magnetometer."""
 _HELD = 1e-9  # of what the readings' own size suggests: a gain beyond that ran away
@@ -191,26 +193,28 @@ def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> F
     found = found._replace(noise=affine.noise)
     at = (samples, reference, usable, solved.tests, settings.inclination_deg)
     fit = assess(found, affine, *at, posterior=posterior)
+    if fit.verdict == "refused":
+        return fit
     return fit.with_findings(_check_magnitudes(solved, samples, settings))
 
 
 def _check_magnitudes(solved: _Solved, samples: Samples, settings: Settings) -> Finding | None:
     """The refusal of magnitudes that change from row to row as the readings do not: they leave much
     of the field, or one for all rows leaves far less."""
-    course, size = solved.posed.course, solved.posed.scale.size
-    if course is None:
+    course, magnitude = solved.posed.course, solved.posed.scale.magnitude
+    if course is None or magnitude is None:
         return None
-    left = float(np.hypot(solved.found.noise, course.noise))
-    mean = Reference.constant(float(solved.posed.scale.magnitude or 1.0))
-    least = _solve(samples, mean, settings).found.noise
-    if least > WORSE * left and left < MOST_LEFT:
+    alone = _solve(samples, Reference.constant(magnitude), settings).found
+    left, least = (one.noise * float(np.trace(one.matrix)) / 3 for one in (solved.found, alone))
+    left = float(np.hypot(left, course.noise))
+    if left < (MOST_LEFT if least > WORSE * left else LEFT_UNSEEN):
         return None
-    given, alone = (figure(noise * size) for noise in (left, least))
+    given, by_one = (figure(noise * magnitude) for noise in (left, least))
     return Finding(
         "scale",
         "refuse",
-        f"the magnitudes of the reference leave {given} {samples.unit} of the readings, one "
-        f"magnitude for all {alone}: they are not those of the field at the sensor",
+        f"the magnitudes of the reference leave {given} nT of the readings, one magnitude for all "
+        f"{by_one} nT: they are not those of the field at the sensor",
         "look which column is the scalar instrument, whether it works, and at its clock",
     )
 
