@@ -7,7 +7,16 @@ from pathlib import Path
 
 import typer
 
-from agonic.console.options import Between, Course, Json, LogPath, Mounting, Place, SensorChoice
+from agonic.console.options import (
+    Between,
+    Course,
+    Json,
+    LogPath,
+    Mounting,
+    Place,
+    ScalarChoice,
+    SensorChoice,
+)
 
 
 def calibrate(
@@ -16,6 +25,7 @@ def calibrate(
     out: Path | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
+    scalar: ScalarChoice = ScalarChoice(),
     method: str = "auto",
     second: str | None = None,
     between: Between = None,
@@ -65,6 +75,7 @@ def calibrate(
             between,
             method,
             place=place,
+            scalar=scalar,
             course=course,
             second=second,
             mounting=mounting,

@@ -26,7 +26,7 @@ GROUPS = {
     "Heading": {
         "heading": "agonic.headings.commands.heading",
         "field": "agonic.cli.field",
-        "direction": "agonic.alignment.commands.direction",
+        "direction": "agonic.cli.direction",
     },
     "Missions": {
         "track": "agonic.inflight.commands.track",

@@ -190,7 +190,7 @@ def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | 
     if not known.any():
         return None
     time = other.time[known] + shift
-    if np.mean(measure_reach(time, samples.time) > find_reach(name)) > _FEW:
+    if np.mean(measure_reach(time, samples.time) > find_reach(name, time)) > _FEW:
         return None
     return resample(time, values[known], samples.time, period=PERIODS_DEG.get(name))
 

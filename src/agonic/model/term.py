@@ -82,7 +82,8 @@ class Term:
     every axis by so many times that mean square.
     `moves`: it changes the readings of a sensor in time, so that a calibration is of its mean.
     `diluted`: its columns follow noisy rates, so its size comes out too small. `what` says it in
-    words and `move` what helps.
+    words and `move` what helps. With `odds` of one it is there for certain, its size is `scale`. Of
+    one that has a single unknown, a `quantum` is what an error of the whole field is in `unit`.
     """
 
     name: str
@@ -97,6 +98,8 @@ class Term:
     sideways: float = 0.0
     moves: bool = False
     diluted: bool = False
+    quantum: float = 0.0
+    unit: str = ""
 
 
 def along_time(signals: Array) -> Errors:

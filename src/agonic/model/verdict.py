@@ -172,7 +172,9 @@ def shows_changes(posterior: Posterior | None) -> bool:
     """Whether anything but white noise is seen beside the calibration."""
     if posterior is None:
         return True
-    return posterior.memory_deg > 0.0 or any(one.odds > EVIDENCE for one in posterior.shares)
+    return posterior.memory_deg > 0.0 or any(
+        one.odds > EVIDENCE and not one.term.unit for one in posterior.shares
+    )
 
 
 def _name_terms(

@@ -20,7 +20,7 @@ from agonic.errors import LogError, UnitError
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
 from agonic.logs.headers.quantities import FALLBACK, Linear
-from agonic.logs.rows.resample import resample
+from agonic.logs.rows.resample import interpolate_smoothly, resample
 from agonic.maths.one_pass import median
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2, find_unit, nanotesla_per
 
@@ -49,6 +49,14 @@ _REACH_S = dict.fromkeys(_SLOW, 60.0)
 SHORT_REACH_S = 0.5
 _FEW = 0.01
 """Share of the readings that a column may still cost after its short holes are filled."""
+MOST_OF_THE_ROWS = 0.5
+"""With the scalar instrument on in so many of the rows, the others are given up for it."""
+_JOINED = 1.5
+"""Of its usual interval: readings of a scalar instrument farther apart have a gap between them."""
+_NEW_SHARE = 0.6
+"""Of the rows: where fewer hold a new scalar reading, and at even steps, the others repeat it."""
+_EVEN = 0.9
+"""Share of the steps between new readings that are even, to half of the usual one."""
 
 
 def find_finite_rows(values: Array) -> Mask:
@@ -62,8 +70,16 @@ def find_finite_rows(values: Array) -> Mask:
     return np.asarray(np.isfinite(values).all(axis=1))
 
 
-def find_reach(column: str) -> float:
-    """How far, s, recorded neighbours may be from a row that is filled from them."""
+def find_reach(column: str, known: Array) -> float:
+    """How far, s, neighbours recorded at `known` times may be from a row that is filled from them.
+
+    A scalar instrument measures at a pace of its own; what joins its readings is that pace.
+
+    >>> find_reach("scalar", np.array([0.0, 2.0, 4.0])), find_reach("current_A", np.zeros(2))
+    (3.0, 0.5)
+    """
+    if column == "scalar" and len(known) > 1:
+        return max(_JOINED * median(np.diff(known)), SHORT_REACH_S)
     return _REACH_S.get(column, SHORT_REACH_S)
 
 
@@ -148,9 +164,34 @@ def convert_column(
         return None, (f"{quantity.name} left out: it is without gravity",)
     low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
     ours[(ours < low) | (ours > high)] = np.nan
+    held = ""
+    if quantity.column == "scalar" and time is not None:
+        ours, held = forget_repeated(ours, time)
     filled, gaps = fill_holes(quantity.column, ours, time, readings, keep_holes=keep_holes)
-    notes = tuple(f"{quantity.name} {text}" for text in (remark, gaps) if text)
+    notes = tuple(f"{quantity.name} {text}" for text in (remark, held, gaps) if text)
     return (filled if filled is None or quantity.vector else filled[:, 0]), notes
+
+
+def forget_repeated(values: Array, time: Array) -> tuple[Array, str]:
+    """Readings (n, 1) of an instrument that is slower than the log, NaN where a row repeats the one
+    before until the next has come, and a note; as they are where they are no such steps.
+
+    >>> held = np.repeat([48_000.0, 48_001.0, 48_003.0, 48_002.0], 2)[:, None]
+    >>> forget_repeated(held, np.arange(8.0))[0].ravel()[:4].tolist()
+    [48000.0, nan, 48001.0, nan]
+    """
+    known = np.isfinite(values[:, 0])
+    rows = np.flatnonzero(known)
+    new = rows[np.r_[True, np.diff(values[rows, 0]) != 0]] if len(rows) else rows
+    steps = np.diff(time[new])
+    if len(new) > _NEW_SHARE * len(rows) or len(steps) < 2:
+        return values, ""
+    usual = median(steps)
+    if np.mean(np.abs(steps - usual) < usual / 2) < _EVEN:
+        return values, ""
+    fresh = np.full_like(values, np.nan)
+    fresh[new] = values[new]
+    return fresh, f"is new every {usual:.3g} s"
 
 
 def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, str]:
@@ -210,15 +251,20 @@ def fill_holes(
     if time is not None:
         known = known & np.isfinite(time)
     if time is not None and known.any():
-        near = holes & (measure_reach(time[known], time) <= find_reach(column))
+        near = holes & (measure_reach(time[known], time) <= find_reach(column, time[known]))
+        if column == "scalar":  # which changes too fast to be held at its ends
+            near &= (time >= time[known].min()) & (time <= time[known].max())
         fresh = [
-            resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
+            interpolate_smoothly(time[near], time[known], v[known])
+            if column == "scalar"
+            else resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
             for v in values.T
         ]
         values = values.copy()
         values[near] = np.stack([v for v in fresh if v is not None], axis=1)
     left = int((holes & ~near).sum())
-    if left > _FEW * readings.sum() and not keep_holes:
+    most = 1 - MOST_OF_THE_ROWS if column == "scalar" else _FEW
+    if left > most * readings.sum() and not keep_holes:
         return None, f"left out: missing in {holes.sum()} of {readings.sum()} rows"
     return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
 

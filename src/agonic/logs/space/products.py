@@ -21,14 +21,13 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Log, Stream
+from agonic.logs.rows.auxiliary import MOST_OF_THE_ROWS
 from agonic.logs.table import build_log
 from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.provenance import Input
 from agonic.samples import Samples
 
-MOST_OF_THE_ROWS = 0.5
-"""With the scalar instrument on in so many of the rows, the others are given up for it."""
 SAME = 1e-3
 """nT; a magnitude this near to that of the vector was computed from it."""
 
