@@ -10,14 +10,14 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.monitoring import (
     BLOCK_S,
     MonitorParams,
-    derive_params,
+    derive_monitor_params,
     find_threshold,
 )
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicError
 from agonic.headings.monitor.baseline import Block, start
 from agonic.headings.monitor.detect import advance
-from agonic.headings.monitor.watch import Rows, watch
+from agonic.headings.monitor.watch import CompassReadings, watch_compasses
 from tests.command_line import answer
 from tests.headings.two_compasses import DIP, FIELD, Fault, average, make_drive
 
@@ -53,7 +53,7 @@ def make_setup(covariance=True) -> Setup:
     )
 
 
-PARAMS = derive_params(make_setup(), FIELD, LEVEL)
+PARAMS = derive_monitor_params(make_setup(), FIELD, LEVEL)
 
 
 def follow(drive):
@@ -105,7 +105,7 @@ def count_false(seed, vehicles, hours):
 
 
 def test_manoeuvres_and_iron_that_is_passed_do_not_alarm():
-    """20 hours with iron of up to 20 µT, three tenths more at one compass, every five minutes."""
+    """20 hours with iron of up to 20 µT, three tenths more at one compass, every ten minutes."""
     assert count_false(1, vehicles=20, hours=1.0) == 0
 
 
@@ -150,17 +150,17 @@ def test_a_change_is_as_large_as_it_says_and_as_old():
     assert abs(np.median(np.concatenate(began))) < 1.0
 
 
-def make_rows(drive) -> Rows:
-    return Rows(drive.time, drive.field[:, 0], drive.down[:, 0], FIELD, BELOW)
+def make_rows(drive) -> CompassReadings:
+    return CompassReadings(drive.time, drive.field[:, 0], drive.down[:, 0], FIELD, BELOW)
 
 
 def test_pieces_tell_what_the_whole_tells():
     rows = make_rows(make_drive(5, 1000.0, fault=Fault("magnetometer", 1, 1000.0, 900.0)))
-    whole = watch(rows, PARAMS, names=("mag1", "mag2"))
+    whole = watch_compasses(rows, PARAMS, names=("mag1", "mag2"))
     piecewise = None
     for part in np.array_split(np.arange(len(rows.time)), 37):
-        some = Rows(rows.time[part], rows.field[part], rows.down[part], FIELD, BELOW)
-        piecewise = watch(some, PARAMS, piecewise, names=("mag1", "mag2"))
+        some = CompassReadings(rows.time[part], rows.field[part], rows.down[part], FIELD, BELOW)
+        piecewise = watch_compasses(some, PARAMS, piecewise, names=("mag1", "mag2"))
     for a, b in zip(whole.state, piecewise.state, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
     assert [f.sentence for f in whole.faults] == [f.sentence for f in piecewise.faults]
@@ -173,7 +173,7 @@ def test_on_one_course_two_disagree_and_none_is_named_without_reason():
     heading = np.radians(drive.heading_deg[-1, 0])
     east = 1000.0 * np.array([np.sin(heading), np.cos(heading), 0.0])
     drive.field[drive.time > 1000.0, :, 0] += east
-    (fault,) = watch(make_rows(drive), PARAMS, names=("mag1", "mag2")).faults
+    (fault,) = watch_compasses(make_rows(drive), PARAMS, names=("mag1", "mag2")).faults
     assert fault.unit == "magnetometer"
     assert fault.sensor is None
     assert "other courses" in fault.sentence
@@ -184,7 +184,7 @@ def test_a_fault_that_goes_is_over():
     drive = make_drive(9, 1500.0, iron=False)
     during = (drive.time > 1000.0) & (drive.time < 1200.0)
     drive.field[during, :, 1, 2] += 2000.0
-    (fault,) = watch(make_rows(drive), PARAMS, names=("mag1", "mag2")).faults
+    (fault,) = watch_compasses(make_rows(drive), PARAMS, names=("mag1", "mag2")).faults
     assert fault.sensor == "mag2"
     assert fault.began_s == pytest.approx(1000.0, abs=2 * BLOCK_S)
     assert 1200.0 < fault.ended_s < 1270.0
@@ -193,7 +193,7 @@ def test_a_fault_that_goes_is_over():
 def test_a_setup_with_one_compass_has_no_monitor():
     one = Setup(compasses=make_setup().compasses[:1], declination_deg=0.0)
     with pytest.raises(AgonicError, match="give a setup with two"):
-        derive_params(one, FIELD, LEVEL)
+        derive_monitor_params(one, FIELD, LEVEL)
 
 
 def write_log(path, drive) -> None:

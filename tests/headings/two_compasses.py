@@ -71,7 +71,7 @@ def turn_into_body(vector, heading, roll, pitch):
     return np.stack([x, y, z], axis=-1)
 
 
-def passing_iron(rng, n, v, step_s, every_s=300.0):
+def passing_iron(rng, n, v, step_s, every_s=600.0):
     """A field (n, v, 3) of iron that is passed in up to 15 s, nT."""
     field = np.zeros((n, v, 3))
     for k in range(v):

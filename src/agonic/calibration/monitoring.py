@@ -28,9 +28,10 @@ from agonic.errors import AgonicError
 from agonic.units import RAW
 
 BLOCK_S = 3.0
-"""Rows are averaged over it: 16 blocks lie within the minute in which a fault is to be named."""
-LENGTHS = (8, 16)
-"""Blocks of the windows whose means are tested."""
+"""Rows are averaged over it."""
+LENGTHS, KEPT = (8, 16), 20
+"""Blocks of the windows whose means are tested; and those that are kept, a minute, in which a fault
+is to be named."""
 PASSING = 5
 """Blocks, 15 s: what passes in less never alarms, however large it is."""
 DIMENSIONS = (3, 2, 1, 1)
@@ -42,6 +43,19 @@ NOISE_MEMORY, NOISE_PRIOR = 2400, 40
 """Blocks over which variances are averaged, two hours, and those that a prior counts for."""
 ODDS = 200.0
 """That one compass is at fault and not the other, for it to be named: wrong once in so many."""
+TURNED = np.radians(2.0) * BLOCK_S
+"""Turns in which inclinometers lean by more than a degree at 5 m/s, v ω/g, so that it is no longer
+proportional to the rate: the vertical intensity is not looked at."""
+QUIET = 9.0
+"""What one square may add to a variance, over it: three standard deviations."""
+LASTING = 0.98
+"""The most that ρ is taken to be: a correlation time of 150 s, longer than the window."""
+BOTH = 5.0
+"""Both strengths off to one side by so many standard deviations are a field that both feel."""
+TAILS = 8.0
+"""Degrees of freedom of Student's t for the common residuals, whose tails are those of manoeuvres
+and iron beside the road. Source: Lange, Little & Taylor (1989), Journal of the American Statistical
+Association 84, 881–896."""
 YEAR_H = 8766.0
 UNSTATED_SHARE, UNSTATED_TILT = 0.01, np.radians(0.5)
 """Errors of a calibration without covariance, and of an inclinometer (`RECORDED_SD_DEG`)."""
@@ -109,10 +123,22 @@ def find_threshold(dimensions: int, length: int, rate: float) -> float:
     return level
 
 
-def derive_params(setup: Setup, field: float | None, horizontal: float | None) -> MonitorParams:
-    """The params of a setup's two compasses, in a field of such a strength, nT, where known.
+def derive_monitor_params(
+    setup: Setup, field: float | None, horizontal: float | None
+) -> MonitorParams:
+    """The params of a setup's two compasses.
+
+    Parameters: the `setup`; `field` and `horizontal`, magnitude and level part to expect, nT,
+    `None` for that of the calibrations and half of it.
 
     Raises `AgonicError` where the setup has not two compasses in nanotesla.
+
+    >>> from agonic.calibration.affine import Affine
+    >>> from agonic.calibration.setup import Compass
+    >>> two = [Affine(bias=[0, 0, 0], matrix=np.eye(3), sensor=name) for name in ("a", "b")]
+    >>> setup = Setup(compasses=[Compass(calibration=one) for one in two])
+    >>> derive_monitor_params(setup, 50_000.0, 20_000.0).field
+    50000.0
     """
     pair = [compass.calibration for compass in setup.compasses]
     if len(pair) != 2 or any(c.unit_out == RAW for c in pair):
@@ -124,7 +150,7 @@ def derive_params(setup: Setup, field: float | None, horizontal: float | None) -
     level = horizontal or size / 2.0
     own = [_find_field_sd(one, size) for one in pair]
     turn = MOUNTED if all(one.frame_out == "b" for one in pair) else UNMOUNTED
-    both = float(np.hypot(*own))
+    both = float(np.hypot(own[0], own[1]))
     tilt = UNSTATED_TILT if setup.tilt_sd_deg is None else float(np.radians(setup.tilt_sd_deg))
     return MonitorParams(
         field=size,

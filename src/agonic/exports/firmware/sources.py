@@ -47,6 +47,10 @@ INPUTS = {
     ),
     "grid": "    float latitude_deg;\n    float longitude_deg; /* east positive */",
 }
+DOWN = """
+/* Down in body axes, of length one, by the tilt. */
+void {name}_down(const {name}_input *in, float down[3]);
+"""
 ORDERS = {
     "roll-pitch": "aerospace: heading, then pitch, then roll",
     "pitch-roll": "of an inclinometer: heading, then roll, then pitch",
@@ -77,6 +81,8 @@ def write_parts(plan: Plan) -> Iterator[str]:
         yield f"tilt_{plan.order.replace('-', '_')}"
     else:
         yield f"tilt_{plan.tilt}"
+    if plan.watched:
+        yield "down"
     if plan.heeled:
         yield f"heel_{plan.tilt}"
     yield (
@@ -142,6 +148,7 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
         "inputs": "\n".join(inputs),
         "following": write_following_header(plan.time_constants, name),
         "unit_out": first.unit_out,
+        "down": DOWN.format(name=name) if plan.watched else "",
         "largest_tilt": f"{plan.setup.tilt_limit_deg:g}",
     }
 

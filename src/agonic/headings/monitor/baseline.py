@@ -8,25 +8,20 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.monitoring import (
-    BLOCK_S,
     DIMENSIONS,
+    KEPT,
+    LASTING,
     LENGTHS,
     MEMORY,
     NOISE_MEMORY,
     NOISE_PRIOR,
+    QUIET,
+    TURNED,
     MonitorParams,
 )
 
 R, Q, S, V = range(4)
 """The groups of residuals: field, tilt, strength, vertical intensity."""
-KEPT = LENGTHS[-1]
-TURNED = np.radians(2.0) * BLOCK_S
-"""Turns in which inclinometers lean by more than a degree at 5 m/s, v ω/g, so that it is no longer
-proportional to the rate: the vertical intensity is not looked at."""
-QUIET = 9.0
-"""What one square may add to a variance, over it: three standard deviations."""
-LASTING = 0.98
-"""The most that ρ is taken to be: a correlation time of 150 s, longer than the window."""
 
 
 class Block(NamedTuple):
@@ -47,7 +42,7 @@ class State(NamedTuple):
     `residual` (…, k, 4, 3) and `regressor` (…, k, 4, 4) of the last k blocks, the latter zero where
     a group has none, and `filled` (…,) how many there are. `information` (…, 4, 4, 4) and `seen`
     (…, 4, 4, 3) of the regressions. Sums of `square` (…, 4, 2) of window means and of `power`
-    (…, 4, 2) of blocks, squares and products with the block before, over `count` (…, 4). Of r and
+    (…, 4, 2) of blocks, squares and products with the block before, over `weight` (…, 4). Of r and
     q, `since` (…, 2) blocks since a fault began, 0 without one, and the compass `named` (…, 2), 1
     or 2, 0 not yet. `level` (…, 3) part of the field at the end of the last block; `skipped` (…,)
     how many blocks were disturbed.
@@ -60,7 +55,7 @@ class State(NamedTuple):
     seen: Array
     square: Array
     power: Array
-    count: Array
+    weight: Array
     since: Index
     named: Index
     level: Array
@@ -79,7 +74,7 @@ def start(params: MonitorParams, shape: tuple[int, ...] = ()) -> State:
         seen=np.zeros((*shape, 4, 4, 3)),
         square=pair.copy(),
         power=pair * [1.0, 0.0],
-        count=np.full((*shape, 4), float(NOISE_PRIOR)),
+        weight=np.full((*shape, 4), float(NOISE_PRIOR)),
         since=np.zeros((*shape, 2), dtype=np.intp),
         named=np.zeros((*shape, 2), dtype=np.intp),
         level=np.zeros((*shape, 3)),
@@ -123,11 +118,11 @@ def solve(state: State, params: MonitorParams) -> tuple[Array, Array]:
 def learn(state: State, known: Array, rows: Mask) -> State:
     """The regressions, of coefficients `known`, with the oldest block that is kept, where `rows`
     (…,) say so; iron that was passed counts for no more than three standard deviations."""
-    sd2 = KEPT * state.square[..., 1] / state.count  # of a block among lasting errors
+    sd2 = LENGTHS[1] * state.square[..., 1] / state.weight  # of a block among lasting errors
     x, y = state.regressor[..., 0, :, :], state.residual[..., 0, :, :]
     expected = np.einsum("...gi,...gid->...gd", x, known)
     error = y - expected
-    most = QUIET * state.power[..., 0] / state.count
+    most = QUIET * state.power[..., 0] / state.weight
     size = np.maximum(measure(error), 1e-30)
     y = expected + error * np.sqrt(np.minimum(1.0, most / size))[..., None]
     keep = 1.0 - 1.0 / MEMORY
@@ -149,7 +144,7 @@ def average_squares(state: State, square: Array, power: Array, rows: Mask) -> St
     return state._replace(
         square=np.where(chosen, fade * state.square + square, state.square),
         power=np.where(chosen, fade * state.power + power, state.power),
-        count=np.where(rows, fade * state.count + 1.0, state.count),
+        weight=np.where(rows, fade * state.weight + 1.0, state.weight),
     )
 
 

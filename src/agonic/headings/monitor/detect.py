@@ -8,15 +8,16 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.monitoring import (
+    BOTH,
     DIMENSIONS,
+    KEPT,
     LENGTHS,
     ODDS,
     PASSING,
+    QUIET,
     MonitorParams,
 )
 from agonic.headings.monitor.baseline import (
-    KEPT,
-    QUIET,
     Block,
     S,
     State,
@@ -27,9 +28,6 @@ from agonic.headings.monitor.baseline import (
     solve,
 )
 from agonic.headings.monitor.isolate import weigh
-
-BOTH = 5.0
-"""Both strengths off to one side by so many standard deviations are a field that both feel."""
 
 
 class Seen(NamedTuple):
@@ -56,7 +54,7 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
     covariance, known = solve(state, params)
     disturbed = _is_disturbed(state, block, residual, regressor, covariance, known)
     sound = ~(disturbed[..., None] & np.array([True, False, True, True]))[..., None]
-    calm = ~(state.since > 0).any(axis=-1)
+    calm = np.asarray(~(state.since > 0).any(axis=-1))
     state = learn(state, known, calm & (state.filled == KEPT))
     state = _push(state, residual * sound, regressor * sound)
     state = state._replace(level=block.level, skipped=state.skipped + disturbed)
@@ -88,7 +86,7 @@ def _is_disturbed(
     x = regressor[..., S, :]
     expected = (x * known[..., S, :, 0]).sum(axis=-1)
     off = block.strength - expected[..., None]
-    variance = state.power[..., S, 0] / state.count[..., S]
+    variance = state.power[..., S, 0] / state.weight[..., S]
     variance = variance + np.einsum("...i,...ij,...j->...", x, covariance[..., S, :, :], x)
     same = off[..., 0] * off[..., 1] > 0
     return np.asarray(same & ((off**2).min(axis=-1) > BOTH**2 * variance))
@@ -116,10 +114,10 @@ def _test(
     for j, n in enumerate(LENGTHS):
         last = errors[..., KEPT - n :, :, :]
         x = state.regressor[..., KEPT - n :, :, :].mean(axis=-3)
-        known = state.square[..., j] / state.count
+        known = state.square[..., j] / state.weight
         unknown = np.einsum("...gi,...gij,...gj->...g", x, covariance, x)
         total = known + unknown
-        squares = np.array(DIMENSIONS) * state.count / n
+        squares = np.array(DIMENSIONS) * state.weight / n
         level = np.full(4, params.alarm[:, j].min())
         level[:2] = params.alarm[:, j]
         level = squares * np.expm1(level / squares)
@@ -138,11 +136,11 @@ def _measure_noise(
     state: State, covariance: Array, errors: Array, means: Array, own: Array, rows: Mask
 ) -> State:
     """The variances with this block's; of each square the part that is not the regressions'."""
-    noise = state.square / state.count[..., None]
+    noise = state.square / state.weight[..., None]
     square = np.stack([measure(means[..., j, :]) for j in range(2)], axis=-1)
     square = np.minimum(square, QUIET * own) * noise / own
     x = state.regressor[..., -1, :, :]
-    usual = state.power[..., 0] / state.count
+    usual = state.power[..., 0] / state.weight
     total = usual + np.einsum("...gi,...gij,...gj->...g", x, covariance, x)
     last, before = errors[..., -1, :, :], errors[..., -2, :, :]
     power = np.stack([measure(last), (last * before).sum(axis=-1) / np.array(DIMENSIONS)], axis=-1)
@@ -157,7 +155,7 @@ def _judge(state: State, errors: Array, share: Array) -> tuple[State, Array, Arr
     sums = np.cumsum(errors[..., ::-1, :2, :], axis=-3)
     count = np.arange(1.0, KEPT + 1.0)[:, None]
     gain = (sums**2).sum(axis=-1) / count
-    block = KEPT * state.square[..., :2, 1] / state.count[..., :2]
+    block = LENGTHS[1] * state.square[..., :2, 1] / state.weight[..., :2]
     gain = np.where(count <= state.filled[..., None, None], gain / block[..., None, :], -1e9)
     likely = np.exp((gain - gain.max(axis=-2, keepdims=True)) / 2)
     likely = likely / likely.sum(axis=-2, keepdims=True)

@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.monitoring import MonitorParams
+from agonic.calibration.monitoring import TAILS, MonitorParams
 from agonic.headings.monitor.baseline import Q, R, S, State, V, share_of_before
-
-TAILS = 8.0
-"""Degrees of freedom of Student's t for the common residuals, whose tails are those of manoeuvres
-and iron beside the road. Source: Lange, Little & Taylor (1989), Journal of the American Statistical
-Association 84, 881–896."""
 
 
 def weigh(
@@ -60,7 +55,7 @@ def _compare(
     """The log odds (…,) by one group of common residuals, of signatures (…, k)."""
     there = state.regressor[..., group, 0] > 0.0
     after = there[..., 1:] & there[..., :-1]
-    usual = state.power[..., group, 0] / state.count[..., group]
+    usual = state.power[..., group, 0] / state.weight[..., group]
     kept = np.where(after, share_of_before(state)[..., group, None], 0.0)
     moved = np.where(within[..., cause, :], signature, 0.0)
     told = moved[..., 1:] - kept * moved[..., :-1]

@@ -8,12 +8,12 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import has_two_axes
-from agonic.calibration.monitoring import derive_params
+from agonic.calibration.monitoring import derive_monitor_params
 from agonic.calibration.setup import Setup
 from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.monitor.result import CompassFault
-from agonic.headings.monitor.watch import Rows, watch
+from agonic.headings.monitor.watch import CompassReadings, watch_compasses
 from agonic.headings.propagation import apply_steps, list_steps
 from agonic.headings.rows import CompassRows
 from agonic.maths.rotations.tilt import compute_down
@@ -55,6 +55,6 @@ def watch_pair(
     else:
         level, below = (np.broadcast_to(v, len(time)) for v in (around.horizontal, around.vertical))
         size = np.hypot(level, below)
-    params = derive_params(setup, float(np.median(size)), float(np.median(level)))
-    rows = Rows(time[there], field[there], down[there], size[there], below[there])
-    return watch(rows, params, names=[one.compass.sensor for one in compasses]).faults
+    params = derive_monitor_params(setup, float(np.median(size)), float(np.median(level)))
+    rows = CompassReadings(time[there], field[there], down[there], size[there], below[there])
+    return watch_compasses(rows, params, names=[one.compass.sensor for one in compasses]).faults

@@ -15,9 +15,14 @@ from agonic.headings.monitor.detect import Seen, advance
 from agonic.headings.monitor.result import UNITS, CompassFault
 
 
-class Rows(NamedTuple):
-    """Readings of both compasses: time (n,) s; field (n, 2, 3), nT, and down (n, 2, 3), of length
-    one, in body axes; magnitude and vertical intensity to expect, nT, (n,) or a number each."""
+class CompassReadings(NamedTuple):
+    """Readings of both compasses, row by row.
+
+    Parameters
+    ----------
+    time : (n,) s. field : (n, 2, 3) nT, and down : (n, 2, 3) of length one, in body axes.
+    magnitude, vertical : to expect, nT, (n,) or a number each.
+    """
 
     time: Array
     field: Array
@@ -32,27 +37,37 @@ class Watch(NamedTuple):
 
     state: State
     sums: Block | None = None
-    count: int = 0
+    held: int = 0
     end_s: float = -np.inf
     faults: tuple[CompassFault, ...] = ()
 
 
-def watch(
-    rows: Rows, params: MonitorParams, before: Watch | None = None, *, names: Sequence[str]
+def watch_compasses(
+    rows: CompassReadings,
+    params: MonitorParams,
+    before: Watch | None = None,
+    *,
+    names: Sequence[str],
 ) -> Watch:
     """Go on watching two compasses; rows in any pieces give the same as all at once.
 
-    Parameters: rows that are all readings; `params` of `derive_params`; what the call before
-    returned, `None` at first; the names of the compasses.
+    Parameters: `rows`, whose strength and vertical intensity to expect are nT; `params` of
+    `derive_monitor_params`; `before`, what the last call returned, `None` at first; the `names` of
+    the compasses. Returns a `Watch` with all `faults` so far, those that last included.
+
+    Source: A. S. Willsky, H. L. Jones (1976), A generalized likelihood ratio approach to the
+    detection and estimation of jumps in linear systems, IEEE Transactions on Automatic Control
+    21(1), 108–112, for the tests; the thresholds are those of `find_threshold`.
 
     >>> rng = np.random.default_rng(0)
     >>> time = np.arange(0.0, 900.0, 0.5)
     >>> field = np.array([20_000.0, 0, 40_000]) + rng.normal(scale=50.0, size=(1800, 2, 3))
     >>> field[1500:, 1] += [800.0, 0, 800]
     >>> down = np.broadcast_to([0.0, 0, 1], (1800, 2, 3))
-    >>> rows = Rows(time, field, down, 44_721.4, 40_000.0)
+    >>> rows = CompassReadings(time, field, down, 44_721.4, 40_000.0)
     >>> params = MonitorParams(field=44_721.4, horizontal=20_000.0)
-    >>> [(f.unit, f.sensor, round(f.began_s)) for f in watch(rows, params, names="ab").faults]
+    >>> found = watch_compasses(rows, params, names="ab").faults
+    >>> [(fault.unit, fault.sensor, round(fault.began_s)) for fault in found]
     [('magnetometer', 'b', 750)]
     """
     now = Watch(start(params)) if before is None else before
@@ -74,7 +89,7 @@ def watch(
         sums = Block(*(values.sum(axis=0) for values in part))
         if now.sums is not None:
             sums = Block(*(a + b for a, b in zip(now.sums, sums, strict=True)))
-        now = now._replace(sums=sums._replace(level=part.level[-1]), count=now.count + to - at)
+        now = now._replace(sums=sums._replace(level=part.level[-1]), held=now.held + to - at)
         at = to
     return now
 
@@ -83,7 +98,7 @@ def _close(now: Watch, params: MonitorParams, names: Sequence[str]) -> Watch:
     """The watch with its block finished, and the faults that it tells."""
     if now.sums is None:
         return now
-    block = Block(*(values / now.count for values in now.sums[:4]), now.sums.level)
+    block = Block(*(values / now.held for values in now.sums))._replace(level=now.sums.level)
     state, seen = advance(params, now.state, block)
     faults = list(now.faults)
     for group, unit in enumerate(UNITS):
