@@ -162,11 +162,11 @@ def average(drive: Drive, block_s: float) -> tuple[np.ndarray, ...]:
     step = drive.time[1] - drive.time[0]
     rows = round(block_s / step)
     b = len(drive.time) // rows
-    strength = np.linalg.norm(drive.field, axis=-1) - FIELD
-    along = (drive.field * drive.down).sum(axis=-1)
+    size = np.linalg.norm(drive.field, axis=-1)
+    vertical = (drive.field * drive.down).sum(axis=-1) - size * np.sin(DIP)
     means = [
         values[: b * rows].reshape(b, rows, *values.shape[1:]).mean(axis=1)
-        for values in (drive.field, drive.down, strength, along - FIELD * np.sin(DIP))
+        for values in (drive.field, drive.down, size - FIELD, vertical)
     ]
     last = slice(rows - 1, b * rows, rows)
     field, down = drive.field[last].mean(axis=2), drive.down[last].mean(axis=2)

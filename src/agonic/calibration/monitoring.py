@@ -5,8 +5,8 @@ Four groups of residuals are watched, each a linear function of four regressors 
     r = f₁ − f₂ (3), nT               x = (1, f/F)     calibrations, turn between the housings
     q = down₁ − down₂ (2), rad        x = (1, down)    zeros of the inclinometers, turn
     s = (|f₁| + |f₂|)/2 − F (1), nT   x = (1, f/F)     errors both calibrations share
-    v = (f₁·down₁ + f₂·down₂)/2 − Z (1), nT   x = (1, north_x, north_y, turn · north_y)   zeros that
-        both share, and how turns lean them
+    v = mean of fᵢ·downᵢ − |fᵢ| sin dip (1), nT   x = (1, north_x, north_y, turn · north_y)   zeros
+        that both share, and how turns lean them
 
 The first two tell that something changed, the last two which of the compasses it was.
 """

@@ -18,6 +18,7 @@ from agonic.exports.firmware.c_text import (
     write_integer,
     write_literal,
 )
+from agonic.exports.firmware.error_bound import compute_error_bound_deg
 from agonic.exports.firmware.following import write_following, write_following_header
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
@@ -149,8 +150,21 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
         "following": write_following_header(plan.time_constants, name),
         "unit_out": first.unit_out,
         "down": DOWN.format(name=name) if plan.watched else "",
+        "accuracy": _write_accuracy(plan),
         "largest_tilt": f"{plan.setup.tilt_limit_deg:g}",
     }
+
+
+def _write_accuracy(plan: Plan) -> str:
+    """The comment on how far single precision may be off; nothing where no bound is known."""
+    bound = compute_error_bound_deg(plan)
+    if bound is None:
+        return ""
+    return (
+        "/* Where the status is 0, true_deg is within\n"
+        f"   {bound:.2e} degrees of exact arithmetic, whatever the input (an error analysis of\n"
+        "   every operation with these numbers). */\n\n"
+    )
 
 
 def _tables(plan: Plan) -> dict[str, str]:

@@ -36,7 +36,7 @@ def write_watch(plan: Plan, name: str) -> dict[str, str]:
         "passing": write_literal(m.PASSING),
         "field": write_literal(params.field),
         "horizontal": write_literal(params.horizontal),
-        "vertical": write_literal(vertical),
+        "sine": write_literal(vertical / params.field),
         "quiet": write_literal(m.QUIET),
         "both": write_literal(m.BOTH**2),
         "turned": write_literal(m.TURNED),

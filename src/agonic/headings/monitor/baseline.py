@@ -26,8 +26,8 @@ R, Q, S, V = range(4)
 
 class Block(NamedTuple):
     """Means over the rows of a block: fields, nT, and down in body axes of each compass (…, 2, 3),
-    strength less the expected (…, 2) and vertical intensity less the expected (…, 2), nT; and the
-    level part of the field (…, 3) in its last row."""
+    strength less the expected (…, 2), and vertical intensity less that of such a strength at the
+    dip to expect (…, 2), nT; and the level part of the field (…, 3) in its last row."""
 
     field: Array
     down: Array

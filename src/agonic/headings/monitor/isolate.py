@@ -20,9 +20,10 @@ def weigh(
     """Log odds (…, 2) that compass 1 changed and not 2, of r and q.
 
     A change β of r = f₁ − f₂ moves the mean of both magnitudes by ½ f̂·β where compass 1 changed,
-    and by −½ f̂·β where 2 did; that of both vertical intensities by ±½ down·β. One ε of
-    q = down₁ − down₂ moves the vertical intensities by ±½ f·ε. With e what a block's residual does
-    not share with the one before, eₖ − ρ eₖ₋₁, a the same of the signature, and w the variance:
+    and by −½ f̂·β where 2 did; that of both vertical intensities, less what such magnitudes explain,
+    by ±½ (down − f̂ sin dip)·β. One ε of q = down₁ − down₂ moves it by ±½ f·ε. With e what a
+    block's residual does not share with the one before, eₖ − ρ eₖ₋₁, a the same of the signature,
+    and w the variance:
 
         log odds = Σ (ν + 1)/2 · log[(1 + (e + a)²/νw) / (1 + (e − a)²/νw)]
 
@@ -30,14 +31,15 @@ def weigh(
     blocks are within (…, 2, k) the changes.
     """
     field, down = state.regressor[..., S, 1:], state.regressor[..., Q, 1:]
-    level = (field - (field * down).sum(axis=-1, keepdims=True) * down) * params.field
+    sine = (field * down).sum(axis=-1, keepdims=True)
+    level, across = (field - sine * down) * params.field, down - sine * field
     of_field, of_tilt = change[..., None, 0, :], change[..., None, 1, :]
     leaning = (down[..., :2] * of_tilt[..., :2]).sum(axis=-1)
     fallen = -leaning / np.maximum(down[..., 2], 0.1)
     by_tilt = (level[..., :2] * of_tilt[..., :2]).sum(axis=-1) + level[..., 2] * fallen
     odds = [
         _compare(state, covariance, errors, S, (field * of_field).sum(axis=-1) / 2, within, R)
-        + _compare(state, covariance, errors, V, (down * of_field).sum(axis=-1) / 2, within, R),
+        + _compare(state, covariance, errors, V, (across * of_field).sum(axis=-1) / 2, within, R),
         _compare(state, covariance, errors, V, by_tilt / 2, within, Q),
     ]
     return np.stack(odds, axis=-1)

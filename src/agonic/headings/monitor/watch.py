@@ -71,12 +71,13 @@ def watch_compasses(
     [('magnetometer', 'b', 750)]
     """
     now = Watch(start(params)) if before is None else before
-    strength = (
-        np.linalg.norm(rows.field, axis=-1)
-        - np.broadcast_to(rows.magnitude, rows.time.shape)[:, None]
+    expected, below = (
+        np.broadcast_to(value, rows.time.shape)[:, None]
+        for value in (rows.magnitude, rows.vertical)
     )
-    along = (rows.field * rows.down).sum(axis=-1)
-    vertical = along - np.broadcast_to(rows.vertical, rows.time.shape)[:, None]
+    size = np.linalg.norm(rows.field, axis=-1)
+    strength = size - expected
+    vertical = (rows.field * rows.down).sum(axis=-1) - below / expected * size
     field, down = rows.field.mean(axis=1), rows.down.mean(axis=1)
     level = field - (field * down).sum(axis=-1, keepdims=True) * down
     whole = Block(rows.field, rows.down, strength, vertical, level)
