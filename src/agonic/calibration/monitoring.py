@@ -51,7 +51,7 @@ QUIET = 9.0
 LASTING = 0.98
 """The most that ρ is taken to be: a correlation time of 150 s, longer than the window."""
 BOTH = 5.0
-"""Both strengths off to one side by so many standard deviations are a field that both feel."""
+"""Both strengths off by so many standard deviations are a field that both feel."""
 TAILS = 8.0
 """Degrees of freedom of Student's t for the common residuals, whose tails are those of manoeuvres
 and iron beside the road. Source: Lange, Little & Taylor (1989), Journal of the American Statistical

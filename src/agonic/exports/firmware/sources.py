@@ -18,6 +18,7 @@ from agonic.exports.firmware.c_text import (
     write_integer,
     write_literal,
 )
+from agonic.exports.firmware.cost import write_cost
 from agonic.exports.firmware.error_bound import compute_error_bound_deg
 from agonic.exports.firmware.following import write_following, write_following_header
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
@@ -151,6 +152,7 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
         "unit_out": first.unit_out,
         "down": DOWN.format(name=name) if plan.watched else "",
         "accuracy": _write_accuracy(plan),
+        "cost": write_cost(plan),
         "largest_tilt": f"{plan.setup.tilt_limit_deg:g}",
     }
 

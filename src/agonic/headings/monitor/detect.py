@@ -88,8 +88,7 @@ def _is_disturbed(
     off = block.strength - expected[..., None]
     variance = state.power[..., S, 0] / state.weight[..., S]
     variance = variance + np.einsum("...i,...ij,...j->...", x, covariance[..., S, :, :], x)
-    same = off[..., 0] * off[..., 1] > 0
-    return np.asarray(same & ((off**2).min(axis=-1) > BOTH**2 * variance))
+    return np.asarray((off**2).min(axis=-1) > BOTH**2 * variance)
 
 
 def _push(state: State, residual: Array, regressor: Array) -> State:
