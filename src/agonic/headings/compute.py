@@ -23,6 +23,7 @@ from agonic.headings.compass_heading import (
 )
 from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
 from agonic.headings.expected_field import Surroundings, find_surroundings
+from agonic.headings.monitor.pair import watch_pair
 from agonic.headings.rates import mend_unit
 from agonic.headings.result import EACH_ROW, FLAGS, SMOOTHED, Heading
 from agonic.headings.rows import CompassRows, RowHeadings, find_row_headings
@@ -103,7 +104,9 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
             warnings.simplefilter("ignore", AgonicWarning)  # the rows have said it by themselves
             by_row, smoothed, why = smooth_rows(first, by_row, find, setup, around)
     found = _make_heading(first, setup, by_row, around, smoothed)
-    return replace(found, notes=(*said, *found.notes, *why))
+    faults = watch_pair(first.time, by_row.compasses, by_row.tilt, setup, around)
+    notes = (*(fault.sentence for fault in faults), *said, *found.notes, *why)
+    return replace(found, faults=faults, notes=notes)
 
 
 def match_sensors(samples: tuple[Samples, ...], setup: Setup) -> _Pairs:

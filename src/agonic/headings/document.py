@@ -158,6 +158,7 @@ def _list_values(found: Heading, samples: Samples | None) -> dict[str, Any]:
         "used": {name: int((found.used == k).sum()) for k, name in enumerate(found.sensors)},
         "disagreement_deg": _rms(found.disagreement_deg, trusted),
         "against_log": _compare_with_log(found, samples, trusted),
+        "faults": [fault.values() for fault in found.faults],
     }
 
 
@@ -182,6 +183,8 @@ def _list_entries(found: Heading, values: Mapping[str, Any]) -> dict[str, str]:
     if (apart := values["disagreement_deg"]) is not None:
         shares = (f"{name} {100 * rows / n:.0f} %" for name, rows in values["used"].items())
         entries["Sensors"] = f"differ by {apart:.2f}° rms; used: {', '.join(shares)}"
+    if found.faults:
+        entries["Faults"] = "; ".join(fault.sentence for fault in found.faults)
     if (against := values["against_log"]) is not None:
         entries["Against"] = (
             f"the logged heading: true − logged, mean {against['mean_deg']:+.2f}°, "

@@ -167,6 +167,12 @@ class Plan:
         return float(np.arctan2(v, h))
 
     @property
+    def watched(self) -> bool:
+        """Whether there are two compasses to watch: with their field in nT, and a tilt."""
+        scaled = all(calibration.unit_out != RAW for calibration in self.calibrations)
+        return len(self.calibrations) == 2 and self.dip is not None and scaled
+
+    @property
     def expected(self) -> tuple[float | None, ...]:
         """The strength that each compass should read: horizontal where it stays level.
 
