@@ -54,10 +54,14 @@ class Errors(NamedTuple):
         """How many unknowns there are."""
         return len(self.parts) * (3 if self.apart else 1)
 
-    def along(self, ways: Array) -> Array:
-        """What each unknown does along the vectors (3, n), (k, n)."""
-        seen = ways * self.parts
-        return np.asarray(seen.reshape(-1, ways.shape[1]) if self.apart else seen.sum(axis=1))
+    def along(self, ways: Array, out: Array | None = None) -> Array:
+        """What each unknown does along the vectors (3, n), (k, n); written to `out` if given."""
+        out = np.empty((self.unknowns, ways.shape[1])) if out is None else out
+        if self.apart:
+            np.multiply(ways, self.parts, out=out.reshape(-1, *ways.shape))
+        else:
+            np.einsum("an,ban->bn", ways, self.parts, out=out)
+        return out
 
     def mean_square(self, square: Array) -> float:
         """The mean square length of E u for E[u uᵀ] = square (k, k)."""
