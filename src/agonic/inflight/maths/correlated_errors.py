@@ -23,10 +23,11 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.noise.autoregression import autoregress
 
 STRETCHES = 20_000
 """Stretches of time that a record is summed up in; within one nothing turns much."""
+_BLOCK = 64  # stretches that are multiplied at once, and those in which columns may be all zero:
+_PIECE = 16 * _BLOCK  # results are the same with any
 _GROUPS = 40
 _LONGEST = 1 / 3  # of the record: products at longer lags say little
 _CHANCE = 16.0  # χ² by which correlated errors must explain the products better than none
@@ -153,16 +154,54 @@ def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float
     >>> compute_scatter(one, [CorrelatedError(1.0, 1e12, 0)], 1.0).round(6).tolist()
     [[9.0]]
     """
-    m = sums.jacobian.shape[1]
-    added = np.zeros((m, m))
-    weight = np.maximum(sums.weight, 1e-300)[:, None]
-    for error in errors:
-        kept = np.exp(-step_s / error.time_s)
-        for column in sums.directions[error.geometry].T:
-            scores = sums.jacobian * (column[:, None] / weight)
-            followed = scores.T @ autoregress(scores, kept)
-            added += error.variance * (followed + followed.T - scores.T @ scores)
-    return added
+    once = np.zeros((sums.jacobian.shape[1],) * 2)
+    weight = np.maximum(sums.weight, 1e-300)
+    pieces = [sums.jacobian[first : first + _PIECE] for first in range(0, len(weight), _PIECE)]
+    columns = [np.flatnonzero(piece.any(axis=0)) for piece in pieces]  # far splines are zero
+    pieces = [piece[:, own] for piece, own in zip(pieces, columns, strict=True)]
+    for geometry, directions in enumerate(sums.directions):
+        own = [error for error in errors if error.geometry == geometry]
+        kept = np.exp(-step_s / np.array([error.time_s for error in own]))
+        variance = np.array([error.variance for error in own])
+        for axis in directions.T if own else ():
+            _follow(pieces, columns, axis / weight, variance, kept, once)
+    return once + once.T
+
+
+def _follow(
+    pieces: Sequence[Array],
+    columns: Sequence[Index],
+    along: Array,
+    variance: Array,
+    kept: Array,
+    once: Array,
+) -> None:
+    """Add Σ_{i ≥ j} Σ_q v_q κ_q^(i−j) s_i s_jᵀ to `once` (m, m), i = j by half.
+
+    Within blocks of rows by the matrix of all products; from block to block by what each error has
+    kept, c = κ^L c + Σ_j κ^(L−1−j) s_j. Scores s are rows of pieces (l, c), which are some of the
+    `columns`, times `along`.
+    """
+    lags = np.arange(_BLOCK)
+    power = kept[:, None] ** lags
+    apart = np.subtract.outer(lags, lags)
+    within = np.where(apart >= 0, (variance @ power)[np.abs(apart)], 0.0)
+    within[lags, lags] /= 2.0
+    carried, fade = np.zeros((len(kept), len(once))), (kept**_BLOCK)[:, None]
+    for k, (piece, own) in enumerate(zip(pieces, columns, strict=True)):
+        blocks = np.zeros((-(-len(piece) // _BLOCK), _BLOCK, len(own)))
+        scores = piece * along[k * _PIECE :][: len(piece), None]
+        blocks.reshape(-1, len(own))[: len(piece)] = scores
+        told, ahead = power[:, ::-1] @ blocks, (variance * kept)[:, None] * power @ blocks
+        before = np.zeros_like(told)
+        for j in range(1, len(told)):
+            before[j] = fade * before[j - 1] + told[j - 1]
+        here = np.tensordot(blocks, within @ blocks, ((0, 1), (0, 1)))
+        once[np.ix_(own, own)] += here + np.tensordot(ahead, before, ((0, 1), (0, 1)))
+        decay = fade ** np.arange(len(told))
+        once[own] += np.einsum("qj,jqa->aq", decay, ahead) @ carried
+        carried *= fade ** len(told)
+        carried[:, own] += fade * before[-1] + told[-1]
 
 
 def _mean_variance(share: float) -> float:
