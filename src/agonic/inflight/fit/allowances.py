@@ -20,7 +20,7 @@ from agonic.health import Finding, figure
 from agonic.inflight.fit.covariance import OF_SENSOR, Estimate
 from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
 from agonic.inflight.fit.problem import Problem
-from agonic.inflight.fit.solve import fit_rows, state_errors
+from agonic.inflight.fit.solve import find_start, fit_rows, state_errors
 from agonic.inflight.fit.terms import DEGREE
 from agonic.maths.estimation.leastsq import Solution, inverse
 from agonic.model.average import Base, Group, average
@@ -79,7 +79,7 @@ def allow_for_drift(problem: Problem, estimate: Estimate) -> Estimate:
         return estimate._replace(solution=averaged)
     if 1 not in estimate.held_out:
         return estimate
-    fitted = fit_rows(problem, estimate.solution.params[:9], problem.used, 1)
+    fitted = fit_rows(problem, find_start(problem), problem.used, 1)
     other = state_errors(problem, fitted, alternative=True)
     own = _find_columns(other, 0, other.terms.splines)
     found, _ = average_over_size(other.solution, own, LIKELY)
@@ -101,7 +101,7 @@ def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, 
     lit = replace(problem, samples=samples, settings=settings)
     try:
         intervals = max(estimate.terms.splines - DEGREE + 1, 0)
-        fitted = fit_rows(lit, estimate, lit.used, intervals)
+        fitted = fit_rows(lit, find_start(lit), lit.used, intervals)
         other = state_errors(lit, fitted, alternative=True)
     except AgonicError:  # too few rows for so many terms
         return estimate, []

@@ -99,7 +99,7 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
             break
         require_enough(near)
         problem = replace(problem, used=near)
-        estimate = fit_rows(replace(problem, direction=None), estimate, near, intervals)
+        estimate = fit_rows(replace(problem, direction=None), first, near, intervals)
     if problem.direction is not None:
         problem, estimate = _with_attitude(problem, estimate, intervals)
     return problem, state_errors(problem, estimate)._replace(held_out=held_out)
