@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.base import check_axes, has_two_axes, select_columns
+from agonic.calibration.base import check_readings, has_two_axes, select_columns
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import LATENCY_SD_S, Compass
-from agonic.errors import FrameError, LogError, UnitError
+from agonic.errors import LogError
 from agonic.headings.acceleration import count_rows
 from agonic.headings.attitude import LEVEL, Attitude, select_rows
 from agonic.headings.expected_field import Surroundings
@@ -78,7 +78,7 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
     of the first. Between readings more than `LONGEST_BRIDGE` periods apart, and outside them, there
     is none.
     """
-    _check(samples, compass)
+    check_readings(compass.calibration, samples)
     columns = select_columns(compass.calibration, samples)
     fresh = find_fresh(samples.field) if samples.time is not None else np.ones(1, dtype=bool)
     if time is samples.time and compass.latency_s == 0.0 and fresh.all():
@@ -131,23 +131,6 @@ def compute_change(time: Array, values: Array) -> Array | None:
     before, after = np.maximum(ends - width, 0), np.minimum(ends + width, n - 1)
     change[ends] = (values[after] - values[before]) / (time[after] - time[before])[:, None]
     return change
-
-
-def _check(samples: Samples, compass: Compass) -> None:
-    """Raise where readings and calibration do not meet."""
-    calibration = compass.calibration
-    if samples.unit != calibration.unit_in:
-        raise UnitError(
-            f"the calibration of {compass.sensor} takes readings in {calibration.unit_in} and "
-            f"these are in {samples.unit}; read the log with the unit the calibration was made in"
-        )
-    if samples.frame != calibration.frame_in:
-        raise FrameError(
-            f"the calibration of {compass.sensor} was made in other axes",
-            left=samples.frame,
-            right=calibration.frame_in,
-        )
-    check_axes(calibration, samples)
 
 
 def compute_indication(

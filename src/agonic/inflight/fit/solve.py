@@ -58,11 +58,11 @@ def compute_mean_correlation(noise: dict[str, Noise]) -> float:
 
 
 def _is_settled(before: dict[str, float], now: dict[str, float]) -> bool:
-    """Whether residuals are over what they were taken to be over, √(1 + κ²), to `_SETTLED`; an
+    """Whether residuals are over what they were taken to be over, √(1 + κ²), to two per cent; an
     attitude whose errors do not show has κ = 0."""
     least = {kind: 0.0 if kind == "magnitude" else 1.0 for kind in now}
     ratios = [np.hypot(least[k], now[k]) / np.hypot(least[k], before[k]) for k in now]
-    return bool(np.abs(np.array(ratios) - 1).max() < _SETTLED)
+    return bool(np.abs(np.array(ratios) - 1).max() < 0.02)
 
 
 def rescale_noise(
@@ -79,7 +79,6 @@ def rescale_noise(
 FEWEST_STRETCHES = 120
 _ENOUGH = 3000  # readings for a start without a ground calibration
 _ROTATED_RAD = 1e-6
-_SETTLED = 0.02
 _ROUNDS = 5
 
 

@@ -26,8 +26,6 @@ from agonic.arrays import Array, Index
 
 STRETCHES = 20_000
 """Stretches of time that a record is summed up in; within one nothing turns much."""
-_BLOCK = 64  # stretches that are multiplied at once, and those in which columns may be all zero:
-_PIECE = 16 * _BLOCK  # results are the same with any
 _GROUPS = 40
 _LONGEST = 1 / 3  # of the record: products at longer lags say little
 _CHANCE = 16.0  # χ² by which correlated errors must explain the products better than none
@@ -87,6 +85,13 @@ class CorrelatedError(NamedTuple):
     variance: float
     time_s: float
     geometry: int
+
+
+def join_errors(errors: Sequence[CorrelatedError]) -> tuple[float, float]:
+    """The variance of all together, and their mean correlation time, s; 0 and 0 of none."""
+    variance = sum(error.variance for error in errors)
+    time = sum(error.variance * error.time_s for error in errors)
+    return float(variance), float(time / variance) if variance else 0.0
 
 
 def find_correlated_errors(
@@ -156,7 +161,8 @@ def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float
     """
     once = np.zeros((sums.jacobian.shape[1],) * 2)
     weight = np.maximum(sums.weight, 1e-300)
-    pieces = [sums.jacobian[first : first + _PIECE] for first in range(0, len(weight), _PIECE)]
+    places = np.arange(1024, len(weight), 1024)  # results are the same with any
+    pieces = np.split(sums.jacobian, places)
     columns = [np.flatnonzero(piece.any(axis=0)) for piece in pieces]  # far splines are zero
     pieces = [piece[:, own] for piece, own in zip(pieces, columns, strict=True)]
     for geometry, directions in enumerate(sums.directions):
@@ -164,34 +170,35 @@ def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float
         kept = np.exp(-step_s / np.array([error.time_s for error in own]))
         variance = np.array([error.variance for error in own])
         for axis in directions.T if own else ():
-            _follow(pieces, columns, axis / weight, variance, kept, once)
+            along = np.split((axis / weight)[:, None], places)
+            scores = [piece * own for piece, own in zip(pieces, along, strict=True)]
+            _follow(scores, columns, variance, kept, once)
     return once + once.T
 
 
 def _follow(
-    pieces: Sequence[Array],
+    scores: Sequence[Array],
     columns: Sequence[Index],
-    along: Array,
     variance: Array,
     kept: Array,
     once: Array,
+    length: int = 64,
 ) -> None:
     """Add Σ_{i ≥ j} Σ_q v_q κ_q^(i−j) s_i s_jᵀ to `once` (m, m), i = j by half.
 
-    Within blocks of rows by the matrix of all products; from block to block by what each error has
-    kept, c = κ^L c + Σ_j κ^(L−1−j) s_j. Scores s are rows of pieces (l, c), which are some of the
-    `columns`, times `along`.
+    Within blocks of rows of a `length` by the matrix of all products; from block to block by what
+    each error has kept, c = κ^L c + Σ_j κ^(L−1−j) s_j. The scores s come in pieces (l, c), each
+    some of the `columns`.
     """
-    lags = np.arange(_BLOCK)
+    lags = np.arange(length)
     power = kept[:, None] ** lags
     apart = np.subtract.outer(lags, lags)
     within = np.where(apart >= 0, (variance @ power)[np.abs(apart)], 0.0)
     within[lags, lags] /= 2.0
-    carried, fade = np.zeros((len(kept), len(once))), (kept**_BLOCK)[:, None]
-    for k, (piece, own) in enumerate(zip(pieces, columns, strict=True)):
-        blocks = np.zeros((-(-len(piece) // _BLOCK), _BLOCK, len(own)))
-        scores = piece * along[k * _PIECE :][: len(piece), None]
-        blocks.reshape(-1, len(own))[: len(piece)] = scores
+    carried, fade = np.zeros((len(kept), len(once))), (kept**length)[:, None]
+    for piece, own in zip(scores, columns, strict=True):
+        blocks = np.zeros((-(-len(piece) // length), length, len(own)))
+        blocks.reshape(-1, len(own))[: len(piece)] = piece
         told, ahead = power[:, ::-1] @ blocks, (variance * kept)[:, None] * power @ blocks
         before = np.zeros_like(told)
         for j in range(1, len(told)):

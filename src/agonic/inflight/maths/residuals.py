@@ -199,16 +199,13 @@ def _linearise(
         biases = layout.biases(params)
         bias = bias + biases[:, ~moving] @ rows.bias_terms[0, ~moving]
         raw = raw - block.terms @ biases[:, moving].T
-    each = _matrices(rows, params, layout, matrix) if layout.matrix_terms else None
+    if layout.matrix_terms:
+        matrix = _matrices(rows, params, layout, matrix)
     if kind != "magnitude":
         spread = np.square(sd * rows.wanted)
-        r, by_local = _across_residual(
-            raw - bias, matrix if each is None else each, _across(rows, kind), spread
-        )
-    elif each is None:
-        r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
+        r, by_local = _across_residual(raw - bias, matrix, _across(rows, kind), spread)
     else:
-        r, by_local = _row_by_row(raw - bias, each, rows.wanted, sd)
+        r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
     columns = [
         by_local @ basis,
         expand_covariates(by_local[:, :3], block.terms),
@@ -248,28 +245,4 @@ def _across_residual(d: Array, matrix: Array, e: Array, spread: Array) -> tuple[
     jacobian[:, :3] = -s / g[:, None]
     toward = d / g[:, None] - s * (r / g**2)[:, None]
     jacobian[:, 3:] = (e[:, :, None] * toward[:, None, :]).reshape(len(d), 9)
-    return r, jacobian
-
-
-def _row_by_row(d: Array, matrix: Array, wanted: Array, noise_sd: float) -> tuple[Array, Array]:
-    """`magnitude_residual` where each row has a matrix (n, 3, 3) of its own."""
-    u = np.einsum("nij,nj->ni", matrix, d)
-    size = np.maximum(np.linalg.norm(u, axis=1), np.finfo(float).tiny)
-    e = u / size[:, None]
-    s = np.einsum("nji,nj->ni", matrix, e)
-    gradient = np.linalg.norm(s, axis=1)
-    normal = s / gradient[:, None]
-    turned = np.einsum("nij,nj->ni", matrix, normal)
-    along = np.einsum("ni,ni->n", turned, e)
-    r = (size - wanted) / gradient
-    a = e / gradient[:, None] - (turned - e * along[:, None]) * (r / (size * gradient))[:, None]
-    jacobian = np.empty((len(d), 12))
-    jacobian[:, :3] = -np.einsum("nji,nj->ni", matrix, a)
-    tilt = e * (r / gradient)[:, None]
-    entries = a[:, :, None] * d[:, None, :] - tilt[:, :, None] * normal[:, None, :]
-    jacobian[:, 3:] = entries.reshape(len(d), 9)
-    if noise_sd:
-        trace = np.einsum("nij,nij->n", matrix, matrix) - gradient**2
-        bend = np.einsum("ni,ni->n", turned, turned) - along**2
-        r = r - noise_sd**2 * 0.5 * (trace - 4.0 * bend) / (size * gradient)
     return r, jacobian
