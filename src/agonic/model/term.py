@@ -40,7 +40,7 @@ class Seen(NamedTuple):
 class Errors(NamedTuple):
     """Errors of the readings: `parts` (b, 3, n), of which every axis has an unknown of its own
     where they are `apart`, else the whole vector has one; (b, 1, n) where all axes have the same
-    part.
+    part, or what they do lies along a `way` (3, n).
 
     >>> Errors(np.array([[[2.0], [3.0], [5.0]]])).along(np.eye(3)[:, :1]).tolist()
     [[2.0], [0.0], [0.0]]
@@ -48,6 +48,7 @@ class Errors(NamedTuple):
 
     parts: Array
     apart: bool = True
+    way: Array | None = None
 
     @property
     def unknowns(self) -> int:
@@ -59,6 +60,8 @@ class Errors(NamedTuple):
         out = np.empty((self.unknowns, ways.shape[1])) if out is None else out
         if self.apart:
             np.multiply(ways, self.parts, out=out.reshape(-1, *ways.shape))
+        elif self.way is not None:
+            np.multiply(np.sum(ways * self.way, axis=0), self.parts[:, 0], out=out)
         else:
             np.einsum("an,ban->bn", ways, self.parts, out=out)
         return out
@@ -71,6 +74,9 @@ class Errors(NamedTuple):
             by_axis = np.einsum("iaja->aij", every)
             parts = np.broadcast_to(self.parts, (b, 3, n)) if axes == 1 else self.parts
             return float(np.einsum("ian,aij,jan->", parts, by_axis, parts, optimize=True) / n)
+        if self.way is not None:
+            sizes = np.sum((square @ self.parts[:, 0]) * self.parts[:, 0], axis=0)
+            return float(sizes @ np.sum(self.way**2, axis=0) / n)
         return float(np.einsum("ian,ij,jan->", self.parts, square, self.parts, optimize=True) / n)
 
 

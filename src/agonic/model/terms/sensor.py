@@ -51,7 +51,7 @@ def harmonics(unit: Array, last: int) -> Array:
 def by_direction(seen: Seen) -> Errors:
     """The magnitude is off by harmonics of the field's direction in the sensor."""
     last = DEGREES[1] if seen.total >= FEW_ROWS else FEW_DEGREES
-    return Errors(harmonics(seen.unit, last)[:, None] * seen.unit.T, apart=False)
+    return Errors(harmonics(seen.unit, last)[:, None], apart=False, way=seen.unit.T)
 
 
 DIRECTION = (

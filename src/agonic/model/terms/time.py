@@ -33,7 +33,7 @@ def gain_drift(seen: Seen) -> Errors:
 
 def field_change(seen: Seen) -> Errors:
     """The magnitude of the field walks."""
-    return Errors(_cosines(seen, COSINES["field"])[:, None] * seen.unit.T, apart=False)
+    return Errors(_cosines(seen, COSINES["field"])[:, None], apart=False, way=seen.unit.T)
 
 
 def alternation(seen: Seen) -> Errors:
