@@ -90,7 +90,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     read = [_leave_out(readings, unknown) for readings in read]
     read = [_add_tilt(readings, own, first) for readings, (_, own) in zip(read, pairs, strict=True)]
     around = find_surroundings(first, setup)
-    first, said = mend_unit(first, setup, pairs[0][0].calibration)
+    first, said = mend_unit(first, setup, pairs[0][0].calibration, smooth=smooth)
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
 
     def find(own: Samples) -> RowHeadings:
@@ -145,7 +145,7 @@ def _leave_out(readings: Readings, unknown: Mask | None) -> Readings:
 
 def _add_tilt(readings: Readings, own: Samples, first: Samples) -> Readings:
     """The readings with the tilt of the sensor's own inclinometer, in the rows of the first."""
-    if own.roll_deg is None or own.pitch_deg is None or len(own) != len(first):
+    if own is first or own.roll_deg is None or own.pitch_deg is None or len(own) != len(first):
         return readings
     if own.time is not None and first.time is not None and not np.array_equal(own.time, first.time):
         return readings

@@ -191,7 +191,8 @@ def _read_by_arrow(
     for row, column in zip(values, table.columns, strict=True):
         start = 0
         for chunk in column.chunks:
-            row[start : start + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+            filled = chunk.fill_null(math.nan) if chunk.null_count else chunk
+            row[start : start + len(chunk)] = np.from_dlpack(filled)  # to_numpy imports pandas
             start += len(chunk)
     return values
 
