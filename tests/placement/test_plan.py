@@ -179,3 +179,11 @@ def test_a_vehicle_without_room_is_said(tmp_path: Path, capsys) -> None:
     assert "lower clearance_m" in complaint(capsys, "plan", "placement", str(file))
     file.write_text(text.replace("separation_m = 0.05", "separation_m = 3"))
     assert "lower separation_m" in complaint(capsys, "plan", "placement", str(file))
+
+
+def test_options_that_do_not_go_together_are_said(tmp_path: Path, capsys) -> None:
+    said = complaint(capsys, "plan", "placement", str(EXAMPLE), "--noise", "10")
+    assert "only --calibrated and --seed" in said
+    table = tmp_path / "places.csv"
+    table.write_text("place,add_x_nT,add_y_nT,add_z_nT\nbow,1,2,3\nmast,-1,-2,-3\n")
+    assert "is none" in complaint(capsys, "plan", "placement", str(table), "--calibrated")

@@ -32,11 +32,15 @@ def placement(
     ] = False,
     seed: Seed = 0,
     horizontal: Annotated[
-        float, typer.Option(metavar="NT", help="Level part of the field.", min=1.0)
-    ] = 20_000.0,
+        float | None,
+        typer.Option(metavar="NT", help="Level part of the field; default: 20000.", min=1.0),
+    ] = None,
     noise: Annotated[
-        float, typer.Option(metavar="NT", help="Of a reading on an axis, for a table.", min=0.001)
-    ] = 200.0,
+        float | None,
+        typer.Option(
+            metavar="NT", help="Of a reading on an axis, for a table; default: 200.", min=0.001
+        ),
+    ] = None,
     first: Annotated[
         str | None, typer.Option(metavar="SENSOR", help="Which of the recording is the first.")
     ] = None,
@@ -66,12 +70,20 @@ def placement(
             raise AgonicError(f"-o {out} is the folder for report.html; a file goes with --report")
         out.mkdir(parents=True, exist_ok=True)
         report = out / "report.html"
+    level = horizontal or 20_000.0
     if source.suffix.lower() == ".toml":
+        if any(given is not None for given in (horizontal, noise, first, unit, between)):
+            raise AgonicError(
+                f"{source.name} says itself where it is used and how noisy sensors are: [field], "
+                "[sensor]; only --calibrated and --seed go with a list of parts"
+            )
         made = _plan(source, calibrated, seed)
+    elif calibrated:
+        raise AgonicError(f"--calibrated goes with a list of parts, and {source} is none (.toml)")
     elif b"place" in read_bytes(source).split(b"\n", 1)[0]:
-        made = document.describe_places(rank_places(read_places(source), noise), horizontal)
+        made = document.describe_places(rank_places(read_places(source), noise or 200.0), level)
     else:
-        made = document.describe_placement(_judge(source, first, unit, between), horizontal)
+        made = document.describe_placement(_judge(source, first, unit, between), level)
     return finish(made, report=report, as_json=as_json)
 
 
