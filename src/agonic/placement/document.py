@@ -211,7 +211,7 @@ def _list_sources(plan: Placement) -> Table:
         for k, (name, (low, high)) in enumerate(plan.layout.currents.items())
     ]
     at = np.stack([plan.first, plan.second])
-    for part in plan.layout.parts:
+    for part in () if plan.ensemble.calibrated else plan.layout.parts:
         one = msgspec.structs.replace(plan.layout, parts=[part], wires=[])
         made = disturb(one, draw_vehicles(one, 0, np.random.default_rng(0)), at)
         a, b = made.hard[0] + made.soft[0] @ one.field_n  # as it heads north, level
