@@ -28,7 +28,7 @@ Groups
 ------
 What every day needs is a name in `agonic`; what one job needs is in its group: `agonic.alignment`
 (star sensor, north, coil, gravity), `thermal`, `inflight`, `network`, `headings`, `history`,
-`fleet`, `live`, `exports`.
+`fleet`, `live`, `region` (the map of a room), `exports`.
 
 Wings
 -----
@@ -44,6 +44,7 @@ ellipsoid, attitude           affine calibrations by magnitude; by roll, pitch a
 recording                     a recording into calibrations: `agonic calibrate`
 headings, thermal, inflight,  a job each: compass and deviation, the climatic chamber, in orbit,
 network, alignment            neural networks, the rotation to a star sensor, north or gravity
+placement, region             where magnetometers should sit; the field of a room or a coil
 population, fleet, history    the calibrations of many sensors and logs, as one table
 live                          calibration while the sensor is turned
 simulation                    readings with known truth
@@ -77,6 +78,7 @@ GROUPS = (
     "inflight",
     "live",
     "network",
+    "region",
     "thermal",
 )
 """Wings whose names are theirs: `agonic.thermal.fit_thermal`."""

@@ -13,6 +13,7 @@ from agonic import inertial as inertial
 from agonic import inflight as inflight
 from agonic import live as live
 from agonic import network as network
+from agonic import region as region
 from agonic import thermal as thermal
 from agonic.attitude.course import with_course as with_course
 from agonic.attitude.delay import undelayed as undelayed
@@ -105,4 +106,5 @@ from agonic.inertial.pair import fit_pair as fit_pair
 from agonic.inflight.fit import fit_inflight as fit_inflight
 from agonic.inflight.fit import fit_mission as fit_mission
 from agonic.network.fit import fit_network as fit_network
+from agonic.region.fit import fit_map as fit_map
 from agonic.thermal.fit.fit import fit_thermal as fit_thermal

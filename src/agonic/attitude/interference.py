@@ -66,23 +66,24 @@ def judge_placement(first: Array, second: Array, magnitude: float) -> Finding:
     sizes = [float(np.linalg.norm(v)) for v in (first, second)]
     apart = float(np.linalg.norm(second - first))
     words = f"the current moves the two sensors by {figure(sizes[0])} nT and {figure(sizes[1])} nT"
-    if max(sizes) < SLIGHT * magnitude:
-        return Finding("placement", "note", f"{words}: there is little to compensate")
-    if apart < ALIKE * max(sizes):
-        return Finding(
-            "placement",
-            "check",
-            f"{words}, the same way: no mix of the two can separate it from the field",
-            "move one of them farther from the wires, or to their other side",
+    alike = apart < ALIKE * max(sizes)
+    if slight := max(sizes) < SLIGHT * magnitude:
+        words += ": there is little to compensate"
+    elif alike:
+        words += ", the same way: no mix of the two can separate it from the field"
+    elif np.linalg.norm(first + second) < ALIKE * max(sizes):
+        words += ", opposite ways: their mean cancels it"
+    else:
+        words += (
+            f", neither alike nor opposite: a mix can cancel it at {figure(1 + sizes[0] / apart)} "
+            "times the noise, the mean of the two cannot"
         )
-    if np.linalg.norm(first + second) < ALIKE * max(sizes):
-        return Finding("placement", "note", f"{words}, opposite ways: their mean cancels it")
-    noise = figure(1 + sizes[0] / apart)
+    wrong = alike and not slight
     return Finding(
         "placement",
-        "note",
-        f"{words}, neither alike nor opposite: a mix can cancel it at {noise} times the noise, "
-        "the mean of the two cannot",
+        "check" if wrong else "note",
+        words,
+        "move one of them farther from the wires, or to their other side" if wrong else "",
     )
 
 

@@ -27,6 +27,7 @@ GROUPS = {
         "heading": "agonic.headings.commands.heading",
         "field": "agonic.cli.field",
         "direction": "agonic.cli.direction",
+        "map": "agonic.region.command:map_region",
     },
     "Missions": {
         "track": "agonic.inflight.commands.track",
@@ -80,7 +81,10 @@ KINDS = {
         },
     },
     "plan": {
-        "Calibrate": dict.fromkeys(("calibration", "disturbers", "placement"), _PLAN),
+        "Calibrate": {
+            **dict.fromkeys(("calibration", "disturbers"), _PLAN),
+            "placement": "agonic.placement.command",
+        },
         "Heading": {"swing": "agonic.headings.commands.plan_swing"},
         "Laboratory": {
             "thermal": "agonic.thermal.commands.plan:plan_chamber",

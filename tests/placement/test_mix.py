@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.attitude.disturbers.placement import find_mix, judge_recording, rank_places, read_places
 from agonic.errors import LogError
+from agonic.placement.mix import find_mix, judge_recording, rank_places, read_places
 from agonic.samples import Samples
 from tests.command_line import answer
 

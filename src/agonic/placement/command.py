@@ -1,0 +1,136 @@
+"""`agonic plan placement PARTS|LOG|TABLE -o DIR`: where magnetometers should sit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from agonic.console.options import Between, Json, Report, Seed, Unit
+from agonic.errors import AgonicError, UnitError
+
+if TYPE_CHECKING:
+    from agonic.placement.mix import Mix
+    from agonic.report.document import Document
+
+
+def placement(
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[PARTS|LOG|TABLE]",
+            help="A list of parts, .toml; a recording of two magnetometers, strapped down; or a "
+            "table of places. Without: an example of a list.",
+        ),
+    ] = None,
+    calibrated: Annotated[
+        bool,
+        typer.Option(
+            "--calibrated", help="Of a list: iron is calibrated, only currents still disturb."
+        ),
+    ] = False,
+    seed: Seed = 0,
+    horizontal: Annotated[
+        float | None,
+        typer.Option(metavar="NT", help="Level part of the field; default: 20000.", min=1.0),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="NT", help="Of a reading on an axis, for a table; default: 200.", min=0.001
+        ),
+    ] = None,
+    first: Annotated[
+        str | None, typer.Option(metavar="SENSOR", help="Which of the recording is the first.")
+    ] = None,
+    unit: Unit = None,
+    between: Between = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Folder for the page.")
+    ] = None,
+    report: Report = None,
+    as_json: Json = False,
+) -> int:
+    """The best places of two magnetometers, their mix, and the deviation to expect.
+
+    A list of parts says what is magnetic on board and where a magnetometer may sit; without any,
+    an example is shown. A table has a row for each place and source:
+    place,source,add_x_nT,add_y_nT,add_z_nT, what is added there when the source is switched on.
+    """
+    from agonic.console.finish import finish
+    from agonic.logs.contents import read_bytes
+    from agonic.placement import document
+    from agonic.placement.mix import rank_places, read_places
+
+    if source is None:
+        return _show_example(out, as_json)
+    if out is not None:
+        if out.suffix or report is not None:
+            raise AgonicError(f"-o {out} is the folder for report.html; a file goes with --report")
+        out.mkdir(parents=True, exist_ok=True)
+        report = out / "report.html"
+    level = horizontal or 20_000.0
+    if source.suffix.lower() == ".toml":
+        if any(given is not None for given in (horizontal, noise, first, unit, between)):
+            raise AgonicError(
+                f"{source.name} says itself where it is used and how noisy sensors are: [field], "
+                "[sensor]; only --calibrated and --seed go with a list of parts"
+            )
+        made = _plan(source, calibrated, seed)
+    elif calibrated:
+        raise AgonicError(f"--calibrated goes with a list of parts, and {source} is none (.toml)")
+    elif b"place" in read_bytes(source).split(b"\n", 1)[0]:
+        made = document.describe_places(rank_places(read_places(source), noise or 200.0), level)
+    else:
+        made = document.describe_placement(_judge(source, first, unit, between), level)
+    return finish(made, report=report, as_json=as_json)
+
+
+def _show_example(out: Path | None, as_json: bool) -> int:
+    """A list of parts with every key explained, in a folder where one is given."""
+    from agonic.atomic import write_atomically
+    from agonic.console.output import print_json, say
+    from agonic.placement.layout import EXAMPLE
+
+    text = EXAMPLE.read_text(encoding="utf-8")
+    file = None
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        file = str(write_atomically(out / "parts.toml", text))
+    if as_json:
+        print_json("agonic/plan-placement-example@1", {"example": text, "file": file})
+        return 0
+    say(text if file is None else f"Written   {file}, an example: put your own parts into it")
+    say(f"Next      agonic plan placement {file or 'parts.toml'} -o places")
+    return 0
+
+
+def _plan(source: Path, calibrated: bool, seed: int) -> Document:
+    """What a list of parts lets expect."""
+    from agonic.placement.document import describe_plan
+    from agonic.placement.layout import read_layout
+    from agonic.placement.plan import plan_placement
+    from agonic.provenance import Input, hash_file
+
+    layout = read_layout(source)
+    count = len(layout.parts) + len(layout.wires)
+    read = Input(name=source.name, sha256=hash_file(source), count=count)
+    return describe_plan(plan_placement(layout, calibrated=calibrated, seed=seed), read)
+
+
+def _judge(source: Path, first: str | None, unit: str | None, between: str | None) -> Mix:
+    """The mix of the two magnetometers of a recording."""
+    from agonic.console.sensors import open_sensors
+    from agonic.placement.mix import judge_recording
+
+    sensors = open_sensors(source, None, unit, between)[1]
+    if len(sensors) < 2:
+        raise AgonicError(f"{source} holds one magnetometer; record two, or give a table of places")
+    if any(one.unit != "nT" for one in sensors[:2]):
+        raise UnitError("name the unit of the readings with --unit: the disturbance is given in nT")
+    names = [one.name for one in sensors]
+    if first is not None and first not in names:
+        raise AgonicError(f"{source} holds {', '.join(names)}, and not {first}")
+    own = sensors[0 if first is None else names.index(first)]
+    return judge_recording(own.with_second(next(one for one in sensors if one is not own)))

@@ -1,0 +1,73 @@
+"""`agonic map READINGS -o DIR`: the field of a region."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agonic.console.options import Json, Unit
+from agonic.errors import AgonicError
+
+
+def map_region(
+    readings: Annotated[
+        Path,
+        typer.Argument(
+            metavar="READINGS",
+            help="A table: x_m, y_m, z_m and the calibrated field, with attitudes or in the axes "
+            "of the region.",
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="DIR", help="Folder for the page and map.csv."),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(metavar="NT", help="Of a reading on an axis, where it is known.", min=0.001),
+    ] = None,
+    position_sd: Annotated[
+        float, typer.Option(metavar="M", help="Standard deviation of each coordinate.", min=0.0)
+    ] = 0.0,
+    measure_next: Annotated[
+        int, typer.Option("--next", metavar="N", help="Places to name.", min=1)
+    ] = 5,
+    unit: Unit = None,
+    as_json: Json = False,
+) -> int:
+    """The field of a room or a coil between readings at known places, and where to measure next.
+
+    Direction, strength and gradient with standard errors, without curl and divergence: for a region
+    in which nothing magnetic stands, whatever stands around it.
+    """
+    import numpy as np
+
+    from agonic.console.finish import finish
+    from agonic.region.document import describe_map
+    from agonic.region.files import read_region, write_map
+    from agonic.region.fit import fit_map
+
+    if out is not None and out.suffix:
+        raise AgonicError(f"-o {out} is the folder for report.html and map.csv; name one")
+    read = read_region(readings, unit)
+    found = fit_map(
+        read.position,
+        read.field,
+        noise=noise,
+        position_sd_m=position_sd,
+        measure_next=measure_next,
+        name=readings.stem,
+    )
+    made = describe_map(found, read.turned, read.source)
+    if out is None:
+        return finish(made, as_json=as_json)
+    out.mkdir(parents=True, exist_ok=True)
+    axes = [
+        np.linspace(a, b, 9 if b > a else 1) for a, b in zip(found.low, found.high, strict=True)
+    ]
+    grid = np.array(list(product(*axes)))
+    files = [write_map(out / "map.csv", grid, found.at(grid))]
+    return finish(made, files=files, report=out / "report.html", as_json=as_json)
