@@ -61,15 +61,18 @@ lock: $(VENV)/.dev  ## write the hashed lock files anew
 clean:  ## remove what make made
 	rm -rf .venv .venv-bench .venv-peers docs/_build demo
 
-# $(call install,folder of the environment,lock file)
+# $(call install,folder of the environment,lock file); the code is compiled at once, or where bytecode
+# is not kept (PYTHONDONTWRITEBYTECODE) every command compiles it anew.
 ifdef UV
 install = $(UV) venv -q --allow-existing --python $(PYTHON) $(1) \
   && $(UV) pip install -q --python $(1)/bin/python --require-hashes -r $(2) \
-  && $(UV) pip install -q --python $(1)/bin/python --no-deps --no-build-isolation -e .
+  && $(UV) pip install -q --python $(1)/bin/python --no-deps --no-build-isolation -e . \
+  && $(1)/bin/python -m compileall -q src
 else
 install = $(PYTHON) -m venv $(1) \
   && $(1)/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r $(2) \
-  && $(1)/bin/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
+  && $(1)/bin/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e . \
+  && $(1)/bin/python -m compileall -q src
 endif
 
 $(VENV)/.core: lock/core.txt pyproject.toml

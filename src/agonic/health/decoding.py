@@ -155,7 +155,8 @@ def _try_each(field: Array) -> Iterator[Undone]:
     for kind in KINDS:
         for unit in units:
             whole = _undo_axes(kind, field, every[0], unit)
-            changed = ~(np.abs(whole - field) < LEAST * reach).all(axis=0)
+            edge = np.isnan(whole) & kind.shifts
+            changed = ~(edge | (np.abs(whole - field) < LEAST * reach)).all(axis=0)
             if not changed.any():
                 continue
             after = _measure_bends(whole)
@@ -163,7 +164,7 @@ def _try_each(field: Array) -> Iterator[Undone]:
             sets = {(axes & changed).tobytes(): axes & changed for axes in [*every, gains > 0]}
             for axes in sets.values():
                 path = float(gains[axes].sum())
-                if not axes.any() or path < -AGAINST:
+                if not axes.any() or path < -AGAINST or (kind.shifts and path < GAIN):
                     continue
                 put = np.where(axes, whole, field)
                 if _stands_still(put, field):

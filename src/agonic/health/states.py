@@ -223,16 +223,22 @@ def spreads_by_direction(residuals: Array, normals: Array) -> bool:
     n R² of the regression of r² on the squares of the normals is χ² of five by chance (Breusch and
     Pagan 1979).
     """
-    design = _design_squares(normals)
     square = residuals**2
-    left = square - design @ np.linalg.lstsq(design, square, rcond=None)[0]
+    left = square - _regress_on_squares(square, normals) @ _list_squares(normals)
     told = 1.0 - float(np.var(left)) / max(float(np.var(square)), 1e-300)
     return len(square) * told > BY_DIRECTION
 
 
-def _design_squares(normals: Array) -> Array:
+def _list_squares(normals: Array) -> Array:
+    """Squares and products of the normals' components, and one, (7, n)."""
     a, b, c = normals.T
-    return np.stack([a * a, b * b, c * c, a * b, a * c, b * c, np.ones(len(a))], axis=1)
+    return np.stack([a * a, b * b, c * c, a * b, a * c, b * c, np.ones(len(a))])
+
+
+def _regress_on_squares(values: Array, normals: Array) -> Array:
+    """How values (n,) go with these, (7,)."""
+    design = _list_squares(normals)
+    return np.asarray(np.linalg.lstsq(design @ design.T, design @ values, rcond=1e-12)[0])
 
 
 def _find_split(points: Array, guesses: Iterator[Mask]) -> _Split | None:
@@ -260,8 +266,7 @@ def _guess(
     yield rows % 2 == 1
     part = np.arange(len(points)) * PARTS // len(points)
     yield from ((part >= a) & (part < b) for a, b in combinations(range(PARTS + 1), 2))
-    squares = _design_squares(normals)
-    xx, yy, zz, xy, xz, yz, _ = np.linalg.lstsq(squares, residuals**2, rcond=None)[0]
+    xx, yy, zz, xy, xz, yz, _ = _regress_on_squares(residuals**2, normals)
     square = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]])
     shift = np.linalg.eigh(square)[1][:, -1]
     yield residuals * (normals @ shift) > 0.0

@@ -14,7 +14,7 @@ Source: D. MacKay (1992), Neural Computation 4, 415; A. Gelman (2006), Bayesian 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -115,28 +115,31 @@ def solve(
 
 def average(gram: Array, base: Base, group: Group) -> Sized:
     """One term beside a base, averaged over its size."""
-    across = gram[np.ix_(base.columns, group.columns)]
-    moved = base.inverse @ across
-    own = gram[np.ix_(group.columns, group.columns)]
-    score = gram[group.columns, -1] - across.T @ base.estimate
-    values, axes, seen = _turn(own - across.T @ moved, score, np.trace(own))
-    sizes, chance = _grid(group)
-    square = sizes[:, None] ** 2
-    joint = _weigh_sizes(values, seen, square, chance)
-    weight = np.exp(joint - joint.max())
-    weight /= weight.sum()
-    shrunk = square / (1 + square * values)
-    means = shrunk * seen
-    mean = weight @ means
-    apart = means - mean
-    covariance = np.diag(weight @ shrunk) + (apart * weight[:, None]).T @ apart
-    return Sized(
-        odds=float(_odds(joint)),
-        size=float(sizes[1 + int(np.argmax(joint[1:]))]),
-        mean=axes @ mean,
-        covariance=axes @ covariance @ axes.T,
-        alias=moved,
-    )
+    return average_each(gram, base, [group])[0]
+
+
+def average_each(gram: Array, base: Base, groups: Sequence[Group]) -> list[Sized]:
+    """Each term alone beside a base, averaged over its size."""
+    found: list[Sized | None] = [None] * len(groups)
+    for members, one in _size_alike(gram, base, groups):
+        weight = np.exp(one.joint - one.joint.max(axis=1, keepdims=True))
+        weight /= weight.sum(axis=1, keepdims=True)
+        shrunk = one.square / (1 + one.square * one.values[:, None])
+        means = shrunk * one.seen[:, None]
+        mean = np.einsum("gt,gtk->gk", weight, means)
+        apart = (means - mean[:, None]) * np.sqrt(weight)[:, :, None]
+        spread = np.swapaxes(apart, 1, 2) @ apart
+        spread[:, range(mean.shape[1]), range(mean.shape[1])] += np.einsum(
+            "gt,gtk->gk", weight, shrunk
+        )
+        covariance = one.axes @ spread @ np.swapaxes(one.axes, 1, 2)
+        mean = np.einsum("gik,gk->gi", one.axes, mean)
+        odds, sizes = one.find_best()
+        for k, i in enumerate(members):
+            found[i] = Sized(
+                float(odds[k]), float(sizes[k]), mean[k], covariance[k], one.alias[:, k]
+            )
+    return [one for one in found if one is not None]
 
 
 def choose(
@@ -202,6 +205,34 @@ def rate_there(
 def rate(gram: Array, base: Base, groups: Sequence[Group]) -> tuple[Array, Array]:
     """The log-odds (g,) that each group is there beside a base, and its likeliest size."""
     odds, best = np.empty(len(groups)), np.empty(len(groups))
+    for members, one in _size_alike(gram, base, groups):
+        odds[members], best[members] = one.find_best()
+    return odds, best
+
+
+class _Alike(NamedTuple):
+    """Groups of as many unknowns and sizes: Λ (g, k), U (g, k, k) and q (g, k) of each beside a
+    base, squares of its sizes (g, t, 1), likelihood times prior of these (g, t) as a logarithm, and
+    how far its unknowns move the base (b, g, k)."""
+
+    values: Array
+    axes: Array
+    seen: Array
+    square: Array
+    joint: Array
+    alias: Array
+
+    def find_best(self) -> tuple[Array, Array]:
+        """The log-odds (g,) that each is there, and its likeliest size."""
+        likeliest = 1 + np.argmax(self.joint[:, 1:], axis=1)
+        sizes = np.sqrt(self.square[np.arange(len(likeliest)), likeliest, 0])
+        return _odds(self.joint), sizes
+
+
+def _size_alike(
+    gram: Array, base: Base, groups: Sequence[Group]
+) -> Iterator[tuple[list[int], _Alike]]:
+    """Groups that are alike, by their numbers, each alone beside a base."""
     alike: dict[tuple[int, int], list[int]] = {}
     for i, group in enumerate(groups):
         alike.setdefault((len(group.columns), len(_grid(group)[0])), []).append(i)
@@ -209,18 +240,17 @@ def rate(gram: Array, base: Base, groups: Sequence[Group]) -> tuple[Array, Array
         columns = np.stack([groups[i].columns for i in members])
         before = gram[base.columns][:, columns]  # (b, g, k)
         own = gram[columns[:, :, None], columns[:, None, :]]
-        moved = base.inverse @ before.reshape(len(base.columns), -1)
-        across = before.transpose(1, 2, 0) @ moved.reshape(before.shape).transpose(1, 0, 2)
+        moved = (base.inverse @ before.reshape(len(base.columns), -1)).reshape(before.shape)
+        across = before.transpose(1, 2, 0) @ moved.transpose(1, 0, 2)
         score = gram[columns, -1] - np.tensordot(base.estimate, before, 1)
         trace = np.trace(own, axis1=1, axis2=2)[:, None]
-        values, _, seen = _turn(own - across, score, trace)
-        grids = [_grid(groups[i]) for i in members]
-        sizes, chance = (np.stack(each) for each in zip(*grids, strict=True))
-        joint = _weigh_sizes(values[:, None], seen[:, None], sizes[:, :, None] ** 2, chance)
-        odds[members] = _odds(joint)
-        likeliest = 1 + np.argmax(joint[:, 1:], axis=1)
-        best[members] = sizes[np.arange(len(members)), likeliest]
-    return odds, best
+        values, axes, seen = _turn(own - across, score, trace)
+        sizes, chance = (
+            np.stack(each) for each in zip(*(_grid(groups[i]) for i in members), strict=True)
+        )
+        square = sizes[:, :, None] ** 2
+        joint = _weigh_sizes(values[:, None], seen[:, None], square, chance)
+        yield members, _Alike(values, axes, seen, square, joint, moved)
 
 
 def list_ways(

@@ -1,8 +1,7 @@
 """Gram blocks: cross-products of parameters, terms and residuals by blocks of time.
 
-They are all that a fit keeps of its rows: sums of blocks give every estimate, covariance and
-evidence, and blocks add over pieces of a log, workers and days. Noise with memory is whitened
-before, by an autoregression.
+Sums of blocks give every estimate, covariance and evidence; a block less gives what the others
+foretell of it. Noise with memory is whitened before, by an autoregression.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 
 MOST_LAGS = 12
 ROWS_PER_LAG = 10
@@ -78,10 +77,68 @@ class Stack(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """Cross-products by channel and block, (c, b, m + 1, m + 1), and rows of each block, (b,)."""
+    """White columns (m + 1, n) of each channel, the first rows of the blocks of time and the end,
+    (b + 1,), and the radius.
 
-    sums: Array
-    rows: Array
+    Beside the columns stand steps of the bias before every block but the first, three columns each:
+    one after its time and zero before, less its mean over the log. Within a block a step is a
+    multiple of the bias' own columns, so that no row is needed.
+    """
+
+    white: list[Array]
+    edges: Index
+    radius: float
+
+    @property
+    def rows(self) -> Array:
+        """How many rows each block has, (b,)."""
+        return np.diff(self.edges).astype(float)
+
+    @property
+    def heights(self) -> Array:
+        """How high each step is in each block, (b, places)."""
+        rows = self.rows
+        after = np.arange(len(rows))[:, None] >= np.arange(1, len(rows))
+        return np.asarray(self.radius * (after - rows @ after / rows.sum()))
+
+    def add(self) -> Array:
+        """Cross-products of columns and steps over all rows, (c, m + k + 1, m + k + 1)."""
+        heights, spans = self.heights, list(pairwise(self.edges))
+        places = heights.shape[1]
+        both = (heights[:, :, None] * heights[:, None, :]).reshape(-1, places**2).T
+        m, k = len(self.white[0]) - 1, 3 * places
+        sums = np.empty((len(self.white), m + k + 1, m + k + 1))
+        first, steps, last = slice(0, m), slice(m, m + k), m + k
+        for white, whole in zip(self.white, sums, strict=True):
+            plain = white @ white.T
+            by_bias = np.stack([white[:3, a:b] @ white[:, a:b].T for a, b in spans])
+            across = (heights.T @ by_bias.reshape(len(spans), -1)).reshape(k, m + 1).T
+            own = (both @ by_bias[:, :, :3].reshape(len(spans), 9)).reshape(places, places, 3, 3)
+            own = own.transpose(0, 2, 1, 3)
+            whole[first, first], whole[steps, steps] = plain[:m, :m], own.reshape(k, k)
+            whole[first, steps], whole[last, steps] = across[:m], across[m]
+            whole[steps, first], whole[steps, last] = across[:m].T, across[m]
+            whole[last, first] = whole[first, last] = plain[:m, m]
+            whole[last, last] = plain[m, m]
+        return sums
+
+    def split(self, columns: Index, weights: Array) -> Array:
+        """Cross-products of some columns and the residuals in each block, (b, k + 1, k + 1), summed
+        over the channels by their weights (c,)."""
+        m, heights = len(self.white[0]) - 1, self.heights
+        place, axis = np.divmod(np.maximum(columns - m, 0), 3)
+        plain = columns < m
+        chosen = np.append(np.where(plain, columns, axis), m)
+        size = np.ones((len(heights), len(chosen)))
+        size[:, :-1][:, ~plain] = heights[:, place[~plain]]
+        sums = size[:, :, None] * size[:, None, :]
+        spans = list(pairwise(self.edges))
+        products = np.zeros_like(sums)
+        for white, weight in zip(self.white, weights, strict=True):
+            some = white[chosen]
+            for one, (a, b) in zip(products, spans, strict=True):
+                one += weight * (some[:, a:b] @ some[:, a:b].T)
+        return np.asarray(sums * products)
 
 
 def count_blocks(rows: int) -> int:
@@ -89,57 +146,9 @@ def count_blocks(rows: int) -> int:
     return min(BLOCKS, max(rows // ROWS_PER_BLOCK, 1))
 
 
-def add_up(stacks: list[Stack], filters: list[Array]) -> Blocks:
-    """The cross-products of whitened columns."""
+def cut(stacks: list[Stack], filters: list[Array], radius: float) -> Blocks:
+    """Blocks of whitened columns."""
     n = stacks[0].columns.shape[1]
     edges = np.linspace(0, n, count_blocks(n) + 1).astype(int)
-    sums = []
-    for stack, by in zip(stacks, filters, strict=True):
-        white = whiten(stack.columns, by)
-        parts = [white[:, a:b] for a, b in pairwise(edges)]
-        sums.append(np.stack([part @ part.T for part in parts]))
-    return Blocks(np.stack(sums), np.diff(edges).astype(float))
-
-
-def add_blocks(blocks: Blocks, radius: float) -> Array:
-    """The sums over all blocks, by channel, with a step of the bias before every block but the
-    first, three columns each: (c, m + k + 1, m + k + 1).
-
-    A step is one after its time and zero before, less its mean over the log: within a block it is a
-    multiple of the bias' own columns, so that no row is needed.
-    """
-    heights = _find_heights(blocks.rows, radius)
-    across = np.einsum("cbij,bk->cikj", blocks.sums[..., :3], heights)
-    own = np.einsum("cbij,bk,bl->ckilj", blocks.sums[..., :3, :3], heights, heights, optimize=True)
-    return _join(blocks.sums.sum(axis=1), across, own)
-
-
-def with_steps(sums: Array, rows: Array, radius: float) -> Array:
-    """The same of each block, from sums (b, m + 1, m + 1) and rows (b,)."""
-    heights = _find_heights(rows, radius)
-    across = sums[:, :, None, :3] * heights[:, None, :, None]
-    both = heights[:, :, None, None, None] * heights[:, None, None, :, None]
-    return _join(sums, across, sums[:, None, :3, None, :3] * both)
-
-
-def _find_heights(rows: Array, radius: float) -> Array:
-    """How high each step is in each block, (b, places)."""
-    count = len(rows)
-    after = np.arange(count)[:, None] >= np.arange(1, count)
-    return np.asarray(radius * (after - rows @ after / rows.sum()))
-
-
-def _join(plain: Array, across: Array, own: Array) -> Array:
-    """Cross-products (c, m + 1, m + 1) with those of steps put before the last column."""
-    c, m, k = len(plain), plain.shape[-1] - 1, 3 * across.shape[2]
-    across = across.reshape(c, m + 1, k)
-    wider = np.empty((c, m + k + 1, m + k + 1))
-    first, steps, last = slice(0, m), slice(m, m + k), m + k
-    wider[:, first, first] = plain[:, :m, :m]
-    wider[:, first, steps] = across[:, :m]
-    wider[:, steps, first] = np.swapaxes(across[:, :m], 1, 2)
-    wider[:, steps, steps] = own.reshape(c, k, k)
-    wider[:, last, first] = wider[:, first, last] = plain[:, :m, m]
-    wider[:, last, steps] = wider[:, steps, last] = across[:, m]
-    wider[:, last, last] = plain[:, m, m]
-    return wider
+    white = [whiten(stack.columns, by) for stack, by in zip(stacks, filters, strict=True)]
+    return Blocks(white, edges, radius)

@@ -20,11 +20,9 @@ from agonic.model.gram import (
     WHITE,
     Blocks,
     Stack,
-    add_blocks,
-    add_up,
     count_blocks,
+    cut,
     fit_filter,
-    with_steps,
 )
 from agonic.model.rows import Rows, stack_columns
 from agonic.model.term import Errors, Term
@@ -39,7 +37,7 @@ _SETTLED = 0.01
 class Explained(NamedTuple):
     """Standard deviations (c,) of what filters leave, by channel; the sizes of the groups that are
     there, and their base; Gram blocks of whitened columns, and their sum over channels and blocks,
-    with steps and over the noise; what memory adds to the mean square of each channel, (c,)."""
+    over the noise; what memory adds to the mean square of each channel, (c,)."""
 
     sds: Array
     there: Mapping[int, float]
@@ -47,6 +45,10 @@ class Explained(NamedTuple):
     blocks: Blocks
     gram: Array
     memory: Array
+
+    def split(self, base: Base) -> Array:
+        """The cross-products of each block, of what a base holds and the residuals."""
+        return self.blocks.split(base.columns, self.sds**-2.0)
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,8 @@ class Search:
 
     def settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
         """Terms and standard deviations for given filters, all from one pass over the rows."""
-        blocks = add_up(self.stacks, filters)
-        by_channel, n = add_blocks(blocks, self.radius), float(blocks.rows.sum())
+        blocks = cut(self.stacks, filters, self.radius)
+        by_channel, n = blocks.add(), float(blocks.edges[-1])
         there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
         for _ in range(_ROUNDS):
             gram = np.tensordot(sds**-2.0, by_channel, axes=1)
@@ -102,21 +104,13 @@ class Search:
         likelihood = base.evidence - n * float(np.log(sds).sum()) + price(self.groups, there)
         return Explained(sds, there, base, blocks, gram, np.zeros(len(sds))), likelihood
 
-    def list_blocks(self, found: Explained) -> Array:
-        """The cross-products of each block, as their sum is, (b, m + k + 1, m + k + 1)."""
-        sums = np.tensordot(found.sds**-2.0, found.blocks.sums, axes=1)
-        return with_steps(sums, found.blocks.rows, self.radius)
-
     def leave(self, found: Explained) -> list[Array]:
         """What parameters and terms leave of each channel's residuals."""
         m = len(self.stacks[0].columns) - 1
         weights = np.zeros(found.gram.shape[0] - 1)
         weights[found.base.columns] = found.base.estimate
-        rows = found.blocks.rows
-        steps = np.cumsum(weights[m:].reshape(-1, 3), axis=0)
-        shifts = self.radius * np.vstack([np.zeros((1, 3)), steps])
-        shifts -= rows @ shifts / rows.sum()
-        bias = np.repeat(shifts, rows.astype(int), axis=0).T
+        shifts = found.blocks.heights @ weights[m:].reshape(-1, 3)
+        bias = np.repeat(shifts, np.diff(found.blocks.edges), axis=0).T
         return [
             stack.columns[-1]
             - weights[:m] @ stack.columns[:-1]

@@ -13,7 +13,7 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.coverage import DOWN
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.noise.student import compute_widening
-from agonic.model.average import Base, Prior, average, list_ways, mix, solve
+from agonic.model.average import Base, Prior, average, average_each, list_ways, mix, solve
 from agonic.model.pose import LEAST_NOISE, Explained, Known, Search, find_prior, or_none, pose
 from agonic.model.rows import Rows, choose_rows, join_pieces
 from agonic.model.shares import Level, Share, stand_level, weigh
@@ -248,9 +248,9 @@ def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
     if share < 1.0:  # some rows alone: what they say of terms counts, not where they are best
         shift = shift - solve(gram, prior, groups, {}).estimate[:m]
     shares = []
-    for i, group in enumerate(groups):
-        beside = solve(gram, prior, groups, there, i) if i in there else base
-        sized = average(gram, beside, group)
+    for i, sized in enumerate(average_each(gram, base, groups)):
+        if i in there:
+            sized = average(gram, solve(gram, prior, groups, there, i), groups[i])
         alias = sized.alias[:m]
         if i not in there:
             shift = shift - alias @ sized.mean
@@ -319,7 +319,7 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
         },
         bias_sd=np.sqrt(np.diag(covariance)[:3]) / rows.radius,
         held=find_held(*at_footpoints) if priors_alone else _FREE,
-        unseen=predict_unseen(search.list_blocks(found), counts, found.base, level.by_params),
+        unseen=predict_unseen(found.split(found.base), counts, found.base, level.by_params),
     )
 
 

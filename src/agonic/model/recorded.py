@@ -35,15 +35,14 @@ _ROUNDS = 2
 
 class Weighed(NamedTuple):
     """Sets of columns beside hidden terms: the log-odds of each and its likeliest size, (s,); the
-    search, what it found, the hidden terms that are there, cross-products of blocks, and the
-    logarithms of what these terms leave of each unseen one, (b,)."""
+    search, what it found, the hidden terms that are there, and the logarithms of what these leave
+    of each unseen block, (b,)."""
 
     odds: Array
     sizes: Array
     search: Search
     found: Explained
     hidden: Mapping[int, float]
-    blocks: Array
     left: Array
 
     def measure_left(self, i: int) -> Array:
@@ -51,7 +50,7 @@ class Weighed(NamedTuple):
         without it, as logarithms (b,)."""
         there = {**self.hidden, i: float(self.sizes[i])}
         joined = solve(self.found.gram, self.search.prior, self.search.groups, there)
-        return _log_squares(self.blocks, joined) - self.left
+        return _log_squares(self.found, joined) - self.left
 
     @or_none
     def find_sure(self) -> int | None:
@@ -72,8 +71,8 @@ class Weighed(NamedTuple):
         return best if best in again.there else None
 
 
-def _log_squares(blocks: Array, base: Base) -> Array:
-    return np.log([one.square for one in leave_out(blocks, base)])
+def _log_squares(found: Explained, base: Base) -> Array:
+    return np.log([one.square for one in leave_out(found.split(base), base)])
 
 
 def is_surely_less(left: Array, tries: int) -> bool:
@@ -102,9 +101,7 @@ def weigh_recorded(
     hidden = {i: size for i, size in found.there.items() if i >= len(sets)}
     base = solve(found.gram, search.prior, search.groups, hidden)
     odds, sizes = rate(found.gram, base, search.groups[: len(sets)])
-    blocks = search.list_blocks(found)
-    left = _log_squares(blocks, base)
-    return Weighed(odds, sizes, search, found, hidden, blocks, left)
+    return Weighed(odds, sizes, search, found, hidden, _log_squares(found, base))
 
 
 @or_none

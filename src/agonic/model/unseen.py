@@ -41,18 +41,18 @@ def leave_out(blocks: Array, base: Base) -> Iterator[LeftOut]:
     Of the residuals e of a block with columns X, by the fit without it, eᵀ(1 + X(M − G_b)⁻¹Xᵀ)⁻¹e =
     eᵀe − (Xᵀe)ᵀM⁻¹(Xᵀe) is as large as the rows are many.
 
-    Parameters: cross-products of `blocks` (b, m, m) over the noise, and the `base` of all.
+    Parameters: cross-products (b, m + 1, m + 1) over the noise of what the `base` of all holds, the
+    residuals last.
     """
-    columns = base.columns
     whole = np.linalg.inv(base.inverse)
     right = whole @ base.estimate
     for one in blocks:
-        own = one[np.ix_(columns, columns)]
+        own, score, whole_square = one[:-1, :-1], one[:-1, -1], float(one[-1, -1])
         inverse = np.linalg.inv(whole - own)
-        without = inverse @ (right - one[columns, -1])
-        pull = one[columns, -1] - own @ without
-        least = ROUNDING * float(one[-1, -1])
-        square = max(float(one[-1, -1] - one[columns, -1] @ without - without @ pull), least)
+        without = inverse @ (right - score)
+        pull = score - own @ without
+        least = ROUNDING * whole_square
+        square = max(float(whole_square - score @ without - without @ pull), least)
         standard = max(square - float(pull @ base.inverse @ pull), least)
         yield LeftOut(without - base.estimate, inverse - base.inverse, square, standard)
 

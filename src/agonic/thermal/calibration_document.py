@@ -88,7 +88,8 @@ def describe_validity(calibration: Thermal) -> dict[str, str]:
     """Where the calibration may be used."""
     low, high = calibration.range_C
     entries = {
-        "Temperature": f"{low:.1f} to {high:.1f} °C; more than {MARGIN_C:g} °C beyond, corrections are extrapolated, with a warning",
+        "Temperature": f"{low:.1f} to {high:.1f} °C; more than {MARGIN_C:g} °C beyond, corrections "
+        "are extrapolated, with a warning",
         "Needs": "the temperature of each reading"
         + ("" if calibration.rate is None else ", and its time for how fast that changes"),
     }

@@ -159,7 +159,10 @@ def _show_chamber(found: ChamberField | None) -> list[Block]:
         "standard deviation of an axis within a station). This is the chamber, not the sensors. "
         "From one station to the next field, fixture and sensors cannot be separated."
     )
-    note = "Standard deviations of the means of windows, on one axis. “Its own” is residuals of the polynomials, lag and rounding."
+    note = (
+        "Standard deviations of the means of windows, on one axis. “Its own” is residuals of the "
+        "polynomials, lag and rounding."
+    )
     return [
         lambda: figures.draw_chamber(found),
         said,

@@ -34,6 +34,7 @@ APART_RAD = 0.5
 LEAST_MISFIT = 1e-3
 """Of the field: what any accelerometer and sensor leave."""
 _ITERATIONS = 12
+_SETTLED = 1e-6
 _INDEPENDENT = 400.0  # rows, of correlated ones, that weigh soft iron against the misfit
 
 
@@ -92,10 +93,13 @@ def find_turn_beside(readings: Array, down: Array, soft_iron_sd: float) -> TurnB
     across = gram[:9, 9:]
     left = gram[:9, :9] - across @ np.linalg.pinv(gram[9:, 9:], 1e-12, True) @ across.T
     turns, irons = right_angles().copy(), np.zeros((24, 5))
-    for _ in range(_ITERATIONS):
-        misfit = np.maximum(measure_misfit(left, turns, irons), LEAST_MISFIT)
-        turns, irons = _step(left, turns, irons, misfit, soft_iron_sd)
     misfit = np.maximum(measure_misfit(left, turns, irons), LEAST_MISFIT)
+    for _ in range(_ITERATIONS):
+        before = misfit
+        turns, irons = _step(left, turns, irons, misfit, soft_iron_sd)
+        misfit = np.maximum(measure_misfit(left, turns, irons), LEAST_MISFIT)
+        if np.allclose(misfit, before, rtol=_SETTLED, atol=0.0):
+            break
     best = int(np.argmin(misfit + _price(irons, misfit.min(), soft_iron_sd)))
     trace = np.einsum("ij,kij->k", turns[best], turns)
     others = np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0)) > APART_RAD
@@ -118,12 +122,14 @@ _SHAPES = np.array(
     ]
 )  # fmt: skip
 """Soft iron of no mean gain, (5, 3, 3)."""
+_ABOUT = np.stack([skew(axis) for axis in np.eye(3)])
+"""What a small turn about each axis does, (3, 3, 3)."""
 
 
 def measure_misfit(left: Array, turns: Array, irons: Array) -> Array:
     """The rms of the vertical part for turns (k, 3, 3) and soft iron (k, 5), (k,)."""
     whole = (turns @ (np.eye(3) + np.tensordot(irons, _SHAPES, 1))).reshape(-1, 9)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", whole, left, whole), 0.0)))
+    return np.asarray(np.sqrt(np.maximum(np.sum((whole @ left) * whole, axis=1), 0.0)))
 
 
 def _price(irons: Array, misfit: float, soft_iron_sd: float) -> Array:
@@ -135,8 +141,7 @@ def _price(irons: Array, misfit: float, soft_iron_sd: float) -> Array:
 def _slopes(turns: Array, irons: Array) -> tuple[Array, Array]:
     """The matrices (k, 9) and their derivatives (k, 8, 9) by three turns and five shapes."""
     whole = turns @ (np.eye(3) + np.tensordot(irons, _SHAPES, 1))
-    about = np.stack([skew(axis) for axis in np.eye(3)])
-    turned = about[None] @ whole[:, None]
+    turned = _ABOUT[None] @ whole[:, None]
     shaped = turns[:, None] @ _SHAPES[None]
     by = np.concatenate([turned, shaped], axis=1)
     return whole.reshape(-1, 9), by.reshape(len(turns), 8, 9)
@@ -149,13 +154,14 @@ def _step(
     whole, by = _slopes(turns, irons)
     weight = (_INDEPENDENT / misfit**2)[:, None, None]
     prior = np.diag(np.r_[np.ones(3), np.full(5, soft_iron_sd**-2.0)])
-    information = weight * (by @ left @ np.swapaxes(by, 1, 2)) + prior
-    pull = weight[:, 0] * np.einsum("kpi,ij,kj->kp", by, left, whole)
+    seen = by @ left
+    information = weight * (seen @ np.swapaxes(by, 1, 2)) + prior
+    pull = weight[:, 0] * (seen @ whole[:, :, None])[:, :, 0]
     pull[:, 3:] += irons * soft_iron_sd**-2.0
     step = -np.linalg.solve(information, pull[..., None])[..., 0]
     size = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
     step[:, :3] *= np.minimum(1.0, 0.3 / np.maximum(size, 1e-12))
-    half = np.tensordot(step[:, :3], np.stack([skew(axis) for axis in np.eye(3)]), 1) / 2
+    half = np.tensordot(step[:, :3], _ABOUT, 1) / 2
     moved = np.linalg.solve(np.eye(3) - half, (np.eye(3) + half) @ turns)  # Cayley's rotation
     return np.asarray(moved, dtype=np.float64), irons + step[:, 3:]
 

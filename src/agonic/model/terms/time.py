@@ -40,7 +40,7 @@ def alternation(seen: Seen) -> Errors:
 
 
 def no_errors(seen: Seen) -> None:
-    """The columns of a step are made from the blocks of time (`gram.with_steps`)."""
+    """The columns of a step are made from the blocks of time (`gram.Blocks`)."""
 
 
 TIME = (
