@@ -240,7 +240,7 @@ def _size_alike(
         columns = np.stack([groups[i].columns for i in members])
         before = gram[base.columns][:, columns]  # (b, g, k)
         own = gram[columns[:, :, None], columns[:, None, :]]
-        moved = (base.inverse @ before.reshape(len(base.columns), -1)).reshape(before.shape)
+        moved = np.tensordot(base.inverse, before, 1)  # a base may have no columns
         across = before.transpose(1, 2, 0) @ moved.transpose(1, 0, 2)
         score = gram[columns, -1] - np.tensordot(base.estimate, before, 1)
         trace = np.trace(own, axis1=1, axis2=2)[:, None]
