@@ -24,7 +24,7 @@ from agonic.ellipsoid import fit_moments
 from agonic.errors import AgonicError
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.settings import FleetSettings
-from agonic.fleet.simulation.logs import make_tables as columns_of
+from agonic.fleet.simulation.files import make_tables as columns_of
 from agonic.fleet.simulation.simulate import SimulatedFleet, simulate_fleet
 from agonic.moments import Moments
 from agonic.population import Population, write_population

@@ -18,8 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from agonic.fleet.run import calibrate_fleet
 from agonic.fleet.settings import FleetSettings
 from agonic.fleet.simulation.faults import BROKEN, SWAPPED
-from agonic.fleet.simulation.files import write_dataset, write_logs
-from agonic.fleet.simulation.logs import make_tables, make_texts
+from agonic.fleet.simulation.files import make_tables, make_texts, write_dataset, write_logs
 from agonic.fleet.simulation.simulate import SimulatedFleet, simulate_fleet
 from agonic.population import Population, Row, find_duplicates, find_outliers
 from benchmarks import tables as pages

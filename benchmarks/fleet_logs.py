@@ -17,10 +17,8 @@ from pathlib import Path
 import psutil
 
 from agonic.exports.csv import write_csv
-from agonic.fleet.distributed import Dask
-from agonic.fleet.engine import Engine
+from agonic.fleet.engine import Dask, Engine, Processes
 from agonic.fleet.inputs import JOURNAL
-from agonic.fleet.local import Processes
 from agonic.fleet.run import FleetRun, Progress, run_fleet
 from agonic.simulation import simulate
 from benchmarks import tables

@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from agonic.fleet.distributed import Dask
+from agonic.fleet.engine import Dask
 from agonic.fleet.run import run_fleet
 from benchmarks import tables
 from benchmarks.fleet_logs import ROWS, write_logs

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import agonic as ag
-from agonic.cli.simulate_orbit import train_on_ground
+from agonic.cli.simulate import train_on_ground
 from agonic.field.place import field_along
 from agonic.inflight.simulation.orbit import simulate_orbit
 from benchmarks import tables

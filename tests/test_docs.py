@@ -21,7 +21,7 @@ from agonic.alignment import findings
 from agonic.cli import COMMANDS
 from agonic.model.terms import HIDDEN
 from agonic.model.terms.time import STEP
-from agonic.reproduce.documents import load_documents
+from agonic.reproduce.run import load_documents
 from agonic.samples import Logged
 from agonic.thermal.fit.evidence import OTHER_TURNS, TRENDS
 from agonic.thermal.fit.station_faults import TOLD

@@ -40,7 +40,7 @@ from pathlib import Path
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.exports.convert import Export, require_physical
-from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.temperature import hold_temperature
 
 
 def write_pigeon(

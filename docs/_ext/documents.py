@@ -18,9 +18,8 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from agonic.reproduce.documents import Source, load_documents
 from agonic.reproduce.report import HEAD, list_commands, write_row
-from agonic.reproduce.run import Row, reproduce
+from agonic.reproduce.run import Row, Source, load_documents, reproduce
 
 
 class Documents(SphinxDirective):

@@ -7,8 +7,8 @@ import numpy as np
 from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.exports.convert import Export, require_physical
-from agonic.exports.fixed_temperature import hold_temperature
 from agonic.exports.targets import Target
+from agonic.exports.temperature import hold_temperature
 from agonic.logs.formats import Format
 from agonic.logs.log import Log
 from agonic.logs.table import build_log

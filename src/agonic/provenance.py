@@ -30,7 +30,7 @@ class Input:
     def of_array(cls, name: str, array: np.ndarray[Any, Any]) -> Input:
         """The input that an array is, hashed as little-endian float64."""
         data = np.ascontiguousarray(array, dtype="<f8")
-        return cls(name=name, sha256=hashlib.sha256(data.tobytes()).hexdigest(), count=len(data))
+        return cls(name=name, sha256=hashlib.sha256(data.data).hexdigest(), count=len(data))
 
 
 def escape_text(name: str) -> str:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment import gravity as kernel
 from agonic.alignment.gravity import fit_gravity
-from agonic.alignment.maths import gravity as kernel
 from agonic.alignment.simulation.laboratory import simulate_gravity
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import apply

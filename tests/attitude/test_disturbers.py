@@ -8,7 +8,7 @@ import pytest
 import agonic as ag
 from agonic.attitude.disturbers.choice import choose_sources, list_candidates
 from agonic.attitude.disturbers.plan import judge_disturbers
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27)

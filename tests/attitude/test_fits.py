@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.attitude.interference import fit_interference
 from agonic.attitude.levelled import fit_levelled, fit_vector
-from agonic.attitude.problem import normalise
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings, normalise
 from agonic.field.place import field_along
 from agonic.maths.equation.channels import compute_residuals
 from agonic.maths.equation.starting_values import fit_at_once

@@ -9,7 +9,7 @@ import pytest
 
 import agonic as ag
 from agonic.attitude.disturbers.choice import choose_sources
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.calibration.sources import parse_source
 from agonic.calibration.timing import follow
 from tests.attitude.test_disturbers import PLACE, duties, flight

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agonic.cli import GROUPS, make_command, run
-from agonic.cli.examples import EXAMPLES
+from agonic.cli.commands import EXAMPLES
 
 AGONIC = make_command()
 

@@ -18,12 +18,16 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, UnitError, ValidityError
 from agonic.exports.c_header import write_c
-from agonic.exports.fixed_temperature import compute_remainder, hold_temperature
 from agonic.exports.matlab import write_matlab
-from agonic.exports.polynomials import evaluate_affine, fit_polynomials
 from agonic.exports.px4 import compute_px4_parameters, write_px4
 from agonic.exports.table import write_table
 from agonic.exports.targets import TARGETS, write
+from agonic.exports.temperature import (
+    compute_remainder,
+    evaluate_affine,
+    fit_polynomials,
+    hold_temperature,
+)
 from tests.exports.controller import STRICT, library
 from tests.exports.read_back import (
     apply_ardupilot,

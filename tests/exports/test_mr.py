@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.errors import AgonicError
-from agonic.exports.mr import NAMES, write_mr
-from agonic.exports.table import write_table
+from agonic.exports.table import MR_NAMES, write_mr, write_table
 from agonic.simulation import random_calibration
 
 OWN = ag.Affine(
@@ -26,7 +25,7 @@ TURN = ag.alignment.Alignment(
 def read(path: Path) -> tuple[np.ndarray, list[float | None]]:
     lines = path.read_text().splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]
-    assert tuple(row[0] for row in rows) == NAMES
+    assert tuple(row[0] for row in rows) == MR_NAMES
     values = np.array([float(row[1]) for row in rows]).reshape(3, 4)
     return values, [float(row[2]) if row[2] else None for row in rows]
 

@@ -151,7 +151,7 @@ ONE = '[[compass]]\ncalibration = "mag.json"\n'
         ("", "at least one [[compass]]"),
         ("compass = 3", "at least one [[compass]]"),
         ('[compass]\ncalibration = "mag.json"', "at least one [[compass]]"),
-        ("[[compass]]\nlatency_s = 0.1", "needs the key `calibration`"),
+        ("[[compass]]\nlatency_s = 0.1", "needs `calibration`"),
         ('[[compass]]\ncalibration = "gone.json"', "gone.json: there is no such file"),
         (
             '[[compass]]\ncalibration = "other.txt"',
@@ -159,16 +159,16 @@ ONE = '[[compass]]\ncalibration = "mag.json"\n'
         ),
         ('[[compass]]\ncalibration = "card.json"', "card stands where a calibration is needed"),
         (ONE + 'deviation = "mag.json"', "calibration stands where a deviation card is needed"),
-        (ONE + 'latency_s = "late"', "expected `float`, got `str` at `latency_s`"),
+        (ONE + 'latency_s = "late"', "`latency_s` expected `float`, got `str`"),
         (ONE + "latency_s = 1000", "latency_s is 1000"),
         (ONE + 'colour = "red"', "has no key `colour`"),
         (ONE + ONE, "one compass for a sensor"),
-        (ONE + "[tilt]\nsource = 'moon'", "source 'moon' is not known; use one of auto, log"),
+        (ONE + "[tilt]\nsource = 'moon'", "`source` 'moon' is not known; use one of auto, log"),
         (ONE + "tilt = 'log'", "has no key `tilt`"),
-        ("tilt = 'log'\n" + ONE, "[tilt] expected a section"),
+        ("tilt = 'log'\n" + ONE, "[tilt] must be a section"),
         (ONE + "[declination]\ndegrees = 'east'", "declination"),
         (ONE + "[declination]\ndegrees = 300", "declination_deg is 300"),
-        (ONE + "[field]\nhorizontal_nT = 20000", "needs the key `vertical_nT`"),
+        (ONE + "[field]\nhorizontal_nT = 20000", "needs `vertical_nT`"),
         (ONE + "[fields]\nhorizontal_nT = 20000", "fields: not part of a setup"),
         (ONE + "[limits]\nmagnitude = -1", "magnitude_limit is -1"),
         ("[[compass]\n", "a setup (TOML) or a calibration file (JSON) is needed"),
@@ -187,7 +187,11 @@ def test_all_mistakes_are_named_at_once() -> None:
     text = '[[compass]]\ncalibration = "gone.json"\n[tilt]\nsd = 1\n[limits]\ndip_deg = "x"\n'
     said = mistakes(text)
     assert said.startswith("setup.toml: ")
-    for part in ("[[compass]] 1 gone.json", "[tilt] has no key `sd`", "[limits] expected `float`"):
+    for part in (
+        "[[compass]] 1: gone.json",
+        "[tilt] has no key `sd`",
+        "[limits] `dip_deg` expected `float`",
+    ):
         assert part in said
 
 
@@ -199,9 +203,9 @@ def test_mistakes_of_value_are_named_beside_the_others() -> None:
     )
     for part in (
         "has no key `colour`",
-        "expected `float`, got `str` at `latency_s`",
-        "source 'moon'",
-        "order 'yaw'",
+        "`latency_s` expected `float`, got `str`",
+        "`source` 'moon'",
+        "`order` 'yaw'",
         "declination_deg is 300",
         "dip_limit_deg is -5",
         "tilt_limit_deg is 200",

@@ -7,8 +7,8 @@ import numpy as np
 from agonic.calibration.affine import Affine
 from agonic.exports.csv import write_csv
 from agonic.fleet.engine import Here
-from agonic.fleet.result import FleetRun
 from agonic.fleet.run import run_fleet
+from agonic.fleet.settings import FleetRun
 from agonic.simulation import simulate
 
 ROWS = 300

@@ -15,11 +15,10 @@ from agonic.exports.csv import write_csv
 from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.engine import Here
 from agonic.fleet.settings import FleetSettings
-from agonic.fleet.simulation.logs import make_tables
+from agonic.fleet.simulation.files import make_tables
 from agonic.fleet.simulation.simulate import simulate_fleet
 from agonic.logs.large.dataset import connect, find_dataset
-from agonic.logs.large.grouped_moments import Grouped, sum_moments
-from agonic.logs.large.grouped_residuals import sum_residuals
+from agonic.logs.large.grouped_moments import Grouped, sum_moments, sum_residuals
 from agonic.moments import Moments
 from agonic.population import Population
 from agonic.reference import Reference

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agonic.cli import run
-from agonic.fleet import work
+from agonic.fleet import run as fleet_run
 from agonic.fleet.journal import Journal
 from agonic.population import History, read_population
 from tests.fleet.boards import write_bad, write_boards
@@ -110,7 +110,7 @@ def test_an_interruption_while_the_journal_is_written(logs, number, capsys, monk
 @pytest.mark.parametrize("other", [None, ImportError("core failed to import")])
 def test_an_interruption_that_a_library_loses(logs, other, capsys, monkeypatch) -> None:
     """Python drops what is raised while it cleans up, and some libraries make an error of it."""
-    calibrate = work.calibrate_log
+    calibrate = fleet_run.calibrate_log
 
     def interrupted(*arguments: Any, **settings: Any) -> Any:
         try:
@@ -120,7 +120,7 @@ def test_an_interruption_that_a_library_loses(logs, other, capsys, monkeypatch) 
                 raise other from None
         return calibrate(*arguments, **settings)
 
-    monkeypatch.setattr(work, "calibrate_log", interrupted)
+    monkeypatch.setattr(fleet_run, "calibrate_log", interrupted)
     assert run(["fleet", str(logs), "-o", "cut", "--workers", "0"]) == 2
     assert capsys.readouterr().err == INTERRUPTED
 

@@ -12,8 +12,7 @@ import psutil
 import pytest
 
 from agonic.errors import AgonicError
-from agonic.fleet.engine import Lost
-from agonic.fleet.local import Processes
+from agonic.fleet.engine import Lost, Processes
 from agonic.fleet.run import run_fleet
 from agonic.fleet.settings import FleetSettings
 from tests.fleet.boards import run_here, write_boards
@@ -80,7 +79,7 @@ def test_a_task_that_hangs_is_lost_alone_and_in_time() -> None:
 def test_a_script_without_a_guard_may_start_processes(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "from agonic.fleet.local import Processes\nprint(dict(Processes(1).run(abs, [-1])))\n"
+        "from agonic.fleet.engine import Processes\nprint(dict(Processes(1).run(abs, [-1])))\n"
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60)
     assert (done.stdout, done.stderr) == ("{-1: 1}\n", "")

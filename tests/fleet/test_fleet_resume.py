@@ -16,9 +16,8 @@ from agonic.errors import AgonicError
 from agonic.fleet import one_log
 from agonic.fleet.inputs import JOURNAL
 from agonic.fleet.journal import Journal
-from agonic.fleet.result import FleetRun
 from agonic.fleet.run import run_fleet
-from agonic.fleet.settings import FleetSettings
+from agonic.fleet.settings import FleetRun, FleetSettings
 from tests.fleet.boards import run_here, write_bad, write_boards
 
 LOGS = 9
@@ -99,8 +98,8 @@ def test_finished_logs_are_not_read_again(fleet: Path, tmp_path: Path, monkeypat
     def never(*_: object, **__: object) -> None:
         raise AssertionError("read again")
 
-    monkeypatch.setattr("agonic.fleet.work.hash_file", never)
-    monkeypatch.setattr("agonic.fleet.work.calibrate_log", never)
+    monkeypatch.setattr("agonic.fleet.run.hash_file", never)
+    monkeypatch.setattr("agonic.fleet.run.calibrate_log", never)
     again = run_here(fleet / "logs", out=out)
     assert (again.calibrated, again.resumed) == (0, len(first.population))
     assert table(again) == table(first)

@@ -10,7 +10,7 @@ import pytest
 from pyarrow import parquet
 
 from agonic.errors import AgonicError
-from agonic.fleet.distributed import Dask
+from agonic.fleet.engine import Dask
 from agonic.fleet.inputs import JOURNAL, find_inputs
 from agonic.fleet.journal import Journal
 from agonic.fleet.settings import FleetSettings

@@ -181,7 +181,7 @@ def test_what_is_carried_back_is_the_covariance_of_the_field() -> None:
     ):
         columns = {"current_A": current}
         steps = list_steps(step)
-        lasting, _ = propagate(steps, apply_steps(steps, raw, columns), columns, gradient)
+        lasting, *_ = propagate(steps, apply_steps(steps, raw, columns), columns, gradient)
         full = step.uncertainty(raw, **columns)
         assert lasting == pytest.approx(np.einsum("in,nij,jn->n", gradient, full, gradient))
 
@@ -194,7 +194,7 @@ def test_steps_of_a_chain_add_up() -> None:
     first = replace(made.truth, covariance=np.diag([900.0] * 3 + [1e-6] * 6), noise=100.0)
     steps = list_steps(Chain(steps=(first, mounting)))
     raw, gradient = made.samples.field, rng.standard_normal((3, 5))
-    lasting, noise = propagate(steps, apply_steps(steps, raw, {}), {}, gradient)
+    lasting, noise, _ = propagate(steps, apply_steps(steps, raw, {}), {}, gradient)
     draws = []
     for _ in range(4000):
         bent = Rotation.from_rotvec([0.01, 0.02, 0.03] * rng.standard_normal(3)) * turn

@@ -172,6 +172,22 @@ def test_talk_between_axes_of_a_level_vehicle_is_no_other_mounting() -> None:
     assert check_mounting(level @ naming, down) is not None
 
 
+def test_a_vertical_that_changes_along_an_orbit_is_no_other_mounting() -> None:
+    """One side to the Earth from pole to pole: taken for constant, the vertical would be across."""
+    rng = np.random.default_rng(4)
+    latitude = np.linspace(-1.4, 1.4, 2000)
+    vertical, north = 2.0 * np.sin(latitude), np.cos(latitude)
+    tilts = 0.002 * rng.normal(size=(2000, 2))
+    down = np.column_stack([tilts, np.ones(2000)])
+    readings = np.column_stack([north, 0.05 * np.cos(5 * latitude), vertical])
+    readings += 0.003 * rng.normal(size=readings.shape) + 0.2
+    assert check_mounting(readings, down, np.ones(1)) is not None
+    assert check_mounting(readings, down, vertical) is None
+    assert find_mounting(readings, down, vertical) is None
+    naming = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    assert check_mounting(readings @ naming, down, vertical) is not None
+
+
 def test_what_moves_the_readings_of_a_vehicle_that_hardly_turns_is_no_mounting() -> None:
     """A current along y and z: x is the most constant by little, and nobody turned."""
     rng = np.random.default_rng(3)
@@ -202,10 +218,10 @@ def test_roll_or_pitch_of_a_boat_counted_the_wrong_way_round(mirror, told) -> No
     north /= np.linalg.norm(north, axis=1)[:, None]
     iron = np.array([[1.03, 0.02, -0.03], [0.02, 0.98, 0.02], [-0.03, 0.02, 1.0]])
     readings = (0.44 * north + 0.9 * down + 0.003 * rng.normal(size=down.shape)) @ iron + 0.1
-    assert check_mounting(readings, down, 0.9) is None
-    found = check_mounting(readings, down @ mirror, 0.9)
+    assert check_mounting(readings, down, np.array([0.9])) is None
+    found = check_mounting(readings, down @ mirror, np.array([0.9]))
     assert found is not None
     assert found.name == "attitude"
     assert told in found.what
-    upside_down = check_mounting(-readings, down @ mirror, 0.9)
+    upside_down = check_mounting(-readings, down @ mirror, np.array([0.9]))
     assert upside_down is None or upside_down.name == "mounting"

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError
+from agonic.history.departure import find_drifting
 from agonic.history.document import describe_drift
-from agonic.history.drifting_sensors import find_drifting
 from agonic.history.fit import drift
-from agonic.history.trend import YEAR_S
+from agonic.history.result import YEAR_S
 from agonic.population import Population, Row
 from agonic.population.store import History
 from agonic.population.store_schema import UNDATED

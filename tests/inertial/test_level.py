@@ -5,7 +5,7 @@ import pytest
 
 import agonic as ag
 from agonic.attitude.mounted_heading import compute_mounted_heading
-from agonic.inertial.settings import Settings
+from agonic.inertial.problem import Settings
 from agonic.inertial.start import SLOW_M_S, choose_speed
 from agonic.simulation import simulate
 from tests.inertial.drives import drive, used_error_deg

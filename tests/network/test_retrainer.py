@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 import agonic as ag
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams
-from agonic.cli.simulate_orbit import train_on_ground
+from agonic.cli.simulate import train_on_ground
 from agonic.field.place import field_along
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.maths.rotations.attitude import rot_nb

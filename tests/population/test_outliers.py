@@ -14,7 +14,7 @@ from agonic.maths.estimation.robust.robust_line import fit_robust_line
 from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
 from agonic.maths.estimation.robust.tails import fit_tail
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
-from agonic.population.axis_swaps import list_swaps, swap_axes
+from agonic.population.outlier import list_swaps, swap_axes
 from agonic.population.peers import find_peers
 
 from .drawn import LAWS, changed, drawn, joined, refused, turned, with_bias

@@ -9,8 +9,7 @@ import pytest
 import agonic as ag
 from agonic.recording.figures import draw_headings, draw_histogram, draw_magnitude, draw_strip
 from agonic.recording.residuals import compute_residuals
-from agonic.report.axes import Axis
-from agonic.report.time_axis import along_rows
+from agonic.report.axes import Axis, along_rows
 from agonic.simulation import simulate
 from tests.recording.handmade import samples_of, tumble
 

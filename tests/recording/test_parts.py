@@ -7,7 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.attitude.fit import fit_channels_alone, open_channels_parts
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.ellipsoid import fit_ellipsoid_alone, open_ellipsoid_parts
 from agonic.errors import CoverageError
 from agonic.recording.held_out import cut_blocks

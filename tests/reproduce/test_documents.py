@@ -9,9 +9,16 @@ from msgspec.structs import replace
 
 from agonic.cli import run
 from agonic.errors import AgonicError
-from agonic.reproduce.documents import Item, Source, load_documents, with_own_data
 from agonic.reproduce.report import describe_reproduction, list_commands
-from agonic.reproduce.run import Row, find_numbers, reproduce
+from agonic.reproduce.run import (
+    Item,
+    Row,
+    Source,
+    find_numbers,
+    load_documents,
+    reproduce,
+    with_own_data,
+)
 
 DOCUMENTS = load_documents()
 
@@ -102,7 +109,7 @@ def test_the_command_on_own_data(
     assert run(["simulate", "alignment", "-o", "mine", "--seed", "9"]) == 0
     capsys.readouterr()
     short = replace(DOCUMENTS["patent"], items=DOCUMENTS["patent"].items[:1])
-    monkeypatch.setattr("agonic.reproduce.documents.load_documents", lambda: {"patent": short})
+    monkeypatch.setattr("agonic.reproduce.run.load_documents", lambda: {"patent": short})
     assert run(["reproduce", "patent", "--with", "mine", "-o", "made", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["schema"] == "agonic/reproduce@1"

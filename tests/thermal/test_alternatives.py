@@ -5,7 +5,7 @@ import pytest
 
 import agonic as ag
 from agonic.thermal.fit.fit import fit_thermal
-from agonic.thermal.maths.alternatives import FIELD, NETWORK, TEMPERATURE
+from agonic.thermal.maths.known_field import FIELD, NETWORK, TEMPERATURE
 from tests.thermal.coil import simulate_thermal_coil
 
 

@@ -6,9 +6,13 @@ import pytest
 import agonic as ag
 from agonic.maths.equation import affine
 from agonic.maths.rotations.attitude import yaw_pitch_roll
-from agonic.thermal.campaign.description import Station, list_standard_stations
+from agonic.thermal.campaign.description import (
+    Sensor,
+    Station,
+    list_standard_stations,
+    parse_sensors,
+)
 from agonic.thermal.campaign.profile import Profile
-from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.fit.fit import fit_thermal
 from agonic.thermal.plan.document import describe_plan
 from agonic.thermal.plan.plan import plan_thermal

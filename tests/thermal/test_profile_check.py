@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agonic.thermal.campaign.description import Sensor
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.checks.programme import check_campaign
 from agonic.thermal.plan.plan import plan_thermal
 from agonic.thermal.simulation.campaign import Faults, simulate_campaign

@@ -12,10 +12,10 @@ from agonic.calibration.thermal import Thermal
 from agonic.health import Finding
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.report.digits import MINUS, THIN
-from agonic.thermal import curves, figures
+from agonic.thermal import figures
 from agonic.thermal.all_sensors import calibrate_campaign
 from agonic.thermal.calibration_document import describe_calibration
-from agonic.thermal.checks.thermometers import find_courses
+from agonic.thermal.checks.boards import find_courses
 from agonic.thermal.document import campaign_page
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 from agonic.thermal.simulation.campaign import simulate_campaign
@@ -66,7 +66,7 @@ def test_other_ratios_stand_beside_under_their_own_words(result) -> None:
 
 def test_every_bin_is_a_dot_where_it_belongs(result) -> None:
     fit = result.sensors[0].fit
-    curve = curves.evaluate_coefficients(fit.calibration)[4]
+    curve = figures.evaluate_coefficients(fit.calibration)[4]
     cooling, heating = figures.select_dots(fit.bins, 4)
     drawn = figures.draw_coefficient(curve, (cooling, heating))
     (d,) = re.findall(r'<path d="([^"]*)" class="dots cooling">', drawn)
@@ -82,7 +82,7 @@ def test_every_bin_is_a_dot_where_it_belongs(result) -> None:
 
 def test_what_the_polynomial_leaves_is_bin_less_curve(result) -> None:
     fit = result.sensors[0].fit
-    curve = curves.evaluate_coefficients(fit.calibration)[0]
+    curve = figures.evaluate_coefficients(fit.calibration)[0]
     (left, _) = figures.select_dots(fit.bins, 0, less=curve)
     there = np.isin(fit.bins.temperature, left.temperature)
     exact = fit.bins.cooling[there, 0] - fit.calibration.bias_at(left.temperature)[:, 0]
@@ -92,7 +92,7 @@ def test_what_the_polynomial_leaves_is_bin_less_curve(result) -> None:
 
 def test_the_curve_and_band_are_the_calibrations(result) -> None:
     calibration = result.sensors[0].fit.calibration
-    for k, curve in enumerate(curves.evaluate_coefficients(calibration)):
+    for k, curve in enumerate(figures.evaluate_coefficients(calibration)):
         nine = np.array(
             [
                 np.concatenate(

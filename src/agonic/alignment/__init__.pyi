@@ -6,6 +6,7 @@ The public names of this wing, a line each; see `agonic.public`.
 from agonic.alignment.coil import CoilFit as CoilFit
 from agonic.alignment.coil import fit_coil as fit_coil
 from agonic.alignment.direction import FieldDirection as FieldDirection
+from agonic.alignment.direction import Follower as Follower
 from agonic.alignment.direction import field_direction as field_direction
 from agonic.alignment.direction import follow_direction as follow_direction
 from agonic.alignment.files.read import read_coil as read_coil

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
@@ -15,11 +14,11 @@ from agonic.alignment.figures import draw_residuals, draw_series
 from agonic.alignment.findings import judge
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.remanence import RemanenceFit
+from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
-from agonic.report.origin import list_inputs
-from agonic.report.section import Section, Table
+from agonic.report.section import Section, Table, list_inputs
 
 WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
 CAPTION = "What is read at each angle of the platform beside the mean"
@@ -112,23 +111,9 @@ def _tabulate_coil(fit: CoilFit) -> Section:
 
 
 def _record_coil(fit: CoilFit) -> dict[str, Any]:
-    return {
-        "coil": fit.session.coil,
-        "n": fit.n,
-        "reversals": fit.reversals,
-        "constant_nT_A": fit.constant,
-        "constant_sd_nT_A": fit.constant_sd,
-        "axes": {
-            letter: {"axis": one.axis, "sd_arcsec": one.sd_arcsec, "covariance": one.covariance}
-            for letter, one in fit.directions.items()
-        },
-        "unix_s": fit.time,
-        "geometric_deg": fit.geometric_deg,
-        "geometric_sd_arcsec": fit.geometric_sd_arcsec,
-        "levels": [asdict(level) for level in fit.levels],
-        "p_linear": fit.p_linear,
-        "even_nT_A2": fit.estimate.even,
-        "noise_nT": fit.estimate.noise,
+    estimate = fit.estimate
+    return {"coil": fit.session.coil, **make_record(fit), "even_nT_A2": estimate.even} | {
+        "noise_nT": estimate.noise
     }
 
 
@@ -167,15 +152,8 @@ def _list_turn(fit: GravityFit) -> dict[str, str]:
 
 
 def _record_turn(fit: GravityFit) -> dict[str, Any]:
-    return {
-        "matrix_bm": fit.rot_bm,
-        "turn_deg": fit.angle_deg,
-        "sd_deg": fit.sd_deg,
-        "worst_sd_deg": fit.worst_sd_deg,
-        "inclination_deg": fit.inclination_deg,
-        "bias": fit.estimate.bias,
-        "residuals": fit.estimate.residuals,
-    }
+    estimate = fit.estimate
+    return {**make_record(fit), "bias": estimate.bias, "residuals": estimate.residuals}
 
 
 def describe_remanence(fit: RemanenceFit) -> Document:
@@ -216,17 +194,6 @@ def _draw_remanence(fit: RemanenceFit) -> Markup:
 
 
 def _record_remanence(fit: RemanenceFit) -> dict[str, Any]:
-    return {
-        "sensor": fit.samples.name,
-        "n": fit.n,
-        "remanence_nT": fit.size,
-        "remanence_sd_nT": fit.sd,
-        "remanence_arcsec": fit.size_arcsec,
-        "remanence_sd_arcsec": fit.sd_arcsec,
-        "by_chance": fit.chance,
-        "induced_nT": fit.induced,
-        "induced_sd_nT": fit.induced_sd,
-        "cosine_nT": fit.harmonics.once[0],
-        "sine_nT": fit.harmonics.once[1],
-        "angles_deg": fit.angle_deg,
-    }
+    cosine, sine = fit.harmonics.once[:2]
+    found = {"sensor": fit.samples.name, "cosine_nT": cosine, "sine_nT": sine}
+    return {**found, **make_record(fit)}

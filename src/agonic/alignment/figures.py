@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.report.axes import Axis, Columns, down, right
+from agonic.report.axes import Axis, Columns, along_rows, down, right
 from agonic.report.digits import MINUS
 from agonic.report.markup import Markup, element
 from agonic.report.strips import caption, level, line, path, plot
-from agonic.report.time_axis import along_rows
 
 LEAST_BARS = 5.0
 """Bars that the axis of a session has room for at least, so that its ticks are whole numbers."""

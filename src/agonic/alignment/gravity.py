@@ -1,19 +1,31 @@
-"""`fit_gravity`: the rotation from a magnetometer to an accelerometer, by gravity."""
+"""`fit_gravity`: the rotation from a magnetometer to an accelerometer, by gravity.
+
+Gravity as a reference: the angle between the field and the vertical is the same everywhere.
+
+At rest an accelerometer reads the vertical. With d the direction of down in its axes, m the field
+in the magnetometer's and R from these to those,
+
+    d · R (m − b) = Z
+
+in every orientation, Z the vertical intensity of the place: vectors in two frames of which one
+component is told. Z is the field that nothing but the orientations tells, down; b, a bias that the
+magnetometer still has, may be sought as well.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.calibration import make_calibration, make_provenance
 from agonic.alignment.findings import tell
-from agonic.alignment.maths import gravity as kernel
-from agonic.alignment.maths.gravity import GravityEstimate
+from agonic.alignment.maths.solution import solve
 from agonic.alignment.maths.stretches import average, find_rows
-from agonic.alignment.maths.two_frames import compute_turn_sd
+from agonic.alignment.maths.two_frames import GROUPS, Measured, compute_turn_sd, invert, make_prior
 from agonic.alignment.session.session import correct_field
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
@@ -22,8 +34,99 @@ from agonic.calibration.chain import Chain
 from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
 from agonic.maths.estimation.changes.rest import find_rest
+from agonic.maths.estimation.noise.student import compute_widening
+from agonic.maths.rotations.mounting import right_angles
 from agonic.maths.rotations.tilt import down_from_force
+from agonic.readable import Shown
 from agonic.samples import Samples
+
+VERTICAL = GROUPS["pier"].stop - 1
+"""Place of Z among the unknowns of vectors in two frames."""
+STARTS = 4
+"""Right angles that are started from: of 120 random turns the first or second led to the best."""
+NOISE = 1e-3
+"""Share of the field by which steps are weighed; the residuals tell the noise itself."""
+
+
+class GravityEstimate(NamedTuple):
+    """R (3, 3), Z, b (3,), the covariance (7, 7) of turn, Z, b, and residuals (k,)."""
+
+    rotation: Array
+    vertical: float
+    bias: Array
+    covariance: Array
+    residuals: Array
+    freedom: int
+
+
+def estimate(
+    down: Array, field: Array, *, bias: bool = False, gravity: Array | None = None
+) -> GravityEstimate:
+    """R, Z and perhaps b of k orientations, from whichever of the 24 right angles fits best.
+
+    Parameters: down (k, 3) unit vectors, field (k, 3), the size of gravity (k,) that was read. The
+    noise follows from the residuals, and is no less than the sizes of field and gravity scatter by,
+    which are the same everywhere too: six orientations leave two residuals, small by chance. The
+    covariance is widened by Student's t of the residuals' freedom.
+    """
+    size = float(np.linalg.norm(field, axis=1).mean())
+    measured = _measure(down, field / size)
+    prior = make_prior({"alignment", *(("bias",) if bias else ())})
+    prior[VERTICAL] = 0.0
+    found = min(
+        (
+            solve(measured, prior, (0.0, 0.0, z), rot_bm.T)
+            for rot_bm, z in _starts(down, field / size)
+        ),
+        key=lambda one: one.chi2,
+    )
+    at, rotation = found.unknowns, found.unknowns.rot_mc.T
+    residuals = (down * ((field / size - at.bias) @ at.rot_mc)).sum(axis=1) - at.offset[2]
+    variance = float(residuals @ residuals) / found.freedom if found.freedom > 0 else np.nan
+    variance = max(variance, _scatter_of_sizes(field / size - at.bias, at.offset[2], gravity))
+    variance *= compute_widening(found.freedom) ** 2
+    # turns are counted about the axes of the accelerometer, and the other way round
+    onto = np.zeros((7, 18))
+    onto[:3, GROUPS["alignment"]] = -rotation
+    onto[3, VERTICAL] = size
+    onto[4:, GROUPS["bias"]] = size * np.eye(3)
+    covariance = onto @ invert(found.information, prior) @ onto.T * variance / NOISE**2
+    return GravityEstimate(
+        rotation,
+        float(at.offset[2] * size),
+        at.bias * size,
+        covariance,
+        residuals * size,
+        found.freedom,
+    )
+
+
+def _measure(down: Array, field: Array) -> Measured:
+    """Vectors in two frames, of the field's attitude only down known, and only along it read."""
+    attitude = np.zeros((len(down), 3, 3))
+    attitude[:, :, 2] = down
+    none = np.zeros(len(down))
+    return Measured(
+        field, np.zeros_like(field), attitude, np.zeros_like(attitude), none + NOISE, none, down
+    )
+
+
+def _starts(down: Array, field: Array) -> list[tuple[Array, float]]:
+    """The right angles by which the vertical field varies least, and what it is by them."""
+    vertical = (down @ right_angles() * field).sum(axis=-1)
+    best = np.argsort(vertical.var(axis=1))[:STARTS]
+    return [(right_angles()[k], float(vertical[k].mean())) for k in best]
+
+
+def _scatter_of_sizes(field: Array, vertical: float, gravity: Array | None) -> float:
+    """Variance that the sizes of field (k, 3) and gravity (k,) show the vertical field to have: by
+    its own errors, and by those of the tilt times the horizontal field."""
+    sizes = np.linalg.norm(field, axis=1)
+    scatter = float(sizes.var(ddof=1))
+    if gravity is not None:
+        horizontal = max(float(np.mean(sizes**2)) - vertical**2, 0.0)
+        scatter += horizontal * float(np.var(gravity / gravity.mean(), ddof=1))
+    return scatter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,27 +157,27 @@ class GravityFit(Judged):
         return len(self.down)
 
     @property
-    def rot_bm(self) -> Array:
+    def rot_bm(self) -> Annotated[Array, Shown(key="matrix_bm")]:
         """Magnetometer components into the accelerometer's, (3, 3)."""
         return self.estimate.rotation
 
     @property
-    def angle_deg(self) -> float:
+    def angle_deg(self) -> Annotated[float, Shown(key="turn_deg")]:
         """By how much the two are turned against each other."""
         return float(np.degrees(Rotation.from_matrix(self.rot_bm).magnitude()))
 
     @property
-    def sd_deg(self) -> Array:
+    def sd_deg(self) -> Annotated[Array, Shown()]:
         """Standard errors (3,) of the turn about the accelerometer's axes."""
         return np.asarray(np.degrees(np.sqrt(np.diag(self.estimate.covariance)[:3])))
 
     @property
-    def worst_sd_deg(self) -> float:
+    def worst_sd_deg(self) -> Annotated[float, Shown()]:
         """About the axis about which it is known least."""
         return float(np.degrees(compute_turn_sd(self.estimate.covariance)))
 
     @property
-    def inclination_deg(self) -> float:
+    def inclination_deg(self) -> Annotated[float, Shown()]:
         """Of the field, down positive, by magnetometer and accelerometer alone."""
         return float(np.degrees(np.arcsin(np.clip(self.estimate.vertical / self.magnitude, -1, 1))))
 
@@ -127,7 +230,7 @@ def fit_gravity(
             f"{len(down)} orientations at rest were found and {need} are needed; hold the body "
             "still for two seconds on each side, and tilted between"
         )
-    found = kernel.estimate(down, means, bias=bias, gravity=gravity)
+    found = estimate(down, means, bias=bias, gravity=gravity)
     fit = GravityFit(
         calibration=make_calibration(
             found.rotation.T,

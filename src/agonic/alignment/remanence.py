@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.special import chdtri
@@ -16,6 +17,7 @@ from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
 from agonic.health import Finding, Judged, figure
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import Shown
 from agonic.samples import Samples
 from agonic.units import RAW
 
@@ -46,32 +48,32 @@ class RemanenceFit(Judged):
 
     samples: Samples
     reference: Samples | None
-    angle_deg: Array
+    angle_deg: Annotated[Array, Shown(key="angles_deg")]
     field: Array
     noise: Array
     harmonics: Harmonics
     magnitude: float
-    size: float
-    sd: float
-    chance: float
-    induced: float | None = None
-    induced_sd: float | None = None
+    size: Annotated[float, Shown(key="remanence_nT")]
+    sd: Annotated[float, Shown(key="remanence_sd_nT")]
+    chance: Annotated[float, Shown(key="by_chance")]
+    induced: Annotated[float | None, Shown(key="induced_nT")] = None
+    induced_sd: Annotated[float | None, Shown(key="induced_sd_nT")] = None
     induced_chance: float | None = None
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
 
     @property
-    def n(self) -> int:
+    def n(self) -> Annotated[int, Shown()]:
         """How many settings of the platform."""
         return len(self.angle_deg)
 
     @property
-    def size_arcsec(self) -> float:
+    def size_arcsec(self) -> Annotated[float, Shown(key="remanence_arcsec")]:
         """By how much it turns the field where it stands across it."""
         return self.size / self.magnitude / ARCSEC_RAD
 
     @property
-    def sd_arcsec(self) -> float:
+    def sd_arcsec(self) -> Annotated[float, Shown(key="remanence_sd_arcsec")]:
         """Its standard error."""
         return self.sd / self.magnitude / ARCSEC_RAD
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.attitude.problem import Scale
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Scale, Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.calibration.interference import Interference, signals

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from agonic.console.options import Json, LogPath, SensorChoice
 from agonic.console.sensors import open_sensors
 
@@ -13,18 +9,17 @@ from agonic.console.sensors import open_sensors
 def latency(
     log: LogPath,
     which: SensorChoice = SensorChoice(),
-    method: Annotated[str, typer.Option(help="auto, attitude, tilt or gyro.")] = "auto",
-    limit_ms: Annotated[
-        float | None,
-        typer.Option(
-            "--limit",
-            metavar="MS",
-            help="Largest latency sought, ms; default: 300, and 1000 where it lies beyond.",
-        ),
-    ] = None,
+    method: str = "auto",
+    limit_ms: float | None = None,
     as_json: Json = False,
 ) -> int:
-    """The delay of the readings relative to the attitude or the gyro of the log."""
+    """The delay of the readings relative to the attitude or the gyro of the log.
+
+    Options
+    -------
+    method : auto, attitude, tilt or gyro.
+    limit_ms --limit MS : Largest latency sought, ms; default: 300, and 1000 where it lies beyond.
+    """
     from typing import Any, cast
 
     from agonic.attitude.latency import fit_latency

@@ -16,8 +16,7 @@ from agonic.attitude.mounted_heading import (
     check_turned_sensor,
     compute_mounted_heading,
 )
-from agonic.attitude.problem import Scale
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Scale, Settings
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage, compute_coverage
 from agonic.fit import Accuracy, Channel, Fit, ModelTest, gather_evidence
@@ -217,10 +216,10 @@ def _findings(
     if any(finding.severity == "refuse" for finding in seen):
         return seen
     if (by_dip := problem.dip) is not None:  # a felt tilt has the signs of its accelerometer
-        vertical = None if problem.shared is not None else float(np.mean(by_dip.vertical))
+        vertical = None if problem.shared is not None else by_dip.vertical
         if (misplaced := check_mounting(cleaned, by_dip.down, vertical)) is not None:
             return (misplaced, *seen)
-        side = find_side(cleaned, by_dip.down, np.eye(3), float(np.mean(by_dip.vertical)))
+        side = find_side(cleaned, by_dip.down, np.eye(3), by_dip.vertical)
         astray = tilt_sd is not None and tilt_sd > HEADING_REFUSED_DEG
         if vertical is not None and astray and side < 0:
             return (REVERSED_FIELD, *seen)

@@ -14,13 +14,13 @@ from agonic.attitude.calibration import (
 from agonic.attitude.evidence import assess, find_dip_deg, find_down
 from agonic.attitude.problem import (
     Scale,
+    Settings,
     estimate_usable,
     is_robust,
     name_missing_hold,
     normalise,
     select_usable,
 )
-from agonic.attitude.settings import Settings
 from agonic.attitude.shared_errors import TURN, list_considered
 from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError

@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.attitude.fit import CHANNELS, fit_channels_alone
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.attitude.fit import fit_channels
-from agonic.attitude.settings import Gauge, Model, Settings
+from agonic.attitude.problem import Gauge, Model, Settings
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, figure

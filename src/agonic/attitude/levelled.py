@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from agonic.attitude.fit import CHANNELS, fit_channels
-from agonic.attitude.settings import Gauge, Model, Settings
+from agonic.attitude.problem import Gauge, Model, Settings
 from agonic.fit import Fit
 from agonic.logs.any_form import Given, as_samples
 from agonic.reference import Reference

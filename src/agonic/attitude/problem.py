@@ -3,18 +3,18 @@ estimate from the rows that can be used."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import NamedTuple
+from dataclasses import dataclass, fields
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.settings import Settings
 from agonic.calibration.inputs import list_disturbers, signals, stack_inputs
 from agonic.calibration.sources import list_columns
 from agonic.calibration.timing import find_timing, restore
-from agonic.errors import AgonicError, CoverageError, LogError
+from agonic.errors import AgonicError, CoverageError, LogError, check_choice
 from agonic.health import FEWEST, find_rounding
 from agonic.maths.equation.channels import Dip, Problem
 from agonic.maths.equation.crowding import weigh_places
@@ -23,6 +23,39 @@ from agonic.maths.one_pass import median
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+Model = Literal["sphere", "diagonal", "full"]
+Gauge = Literal["auto", "symmetric", "free"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a fit; see `fit_levelled`."""
+
+    model: Model = "full"
+    gauge: Gauge = "auto"
+    sources: tuple[str, ...] = ()
+    robust: bool = True
+    soft_iron_sd: float | None = 0.1
+    turn_sd_deg: float | None = 2.0
+    inclination_deg: float | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_choice("model", self.model, get_args(Model))
+        check_choice("gauge", self.gauge, get_args(Gauge))
+        object.__setattr__(self, "sources", tuple(self.sources))
+        if len(set(self.sources)) < len(self.sources):
+            raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
+        for name in ("soft_iron_sd", "turn_sd_deg"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise AgonicError(f"{name} is {value}; a prior needs it above zero, or None")
+
+    def recorded(self) -> Mapping[str, Any]:
+        """The settings for the provenance."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
+        return plain | {"sources": list(self.sources)}
 
 
 def estimate_usable(

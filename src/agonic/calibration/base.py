@@ -274,6 +274,22 @@ def apply(calibration: Calibration, samples: Samples) -> Samples:
     )
 
 
+def check_readings(calibration: Calibration, samples: Samples) -> None:
+    """Raise `UnitError`, `FrameError` or `AgonicError` where samples are not what it corrects."""
+    if samples.unit != calibration.unit_in:
+        raise UnitError(
+            f"the calibration of {calibration.sensor} corrects readings in {calibration.unit_in} "
+            f"and these are in {samples.unit}; read the log with the unit it was made in"
+        )
+    if samples.frame != calibration.frame_in:
+        raise FrameError(
+            f"the calibration of {calibration.sensor} was made in other axes",
+            left=samples.frame,
+            right=calibration.frame_in,
+        )
+    check_axes(calibration, samples)
+
+
 def correct_field(calibration: Calibration, samples: Samples) -> Array:
     """The corrected field (n, 3) of every row, as the calibration makes it, whatever comes out.
 
@@ -284,16 +300,5 @@ def correct_field(calibration: Calibration, samples: Samples) -> Array:
     >>> correct_field(far, Samples(field=[[3.0, 0, 4]])).tolist()
     [[2e+30, 0.0, 4e+30]]
     """
-    if samples.unit != calibration.unit_in:
-        raise UnitError(
-            f"the calibration corrects readings in {calibration.unit_in} and these are in "
-            f"{samples.unit}; read the log with the unit the calibration was made in"
-        )
-    if samples.frame != calibration.frame_in:
-        raise FrameError(
-            "the calibration was made in other axes",
-            left=samples.frame,
-            right=calibration.frame_in,
-        )
-    check_axes(calibration, samples)
+    check_readings(calibration, samples)
     return calibration.correct(samples.field, **select_columns(calibration, samples))

@@ -9,7 +9,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from agonic.cli.commands import COMMANDS, GROUPS, KINDS
+from agonic.cli.commands import COMMANDS, EXAMPLES, GROUPS, KINDS
+from agonic.console.standard_input import keep_standard_input
 from agonic.console.terminal import allow_any_sign
 from agonic.version import __version__
 
@@ -39,7 +40,6 @@ def run(arguments: list[str]) -> int:
     from agonic.atomic import protect
     from agonic.console.boundary import Interrupted, explain
     from agonic.console.help import describe_usage_error
-    from agonic.console.standard_input import keep_standard_input
     from agonic.errors import AgonicError
 
     if arguments in (["--version"], ["-V"]):
@@ -97,7 +97,6 @@ def make_command(only: str = "") -> Any:
     """
     import typer
 
-    from agonic.cli.examples import EXAMPLES
     from agonic.console.help import App, Group
     from agonic.console.kinds import Kinds, complete, register
 

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from agonic.console.options import CalibrationPath, Json, LogPath, SensorChoice
 
@@ -13,13 +10,16 @@ from agonic.console.options import CalibrationPath, Json, LogPath, SensorChoice
 def apply(
     cal: CalibrationPath,
     log: LogPath,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="OUT", help="Table to write, .csv or .parquet.")
-    ],
+    out: Path,
     which: SensorChoice = SensorChoice(),
     as_json: Json = False,
 ) -> int:
-    """Correct a log's readings and write them with everything recorded beside them."""
+    """Correct a log's readings and write them with everything recorded beside them.
+
+    Options
+    -------
+    out -o OUT : Table to write, .csv or .parquet.
+    """
     from agonic.atomic import write_atomically
     from agonic.calibration.base import apply as correct
     from agonic.cli.calibration_and_log import open_calibration_and_log

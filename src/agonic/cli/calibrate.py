@@ -4,53 +4,37 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from agonic.console.options import Between, Course, Json, LogPath, Mounting, Place, SensorChoice
+from agonic.console.options import (
+    Between,
+    Course,
+    Json,
+    LogPath,
+    Mounting,
+    Place,
+    ScalarChoice,
+    SensorChoice,
+)
 
 
 def calibrate(
     context: typer.Context,
     log: LogPath,
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Folder to write to; default: LOG-agonic."),
-    ] = None,
+    out: Path | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    method: Annotated[
-        str,
-        typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
-    ] = "auto",
-    second: Annotated[
-        str | None,
-        typer.Option(
-            metavar="auto|SENSOR",
-            help="Combine two magnetometers, against what disturbs both; auto: where better.",
-        ),
-    ] = None,
+    scalar: ScalarChoice = ScalarChoice(),
+    method: str = "auto",
+    second: str | None = None,
     between: Between = None,
     course: Course = False,
     mounting: Mounting = None,
-    store: Annotated[
-        Path | None,
-        typer.Option("--store", metavar="STORE", help="Keep the result in this history as well."),
-    ] = None,
-    name: Annotated[
-        str | None,
-        typer.Option(
-            "--as",
-            metavar="INT16|NAME",
-            help="How to read numbers that a logger wrote wrongly; or with "
-            "--store its name in the history, by default its device number or the log's name.",
-        ),
-    ] = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Notes, checks and the choice of method too.")
-    ] = False,
-    show: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    store: Path | None = None,
+    name: str | None = None,
+    verbose: bool = False,
+    show: bool = False,
     as_json: Json = False,
 ) -> int:
     """Calibrate every magnetometer in a log, verify it on held-out parts, and report.
@@ -58,6 +42,17 @@ def calibrate(
     Writes report.html, a calibration file for each sensor that can be used, and exports for the
     autopilot the log came from. Exit status 1 where a sensor was refused or a check failed. A
     Parquet table of more than five million rows is read piece by piece.
+
+    Options
+    -------
+    out -o DIR : Folder to write to; default: LOG-agonic.
+    method : auto (by what the log holds), ellipsoid, levelled, inertial or vector.
+    second auto|SENSOR : Combine two magnetometers, against what disturbs both; auto: where better.
+    store STORE : Keep the result in this history as well.
+    name --as INT16|NAME : How to read numbers that a logger wrote wrongly; or with --store its name
+        in the history, by default its device number or the log's name.
+    verbose -v : Notes, checks and the choice of method too.
+    show --open : Open the report in a browser.
     """
     from agonic.console.finish import finish
     from agonic.console.options import list_typed_options
@@ -80,6 +75,7 @@ def calibrate(
             between,
             method,
             place=place,
+            scalar=scalar,
             course=course,
             second=second,
             mounting=mounting,

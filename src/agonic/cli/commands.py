@@ -2,6 +2,18 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
+EXAMPLES: dict[str, tuple[str, str]] = {
+    command: (first, second)
+    for command, (first, second) in tomllib.loads(
+        Path(__file__).with_name("examples.toml").read_text("utf-8")
+    ).items()
+}
+"""By the words that call a command: examples that are copied as they stand."""
+
+
 GROUPS = {
     "Calibrate": {
         "calibrate": "agonic.cli.calibrate",
@@ -14,7 +26,7 @@ GROUPS = {
     "Heading": {
         "heading": "agonic.headings.commands.heading",
         "field": "agonic.cli.field",
-        "direction": "agonic.alignment.commands.direction",
+        "direction": "agonic.cli.direction",
     },
     "Missions": {
         "track": "agonic.inflight.commands.track",
@@ -83,7 +95,7 @@ KINDS = {
         "Vehicles and missions": {
             "vehicle": "agonic.cli.simulate",
             "rover": "agonic.cli.simulate",
-            "orbit": "agonic.cli.simulate_orbit",
+            "orbit": "agonic.cli.simulate",
             **dict.fromkeys(("paper", "paper-space", "network", "nonaffine"), _NETWORK),
         },
         "Laboratory": {

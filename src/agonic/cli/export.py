@@ -10,7 +10,8 @@ import typer
 
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError
-from agonic.exports.targets import TARGETS, USE, list_words
+from agonic.exports.targets import TARGETS, USE, compass_number, find_target, list_words
+from agonic.exports.targets import write as write_target
 
 if TYPE_CHECKING:
     from agonic.calibration.setup import Setup
@@ -28,70 +29,21 @@ Source = Annotated[
 def export(
     cal: Source,
     to: Annotated[str, typer.Option("--to", help=f"{list_words(list(TARGETS), 'or')}.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="PATH", help="File, or folder; default beside CAL."),
-    ] = None,
-    number: Annotated[
-        int | None,
-        typer.Option(
-            help="Which compass of the vehicle, from 1; default: by the sensor's name.",
-            min=1,
-            max=4,
-        ),
-    ] = None,
-    device_id: Annotated[
-        int | None, typer.Option(help="PX4 device id; default: the calibration's own.")
-    ] = None,
-    on: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="OLD",
-            help="Parameters that had corrected the readings when CAL's log was recorded.",
-        ),
-    ] = None,
-    temperature: Annotated[
-        float | None,
-        typer.Option(
-            "--temperature",
-            metavar="C",
-            help="At which to evaluate a calibration that changes with temperature; for px4 TREF.",
-        ),
-    ] = None,
-    voltage: Annotated[
-        float | None,
-        typer.Option(metavar="V", help="ardupilot: battery voltage, for the terms of each motor."),
-    ] = None,
-    whole: Annotated[
-        bool, typer.Option("--whole", help="c: compute the heading as well, also for a CAL alone.")
-    ] = False,
-    name: Annotated[
-        str | None,
-        typer.Option(help="c: what the names start with; default: the sensor's, or compass."),
-    ] = None,
-    declination: Annotated[
-        float | None, typer.Option(help="c: degrees, east positive; default: the setup's own.")
-    ] = None,
-    at: Annotated[
-        str | None,
-        typer.Option(metavar="LAT,LON[,ALT]", help="c: declination and field of the model there."),
-    ] = None,
-    box: Annotated[
-        str | None,
-        typer.Option(metavar="S,N,W,E", help="c: a table of the model's declination, degrees."),
-    ] = None,
-    tolerance: Annotated[
-        float, typer.Option(metavar="DEG", help="c: largest error of that table against the model.")
-    ] = 0.1,
+    out: Path | None = None,
+    number: int | None = None,
+    device_id: int | None = None,
+    on: Path | None = None,
+    temperature: float | None = None,
+    voltage: float | None = None,
+    whole: bool = False,
+    name: str | None = None,
+    declination: float | None = None,
+    at: str | None = None,
+    box: str | None = None,
+    tolerance: float = 0.1,
     date: Date = None,
-    window: Annotated[
-        int | None,
-        typer.Option(metavar="ROWS", help="c: train the network on board, on this many readings."),
-    ] = None,
-    layout: Annotated[
-        str | None,
-        typer.Option("--as", metavar="arduino", help="c: a library for Arduino and PlatformIO."),
-    ] = None,
+    window: int | None = None,
+    layout: str | None = None,
     as_json: Json = False,
 ) -> int:
     """Write a calibration in another program's own form, with what that form cannot hold.
@@ -100,6 +52,23 @@ def export(
     state file of agonic track becomes C that continues on board. A calibration that changes with
     temperature is written whole where the target can hold it; for the others --temperature says at
     which temperature.
+
+    Options
+    -------
+    out -o PATH : File, or folder; default beside CAL.
+    number ≥1 ≤4 : Which compass of the vehicle, from 1; default: by the sensor's name.
+    device_id : PX4 device id; default: the calibration's own.
+    on OLD : Parameters that had corrected the readings when CAL's log was recorded.
+    temperature C : At which to evaluate a calibration that changes with temperature; for px4 TREF.
+    voltage V : ardupilot: battery voltage, for the terms of each motor.
+    whole --whole : c: compute the heading as well, also for a CAL alone.
+    name : c: what the names start with; default: the sensor's, or compass.
+    declination : c: degrees, east positive; default: the setup's own.
+    at LAT,LON[,ALT] : c: declination and field of the model there.
+    box S,N,W,E : c: a table of the model's declination, degrees.
+    tolerance DEG : c: largest error of that table against the model.
+    window ROWS : c: train the network on board, on this many readings.
+    layout --as arduino : c: a library for Arduino and PlatformIO.
     """
     from agonic.exports.firmware import write_firmware
     from agonic.files.foreign_forms import is_foreign
@@ -158,7 +127,7 @@ def _choose_library(layout: str | None, to: str, folder: Path) -> Path | None:
 
 def _export_vehicle(setup: Path, to: str, out: Path | None) -> Export:
     """All compasses of a setup in one file of parameters."""
-    from agonic.exports.vehicle import write_vehicle
+    from agonic.exports.targets import write_vehicle
     from agonic.files.setup import load_setup
 
     held = load_setup(setup).compasses
@@ -182,8 +151,6 @@ def _export_calibration(
     from agonic.calibration.steps import compose, require_calibration
     from agonic.exports.convert import add_to
     from agonic.exports.firmware.c_text import make_c_name
-    from agonic.exports.targets import compass_number, find_target
-    from agonic.exports.targets import write as write_target
     from agonic.files.calibration import load
     from agonic.files.foreign import read_plain
     from agonic.files.foreign_forms import is_foreign
@@ -236,7 +203,6 @@ def _place_setup(
     date: str | None,
 ) -> tuple[Setup, float | DeclinationGrid | None]:
     """The setup with the field to expect, and where the controller has its declination from."""
-    from dataclasses import replace
     from datetime import UTC, datetime
 
     from agonic.console.parse import parse_numbers, parse_position

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from agonic.console.options import Json
 from agonic.errors import AgonicError, LogError, ValidityError
@@ -18,24 +16,23 @@ if TYPE_CHECKING:
 
 
 def field(
-    at: Annotated[
-        str | None,
-        typer.Option("--at", metavar="LAT,LON[,ALT]", help="Degrees, and metres above WGS-84."),
-    ] = None,
-    points: Annotated[
-        Path | None,
-        typer.Option(metavar="CSV", help="Table of latitude_deg, longitude_deg, altitude_m, date."),
-    ] = None,
-    date: Annotated[str | None, typer.Option(help="Date, 2026-05-01; default: today.")] = None,
-    model: Annotated[
-        str | None, typer.Option(help="igrf, wmm or wmmhr; default: wmm where valid, else igrf.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="CSV", help="Table to write, of points.")
-    ] = None,
+    at: str | None = None,
+    points: Path | None = None,
+    date: str | None = None,
+    model: str | None = None,
+    out: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """Print the elements of the geomagnetic field and their change in a year."""
+    """Print the elements of the geomagnetic field and their change in a year.
+
+    Options
+    -------
+    at LAT,LON[,ALT] : Degrees, and metres above WGS-84.
+    points CSV : Table of latitude_deg, longitude_deg, altitude_m, date.
+    date : Date, 2026-05-01; default: today.
+    model : igrf, wmm or wmmhr; default: wmm where valid, else igrf.
+    out -o CSV : Table to write, of points.
+    """
     if (at is None) == (points is None):
         raise AgonicError(
             "give a place (--at LAT,LON[,ALT]) or a table of places (--points CSV)"

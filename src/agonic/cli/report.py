@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import CalibrationPath, Json, Place, SensorChoice
 from agonic.errors import AgonicError
@@ -21,13 +19,8 @@ if TYPE_CHECKING:
 
 def report(
     cal: CalibrationPath,
-    log: Annotated[
-        Path | None,
-        typer.Argument(metavar="[LOG]", help="Readings; default: the log it was made from."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="HTML", help="Page; default beside CAL.")
-    ] = None,
+    log: Path | None = None,
+    out: Path | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     as_json: Json = False,
@@ -35,6 +28,11 @@ def report(
     """Show what a calibration does to a log: spheres, residuals, checks, provenance.
 
     One over temperature, or a network, is shown without a log too: its numbers and range.
+
+    Options
+    -------
+    log <[LOG]> : Readings; default: the log it was made from.
+    out -o HTML : Page; default beside CAL.
     """
     from agonic.atomic import write_atomically
     from agonic.calibration.network import Network

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from agonic.console.options import Json, Noise, Readings, Seed, Step, Table
+
+if TYPE_CHECKING:
+    from agonic.calibration.affine import Affine
+    from agonic.calibration.network import Network
+    from agonic.inflight.simulation.orbit import SimulatedOrbit
+    from agonic.samples import Samples
+    from agonic.simulation import Defect
+
 
 HELP = {
     "tumble": "Smooth random rotation, evenly over all attitudes.",
@@ -50,12 +58,8 @@ def motion(
     as_json: Json = False,
 ) -> int:
     """Write the readings of one sensor, and beside them its true calibration."""
-    from agonic.console.output import finish_made
     from agonic.errors import AgonicError
-    from agonic.exports.csv import write_csv
-    from agonic.files.calibration import save
     from agonic.simulation import simulate
-    from agonic.simulation.defects import round_as_logged
 
     kind = str(context.info_name)
     if tilt is not None and kind not in TILTED:
@@ -73,17 +77,30 @@ def motion(
         seed=seed,
         **settings,
     )
-    write_csv(round_as_logged(made.samples), out)
-    file = save(made.truth, out.with_suffix(".truth.json"))
-    record = {"kind": kind, "n": n, "files": [out, file], "bias_nT": made.truth.bias}
+    known = f" --field {field:g}"
+    return _finish(kind, made.samples, made.truth, out, as_json, known)
+
+
+def _finish(
+    kind: str, samples: Samples, truth: Affine, out: Path, as_json: bool, known: str = ""
+) -> int:
+    """Write the readings of one sensor and its calibration, and say where both are."""
+    from agonic.console.output import finish_made
+    from agonic.exports.csv import write_csv
+    from agonic.files.calibration import save
+    from agonic.simulation.defects import round_as_logged
+
+    n, file = len(samples), save(truth, out.with_suffix(".truth.json"))
+    write_csv(round_as_logged(samples), out)
+    record = {"kind": kind, "n": n, "files": [out, file], "bias_nT": truth.bias}
     return finish_made(
         n,
         "readings",
         out,
         f"The truth: {file}",
-        record={**record, "matrix": made.truth.matrix},
+        record=record | {"matrix": truth.matrix},
         as_json=as_json,
-        next_step=f"agonic calibrate {quote(str(out))} --field {field:g}",
+        next_step=f"agonic calibrate {quote(str(out))}{known}",
     )
 
 
@@ -117,21 +134,23 @@ def vehicle(
     outliers: Outliers = 0.0,
     step: Step = 0.0,
     clip: Clip = 0.0,
-    bank: Annotated[float, typer.Option(help="Steepest bank of the turns, degrees.")] = 27.0,
-    latency: Annotated[
-        float, typer.Option(metavar="MS", help="How late the readings are, ms.")
-    ] = 0.0,
-    opposite: Annotated[
-        bool, typer.Option("--opposite", help="Disturb the second sensor with the opposite sign.")
-    ] = False,
-    motors: Annotated[
-        int, typer.Option(help="Motors with a duty and a field of their own.", min=0, max=12)
-    ] = 0,
+    bank: float = 27.0,
+    latency: float = 0.0,
+    opposite: bool = False,
+    motors: int = 0,
     truth: Truths = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """A flight with two magnetometers in one table, or those of one --truth or two."""
+    """A flight with two magnetometers in one table, or those of one --truth or two.
+
+    Options
+    -------
+    bank : Steepest bank of the turns, degrees.
+    latency MS : How late the readings are, ms.
+    opposite --opposite : Disturb the second sensor with the opposite sign.
+    motors ≥0 ≤12 : Motors with a duty and a field of their own.
+    """
     from agonic.console.output import finish_made
     from agonic.exports.csv import write_sensors
     from agonic.files.calibration import save
@@ -177,11 +196,6 @@ def vehicle(
     )
 
 
-if TYPE_CHECKING:
-    from agonic.calibration.affine import Affine
-    from agonic.simulation import Defect
-
-
 LATITUDE_DEG, LONGITUDE_DEG = 52.1, 5.2
 
 
@@ -189,30 +203,28 @@ def rover(
     out: Table,
     n: Readings = 6000,
     noise: Noise = 200.0,
-    tilt: Annotated[float, typer.Option(help="Largest tilt, degrees.", min=0)] = 5.0,
-    accelerometer_bias: Annotated[
-        float, typer.Option(help="Noise of each axis of the accelerometer, sd, m/s².", min=0)
-    ] = 0.05,
-    vibration: Annotated[
-        float, typer.Option(help="What the motors add to each acceleration, sd, m/s².", min=0)
-    ] = 0.0,
-    late: Annotated[
-        float, typer.Option(metavar="MS", help="How late accelerometer and gyro are, ms.")
-    ] = 0.0,
+    tilt: float = 5.0,
+    accelerometer_bias: float = 0.05,
+    vibration: float = 0.0,
+    late: float = 0.0,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """Turns over a ramp, as a raw magnetometer, accelerometer and gyro record them."""
+    """Turns over a ramp, as a raw magnetometer, accelerometer and gyro record them.
+
+    Options
+    -------
+    tilt ≥0 : Largest tilt, degrees.
+    accelerometer_bias ≥0 : Noise of each axis of the accelerometer, sd, m/s².
+    vibration ≥0 : What the motors add to each acceleration, sd, m/s².
+    late MS : How late accelerometer and gyro are, ms.
+    """
     from datetime import UTC, datetime
 
     import numpy as np
 
-    from agonic.console.output import finish_made
-    from agonic.exports.csv import write_csv
     from agonic.field.place import choose_model
-    from agonic.files.calibration import save
     from agonic.simulation import simulate, with_inertial_unit
-    from agonic.simulation.defects import round_as_logged
 
     epoch = datetime(2026, 5, 1, 10, 0, tzinfo=UTC)
     place = choose_model(epoch.year + 0.33).at(LATITUDE_DEG, LONGITUDE_DEG, 0.0, epoch)
@@ -238,15 +250,117 @@ def rover(
         "altitude_m": np.zeros(n),
         "epoch": epoch,
     }
-    write_csv(round_as_logged(unit(made.samples).with_columns(**where)), out)
-    file = save(made.truth, out.with_suffix(".truth.json"))
-    record = {"kind": "rover", "n": n, "files": [out, file], "bias_nT": made.truth.bias}
+    samples = unit(made.samples).with_columns(**where)
+    return _finish("rover", samples, made.truth, out, as_json)
+
+
+NODES = 6
+"""Of the network that is trained on the ground."""
+
+
+class Mission(NamedTuple):
+    """What is simulated, as for `simulate_orbit`.
+
+    Options
+    -------
+    rate_Hz --rate HZ ≥0.001 : Readings a second.
+    moved NT : Change of the bias since the ground calibration.
+    drift NT : Drift of the bias.
+    jump NT : Step of the bias half-way.
+    external NT : Standard deviation of the ring current's field.
+    torquer NT : Field of the torquers.
+    torquer_settling_s --settling S : Record the commands of the torquers; time constant of their
+        field.
+    scalar_sd --scalar SD : Noise of a scalar sensor beside it, nT.
+    pointing : nadir or tumble.
+    """
+
+    n: Annotated[int, typer.Option("-n", help="Readings; 86400 are a day.", min=1)] = 86_400
+    rate_Hz: float = 1.0
+    noise: Noise = 100.0
+    step: Step = 0.0
+    moved: float = 0.0
+    drift: float = 0.0
+    jump: float = 0.0
+    external: float = 20.0
+    torquer: float = 0.0
+    torquer_settling_s: float | None = None
+    scalar_sd: float | None = None
+    pointing: str = "nadir"
+
+
+def orbit(
+    out: Table,
+    mission: Mission,
+    network: bool = False,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> int:
+    """A satellite: readings, the calibration from the ground, and what was true in each row.
+
+    Options
+    -------
+    network --network : Train a network on the ground too, for agonic retrain.
+    """
+    from agonic.console.output import finish_made
+    from agonic.exports.csv import write_csv
+    from agonic.files.calibration import save
+    from agonic.inflight.simulation.orbit import simulate_orbit
+    from agonic.simulation.defects import round_as_logged
+
+    made = simulate_orbit(**mission._asdict(), seed=seed)
+    write_csv(round_as_logged(made.samples), out)
+    ground = save(made.ground, out.with_suffix(".ground.json"))
+    truth = save(made.truth, out.with_suffix(".truth.json"))
+    rows = write_truth(made, out.with_suffix(".truth.csv"))
+    files = [out, ground, truth, rows]
+    if network:
+        files.append(
+            save(train_on_ground(made, mission.noise, seed), out.with_suffix(".network.json"))
+        )
+    said = [
+        f"The calibration from the ground: {ground}",
+        f"The truth: {truth}, and row by row: {rows}",
+    ]
+    following = f"agonic fit inflight {quote(str(out))} --ground {quote(str(ground))} -o now.json"
+    if network:
+        said.append(f"The network from the ground: {files[-1]}")
+        following = (
+            f"agonic retrain {quote(str(out))} --ground {quote(str(files[-1]))} "
+            "--window 90min -o now.json"
+        )
+    record = {"kind": "orbit", "n": mission.n, "files": files, "bias_nT": made.bias.mean(axis=0)}
+    record["eclipse"] = float(made.eclipse.mean())
     return finish_made(
-        n,
-        "readings",
-        out,
-        f"The truth: {file}",
-        record={**record, "matrix": made.truth.matrix},
-        as_json=as_json,
-        next_step=f"agonic calibrate {quote(str(out))}",
+        mission.n, "readings", out, *said, record=record, as_json=as_json, next_step=following
     )
+
+
+def train_on_ground(made: SimulatedOrbit, noise: float, seed: int) -> Network:
+    """A network of the readings and their temperature on an affine base, from a coil, into body
+    axes: where the attitude of the satellite and the world model meet it."""
+    from agonic.inflight.simulation.orbit import simulate_ground
+    from agonic.network.fit import fit_network
+    from agonic.reference import Reference
+
+    samples, field_b = simulate_ground(made, noise=noise, seed=seed)
+    known = Reference.vector(field_b, frame="b", source="the coil")
+    inputs = ("field", "temperature")
+    fit = fit_network(samples, known, hidden=NODES, inputs=inputs, compared=False, seed=seed)
+    return fit.calibration
+
+
+def write_truth(made: SimulatedOrbit, path: Path) -> Path:
+    """The bias, the field met, the part outside the Earth and the eclipse, a row a sample."""
+    import numpy as np
+
+    from agonic.exports.csv import write_table
+
+    groups = {"bias": made.bias, "field": made.field_n, "external": made.external_n}
+    compass = ("north", "east", "down")
+    axes = {"bias": "xyz", "field": compass, "external": compass}
+    header = ["time_s", *(f"{name}_{a}_nT" for name in groups for a in axes[name]), "eclipse"]
+    assert made.samples.time is not None, "simulate_orbit sets it"
+    table = np.column_stack([made.samples.time, *groups.values(), made.eclipse])
+    rows = ([float(f"{value:.10g}") for value in column] for column in table.T)
+    return write_table(dict(zip(header, rows, strict=True)), path)

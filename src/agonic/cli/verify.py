@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from agonic.console.options import CalibrationPath, Json, LogPath, Place, SensorChoice
 
@@ -18,24 +16,19 @@ def verify(
     log: LogPath,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--out", metavar="CAL", help="Keep what another program made as a calibration."
-        ),
-    ] = None,
-    against: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="CAL", help="Compare with this calibration, also one of another program."
-        ),
-    ] = None,
+    out: Path | None = None,
+    against: Path | None = None,
     as_json: Json = False,
 ) -> int:
     """Check a calibration on a log. Exit status 1 where a check failed.
 
     CAL may be of another program: parameters of ArduPilot or PX4, MotionCal's packet, or a vector
     b and a matrix A as text, JSON or .mat; their equation is found with the log and reported.
+
+    Options
+    -------
+    out -o CAL : Keep what another program made as a calibration.
+    against CAL : Compare with this calibration, also one of another program.
     """
     from dataclasses import asdict
 

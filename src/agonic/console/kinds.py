@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial, wraps
 from importlib import import_module
-from inspect import Parameter, Signature, signature
-from typing import Any, get_type_hints
+from inspect import Parameter, Signature, cleandoc, signature
+from json import loads
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -90,20 +92,63 @@ def register(app: typer.Typer, name: str, place: str, heading: str) -> None:
     made(expand(getattr(module, function or name.replace("-", "_"))))
 
 
+_OPTIONS = "Options\n-------\n"
+"""Below it a docstring says, a line each, what the options of a command are:
+
+    name -o METAVAR ≥0 : what it means
+
+with how it is written besides --name, what stands for its value, and its limits; <NAME> in place
+of these is an argument."""
+
+
+def read_options(text: str) -> dict[str, Any]:
+    """The options that a docstring describes, by the names of the parameters.
+
+    >>> text = "Options\\n-------\\nout -o DIR : Folder to write to.\\nrows ≥1 : Readings."
+    >>> [(name, one.metavar, one.min) for name, one in read_options(text).items()]
+    [('out', 'DIR', None), ('rows', None, 1)]
+    """
+    _, _, described = cleandoc(text).partition(_OPTIONS)
+    made = {}
+    for entry in filter(None, re.split(r"\n(?!\s)", described)):
+        head, _, says = " ".join(entry.split()).partition(" : ")
+        name, *words = head.split()
+        limits = {word[0]: loads(word[1:]) for word in words if word[0] in "≥≤"}
+        written = [word for word in words if word.startswith("-")]
+        if written and not any(word.startswith("--") for word in written):
+            written.append(f"--{name.replace('_', '-')}")
+        metavar = next((word for word in words if word[0] not in "≥≤-"), None)
+        if metavar is not None and metavar.startswith("<"):
+            made[name] = typer.Argument(metavar=metavar[1:-1], help=says)
+        else:
+            made[name] = typer.Option(
+                *written, metavar=metavar, min=limits.get("≥"), max=limits.get("≤"), help=says
+            )
+    return made
+
+
+def _find_hints(of: Any) -> dict[str, Any]:
+    """The types of the parameters of a function or the fields of a group, with their options."""
+    hints = get_type_hints(of, include_extras=True)
+    described = read_options(of.__doc__ or "")
+    return {n: Annotated[h, described[n]] if n in described else h for n, h in hints.items()}
+
+
 def expand(function: Callable[..., int]) -> Callable[..., int]:
-    """The function of a command with each group of options, a named tuple, field by field.
+    """The function of a command with each group of options, a named tuple, field by field, and with
+    what its docstring says of the others.
 
     >>> from agonic.console.options import Place
     >>> def where(place: Place, steps: int = 1) -> int: ...
     >>> list(signature(expand(where)).parameters)
     ['at', 'date', 'field', 'steps']
     """
-    hints = get_type_hints(function, include_extras=True)
+    hints = _find_hints(function)
     groups = {name: hint for name, hint in hints.items() if hasattr(hint, "_field_defaults")}
     parameters: list[Parameter] = []
     for name, given in signature(function).parameters.items():
         group = groups.get(name)
-        of = {name: hints[name]} if group is None else get_type_hints(group, include_extras=True)
+        of = {name: hints[name]} if group is None else _find_hints(group)
         defaults = {name: given.default} if group is None else group._field_defaults
         for field, hint in of.items():
             default = defaults.get(field, Parameter.empty)
@@ -117,6 +162,7 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
             options[name] = group(**{field: options.pop(field) for field in group._fields})
         return function(**options)
 
+    run.__doc__ = cleandoc(function.__doc__ or "").partition(_OPTIONS)[0]
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return run
 

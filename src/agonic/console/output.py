@@ -59,6 +59,15 @@ def finish_made(
     return 0
 
 
+def write_truth(kind: str, values: Mapping[str, Any], folder: Path) -> Path:
+    """Write what is true of something simulated, as JSON in a folder of its own."""
+    from agonic.atomic import make_folder, write_atomically
+
+    record = plain({"schema": f"agonic/{kind}-truth@1", **values})
+    text = json.dumps(record, indent=1, ensure_ascii=False)
+    return write_atomically(make_folder(folder) / "truth.json", text + "\n")
+
+
 def fit_lines(text: str, width: int) -> str:
     """Text whose lines are no longer than `width`, but for words that are.
 

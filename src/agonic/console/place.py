@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from agonic.errors import AgonicError, UnitError
 
 if TYPE_CHECKING:
+    from agonic.console.options import ScalarChoice
     from agonic.reference import Reference
     from agonic.samples import Samples
 
@@ -30,24 +33,79 @@ def find_reference(
     return choose_reference(samples, where, date, magnitude, model)
 
 
-def find_scalar_reference(samples: Samples, wanted: bool | None) -> Reference | None:
+def find_scalar_reference(
+    samples: Samples, wanted: bool | None, sd: float = 0.0
+) -> Reference | None:
     """The scalar instrument beside the sensor as reference, where there is one and it may teach.
 
-    `wanted` true requires it, false leaves it aside, `None` takes it where the log has it.
+    `wanted` true requires it, false leaves it aside, `None` takes it where the log has it; `sd` is
+    how far it may be off as a whole, nT. Raises `AgonicError` where it is no magnitude of a field.
     """
+    from agonic.health.scalar import check_scalar
     from agonic.reference import Reference
 
     if wanted is False or (wanted is None and samples.scalar is None):
         return None
     if samples.scalar is None:
-        raise AgonicError("--scalar: the log holds no scalar instrument (column scalar_nT)")
-    return Reference.magnitude(samples.scalar, source="the scalar instrument in the log")
+        notes = [f" ({note})" for note in samples.notes if note.startswith("scalar left out")]
+        why = "".join(notes) or " (column scalar_nT)"
+        raise AgonicError(f"--scalar: the log holds no scalar instrument{why}")
+    if (wrong := check_scalar(samples)) is not None:
+        raise AgonicError(f"{wrong.sentence}; --no-scalar or --scalar none leaves it aside")
+    said = "the scalar instrument in the log"
+    return Reference.magnitude(samples.scalar, sd=sd, source=said)
+
+
+NO_SCALAR = "none"
+
+
+class Beside(NamedTuple):
+    """A scalar instrument that was asked for: the header of its column in the log, or its own
+    table, and how far it may be off as a whole, nT; neither where the log's own is to be taken."""
+
+    header: str | None
+    table: Samples | None
+    sd: float
+
+    def refer(
+        self, samples: Samples, reference: Reference | None, *, given: bool
+    ) -> tuple[Samples, Reference | None]:
+        """The samples, of rows that the scalar instrument has, and its readings as reference.
+
+        Where none was asked for, that of the log is taken unless a place was `given`, or roll and
+        pitch make more of the `reference` there is.
+        """
+        if self.table is not None:
+            from agonic.logs.beside_scalar import join_scalar
+
+            samples = join_scalar(samples, self.table)
+        asked = self.table is not None or self.header is not None
+        other = given or samples.scalar is None or samples.roll_deg is not None
+        if self.header == NO_SCALAR or (other and not asked):
+            return samples, reference
+        return samples, find_scalar_reference(samples, True, self.sd)
+
+
+@contextmanager
+def open_beside_scalar(choice: ScalarChoice) -> Iterator[Beside]:
+    """The scalar instrument that the command line names; logs opened meanwhile have its column."""
+    from agonic.logs.beside_scalar import read_scalar
+    from agonic.logs.headers.column_names import naming_scalar
+
+    given = choice.column
+    file, _, header = (given or "").rpartition(":")
+    table = None
+    if given is not None and Path(given).is_file():
+        table = read_scalar(Path(given))
+    elif file and Path(file).is_file():
+        table = read_scalar(Path(file), header)
+    column = given if table is None else None
+    with naming_scalar(None if column == NO_SCALAR else column):
+        yield Beside(column, table, choice.sd)
 
 
 def set_track(samples: Samples, altitude_m: float | None, elements: Path | None) -> Samples:
     """The samples with an altitude for all of them, or positions from two-line elements."""
-    import numpy as np
-
     if altitude_m is not None and elements is not None:
         raise AgonicError(
             "give --altitude or --tle, not both: elements have altitudes of their own"
@@ -56,7 +114,7 @@ def set_track(samples: Samples, altitude_m: float | None, elements: Path | None)
         return samples.with_columns(altitude_m=np.full(len(samples), altitude_m))
     if elements is None:
         return samples
-    from agonic.logs.space.tle import positions_from_tle
+    from agonic.logs.space.positions import positions_from_tle
 
     if samples.time is None or samples.epoch is None:
         raise AgonicError(f"--tle {elements}: {samples.name} has no date; give --date")
@@ -156,10 +214,3 @@ def _match(samples: Samples, known: Samples, given: str) -> tuple[Samples, Refer
         )
     frame = known.frame if known.frame in ("m", "b") else "m"
     return samples, Reference.vector(values, frame=frame, source=Path(given).name)
-
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from agonic.reference import Reference
-    from agonic.samples import Samples

@@ -27,15 +27,14 @@ def open_sensors(
     """A log, and the sensor that was asked for or all of them, whole or an interval of it."""
     from agonic.logs.read import open_log
 
-    with waiting(f"Reading {path.name}") if _is_long(path) else nullcontext():
+    with (
+        waiting(f"Reading {path.name}")
+        if (path.is_file() and path.stat().st_size > LONG_BYTES)
+        else nullcontext()
+    ):
         log = open_log(path, unit=unit)
     sensors = log.sensors if sensor is None else (log.sensor(sensor),)
     return log, tuple(select_between(samples, between) for samples in sensors)
-
-
-def _is_long(path: Path) -> bool:
-    """Whether a file takes so long to read that one wonders."""
-    return path.is_file() and path.stat().st_size > LONG_BYTES
 
 
 def open_sensor(

@@ -13,7 +13,8 @@ from agonic.errors import LogError
 
 NAME = "standard-input"
 """What the file is called in which it is kept while a command runs."""
-_OUTPUTS = ("-o", "--out", "--report")
+_NO_INPUT = ("-o", "--out", "--report", "--live", "--stars")
+"""Options after which - is no recording: what is written, and what is read as it comes."""
 
 
 @contextmanager
@@ -27,7 +28,7 @@ def keep_standard_input(arguments: Sequence[str]) -> Iterator[list[str]]:
     before = ["", *arguments]
     if any(word == "" and not before[k].startswith("-") for k, word in enumerate(arguments)):
         raise LogError("an empty name was given: name the file, or . for this folder")
-    asked = [k for k, word in enumerate(arguments) if word == "-" and before[k] not in _OUTPUTS]
+    asked = [k for k, word in enumerate(arguments) if word == "-" and before[k] not in _NO_INPUT]
     if not asked:
         yield list(arguments)
         return

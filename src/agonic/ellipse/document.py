@@ -10,14 +10,13 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.ellipse.result import EllipseFit
 from agonic.readable import make_record
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, along_rows
 from agonic.report.digits import count, degrees, group_digits, percent, quantity, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
 from agonic.report.strips import caption, level, plot, spread
-from agonic.report.time_axis import along_rows
 from agonic.report.verdict import WHEN_GOOD
 
 _MOST = 1500

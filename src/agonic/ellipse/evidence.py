@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,18 +12,66 @@ from agonic.ellipse.maths.conic import (
     compute_lasting,
     compute_turns,
     find_sectors,
+    find_start,
     fit_circle,
     make_matrix,
 )
 from agonic.ellipse.result import EllipseFit
-from agonic.ellipse.solve import Found
 from agonic.health import Finding, figure
+from agonic.maths.equation.affine import ELLIPSE
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import refine
 from agonic.maths.rotations.tilt import (
     down_from_force,
     roll_pitch_deg,
     tilt_from_down,
 )
 from agonic.samples import Samples
+
+
+class Found(NamedTuple):
+    """An ellipse in the unit of the readings, of magnitude one.
+
+    `ellipse` (5,) bias x y and matrix xx yy xy, `covariance` (5, 5) of them; `noise` of a reading
+    on an axis; `correlation` in readings; `residuals` and `weights` (n,).
+    """
+
+    ellipse: Array
+    covariance: Array
+    noise: float
+    correlation: float
+    residuals: Array
+    weights: Array
+
+
+def solve(readings: Array, rounding: float, *, robust: bool = True, seed: int = 0) -> Found:
+    """The ellipse that readings (n, 2) lie on, in their unit.
+
+    The same likelihood as of an ellipsoid (distances from the curve, Tukey's loss where a reading
+    stands out, errors that last in the covariance), with z nowhere in it.
+    """
+    centre = np.median(readings, axis=0)
+    size = float(np.sqrt(np.mean(np.sum((readings - centre) ** 2, axis=1))))
+    points = (readings - centre) / size
+    problem = Problem(
+        np.column_stack([points, np.zeros(len(points))]),
+        np.ones(1),
+        ELLIPSE,
+        None,
+        rounding=rounding / size,
+    )
+    found = refine(problem, find_start(points, seed), robust)
+    scale = np.array([size, size, 1 / size, 1 / size, 1 / size])
+    noise = found.noise["magnitude"]
+    return Found(
+        found.solution.params * scale + np.r_[centre, np.zeros(3)],
+        found.solution.covariance * np.outer(scale, scale),
+        noise.sd * size,
+        noise.correlation,
+        found.residuals["magnitude"] * size,
+        found.weights,
+    )
+
 
 LEAST_SEEN_DEG = 270.0
 """Of the circle: with less, noise bends the ellipse where nothing was seen."""

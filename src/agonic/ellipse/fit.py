@@ -9,10 +9,16 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
-from agonic.ellipse.evidence import compute_spread, count_sectors, examine, find_change
+from agonic.ellipse.evidence import (
+    Found,
+    compute_spread,
+    count_sectors,
+    examine,
+    find_change,
+    solve,
+)
 from agonic.ellipse.maths.conic import compute_heading_sd_deg, make_matrix
 from agonic.ellipse.result import EllipseFit
-from agonic.ellipse.solve import Found, solve
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding, figure
 from agonic.health.resolution import find_rounding

@@ -190,7 +190,10 @@ def assess(
         findings=inspect(samples),
         shares={} if posterior is None else posterior.list_shares(),
         accuracy=state_accuracy(affine, coverage),
-        remarks=describe_result(affine, tests, reference is not None or _states_reference(affine)),
+        remarks=(
+            *describe_result(affine, tests, reference is not None or _states_reference(affine)),
+            *(one.said for one in (posterior.shares if posterior else ()) if one.said),
+        ),
     )
     if fit.verdict == "refused":
         return fit.with_findings()

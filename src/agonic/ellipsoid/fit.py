@@ -33,7 +33,7 @@ from agonic.ellipsoid.solve import (
 )
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import check_resolution, inspect
+from agonic.health import Finding, check_resolution, figure, inspect
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation import moments
 from agonic.maths.equation.affine import model_basis, split
@@ -89,6 +89,12 @@ def open_ellipsoid_parts(
     return fit
 
 
+WORSE = 0.5
+"""What one magnitude for all rows leaves, over what those of the rows do: below, they are wrong."""
+LEFT_UNSEEN = 1e-3
+"""Of the field: what magnitudes leave less of it errs a heading by no more than 0.1°."""
+MOST_LEFT = 0.02
+"""Of the field: what a measured magnitude leaves more of it is no scatter of a magnetometer."""
 _HELD = 1e-9  # of what the readings' own size suggests: a gain beyond that ran away
 
 
@@ -160,27 +166,57 @@ def fit_ellipsoid(
 def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> Fit:
     """The fit with all that is known of it."""
     solved = _solve(samples, reference, settings)
-    usable, found, posterior = solved.posed.usable, solved.found, None
+    posed, found, posterior = solved.posed, solved.found, None
+    usable, at_rows = posed.usable, rows_of(posed.usable)
     if found.estimate is not None:
+        time = None if samples.time is None else samples.time[at_rows]
+        terms = posed.list_terms()
         posterior = find_posterior(
-            solved.posed.problem(found.model, settings.soft_iron_sd),
+            posed.problem(found.model, settings.soft_iron_sd),
             found.estimate,
-            None if samples.time is None else samples.time[rows_of(usable)],
-            solved.posed.origin,
+            time,
+            posed.origin,
             inclination_deg=settings.inclination_deg,
             shrink=settings.model == "auto" and settings.soft_iron_sd is not None,
+            terms=terms,
         )
+        if posterior is not None and terms:  # which have what the reference may be wrong by
+            posed = posed._replace(scale=posed.scale._replace(sd=0.0))
     if posterior is not None:
         covariance = expand_model_covariance(found.model, posterior.covariance)
         found = found._replace(covariance=covariance)
     if posterior is not None and found.model == "full":  # a smaller model is asked for as it is
         bias, matrix = split(model_basis(found.model) @ posterior.params)
         found = found._replace(bias=bias, matrix=matrix)
-    affine = _make_affine(solved.posed, found, samples, reference, settings)
+    affine = _make_affine(posed, found, samples, reference, settings)
     assert affine.noise is not None
     found = found._replace(noise=affine.noise)
     at = (samples, reference, usable, solved.tests, settings.inclination_deg)
-    return assess(found, affine, *at, posterior=posterior)
+    fit = assess(found, affine, *at, posterior=posterior)
+    if fit.verdict == "refused":
+        return fit
+    return fit.with_findings(_check_magnitudes(solved, samples, settings))
+
+
+def _check_magnitudes(solved: _Solved, samples: Samples, settings: Settings) -> Finding | None:
+    """The refusal of magnitudes that change from row to row as the readings do not: they leave much
+    of the field, or one for all rows leaves far less."""
+    course, magnitude = solved.posed.course, solved.posed.scale.magnitude
+    if course is None or magnitude is None:
+        return None
+    alone = _solve(samples, Reference.constant(magnitude), settings).found
+    left, least = (one.noise * float(np.trace(one.matrix)) / 3 for one in (solved.found, alone))
+    left = float(np.hypot(left, course.noise))
+    if left < (MOST_LEFT if least > WORSE * left else LEFT_UNSEEN):
+        return None
+    given, by_one = (figure(noise * magnitude) for noise in (left, least))
+    return Finding(
+        "scale",
+        "refuse",
+        f"the magnitudes of the reference leave {given} nT of the readings, one magnitude for all "
+        f"{by_one} nT: they are not those of the field at the sensor",
+        "look which column is the scalar instrument, whether it works, and at its clock",
+    )
 
 
 def find_inclination_deg(given: float | None, reference: Reference | None) -> float:

@@ -28,7 +28,7 @@ less than the bias of a sensor moves in a recording as long."""
 
 
 class Strip(Protocol):
-    """Some rows as they are stored; `agonic.logs.large.blocks.Strip` is one."""
+    """Some rows as they are stored; `agonic.logs.large.mission.Strip` is one."""
 
     @property
     def columns(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]: ...

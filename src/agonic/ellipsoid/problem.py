@@ -19,6 +19,8 @@ from agonic.fit import Accuracy, ModelTest
 from agonic.health import FEWEST, figure, find_rounding, find_usable_rows
 from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation.channels import Problem
+from agonic.model.term import Term
+from agonic.model.terms.reference import Course, follow_magnitude, list_reference_terms
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -87,18 +89,26 @@ def describe_missing_scale(magnitude: float, unit: str) -> str:
 
 
 class Posed(NamedTuple):
-    """Which rows are usable (n,), their scale, points (k, 3) and magnitudes, (1,) or (k,), and what
-    rounding scatters a point."""
+    """Which rows are usable (n,), their scale, points (k, 3) and magnitudes, (1,) or (k,), what
+    rounding scatters a point, and the course of the magnitudes where they were measured."""
 
     usable: Mask
     scale: Scale
     points: Array
     magnitude: Array
     rounding: float
+    course: Course | None = None
 
     def problem(self, model: Fixed, soft_iron_sd: float | None) -> Problem:
         """The problem of one model."""
         return Problem(self.points, self.magnitude, model, soft_iron_sd, rounding=self.rounding)
+
+    def list_terms(self) -> tuple[Term, ...]:
+        """What a magnitude that was measured at every row may be wrong by."""
+        size = self.scale.magnitude
+        if self.course is None or size is None:
+            return ()
+        return list_reference_terms(self.course.rate, self.scale.sd / size, size)
 
     @property
     def origin(self) -> Array:
@@ -116,7 +126,12 @@ def pose(samples: Samples, reference: Reference | None, method: str) -> Posed:
     usable = find_usable_rows(samples.field)
     scale, magnitude = normalise(samples, reference, usable, method)
     points = (samples.field[rows_of(usable)] - scale.centre) / scale.size
-    return Posed(usable, scale, points, magnitude, find_rounding(samples.field) / scale.size)
+    rounding = find_rounding(samples.field) / scale.size
+    if reference is None or reference.kind != "magnitude" or len(magnitude) < len(points):
+        return Posed(usable, scale, points, magnitude, rounding)
+    time = None if samples.time is None else samples.time[rows_of(usable)]
+    course = follow_magnitude(magnitude, time)
+    return Posed(usable, scale, points, course.values, rounding, course)
 
 
 def rows_of(mask: Mask) -> slice | Mask:

@@ -45,7 +45,7 @@ from agonic.exports.convert import (
     hold_sources,
     take_symmetric,
 )
-from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.temperature import hold_temperature
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER

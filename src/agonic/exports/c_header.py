@@ -28,10 +28,14 @@ from agonic.exports.firmware.c_text import (
     require_identifier,
     write_array,
     write_comment,
-    write_flash,
 )
-from agonic.exports.fixed_temperature import hold_temperature
-from agonic.exports.polynomials import RATE, Polynomials, changes_with_temperature, fit_polynomials
+from agonic.exports.temperature import (
+    RATE,
+    Polynomials,
+    changes_with_temperature,
+    fit_polynomials,
+    hold_temperature,
+)
 
 TESTS = 7
 """Known readings of the self-test, over the range of temperatures."""
@@ -56,9 +60,7 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
         "headers/thermal.h.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(write_banner(calibration, formula, warnings)),
-            "flash": write_flash(),
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,
@@ -178,9 +180,7 @@ def write_c(
         "headers/affine.h.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(write_banner(calibration, formula, warnings)),
-            "flash": write_flash(),
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,

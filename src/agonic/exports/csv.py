@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC
 from io import StringIO
 from pathlib import Path
@@ -39,7 +39,7 @@ def write_csv(samples: Samples, path: Path | str) -> Path:
     0.0,1.5,2.0,3.0
     0.1,4.0,5.0,6.0
     """
-    return _write_table(make_table(samples), path)
+    return write_table(make_table(samples), path)
 
 
 def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
@@ -75,7 +75,7 @@ def write_sensors(sensors: Sequence[Samples], path: Path | str) -> Path:
                 table |= _name_readings(sensor, str(number))
         elif header not in _name_readings(first):
             table[header] = values
-    return _write_table(table, path)
+    return write_table(table, path)
 
 
 def make_table(samples: Samples) -> Table:
@@ -108,7 +108,8 @@ def _name_readings(samples: Samples, number: str = "") -> Table:
     }
 
 
-def _write_table(table: Table, path: Path | str) -> Path:
+def write_table(table: Mapping[str, Sequence[object]], path: Path | str) -> Path:
+    """Write columns by their headers as a text table, and return the path."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(table)

@@ -25,8 +25,13 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.steps import find_magnitude
 from agonic.exports.banner import write_banner
 from agonic.exports.convert import Export, hold_sources, reduce
-from agonic.exports.fixed_temperature import hold_temperature
-from agonic.exports.polynomials import RATE, changes_with_temperature, find_range_C, fit_polynomials
+from agonic.exports.temperature import (
+    RATE,
+    changes_with_temperature,
+    find_range_C,
+    fit_polynomials,
+    hold_temperature,
+)
 
 HEADER = 116  # bytes of free text at the start of a MAT-file, version 5
 FORMULA = "C = (D - b) * A, a reading a row"

@@ -22,7 +22,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.steps import find_magnitude
 from agonic.exports.convert import Export, hold_sources, take_symmetric
-from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.temperature import hold_temperature
 from agonic.units import NANOTESLA_PER, RAW
 
 SIGNATURE = b"\x75\x54"

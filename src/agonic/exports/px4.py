@@ -40,14 +40,16 @@ from agonic.exports.convert import (
     hold_sources,
     take_symmetric,
 )
-from agonic.exports.fixed_temperature import (
+from agonic.exports.temperature import (
     LEVELS,
+    changes_with_temperature,
     compute_remainder,
     describe_lag,
+    evaluate_affine,
+    find_range_C,
     hold_temperature,
     require_within,
 )
-from agonic.exports.polynomials import changes_with_temperature, evaluate_affine, find_range_C
 from agonic.units import NANOTESLA_PER
 
 THERMAL = "TC_M_ENABLE"

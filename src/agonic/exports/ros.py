@@ -25,7 +25,7 @@ from agonic.exports.convert import (
     hold_sources,
     turn_into_frame,
 )
-from agonic.exports.fixed_temperature import hold_temperature
+from agonic.exports.temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
 
 if TYPE_CHECKING:

@@ -31,15 +31,12 @@ disagreement_deg = 10           # of two compasses
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Literal
 
-import msgspec
-import msgspec.structs
 from msgspec import Struct
 
 from agonic.atomic import sign_text, write_atomically
@@ -49,17 +46,85 @@ from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import Compass, Setup, Tilt
 from agonic.calibration.setup import find_mistakes as out_of_range
-from agonic.errors import AgonicError, LogError
+from agonic.errors import LogError
 from agonic.files.calibration import load, save
 from agonic.files.names import file_stem
-from agonic.files.setup_schema import ATTRIBUTES, SECTIONS, CompassSection
-from agonic.files.toml_text import write_value
+from agonic.files.toml_sections import read_section, read_toml, try_to_make, write_value
 from agonic.logs.contents import read_bytes
-from agonic.logs.formats import name_content
 from agonic.maths.rotations.tilt import Order
 from agonic.units import ACCELERATION
 
-Made = TypeVar("Made")
+
+class CompassSection(Struct):
+    """One [[compass]]."""
+
+    calibration: str
+    deviation: str | None = None
+    sensor: str | None = None
+    latency_s: float | None = None
+    latency_sd_s: float | None = None
+
+
+class TiltSection(Struct):
+    """[tilt]"""
+
+    source: Tilt = "auto"
+    accelerometer: str | None = None
+    order: Order = "roll-pitch"
+    sd_deg: float | None = None
+    settling_s: float = 10.0
+
+
+class DeclinationSection(Struct):
+    """[declination]"""
+
+    degrees: float | Literal["model"] = "model"
+    sd_deg: float | None = None
+
+
+class FieldSection(Struct):
+    """[field]"""
+
+    horizontal_nT: float
+    vertical_nT: float
+
+
+class LimitsSection(Struct):
+    """[limits]"""
+
+    magnitude: float = 0.1
+    dip_deg: float = 10.0
+    tilt_deg: float = 80.0
+    disagreement_deg: float = 10.0
+
+
+SECTIONS: Mapping[str, type[Struct]] = {
+    "tilt": TiltSection,
+    "declination": DeclinationSection,
+    "field": FieldSection,
+    "limits": LimitsSection,
+}
+ATTRIBUTES: Mapping[str, tuple[str, str]] = {
+    "tilt": ("tilt", "source"),
+    "tilt_order": ("tilt", "order"),
+    "tilt_sd_deg": ("tilt", "sd_deg"),
+    "settling_s": ("tilt", "settling_s"),
+    "declination_deg": ("declination", "degrees"),
+    "declination_sd_deg": ("declination", "sd_deg"),
+    "horizontal": ("field", "horizontal_nT"),
+    "vertical": ("field", "vertical_nT"),
+    "magnitude_limit": ("limits", "magnitude"),
+    "dip_limit_deg": ("limits", "dip_deg"),
+    "tilt_limit_deg": ("limits", "tilt_deg"),
+    "disagreement_limit_deg": ("limits", "disagreement_deg"),
+}
+"""Where each attribute of a `Setup` stands in the file."""
+
+
+NEEDED = (
+    "a setup (TOML) or a calibration file (JSON) is needed: agonic calibrate LOG writes both into "
+    "LOG-agonic"
+)
 
 
 def as_setup(given: Path | str | Calibration) -> Setup:
@@ -89,18 +154,8 @@ def load_setup(path: Path | str) -> Setup:
     data = read_bytes(file)
     if data.lstrip().startswith(b"{"):
         return as_setup(_calibration(file))
-    try:
-        table = tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        is_setup = file.suffix == ".toml" and data.strip()
-        what = f"no TOML ({error})" if is_setup else name_content(data)
-        raise LogError(
-            f"this is {what}, and a setup (TOML) or a calibration file (JSON) is needed: agonic "
-            "calibrate LOG writes both into LOG-agonic",
-            path=file,
-        ) from None
     mistakes: list[str] = []
-    setup = _setup(table, file.parent, mistakes)
+    setup = _setup(read_toml(file, NEEDED), file.parent, mistakes)
     if setup is None or mistakes:
         raise LogError("; ".join(mistakes), path=file)
     return setup
@@ -112,10 +167,10 @@ def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup
     if unknown:
         known = ", ".join(f"[{name}]" for name in SECTIONS)
         mistakes.append(f"{', '.join(unknown)}: not part of a setup; it has [[compass]], {known}")
-    values: dict[str, Any] = {}
-    for name, kind in SECTIONS.items():
-        if name in table:
-            values[name] = _section(table[name], kind, f"[{name}]", mistakes)
+    sections = {
+        name: read_section(table.get(name), kind, f"[{name}]", mistakes)
+        for name, kind in SECTIONS.items()
+    }
     listed = table.get("compass", [])
     if not isinstance(listed, list) or not listed:
         mistakes.append("it needs at least one [[compass]] with its calibration")
@@ -124,78 +179,41 @@ def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup
         _compass(one, folder, f"[[compass]] {k}", mistakes) for k, one in enumerate(listed, start=1)
     ]
     given = {
-        attribute: values[section][key]
+        attribute: getattr(sections[section], key)
         for attribute, (section, key) in ATTRIBUTES.items()
-        if key in values.get(section, {})
+        if key in (table.get(section) or {}) and sections[section] is not None
     }
-    if (named := values.get("tilt", {}).get("accelerometer")) is not None:
+    if sections["tilt"] is not None and (named := sections["tilt"].accelerometer) is not None:
         read = partial(_accelerometer, folder / named)
-        given["accelerometer"] = _try_to_make(read, "[tilt]", mistakes)
+        given["accelerometer"] = try_to_make(read, "[tilt]", mistakes)
     if given.get("declination_deg") == "model":
         given["declination_deg"] = None
     if mistakes:
         mistakes += out_of_range({k: v for k, v in given.items() if k != "accelerometer"})
         return None
     found = tuple(filter(None, compasses))
-    return _try_to_make(partial(Setup, compasses=found, **given), "", mistakes)
-
-
-def _section(table: Any, kind: type[Struct], where: str, mistakes: list[str]) -> dict[str, Any]:
-    """What the keys of a section say, each that is wrong added to `mistakes`."""
-    if not isinstance(table, Mapping):
-        mistakes.append(f"{where} expected a section, got {table!r}")
-        return {}
-    known = msgspec.structs.fields(kind)
-    wrong = [f"has no key `{key}`" for key in table if key not in kind.__struct_fields__]
-    said = {}
-    for key in known:
-        if key.name not in table:
-            if key.required:
-                wrong.append(f"needs the key `{key.name}`")
-            continue
-        try:
-            said[key.name] = msgspec.convert(table[key.name], key.type)
-        except msgspec.ValidationError as error:
-            wrong.append(_word_mistake(key.name, table[key.name], str(error)))
-    if wrong:
-        keys = ", ".join(kind.__struct_fields__)
-        mistakes.append(f"{where} {', '.join(wrong)} (its keys: {keys})")
-    return said
-
-
-def _word_mistake(key: str, value: Any, text: str) -> str:
-    """A mistake of one value in terms of its key."""
-    if key in _CHOICES:
-        return f"{key} {value!r} is not known; use one of {', '.join(_CHOICES[key])}"
-    return f"{text.replace('Expected', 'expected').replace(' | null', '')} at `{key}`"
-
-
-_CHOICES = {"source": get_args(Tilt), "order": get_args(Order), "degrees": ("a number", "model")}
+    return try_to_make(partial(Setup, compasses=found, **given), "the file", mistakes)
 
 
 def _compass(table: Any, folder: Path, where: str, mistakes: list[str]) -> Compass | None:
     """One compass, or `None` with what is wrong added to `mistakes`."""
     before = len(mistakes)
-    said = _section(table, CompassSection, where, mistakes)
+    said = read_section(table, CompassSection, where, mistakes)
+    if said is None:
+        return None
     parts: dict[str, Any] = {}
     for key, read in (("calibration", _calibration), ("deviation", _card)):
-        if said.get(key) is not None:
-            parts[key] = _try_to_make(partial(read, folder / said[key]), where, mistakes)
+        if getattr(said, key) is not None:
+            file = folder / getattr(said, key)
+            parts[key] = try_to_make(partial(read, file), where, mistakes)
     if len(mistakes) > before:
         return None
-    if said.get("sensor") not in (None, parts["calibration"].sensor):
-        parts["calibration"] = _rename(parts["calibration"], said["sensor"])
-    parts |= {key: said[key] for key in ("latency_s", "latency_sd_s") if said.get(key) is not None}
-    return _try_to_make(partial(Compass, **parts), where, mistakes)
-
-
-def _try_to_make(make: Callable[[], Made], where: str, mistakes: list[str]) -> Made | None:
-    """What is made, or `None` and its mistake noted."""
-    try:
-        return make()
-    except AgonicError as error:
-        mistakes.append(f"{where} {error}".strip())
-        return None
+    if said.sensor not in (None, parts["calibration"].sensor):
+        parts["calibration"] = _rename(parts["calibration"], said.sensor)
+    for key in ("latency_s", "latency_sd_s"):
+        if getattr(said, key) is not None:
+            parts[key] = getattr(said, key)
+    return try_to_make(partial(Compass, **parts), where, mistakes)
 
 
 def _calibration(path: Path) -> Calibration:

@@ -2,41 +2,52 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
-from msgspec import Struct
 
 from agonic.errors import AgonicError, LogError
 from agonic.logs.contents import read_bytes
 from agonic.logs.formats import name_content
 
+
+def write_value(value: Any) -> str:
+    r"""A text, number or list as a value of TOML: as in JSON, but for the delete character.
+
+    >>> write_value('a "b"'), write_value([1.5, 2])
+    ('"a \\"b\\""', '[1.5, 2]')
+    """
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 Made = TypeVar("Made")
 
 
-def read_toml(path: Path, needed: str = "a description in TOML") -> dict[str, Any]:
+def read_toml(path: Path, needed: str = "a description in TOML is needed") -> dict[str, Any]:
     """The tables of a TOML file, or a `LogError` that says why there are none.
 
-    `needed` is what the file should be.
+    `needed` says what the file should be.
     """
     data = read_bytes(path)
     try:
         return tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:
-        if path.suffix == ".toml":
-            raise LogError(f"this is not TOML: {error}", path=path) from None
-        raise LogError(f"this is {name_content(data)}, and {needed} is needed", path=path) from None
+        written = path.suffix == ".toml" and data.strip()
+        what = f"not TOML ({error})" if written else name_content(data)
+        raise LogError(f"this is {what}, and {needed}", path=path) from None
 
 
 def read_section(
-    table: Any, kind: type[Struct], where: str, mistakes: list[str], beside: Sequence[str] = ()
+    table: Any, kind: type[Any], where: str, mistakes: list[str], beside: Sequence[str] = ()
 ) -> Any:
     """A section as it should be, or `None` with every mistake in it noted.
 
-    `beside` are the sections that may stand in the same place, for the list of what is known.
+    `kind` is a `Struct` or a dataclass; `beside` are the sections that may stand in the same
+    place, for the list of what is known.
 
     >>> class Place(Struct):
     ...     latitude_deg: float
@@ -62,12 +73,13 @@ def read_section(
             msgspec.convert(table[key], hints[key])
         except msgspec.ValidationError as error:
             mistakes.append(f"{where} `{key}` {_word_mistake(table[key], hints[key], error)}")
-    needed = [f.name for f in msgspec.structs.fields(kind) if f.required and f.name not in table]
+    known_fields = msgspec.inspect.type_info(kind).fields  # type: ignore[attr-defined]
+    needed = [f.name for f in known_fields if f.required and f.name not in table]
     if needed:
         mistakes.append(f"{where} needs {', '.join(f'`{key}`' for key in needed)}")
     if len(mistakes) > before:
         return None
-    return msgspec.convert(dict(table), kind)
+    return try_to_make(lambda: msgspec.convert(dict(table), kind), where, mistakes)
 
 
 def _word_mistake(value: Any, hint: Any, error: msgspec.ValidationError) -> str:
@@ -75,6 +87,7 @@ def _word_mistake(value: Any, hint: Any, error: msgspec.ValidationError) -> str:
     hints = (hint, *get_args(hint))
     choices = [one for kind in hints if get_origin(kind) is Literal for one in get_args(kind)]
     if choices:
+        choices = ["a number"] * (float in hints) + choices
         return f"{value!r} is not known; use one of {', '.join(map(str, choices))}"
     return str(error).replace("Expected", "expected").replace(" | null", "")
 
@@ -83,6 +96,6 @@ def try_to_make(make: Callable[[], Made], where: str, mistakes: list[str]) -> Ma
     """What is made, or `None` and its mistake noted."""
     try:
         return make()
-    except AgonicError as error:
+    except (AgonicError, msgspec.ValidationError) as error:
         mistakes.append(f"{where}: {error}")
         return None

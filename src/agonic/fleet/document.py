@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from agonic.fleet import figures
 from agonic.fleet import summary_tables as tables
-from agonic.fleet.embedded_rows import embed_rows
 from agonic.fleet.group_section import describe_group
+from agonic.fleet.summary_tables import embed_rows
 from agonic.population import Outlier, Population, find_duplicates, find_outliers
 from agonic.population.peers import Peers, find_peers
 from agonic.readable import make_record
@@ -22,7 +22,7 @@ from agonic.report.markup import Markup, element, markup
 from agonic.report.section import Section
 
 if TYPE_CHECKING:
-    from agonic.fleet.result import FleetRun
+    from agonic.fleet.settings import FleetRun
 
 MOST_GROUPS = 4
 NAMED = 8

@@ -12,7 +12,7 @@ from agonic.population.peers import Peers
 from agonic.report.axes import Axis, down, right
 from agonic.report.digits import count, quantity
 from agonic.report.markup import Markup, element, markup
-from agonic.report.strips import path, plot, points
+from agonic.report.strips import curve, dots, path, plot, points
 
 BINS = 40
 MOST_DOTS = 1500
@@ -84,10 +84,10 @@ def draw_scatter(
     for rows, name in ((plain, "dots"), (marked, "odd-dots")):
         rows = rows[inside[rows]]
         if len(rows):
-            layers.append(path(_draw_dots(right(x, across[rows]), down(y, along[rows])), name))
+            layers.append(dots(x, y, across[rows], along[rows], name))
     for line, low, high in lines:
         ends = np.array([low, high])
-        layers.append(path(f"M{points(right(x, ends), down(y, line.at(ends)))}", "centre"))
+        layers.append(curve(x, y, ends, line.at(ends), "centre"))
     name = f"{y.label} against {x.label}, {count(len(across), 'calibration')}"
     return plot(x, y, layers, name, kind=kind)
 
@@ -153,10 +153,6 @@ def describe_usual(usual: tuple[float, float] | None, unit: str) -> str:
 def _widen(axis: Axis, wide: float) -> Axis:
     middle = 0.5 * (axis.low + axis.high)
     return Axis(axis.label, middle - 0.5 * wide, middle + 0.5 * wide)
-
-
-def _draw_dots(across: Array, below: Array) -> str:
-    return "".join(f"M{r:.0f} {d:.0f}h0" for r, d in zip(across, below, strict=True))
 
 
 def _make_selectable(

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
 from agonic.fleet import figures
-from agonic.fleet.embedded_rows import count_days, get_numbers, has_values
 from agonic.fleet.figures import draw_scatter, make_axis
+from agonic.fleet.summary_tables import count_days, get_numbers, has_values
 from agonic.maths.estimation.robust.robust_line import Line, fit_robust_line
 from agonic.population import Population
 from agonic.population.peers import LEAST, Peers

@@ -2,28 +2,209 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from agonic.atomic import check_target, make_folder, write_atomically
+from agonic.errors import LogError
+from agonic.fleet.dataset import calibrate_dataset
 from agonic.fleet.document import describe_population
-from agonic.fleet.engine import Engine
-from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, find_inputs
-from agonic.fleet.journal import Journal
-from agonic.fleet.local import Processes
-from agonic.fleet.result import FleetRun
-from agonic.fleet.settings import FleetSettings
-from agonic.fleet.work import Progress, Work
+from agonic.fleet.engine import Engine, Lost, Processes
+from agonic.fleet.inputs import JOURNAL, PAGE, TABLE, Inputs, find_inputs, name_sensors
+from agonic.fleet.journal import Journal, State
+from agonic.fleet.one_log import Done, calibrate_log, explain, report_unread
+from agonic.fleet.settings import FleetRun, FleetSettings, digest
+from agonic.logs.remote import Remote, is_remote, locate
 from agonic.population import (
     Compared,
     History,
     Population,
+    Row,
     compare,
     write_population,
 )
+from agonic.provenance import hash_file
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How many of the logs are done, and how many of these were found done.
+
+    `stage` says what is done with the sensors of a dataset, where that is under way.
+    """
+
+    done: int
+    resumed: int
+    logs: int
+    stage: str = ""
+
+
+@dataclass(slots=True)
+class Work:
+    """What is to be done and what is, log by log."""
+
+    found: Inputs
+    journal: Journal
+    settings: FleetSettings
+    folder: Path
+    progress: Callable[[Progress], None]
+    calibrated: int = 0
+    made: int = 0
+    resumed: int = 0
+    repeated: int = 0
+    skipped: int = 0
+    of_datasets: list[tuple[str, str]] = field(default_factory=list)
+    under_way: dict[str, tuple[str, State | None, str | None]] = field(default_factory=dict)
+    fresh: set[str] = field(default_factory=set)
+    unkept: dict[str, tuple[Row, ...]] = field(default_factory=dict)
+    """Rows that are not kept for the next run, by path or content."""
+
+    def calibrate_logs(self, engine: Engine) -> None:
+        """Work on all logs that are not finished."""
+        function = partial(calibrate_log, settings=self.settings, folder=str(self.folder.resolve()))
+        for task, result in engine.run(function, self._find_unfinished()):
+            if isinstance(result, Lost):
+                result = report_unread(task, result.sentence, self.settings)
+            self._finish(task, result)
+            self._tell()
+        self._tell()
+        self.journal.commit()
+
+    def calibrate_datasets(self, engine: Engine | None) -> None:
+        """Calibrate the sensors of datasets, each dataset at once."""
+        for dataset in self.found.datasets:
+            path = str(dataset.path)
+            content = digest(dataset.sha256, dataset.sensor)
+            if self.journal.table(content) is not None:
+                self.resumed += 1
+            else:
+                try:
+                    table = calibrate_dataset(
+                        dataset, self.settings, engine=engine, progress=self._tell_stage
+                    )
+                except Exception as error:  # whatever is wrong with a dataset becomes its row
+                    self.unkept[path] = report_unread(
+                        path, explain(error, path), self.settings
+                    ).rows
+                else:
+                    self.journal.add_table(content, table)
+                    self.made += len(table)
+                self.calibrated += 1
+            self.of_datasets.append((path, content))
+            self._tell()
+
+    def rows(self) -> Iterator[Row]:
+        """The rows of all logs, with the sensor and the path that each is known by."""
+        for path in self.found.logs:
+            rows = self._rows_of(path)
+            if not self._is_no_log(path, rows):
+                yield from name_sensors(path, rows, self.settings.name)
+
+    def tables(self) -> Iterator[Population]:
+        """The rows of all datasets, with the path that each is known by."""
+        for path, content in self.of_datasets:
+            table = self.journal.table(content)
+            if table is None:
+                yield Population.of(self.unkept[path])
+            else:
+                source = np.where(table["sensor"] == "", table["source"], path)
+                yield Population({**table.columns, "source": source})
+
+    def _rows_of(self, path: str) -> tuple[Row, ...]:
+        if path in self.unkept:
+            return self.unkept[path]
+        content = self.journal.content(path) or ""
+        found = self.unkept.get(content) or self.journal.rows(content)
+        return (
+            found or report_unread(path, "the file changed while it was read", self.settings).rows
+        )
+
+    def _find_unfinished(self) -> Iterator[str]:
+        """The logs to work on; of those with the same content, the first."""
+        states = map(State.of, self.found.logs)
+        sizes = Counter(state.size for state in states if state)
+        known = self.journal.sizes()
+        for path in self.found.logs:
+            state = State.of(path)
+            content = self.journal.content(path, state) if state else None
+            if state and content is None and (sizes[state.size] > 1 or state.size in known):
+                content = _hash_file(path)
+                if content is not None:
+                    self.journal.note(path, state, content)
+            if content is None or self._is_new(content, path):
+                task = (
+                    path if is_remote(path) else os.path.abspath(path)
+                )  # wherever the process that works on it stands
+                self.under_way[task] = path, state, content
+                yield task
+
+    def _is_no_log(self, path: str, rows: Sequence[Row]) -> bool:
+        """Whether a file turned out to be no log, and nobody said that it was."""
+        return path in self.found.perhaps and not rows[0].channel
+
+    def _is_new(self, content: str, path: str) -> bool:
+        """Whether a content is neither finished nor under way."""
+        if content in self.fresh:
+            self.repeated += 1
+            return False
+        finished = self.journal.rows(content)
+        if finished and all(map(self._complete, finished)):
+            if self._is_no_log(path, finished):
+                self.skipped += 1
+            else:
+                self.resumed += 1
+            if self.resumed % 1000 == 0:
+                self._tell()
+            return False
+        self.fresh.add(content)
+        return True
+
+    def _complete(self, row: Row) -> bool:
+        """Whether what was written for a row is still there."""
+        files = (row.calibration, row.report)
+        return all((self.folder / file).is_file() for file in files if file)
+
+    def _finish(self, task: str, done: Done) -> None:
+        path, state, content = self.under_way.pop(task)
+        if self._is_no_log(path, done.rows):
+            self.skipped += 1
+        else:
+            self.calibrated += 1
+        if not done.sha256 or state is None:
+            self.unkept[path] = done.rows
+            if content is not None:
+                self.unkept[content] = done.rows
+            return
+        self.made += len(done.rows)
+        self.fresh.add(done.sha256)
+        self.journal.note(path, state, done.sha256)
+        if done.final:
+            self.journal.add(done.sha256, done.rows)
+        else:
+            self.unkept[done.sha256] = done.rows
+
+    def _tell(self, stage: str = "") -> None:
+        done = self.calibrated + self.resumed + self.repeated + self.skipped
+        self.progress(Progress(done, self.resumed, len(self.found), stage))
+
+    def _tell_stage(self, stage: str, done: int, total: int) -> None:
+        self._tell(f"{stage} {done} of {total} sensors" if done else stage)
+
+
+def _hash_file(path: str) -> str | None:
+    try:
+        file = locate(path)
+        return file.hash() if isinstance(file, Remote) else hash_file(file)
+    except (OSError, LogError):
+        return None
 
 
 def calibrate_fleet(

@@ -6,9 +6,13 @@ import json
 import re
 from dataclasses import asdict, dataclass
 from hashlib import sha256
+from pathlib import Path
+from typing import Annotated
 
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
+from agonic.population import Duplicate, Outlier, Population
+from agonic.readable import Shown
 from agonic.reference import Reference
 from agonic.units import find_unit
 from agonic.version import __version__
@@ -85,3 +89,32 @@ def digest(*parts: object) -> str:
     False
     """
     return sha256(json.dumps([*map(str, parts), __version__]).encode()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetRun:
+    """The table of a fleet, where it is kept, and how it came about.
+
+    `outliers` and `duplicates` are what is unusual. `calibrated` logs and datasets were worked on,
+    and `made` rows of them; `resumed` were finished by an earlier run, `repeated` have the content
+    of another; `skipped` files of folders are no logs.
+    """
+
+    population: Population
+    outliers: Annotated[tuple[Outlier, ...], Shown()]
+    duplicates: Annotated[tuple[Duplicate, ...], Shown()]
+    table: Annotated[Path, Shown()]
+    page: Annotated[Path, Shown()]
+    logs: Annotated[int, Shown()]
+    datasets: Annotated[int, Shown()]
+    calibrated: Annotated[int, Shown()]
+    made: int
+    resumed: Annotated[int, Shown()]
+    repeated: Annotated[int, Shown()]
+    skipped: Annotated[int, Shown()]
+    seconds: Annotated[float, Shown()]
+
+    @property
+    def rate(self) -> Annotated[float, Shown(key="rows_per_second")]:
+        """Rows made in a second."""
+        return self.made / self.seconds if self.seconds else 0.0

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.base import check_axes, has_two_axes, select_columns
+from agonic.calibration.base import check_readings, has_two_axes, select_columns
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import LATENCY_SD_S, Compass
-from agonic.errors import FrameError, LogError, UnitError
+from agonic.errors import LogError
+from agonic.headings.acceleration import count_rows
 from agonic.headings.attitude import LEVEL, Attitude, select_rows
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, list_unknowns, propagate
@@ -77,7 +78,7 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
     of the first. Between readings more than `LONGEST_BRIDGE` periods apart, and outside them, there
     is none.
     """
-    _check(samples, compass)
+    check_readings(compass.calibration, samples)
     columns = select_columns(compass.calibration, samples)
     fresh = find_fresh(samples.field) if samples.time is not None else np.ones(1, dtype=bool)
     if time is samples.time and compass.latency_s == 0.0 and fresh.all():
@@ -113,36 +114,23 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
 
 
 def compute_change(time: Array, values: Array) -> Array | None:
-    """By how much values (n, 3) change in a second, over `TURNING_S` to either side of each row,
-    or over the rows beside it; `None` for a single one.
+    """By how much values (n, 3) change in a second, over the rows that last `TURNING_S` to either
+    side of each, one at least; `None` for a single one.
 
     >>> compute_change(np.arange(3.0), np.outer(np.arange(3.0), [1.0, 2, 3])).tolist()
     [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]
     """
     if len(time) < 2:
         return None
-    rows, last = np.arange(len(time)), len(time) - 1
-    before = np.minimum(np.searchsorted(time, time - TURNING_S), np.maximum(rows - 1, 0))
-    after = np.searchsorted(time, time + TURNING_S, side="right") - 1
-    after = np.maximum(after, np.minimum(rows + 1, last))
-    return np.asarray((values[after] - values[before]) / (time[after] - time[before])[:, None])
-
-
-def _check(samples: Samples, compass: Compass) -> None:
-    """Raise where readings and calibration do not meet."""
-    calibration = compass.calibration
-    if samples.unit != calibration.unit_in:
-        raise UnitError(
-            f"the calibration of {compass.sensor} takes readings in {calibration.unit_in} and "
-            f"these are in {samples.unit}; read the log with the unit the calibration was made in"
-        )
-    if samples.frame != calibration.frame_in:
-        raise FrameError(
-            f"the calibration of {compass.sensor} was made in other axes",
-            left=samples.frame,
-            right=calibration.frame_in,
-        )
-    check_axes(calibration, samples)
+    n, width = len(time), count_rows(time, TURNING_S)
+    change = np.empty((n, 3))
+    wide = slice(width, max(n - width, width))
+    np.subtract(values[2 * width :], values[: -2 * width], out=change[wide])
+    change[wide] /= (time[2 * width :] - time[: -2 * width])[:, None]
+    ends = np.concatenate([np.arange(min(width, n)), np.arange(wide.stop, n)])
+    before, after = np.maximum(ends - width, 0), np.minimum(ends + width, n - 1)
+    change[ends] = (values[after] - values[before]) / (time[after] - time[before])[:, None]
+    return change
 
 
 def compute_indication(
@@ -193,9 +181,9 @@ def _piece(
         field[2] = select_rows(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
         turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
-        systematic, random = propagate(steps, values, readings.columns, turned.by_field)
+        systematic, random, gradient = propagate(steps, values, readings.columns, turned.by_field)
         systematic += _by_tilt(turned, attitude, around, rows)
-        systematic += _by_delay(readings, steps, compass, values[-1], turned.by_field)
+        systematic += _by_delay(readings, compass, gradient)
     if readings.averaged is not None:
         random *= readings.averaged
     systematic, random = np.degrees(np.degrees(systematic)), np.degrees(np.degrees(random))
@@ -210,20 +198,13 @@ def _piece(
     )
 
 
-def _by_delay(
-    readings: Readings,
-    steps: tuple[Step, ...],
-    compass: Compass,
-    field: Array,
-    gradient: Array,
-) -> Array | float:
+def _by_delay(readings: Readings, compass: Compass, gradient: Array) -> Array | float:
     """Variance that the error of the delay makes, rad², (n,): what the readings change in it turns
-    a heading of such a gradient (3, n) beside an attitude that is on time."""
+    a heading of such a gradient by the reading (3, n) beside an attitude that is on time."""
     sd = find_latency_sd(compass)
     if readings.change is None or sd == 0.0:
         return 0.0
-    later = apply_steps(steps, readings.raw + sd * readings.change, readings.columns)[-1]
-    return np.asarray(np.einsum("in,ni->n", gradient, later - field) ** 2)
+    return np.asarray((sd * np.einsum("in,ni->n", gradient, readings.change)) ** 2)
 
 
 def find_latency_sd(compass: Compass) -> float:

@@ -23,6 +23,7 @@ from agonic.headings.compass_heading import (
 )
 from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
 from agonic.headings.expected_field import Surroundings, find_surroundings
+from agonic.headings.monitor.pair import watch_pair
 from agonic.headings.rates import mend_unit
 from agonic.headings.result import EACH_ROW, FLAGS, SMOOTHED, Heading
 from agonic.headings.rows import CompassRows, RowHeadings, find_row_headings
@@ -89,7 +90,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     read = [_leave_out(readings, unknown) for readings in read]
     read = [_add_tilt(readings, own, first) for readings, (_, own) in zip(read, pairs, strict=True)]
     around = find_surroundings(first, setup)
-    first, said = mend_unit(first, setup, pairs[0][0].calibration)
+    first, said = mend_unit(first, setup, pairs[0][0].calibration, smooth=smooth)
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
 
     def find(own: Samples) -> RowHeadings:
@@ -103,7 +104,9 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
             warnings.simplefilter("ignore", AgonicWarning)  # the rows have said it by themselves
             by_row, smoothed, why = smooth_rows(first, by_row, find, setup, around)
     found = _make_heading(first, setup, by_row, around, smoothed)
-    return replace(found, notes=(*said, *found.notes, *why))
+    faults = watch_pair(first.time, by_row.compasses, by_row.tilt, setup, around)
+    notes = (*(fault.sentence for fault in faults), *said, *found.notes, *why)
+    return replace(found, faults=faults, notes=notes)
 
 
 def match_sensors(samples: tuple[Samples, ...], setup: Setup) -> _Pairs:
@@ -142,7 +145,7 @@ def _leave_out(readings: Readings, unknown: Mask | None) -> Readings:
 
 def _add_tilt(readings: Readings, own: Samples, first: Samples) -> Readings:
     """The readings with the tilt of the sensor's own inclinometer, in the rows of the first."""
-    if own.roll_deg is None or own.pitch_deg is None or len(own) != len(first):
+    if own is first or own.roll_deg is None or own.pitch_deg is None or len(own) != len(first):
         return readings
     if own.time is not None and first.time is not None and not np.array_equal(own.time, first.time):
         return readings

@@ -20,6 +20,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.setup import Compass, Setup
+from agonic.headings.acceleration import ROWS
 from agonic.headings.attitude import LEVEL, Attitude, select_rows
 from agonic.headings.compass_heading import Readings
 from agonic.headings.expected_field import Surroundings
@@ -29,8 +30,6 @@ from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_lengt
 from agonic.maths.rotations import tilt as kernel
 from agonic.units import RAW
 
-ROWS = 20_000
-"""Rows, spread evenly over the log, whose dip is looked at."""
 AVERAGED_S = 1.0
 """Residuals within it are averaged."""
 FEWEST = 30
@@ -114,7 +113,7 @@ def compute_dip_residuals(
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
         gradient = _gradient(values[-1], kernel.compute_down(tilt, attitude.order), turned)
-    calibration, noise = propagate(steps, values, readings.columns, gradient)
+    calibration, noise, _ = propagate(steps, values, readings.columns, gradient)
     if readings.averaged is not None:
         noise = noise * readings.averaged
     kept = np.asarray(np.isfinite(gradient).all(axis=0))

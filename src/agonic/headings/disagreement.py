@@ -10,10 +10,12 @@ from agonic.arrays import Array, Index, Mask
 from agonic.calibration.base import has_two_axes
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.steps import find_magnitude
-from agonic.headings.attitude import LEVEL
+from agonic.headings.acceleration import ROWS
+from agonic.headings.attitude import LEVEL, select_rows
 from agonic.headings.compass_heading import Indication
 from agonic.headings.expected_field import Surroundings
 from agonic.health.finding import figure
+from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.units import RAW
 
@@ -22,13 +24,14 @@ OPPOSITE_DEG = 15.0
 
 
 class Comparison(NamedTuple):
-    """How far a compass's field is from the expected one, 1 being the limit, (n,).
-
-    `None` where nothing is known to compare with.
+    """How far a compass's field is from the expected one, 1 being the limit, (n,); its strength
+    over the expected one and its dip less that, rad. `None` where nothing is known to compare with.
     """
 
     distance: Array | None
     notes: tuple[str, ...] = ()
+    share: Array | None = None
+    steeper: Array | None = None
 
 
 def compare_with_expected(
@@ -62,11 +65,13 @@ def compare_with_expected(
     distance = _over(dip, setup.dip_limit_deg)
     opposite = () if tilt == "log" else _tell_opposite_sign(compass, dip, around)
     if not raw:
-        expected = np.hypot(around.horizontal, around.vertical)
         distance = np.maximum(distance, _over(share - 1, setup.magnitude_limit))
-        other = _tell_other_magnitude(compass, share - 1, expected * share, setup)
-        return Comparison(distance, (*opposite, *other))
-    return Comparison(distance, opposite)
+        some = choose_evenly(len(share), ROWS)
+        level, below = (select_rows(one, some) for one in (around.horizontal, around.vertical))
+        there = np.hypot(level, below) * share[some]
+        other = _tell_other_magnitude(compass, share[some] - 1, there, setup)
+        return Comparison(distance, (*opposite, *other), share, steeper)
+    return Comparison(distance, opposite, share, steeper)
 
 
 def _tell_opposite_sign(compass: Compass, off: Array, around: Surroundings) -> tuple[str, ...]:

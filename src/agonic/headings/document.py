@@ -12,14 +12,12 @@ from agonic.headings.result import FLAGS, Heading
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.tilt import compute_down, tilt_from_angles
 from agonic.provenance import Input
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, along_rows
 from agonic.report.digits import group_digits, write_minus
 from agonic.report.document import Document
 from agonic.report.markup import Markup
-from agonic.report.origin import list_inputs
-from agonic.report.section import Block, Section, Table
+from agonic.report.section import Block, Section, Table, list_inputs
 from agonic.report.strips import arrows, band, caption, line, mark_rows, plot, robust_limit, spread
-from agonic.report.time_axis import along_rows
 from agonic.samples import Samples
 
 _DOUBTED = {"held-out": "rows that a flag marks"}
@@ -160,6 +158,7 @@ def _list_values(found: Heading, samples: Samples | None) -> dict[str, Any]:
         "used": {name: int((found.used == k).sum()) for k, name in enumerate(found.sensors)},
         "disagreement_deg": _rms(found.disagreement_deg, trusted),
         "against_log": _compare_with_log(found, samples, trusted),
+        "faults": [fault.values() for fault in found.faults],
     }
 
 
@@ -184,6 +183,8 @@ def _list_entries(found: Heading, values: Mapping[str, Any]) -> dict[str, str]:
     if (apart := values["disagreement_deg"]) is not None:
         shares = (f"{name} {100 * rows / n:.0f} %" for name, rows in values["used"].items())
         entries["Sensors"] = f"differ by {apart:.2f}° rms; used: {', '.join(shares)}"
+    if found.faults:
+        entries["Faults"] = "; ".join(fault.sentence for fault in found.faults)
     if (against := values["against_log"]) is not None:
         entries["Against"] = (
             f"the logged heading: true − logged, mean {against['mean_deg']:+.2f}°, "

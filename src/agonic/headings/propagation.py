@@ -78,35 +78,36 @@ def apply_steps(steps: tuple[Step, ...], raw: Array, columns: Mapping[str, Array
 
 def propagate(
     steps: tuple[Step, ...], values: list[Array], columns: Mapping[str, Array], gradient: Array
-) -> tuple[Array, Array]:
-    """Variance of gradient · field (n,) from the calibration, and from the noise of one reading.
+) -> tuple[Array, Array, Array]:
+    """Variance of gradient · field (n,) from the calibration, and from the noise of one reading;
+    and the gradient by the reading itself, (3, n).
 
     `values` as `apply_steps` gives them, gradient (3, n).
     """
     systematic = np.zeros(gradient.shape[1])
-    found, noise = propagate_parts(steps, values, columns, gradient)
+    found, by_reading = propagate_parts(steps, values, columns, gradient)
     for parts in found:
         systematic += np.einsum("ij,ij->j", parts, parts)
-    return systematic, noise
+    known = [step.calibration for step in steps if isinstance(step.calibration, Affine | Thermal)]
+    noise = known[0].noise if known else None  # that of the first step, which takes the reading
+    variance = (noise or 0.0) ** 2 * np.einsum("ij,ij->j", by_reading, by_reading)
+    return systematic, variance, by_reading
 
 
 def propagate_parts(
     steps: tuple[Step, ...], values: list[Array], columns: Mapping[str, Array], gradient: Array
 ) -> tuple[list[Array], Array]:
     """What errors of the calibration, each of variance one, add to gradient · field, (k, n) of each
-    step that has a covariance, and the variance from the noise of one reading; as `propagate`."""
+    step that has a covariance, and the gradient by the reading, (3, n); as `propagate`."""
     found = []
-    noise: float | None = None
     for step, given, made in zip(reversed(steps), values[-2::-1], values[:0:-1], strict=True):
         calibration, root = step
         before = _carry_back(calibration, columns, gradient)
         if root is not None:
             row = _row(calibration, given, made, columns, gradient, before)
             found.append(root.T @ row)
-        if isinstance(calibration, Affine | Thermal):
-            noise = calibration.noise
         gradient = before
-    return found, (noise or 0.0) ** 2 * np.einsum("ij,ij->j", gradient, gradient)
+    return found, gradient
 
 
 def _carry_back(

@@ -13,6 +13,8 @@ from agonic.health.inertial_unit import check_clipping, find_faults
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
 
+_COLUMNS = ("rotation_rate", "acceleration")
+
 
 def find_rate_mounting(samples: Samples, setup: Setup, calibration: Calibration) -> Array:
     """The turn (3, 3) from the axes of the rates to those of the body."""
@@ -23,14 +25,16 @@ def find_rate_mounting(samples: Samples, setup: Setup, calibration: Calibration)
 
 
 def mend_unit(
-    samples: Samples, setup: Setup, calibration: Calibration
+    samples: Samples, setup: Setup, calibration: Calibration, *, smooth: bool
 ) -> tuple[Samples, tuple[str, ...]]:
     """The samples without a gyro that does not turn as the calibrated field does, and without an
-    accelerometer that does not turn as the gyro does or has another unit, and what to say of it.
+    accelerometer that does not turn as the gyro does or has another unit, and what to say of it;
+    as they are where neither is used, for no tilt and not to `smooth` headings.
 
     Raises LogError where the tilt has to come from a sensor that is left out.
     """
-    if samples.time is None or has_two_axes(calibration):
+    used = smooth or any(_needs(samples, setup, column) for column in _COLUMNS)
+    if not used or samples.time is None or has_two_axes(calibration):
         return samples, ()
     turn = find_rate_mounting(samples, setup, calibration)
     there = {"rotation_rate": samples.rotation_rate}

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
+from agonic.headings.monitor.result import CompassFault
 from agonic.readable import Readable
 
 EACH_ROW = "each row by itself"
@@ -49,6 +50,7 @@ class Heading(Readable):
     sensors : names, in the order of the setup. tilt : where roll and pitch came from.
     method : "each row by itself", or "smoothed with the gyro": by all rows together.
     notes : sentences on what could not be done or known.
+    faults : of two compasses, which disagreed with what both know, since when, by how much.
     """
 
     time: Array | None
@@ -68,6 +70,7 @@ class Heading(Readable):
     tilt: str
     method: str = EACH_ROW
     notes: tuple[str, ...] = ()
+    faults: tuple[CompassFault, ...] = ()
 
     def __len__(self) -> int:
         return len(self.true_deg)

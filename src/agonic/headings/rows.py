@@ -10,14 +10,15 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.calibration.base import Calibration
 from agonic.calibration.setup import Compass, Setup
-from agonic.headings.acceleration import count_rows
+from agonic.headings.acceleration import ROWS, count_rows
 from agonic.headings.attitude import LEVEL, Attitude
 from agonic.headings.compass_heading import Indication, Readings, compute_indication
 from agonic.headings.dip_residuals import refine_tilt_sd
-from agonic.headings.disagreement import choose_compass, compare_with_expected
+from agonic.headings.disagreement import Comparison, choose_compass, compare_with_expected
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.propagation import Step, apply_steps, list_steps, propagate
 from agonic.headings.tilt_source import find_attitude
+from agonic.maths.equation.crowding import choose_evenly
 from agonic.samples import Samples
 
 SEEN_S = (2.0, 20.0)
@@ -35,7 +36,7 @@ SAMPLE = 2000
 
 def add_disturbance(
     indicated: Indication,
-    distance: Array | None,
+    compared: Comparison,
     readings: Readings,
     calibration: Calibration,
     attitude: Attitude,
@@ -46,16 +47,19 @@ def add_disturbance(
     """The indication with the variance that disturbances seen about each row add to it, and how
     far the field is from the expected one, 1 being the limit: by each row, and by those about it.
 
-    Parameters: `distance` (n,) by each row, or `None` where nothing is known to compare with;
-    `limit` of the magnitude, a share of it; `time` (n,) in seconds, or `None`.
+    Parameters: `compared` each row by itself; `limit` of the magnitude, a share of it; `time` (n,)
+    in seconds, or `None`.
     """
-    level, below = indicated.horizontal, indicated.vertical
+    level, below, distance = indicated.horizontal, indicated.vertical, compared.distance
     size = np.hypot(level, below)
     sound = np.isfinite(size) & (size > 0.0)
     good = np.flatnonzero(sound if distance is None else sound & (distance <= 1.0))
     if attitude.source == LEVEL or not len(good):
         return indicated, distance
-    share, steeper = around.compare(level, below, good)
+    good = good[choose_evenly(len(good), ROWS)]
+    share, steeper = compared.share, compared.steeper
+    if share is None or steeper is None:
+        share, steeper = around.compare(level, below, good)
     off = (share / np.median(share[good]) - 1.0) ** 2 + steeper**2
     seen = np.where(sound, off, 0.0) / 2
     if time is not None:
@@ -102,25 +106,23 @@ def _average_beside(values: Array, width: int, least: int) -> Array:
     A side that has fewer rows than `least`, at the ends of the log, is infinite: it does not tell.
     """
     n = len(values)
-    total, at = np.concatenate([[0.0], np.cumsum(values)]), np.arange(n)
-    least = min(least, (n + 1) // 2)
-    sides = []
-    for first, after in (
-        (np.maximum(at + 1 - width, 0), at + 1),
-        (at, np.minimum(at + width, n)),
-    ):
-        count = after - first
-        sides.append(np.where(count >= least, (total[after] - total[first]) / count, np.inf))
-    return np.stack(sides)
+    width, least = min(width, n), min(least, (n + 1) // 2)
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    sides = np.full((2, n), np.inf)
+    inner = (total[width:] - total[:-width]) / width
+    sides[0, width - 1 :] = sides[1, : n - width + 1] = inner
+    few = np.arange(max(least, 1), width)  # rows of a side at the ends
+    sides[0, few - 1] = total[few] / few
+    sides[1, n - few] = (total[n] - total[n - few]) / few
+    return sides
 
 
 def _explain(readings: Readings, steps: tuple[Step, ...], size: Array, good: Index) -> float:
     """The relative variance of the field's magnitude by noise and calibration."""
-    even = np.linspace(0, len(good) - 1, min(len(good), SAMPLE)).round().astype(np.intp)
-    rows = good[np.unique(even)]
+    rows = good[choose_evenly(len(good), SAMPLE)]
     readings = readings.subset(rows)
     values = apply_steps(steps, readings.raw, readings.columns)
-    systematic, noise = propagate(steps, values, readings.columns, values[-1].T / size[rows])
+    systematic, noise, _ = propagate(steps, values, readings.columns, values[-1].T / size[rows])
     return float(np.mean((systematic + noise) / size[rows] ** 2))
 
 
@@ -161,7 +163,7 @@ def find_row_headings(
         own.append(verdict.distance)
         found, distance = add_disturbance(
             found,
-            verdict.distance,
+            verdict,
             readings,
             compass.calibration,
             levelled,

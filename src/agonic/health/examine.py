@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from agonic.health.decoding import ENOUGH
 from agonic.health.evidence import (
     HALF_CIRCLE_DEG,
     HOLDS,
@@ -28,7 +29,7 @@ from agonic.maths.one_pass import find_length, median
 
 def examine(
     evidence: Evidence,
-    changes: bool = True,
+    changes: bool | None = None,
     left: float | None = None,
     *,
     attitude_aided: bool = False,
@@ -36,15 +37,20 @@ def examine(
     """The findings of a fit, the gravest first; one cause is not reported twice.
 
     Readings in a plane are no fault of an attitude-aided fit. Without any sign of `changes` two
-    biases are not sought; `left` is what terms leave, over the radius.
+    biases are not sought, nor, where nobody looked (`None`), among many readings whose residuals
+    are alike in all directions; `left` is what terms leave, over the radius.
     """
     shape = None if attitude_aided else _static(evidence) or _flat(evidence)
     few = None if attitude_aided or shape else _few_orientations(evidence)
     if shape is not None or (few is not None and few.severity == "refuse"):
         return tuple(finding for finding in (shape, few) if finding is not None)
     kept = evidence.weights > 0.0
+    changes = len(kept) < ENOUGH if changes is None else changes
     changes = changes or float(kept.mean()) < 1.0 - OUTLIERS_TELLING
-    changes = changes or spreads_by_direction(evidence.residuals[kept], evidence.normals[kept])
+    if not changes:
+        some = np.flatnonzero(kept)
+        some = some[choose_evenly(len(some), MOST_ROWS)]
+        changes = spreads_by_direction(evidence.residuals[some], evidence.normals[some])
     changed = check_states(evidence, left) if changes else None
     if changed is not None:
         return tuple(finding for finding in (changed, few) if finding is not None)

@@ -49,13 +49,13 @@ FEWEST_TILTS = 8
 """So many directions of gravity, in steps of about 15°, tell the 48 namings of axes apart."""
 
 
-def find_mounting(readings: Array, down: Array) -> Array | None:
+def find_mounting(readings: Array, down: Array, vertical: Array | None = None) -> Array | None:
     """The turn (3, 3) by right angles that the readings are in, where no other comes near it.
 
     Parameters: as in `check_mounting`. `None` too where the axes are those they are named for.
     """
     turns = right_angles()
-    misfit = vertical_misfit(readings, down, turns)
+    misfit = vertical_misfit(readings, down, turns, vertical=vertical)
     best, rival = np.argsort(misfit)[:2]
     clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
     return turns[best] if clear and misfit[0] > _find_crosstalk(readings) else None
@@ -70,20 +70,20 @@ REVERSED_FIELD = Finding(
 """A fit that reverses the readings: no gain of a sensor is negative."""
 
 
-def check_mounting(readings: Array, down: Array, vertical: float | None = None) -> Finding | None:
+def check_mounting(readings: Array, down: Array, vertical: Array | None = None) -> Finding | None:
     """The finding that the sensor sits in the vehicle by another right angle than its axes say.
 
     A vehicle that keeps level tells which axis is upright; where two axes would do as well, what
     moves the readings is something else, and nothing is said.
 
     Parameters: readings (n, 3) and the direction of down in body axes (n, 3); `vertical` field of
-    the place where roll and pitch were recorded, which may be counted the wrong way round.
+    the place, (n,), where roll and pitch were recorded, which may be counted the wrong way round.
     """
     mirrored = None if vertical is None else _check_mirrored(readings, down, vertical)
     if mirrored is not None:
         return mirrored
     turns = right_angles()
-    misfit = vertical_misfit(readings, down, turns)
+    misfit = vertical_misfit(readings, down, turns, vertical=vertical)
     best = int(np.argmin(misfit))
     if misfit[best] >= FAR_BETTER * misfit[0] or misfit[0] < _find_crosstalk(readings):
         return None
@@ -147,7 +147,7 @@ def check_axes(
     )
 
 
-def _check_mirrored(readings: Array, down: Array, vertical: float) -> Finding | None:
+def _check_mirrored(readings: Array, down: Array, vertical: Array) -> Finding | None:
     """The finding that roll or pitch is counted the wrong way round, or the two are exchanged.
 
     Each is a mirror image of the attitude, which no mounting of a sensor is. Soft iron and a
@@ -157,7 +157,8 @@ def _check_mirrored(readings: Array, down: Array, vertical: float) -> Finding | 
     """
     size = median(find_length(readings))
     turns = right_angles()
-    misfit = vertical_misfit(readings / max(size, 1e-300), down, turns, talk=TALK)
+    unit = readings / max(size, 1e-300)
+    misfit = vertical_misfit(unit, down, turns, vertical=vertical, talk=TALK)
     best, rival = np.argsort(misfit)[:2]
     looks = next((said for said, mirror in MIRRORS if np.array_equal(-turns[best], mirror)), None)
     clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
@@ -176,9 +177,10 @@ def _check_mirrored(readings: Array, down: Array, vertical: float) -> Finding | 
     )
 
 
-def find_side(readings: Array, down: Array, turn: Array, vertical: float) -> int:
-    """Whether turned readings (n, 3) show a vertical of the sign of that of the place: 1, −1 where
-    they show the other, 0 where it is small enough for iron to have made it."""
+def find_side(readings: Array, down: Array, turn: Array, vertical: Array | float) -> int:
+    """Whether turned readings (n, 3) show a vertical of the sign of that of the place, (n,) or
+    constant: 1, −1 where they show the other, 0 where it is small enough for iron to have made it.
+    """
     shown = np.einsum("ni,ij,nj->n", down, turn, readings) * np.sign(vertical)
     share = float(np.mean(shown) / median(find_length(readings)))
     return int(np.sign(share)) if abs(share) > STEEP else 0

@@ -83,10 +83,10 @@ def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
     """
     return [
         Finding(
-            "NaN" if "NaN" in why else "torn end" if "ends" in why else "clock",
-            "check" if count > 0.01 * total else "note",
+            "NaN" if "NaN" in why or "scalar" in why else "torn end" if "ends" in why else "clock",
+            "check" if count > 0.01 * total and "scalar" not in why else "note",
             f"{count} of {total} rows were left out ({why})",
-            "look at the logger" if count > 0.01 * total else "",
+            "look at the logger" if count > 0.01 * total and "scalar" not in why else "",
         )
         for why, count in rejected.items()
         if count

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 
 def history(
-    sensor: Annotated[
-        str | None, typer.Argument(metavar="[SENSOR]", help="Sensor to show; default: list all.")
-    ] = None,
+    sensor: str | None = None,
     store: Annotated[
         Path | None,
         typer.Option(
@@ -29,18 +27,20 @@ def history(
             help="The history that agonic calibrate --store and agonic fleet --store write.",
         ),
     ] = None,
-    date: Annotated[
-        str | None, typer.Option(help="Date to predict for, 2026-05-01; default: today.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="HTML", help="Page to write of a sensor.")
-    ] = None,
+    date: str | None = None,
+    out: Path | None = None,
     as_json: Json = False,
 ) -> int:
     """Show how calibrations drift, when a sensor stepped, and which no longer agree with others.
 
     Exit status 1 where the last calibration of a sensor lies outside the band that the earlier
     ones predict, or the sensor no longer agrees with its population.
+
+    Options
+    -------
+    sensor <[SENSOR]> : Sensor to show; default: list all.
+    date : Date to predict for, 2026-05-01; default: today.
+    out -o HTML : Page to write of a sensor.
     """
     from agonic.errors import AgonicError
     from agonic.field.decimal_year import parse_date
@@ -59,9 +59,8 @@ def history(
 def _show_all(kept: History, as_json: bool) -> int:
     from agonic.console.output import print_json, say
     from agonic.console.progress import counting
-    from agonic.history.departure import departures
+    from agonic.history.departure import departures, find_drifting
     from agonic.history.document import describe_history
-    from agonic.history.drifting_sensors import find_drifting
 
     with counting(100) as tell:
         moving = find_drifting(kept, lambda done, of: tell("Drift", 100 * done // of))

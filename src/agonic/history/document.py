@@ -7,20 +7,103 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+
+from agonic.arrays import Array
 from agonic.history.departure import Departure
-from agonic.history.figures import DAYS_A_MONTH, DAYS_A_YEAR, choose_unit, draw_trends
-from agonic.history.parameters import KINDS
-from agonic.history.result import Drift
-from agonic.history.trend import Trend
+from agonic.history.fit import KINDS, sample_times
+from agonic.history.result import YEAR_S, Drift, Event, Trend
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
 from agonic.readable import make_record
+from agonic.report.axes import Axis, down, fit_axis, right
 from agonic.report.digits import count, group_digits, quantity, round_to_sd, show_sign, with_sd
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
+from agonic.report.strips import area, caption, curve, dots, path, plot
 from agonic.report.tables import NOTHING, mark
+
+DAYS_A_YEAR = 365.25
+DAYS_A_MONTH = DAYS_A_YEAR / 12
+_WIDE = 2.0  # standard deviations that bands reach to either side
+_UNITS_S = {"days": 86_400.0, "months": DAYS_A_MONTH * 86_400.0, "years": YEAR_S}
+
+
+def choose_unit(days: float) -> str:
+    """Days, months or years, by how long a history is.
+
+    >>> choose_unit(89), choose_unit(90), choose_unit(900)
+    ('days', 'months', 'years')
+    """
+    return "days" if days < 90.0 else "years" if days >= 900.0 else "months"
+
+
+def draw_trends(trends: Sequence[Trend], drift: Drift) -> Markup:
+    """The parameters of one kind beside each other, with a legend."""
+    keys = {
+        "seen": "calibration and its standard error",
+        "level": "parameter",
+        "band": "where it is, ± 2 sd",
+        "calibrations": "where a calibration of usual quality falls, ± 2 sd",
+    }
+    if any(_find_steps(one, drift) for one in trends):
+        keys["step"] = "step"
+    if any(shift.outlier for one in trends for shift in one.shifts):
+        keys["astray"] = "outlier"
+    first = trends[0]
+    note = "" if first.kind == "bias" else "To first order the same however the matrix was turned."
+    drawn = element("div", *(draw_trend(one, drift) for one in trends), class_="multiples")
+    return caption(f"In {first.unit}" if first.unit else "As a ratio", drawn, keys, note)
+
+
+def draw_trend(one: Trend, drift: Drift) -> Markup:
+    """One parameter over time: calibrations, the line that they follow, its bands, and steps."""
+    time = np.unique(np.concatenate([sample_times(drift), one.time]))
+    band = one.at(time)
+    start, unit = drift.trends[0].time[0], choose_unit(np.ptp(sample_times(drift, 2)) / 86_400.0)
+    along, seen = ((t - start) / _UNITS_S[unit] for t in (time, one.time))
+    margin = 0.02 * float(along[-1])
+    label = f"{unit} since {datetime.fromtimestamp(float(start), UTC):%Y-%m-%d}"
+    x = Axis(label, -margin, float(along[-1]) + margin)
+    reach = _WIDE * band.calibration_sd
+    low, high = band.mean - reach, band.mean + reach
+    y = fit_axis(one.name, np.concatenate([low, high, one.value - one.sd, one.value + one.sd]))
+
+    def draw_step(event: Event) -> Markup:
+        """The time between the two calibrations that it lies between."""
+        ends = np.array([event.after.timestamp(), event.before.timestamp()])
+        left, stop = right(x, (ends - start) / _UNITS_S[unit])
+        return path(f"M{left:.1f} 0H{stop:.1f}V1000H{left:.1f}Z", "step")
+
+    layers = [
+        *map(draw_step, _find_steps(one, drift)),
+        area(x, y, along, low, high, "calibrations"),
+        area(x, y, along, band.mean - _WIDE * band.sd, band.mean + _WIDE * band.sd, "band"),
+        curve(x, y, along, band.mean, "level"),
+        *_draw_calibrations(one, x, seen, y),
+    ]
+    return plot(x, y, layers, f"{one.name} over time with its bands", kind="small")
+
+
+def _draw_calibrations(one: Trend, x: Axis, seen: Array, y: Axis) -> list[Markup]:
+    """Their standard errors, and their values as dots."""
+    at = right(x, seen)
+    outlier = np.isin(np.arange(len(one.time)), [s.place for s in one.shifts if s.outlier])
+    ends = zip(at, down(y, one.value + one.sd), down(y, one.value - one.sd), strict=True)
+    layers = [path("".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if b == b), "sd")]
+    told = np.isfinite(one.value)
+    for name, rows in (("seen", ~outlier & told), ("astray", outlier & told)):
+        if rows.any():
+            layers.append(dots(x, y, seen[rows], one.value[rows], name))
+    return layers
+
+
+def _find_steps(one: Trend, drift: Drift) -> list[Event]:
+    """The steps that show in a parameter."""
+    steps = (event for event in drift.events if event.kind == "step")
+    return [step for step in steps if one.name in [moved.name for moved in step.parameters]]
 
 
 def list_values(drift: Drift) -> dict[str, Any]:

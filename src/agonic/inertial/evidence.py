@@ -12,7 +12,7 @@ from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
-from agonic.inertial.settings import INCLINATION_SD, Settings
+from agonic.inertial.problem import INCLINATION_SD, Settings
 from agonic.inertial.start import FOUND, SLOW_M_S, Solved, find_field
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.rotations.tilt import down_from_force

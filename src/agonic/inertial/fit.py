@@ -13,7 +13,7 @@ from agonic.attitude.delay import find_and_undo, keep_latency
 from agonic.attitude.fit import make_fit
 from agonic.attitude.heading_column import check_heading_column
 from agonic.attitude.heading_source import check_heading_source
-from agonic.attitude.settings import Gauge, Model
+from agonic.attitude.problem import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
 from agonic.fit import Fit
@@ -28,9 +28,8 @@ from agonic.inertial.evidence import (
     without_scale,
 )
 from agonic.inertial.maths.factors import Headings
-from agonic.inertial.problem import orient
+from agonic.inertial.problem import Settings, orient
 from agonic.inertial.result import InertialFit
-from agonic.inertial.settings import Settings
 from agonic.inertial.solve import join_headings, keep_level, solve, solve_part
 from agonic.inertial.start import Solved
 from agonic.new_rows import interpolate_repeated

@@ -9,7 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.fit import Fit
 from agonic.inertial.attitude import Inertial
-from agonic.inertial.settings import Settings
+from agonic.inertial.problem import Settings
 from agonic.inertial.start import Solved
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -12,8 +12,15 @@ from agonic.calibration.setup import LATENCY_SD_S
 from agonic.inertial.attitude import Inertial, estimate_attitude
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.maths.joint import Joint, estimate_jointly, estimate_part
-from agonic.inertial.problem import make_log, orient, pose, with_tilt, without_errors
-from agonic.inertial.settings import INCLINATION_SD, Settings
+from agonic.inertial.problem import (
+    INCLINATION_SD,
+    Settings,
+    make_log,
+    orient,
+    pose,
+    with_tilt,
+    without_errors,
+)
 from agonic.inertial.start import (
     Solved,
     choose_speed,

@@ -16,12 +16,13 @@ from agonic.inertial.attitude import Inertial, estimate_attitude
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.maths.joint import Joint
 from agonic.inertial.problem import (
+    INCLINATION_SD,
+    Settings,
     pose,
     standard_deviations,
     with_tilt,
     without_errors,
 )
-from agonic.inertial.settings import INCLINATION_SD, Settings
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate

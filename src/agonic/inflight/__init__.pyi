@@ -16,4 +16,4 @@ from agonic.inflight.tracking import WalkChoice as WalkChoice
 from agonic.inflight.tracking import choose_walk as choose_walk
 from agonic.logs.large.mission import Mission as Mission
 from agonic.logs.large.mission import open_mission as open_mission
-from agonic.logs.space.tle import positions_from_tle as positions_from_tle
+from agonic.logs.space.positions import positions_from_tle as positions_from_tle

@@ -29,33 +29,17 @@ def live(
             "each also after mavlink+, a log to replay, or sim. Without it: list the serial ports.",
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")
-    ] = Path("live-agonic"),
+    out: Path = Path("live-agonic"),
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    target: Annotated[
-        float, typer.Option(metavar="DEG", help="Standard error of the heading to reach.")
-    ] = 0.5,
-    before: Annotated[
-        list[Path] | None,
-        typer.Option("--before", metavar="CAL", help="Calibration to show beside the new one."),
-    ] = None,
-    speed: Annotated[
-        float, typer.Option(help="Speed of replay or sim; 0: as fast as possible.")
-    ] = 1.0,
-    port: Annotated[int, typer.Option(help="Of the page; 0: any free.", min=0, max=65535)] = PORT,
-    listen: Annotated[
-        str | None,
-        typer.Option(metavar="ADDR", help="Show the page to other machines, by a secret address."),
-    ] = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Start again where a session in DIR was not finished.")
-    ] = False,
-    browser: Annotated[
-        bool, typer.Option("--open/--no-open", help="Open the page in a browser.")
-    ] = True,
-    text: Annotated[bool, typer.Option("--text", help="In the terminal, without a page.")] = False,
+    target: float = 0.5,
+    before: list[Path] | None = None,
+    speed: float = 1.0,
+    port: int = PORT,
+    listen: str | None = None,
+    fresh: bool = False,
+    browser: bool = True,
+    text: bool = False,
     as_json: Json = False,
 ) -> int:
     """Calibrate while the sensor is being turned: what is covered, how good it is, what to do next.
@@ -64,6 +48,18 @@ def live(
     --text or --json the same in the terminal, which ends when the target is reached or the source
     has ended. Readings that come without a unit stay raw. When it is stopped before Accept, the
     same command continues.
+
+    Options
+    -------
+    out -o DIR : Folder to write to.
+    target DEG : Standard error of the heading to reach.
+    before CAL : Calibration to show beside the new one.
+    speed : Speed of replay or sim; 0: as fast as possible.
+    port ≥0 ≤65535 : Of the page; 0: any free.
+    listen ADDR : Show the page to other machines, by a secret address.
+    fresh --fresh : Start again where a session in DIR was not finished.
+    browser --open/--no-open : Open the page in a browser.
+    text --text : In the terminal, without a page.
     """
     from agonic.live.streams import open_source
     from agonic.live.web.plan import Plan

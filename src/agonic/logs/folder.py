@@ -23,7 +23,7 @@ from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.headers.header import identify_column
-from agonic.logs.headers.words import FALLBACK
+from agonic.logs.headers.quantities import FALLBACK
 from agonic.logs.log import Log
 from agonic.provenance import Input
 

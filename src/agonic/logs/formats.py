@@ -192,7 +192,7 @@ FORMATS = (
     Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
     Format("netCDF", "space.netcdf", _starts(b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02")),
     Format("IAGA-2002", "space.iaga2002", _starts(b" Format                 IAGA-2002")),
-    Format("VirES", "space.vires", _is_vires),
+    Format("VirES", "space.variables", _is_vires),
     Format(  # a time stamp begins with a zero byte, which no text has
         "MAVLink telemetry (.tlog)", "ardupilot.tlog", lambda head: b"\0" in head, unit_fixed=True
     ),

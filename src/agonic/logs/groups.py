@@ -71,7 +71,9 @@ def build_groups_log(
             continue
         own = (paths or {}).get(name, path)
         try:
-            if not _holds_field(table):
+            if not any(
+                len(axes) == 3 for axes in identify_columns(table).get("field", {}).values()
+            ):
                 beside.append(read_beside(name, table, own))
                 continue
             log = build_log(
@@ -98,10 +100,6 @@ def build_groups_log(
         streams=(*(s for _, log in logs for s in log.streams), *_list_streams(beside, others)),
         notes=(*notes, *(note for _, log in logs for note in log.notes), *failures),
     )
-
-
-def _holds_field(table: Table) -> bool:
-    return any(len(axes) == 3 for axes in identify_columns(table).get("field", {}).values())
 
 
 def read_beside(name: str, table: Table, path: Path) -> Beside:
@@ -192,7 +190,7 @@ def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | 
     if not known.any():
         return None
     time = other.time[known] + shift
-    if np.mean(measure_reach(time, samples.time) > find_reach(name)) > _FEW:
+    if np.mean(measure_reach(time, samples.time) > find_reach(name, time)) > _FEW:
         return None
     return resample(time, values[known], samples.time, period=PERIODS_DEG.get(name))
 

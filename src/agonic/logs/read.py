@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import lzma
 import warnings
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from agonic.errors import AgonicError, LogError
+from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.child_process import MOST_MEMORY, call
 from agonic.logs.formats import (
     ARROW,
@@ -32,6 +36,77 @@ from agonic.logs.remote import Remote, fetch, locate
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 from agonic.units import find_unit
+
+_ENDINGS = (".gz", ".gzip", ".bz2", ".xz", ".lzma", ".zst", ".zstd")
+_MOST_BYTES = 8_000_000_000
+_PIECE = 1 << 20
+_DAMAGE = (EOFError, OSError, zlib.error, lzma.LZMAError)
+
+
+@contextmanager
+def unpack(file: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """A plain copy of a compressed file for as long as it is needed, and notes.
+
+    Raises `LogError` where nothing can be unpacked, or more than 8 GB would be.
+
+    >>> import gzip
+    >>> with TemporaryDirectory() as folder:
+    ...     packed = Path(folder, "log.csv.gz")
+    ...     _ = packed.write_bytes(gzip.compress(b"1 2 3"))
+    ...     with unpack(packed) as (plain, notes):
+    ...         plain.name, plain.read_text()
+    ('log.csv', '1 2 3')
+    """
+    packing = find_packing(file)
+    name = file.stem if file.suffix.lower() in _ENDINGS else file.name
+    with TemporaryDirectory(prefix="agonic-") as folder:
+        plain = Path(folder, name or "log")
+        yield plain, _write(file, packing, plain)
+
+
+def read_head(file: Path, size: int) -> bytes:
+    """The first bytes of a file, of a compressed one those that are packed in it."""
+    packing = find_packing(file)
+    head = b""
+    with _open(file, packing) if packing else file.open("rb") as stream, suppress(*_DAMAGE):
+        while len(head) < size and (piece := _take(stream, size)):
+            head += piece
+    return head[:size]
+
+
+def _open(file: Path, packing: str) -> Any:
+    """A stream of what is packed in a file."""
+    if packing != "zstd":
+        return import_module(packing).open(file)
+    try:
+        import pyarrow
+    except ImportError:
+        raise MissingExtraError("reading a file packed with Zstandard", "tables") from None
+    return pyarrow.CompressedInputStream(pyarrow.OSFile(str(file)), "zstd")
+
+
+def _take(stream: Any, size: int) -> bytes:
+    """The next bytes; before the stream fails, those that there are."""
+    return bytes(getattr(stream, "read1", stream.read)(size))
+
+
+def _write(file: Path, packing: str, plain: Path) -> tuple[str, ...]:
+    """Unpack a file as far as it can be; a note where it ends early."""
+    written = 0
+    with _open(file, packing) as stream, plain.open("wb") as target:
+        while True:
+            try:
+                piece = _take(stream, _PIECE)
+            except _DAMAGE as error:
+                if written:
+                    return (f"the compressed file is damaged after {written} bytes of its content",)
+                raise LogError(f"it cannot be unpacked ({error}); fetch it again") from None
+            if not piece:
+                return ()
+            written += target.write(piece)
+            if written > _MOST_BYTES:
+                raise LogError("unpacked it takes more than 8 GB; unpack it, and cut it")
+
 
 METADATA = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
@@ -93,8 +168,6 @@ def _unpack(file: Path) -> AbstractContextManager[tuple[Path, tuple[str, ...]]]:
     """The file itself, or a plain copy of what is packed in it; and notes."""
     if not find_packing(file):
         return nullcontext((file, ()))
-    from agonic.logs.packed import unpack
-
     return unpack(file)
 
 
@@ -266,8 +339,6 @@ def accepts(path: Path | str) -> bool:
     try:
         head = _head(Path(path))
         if find_packing(Path(path)):
-            from agonic.logs.packed import read_head
-
             head = read_head(Path(path), HEAD_BYTES)
         format_of(head)
     except (AgonicError, OSError):

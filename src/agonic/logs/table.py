@@ -29,13 +29,18 @@ from agonic.logs.headers.conventions import (
     is_corrected,
 )
 from agonic.logs.headers.header import LONGEST, identify_column
-from agonic.logs.headers.words import FALLBACK, LAST
+from agonic.logs.headers.quantities import FALLBACK, LAST
 from agonic.logs.log import TORN, Log, Stream, are_two_axes_allowed
-from agonic.logs.rows.auxiliary import Table, find_finite_rows, set_angle_unit
+from agonic.logs.rows.auxiliary import (
+    Table,
+    find_field_unit,
+    find_finite_rows,
+    set_angle_unit,
+    state_unit,
+)
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.resample import compute_rate_Hz
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
-from agonic.logs.rows.units import find_field_unit, state_unit
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import nanotesla_per

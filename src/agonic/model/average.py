@@ -240,7 +240,8 @@ def _size_alike(
         columns = np.stack([groups[i].columns for i in members])
         before = gram[base.columns][:, columns]  # (b, g, k)
         own = gram[columns[:, :, None], columns[:, None, :]]
-        moved = np.tensordot(base.inverse, before, 1)  # a base may have no columns
+        flat = before.reshape(len(base.columns), columns.size)
+        moved = (base.inverse @ flat).reshape(before.shape)
         across = before.transpose(1, 2, 0) @ moved.transpose(1, 0, 2)
         score = gram[columns, -1] - np.tensordot(base.estimate, before, 1)
         trace = np.trace(own, axis1=1, axis2=2)[:, None]
@@ -290,6 +291,8 @@ def price(groups: Sequence[Group], there: Mapping[int, float]) -> float:
 
 @lru_cache(maxsize=64)
 def _list_sizes(scale: float, odds: float, most: float) -> tuple[Array, Array]:
+    if odds == 1.0:
+        return np.array([0.0, scale]), np.array([np.finfo(float).tiny, 1.0])
     ratio = GRID[most * 1.01 >= GRID]
     density = ratio / (1 + ratio**2)  # half-Cauchy over the logarithm
     chance = odds * density / density.sum()

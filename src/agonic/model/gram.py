@@ -18,6 +18,8 @@ ROWS_PER_LAG = 10
 PRICE = 6.0
 """Of a lag, in twice the log-likelihood: so that one white log in a hundred gets one."""
 WHITE = np.ones(1)
+SHORT = 11
+"""Lags that NumPy filters by in one loop; of more each row is a call, four times as slow."""
 
 
 def fit_filter(residuals: Array) -> Array:
@@ -58,7 +60,9 @@ def whiten(rows: Array, by: Array) -> Array:
         return rows
     white = np.empty_like(rows)
     for row, out in zip(rows, white, strict=True):  # one by one they stay in the cache
-        out[:] = np.convolve(row, by)[: len(row)]
+        out[:] = np.convolve(row, by[:SHORT])[: len(row)]
+        if len(by) > SHORT:
+            out[SHORT:] += np.convolve(row[:-SHORT], by[SHORT:])[: len(row) - SHORT]
     return white
 
 

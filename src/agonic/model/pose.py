@@ -64,11 +64,13 @@ class Search:
         """The likeliest of three ways: terms beside white noise, terms first and then memory, and
         memory first.
 
+        Of several channels the first way with memory that is likelier than white noise is taken:
+        that there is memory is all that is asked of them.
+
         Parameters: `sds` (c,) of the channels to begin with.
         """
-        first, likelihood = self.explain_white(sds)
-        most = [np.mean(stack.columns[-1] ** 2) for stack in self.stacks]
-        tried = [(likelihood, first)]
+        first, white = self.explain_white(sds)
+        tried = [(white, first)]
         starts = [
             [fit_filter(one) for one in self.leave(first)],
             [fit_filter(stack.columns[-1]) for stack in self.stacks],
@@ -76,13 +78,21 @@ class Search:
         for by in starts:
             if all(len(one) == 1 for one in by):
                 continue
-            found, _ = self.settle(by, sds)
-            by = [fit_filter(one) for one in self.leave(found)]
             found, likelihood = self.settle(by, sds)
-            whole = np.minimum([np.mean(one**2) for one in self.leave(found)], most)
-            memory = np.maximum(whole - found.sds**2, 0.0)
-            tried.append((likelihood, found._replace(memory=memory)))
+            if len(self.stacks) == 1 or likelihood < white:
+                by = [fit_filter(one) for one in self.leave(found)]
+                found, likelihood = self.settle(by, sds)
+            found = found._replace(memory=self._find_memory(found))
+            tried.append((likelihood, found))
+            if len(self.stacks) > 1 and likelihood > white and found.memory.any():
+                break
         return max(tried, key=lambda one: one[0])[1]
+
+    def _find_memory(self, found: Explained) -> Array:
+        """What memory adds to the mean square of each channel, (c,)."""
+        most = [np.mean(stack.columns[-1] ** 2) for stack in self.stacks]
+        whole = np.minimum([np.mean(one**2) for one in self.leave(found)], most)
+        return np.maximum(whole - found.sds**2, 0.0)
 
     def explain_white(self, sds: Array) -> tuple[Explained, float]:
         """The terms beside white noise, and their log-likelihood."""

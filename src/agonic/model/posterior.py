@@ -173,6 +173,7 @@ def find_posterior(
     considered: Mapping[str, Array] | None = None,
     shrink: bool = False,
     alone: bool = False,
+    terms: Sequence[Term] = (),
 ) -> Posterior | None:
     """What is known of an estimate; None where its rows are too few to tell.
 
@@ -183,16 +184,17 @@ def find_posterior(
     Parameters: `time` (n,) of the rows of the problem, `origin` (3,) to be added to its points for
     readings from zero; `inclination_deg` and `down` (3,) of a level heading; `considered` by how
     much an error of one standard deviation that no row shows moves the parameters, by name;
-    `shrink` where the size of soft iron is a further unknown, by evidence.
+    `shrink` where the size of soft iron is a further unknown, by evidence; `terms` beside the
+    hidden ones.
     """
     rows = choose_rows(problem, estimate, time, origin)
     if rows is None or not np.isfinite(rows.footpoints.points).all():
         return None
     level = stand_level(rows, estimate.solution.params, origin, inclination_deg, down)
-    at = None if alone else _explain_rows(rows, estimate, level, None)
+    at = None if alone else _explain_rows(rows, estimate, level, None, terms)
     if len(problem.channels) > 1 and (at is None or at.found.memory.any()):
         alone = True
-        at = _explain_rows(rows, estimate, level, estimate.solution.covariance)
+        at = _explain_rows(rows, estimate, level, estimate.solution.covariance, terms)
     if at is None:
         return None
     at = at._replace(soft_iron=problem if shrink else None)
@@ -201,11 +203,11 @@ def find_posterior(
 
 @or_none
 def _explain_rows(
-    rows: Rows, estimate: Estimate, level: Level, known: Array | None
+    rows: Rows, estimate: Estimate, level: Level, known: Array | None, terms: Sequence[Term]
 ) -> Scene | None:
     """What explains the residuals, with ripples if there are any; of the magnitude alone where the
     `known` covariance of the estimate is by more than that."""
-    search, seen = pose(rows, estimate, HIDDEN, known)
+    search, seen = pose(rows, estimate, (*HIDDEN, *terms), known)
     found = search.explain(np.array([estimate.noise[one.name].sd for one in search.stacks]))
     left = search.leave(found)[0]
     left = left / max(float(left.std()), LEAST_NOISE)
@@ -213,7 +215,7 @@ def _explain_rows(
     step = rows.problem.rounding * 12**0.5 / rows.radius
     waves = find_ripple(rows.seen, left, search.stacks[0].columns[:3], step)
     if waves is not None:
-        search, seen = pose(rows, estimate, (*HIDDEN, waves), known)
+        search, seen = pose(rows, estimate, (*HIDDEN, *terms, waves), known)
         found = search.explain(found.sds)
     return Scene(rows, estimate, seen, level, search, found, None)
 

@@ -160,7 +160,7 @@ def stack_columns(
         np.multiply(by_params, roots, out=columns[: len(params)])
         at = len(params)
         for one in errors:
-            columns[at : at + one.unknowns] = one.along(ways)
+            one.along(ways, out=columns[at : at + one.unknowns])
             at += one.unknowns
         columns[-1] = residuals * roots
         stacks.append(Stack(channel, columns))

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.health.finding import figure
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.coverage import level_directions
-from agonic.model.average import Sized
+from agonic.model.average import EVIDENCE, Sized
 from agonic.model.rows import Rows
 from agonic.model.term import Errors, Seen, Term
 
@@ -66,7 +67,8 @@ class Share(NamedTuple):
     """A term's part in a fit: log-odds that it is there, its rms error in the readings over the
     field, the standard error of a level heading that it makes, of that at rest what the parameters
     do not have, and the rms by which it moves a heading over the log, degrees; the row from which
-    on the bias is another, then by `size`."""
+    on the bias is another, then by `size`; of a term with one unknown that `measured`, with its
+    standard error, over the field."""
 
     term: Term
     odds: float
@@ -75,6 +77,16 @@ class Share(NamedTuple):
     at_rest_deg: float
     moves_deg: float
     row: int | None = None
+    measured: tuple[float, float] | None = None
+
+    @property
+    def said(self) -> str:
+        """What was measured of a term with one unknown, in words; "" of others, or by chance."""
+        if self.measured is None or not self.term.unit or self.odds < EVIDENCE:
+            return ""
+        value, sd = (each * self.term.quantum for each in self.measured)
+        decimals = max(1 - int(np.floor(np.log10(max(sd, 1e-9)))), 0)
+        return f"{self.term.what} {value:.{decimals}f} ± {figure(sd)} {self.term.unit}"
 
 
 def weigh(
@@ -105,4 +117,7 @@ def weigh(
         heading_deg=float(np.sqrt(moved + rest)),
         at_rest_deg=float(np.sqrt(rest)),
         moves_deg=size * float(np.sqrt(level.per_error / 3)) if term.moves else 0.0,
+        measured=(float(sized.mean[0]), float(np.sqrt(sized.covariance[0, 0])))
+        if len(sized.mean) == 1
+        else None,
     )

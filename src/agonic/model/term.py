@@ -40,7 +40,7 @@ class Seen(NamedTuple):
 class Errors(NamedTuple):
     """Errors of the readings: `parts` (b, 3, n), of which every axis has an unknown of its own
     where they are `apart`, else the whole vector has one; (b, 1, n) where all axes have the same
-    part.
+    part, or what they do lies along a `way` (3, n).
 
     >>> Errors(np.array([[[2.0], [3.0], [5.0]]])).along(np.eye(3)[:, :1]).tolist()
     [[2.0], [0.0], [0.0]]
@@ -48,16 +48,23 @@ class Errors(NamedTuple):
 
     parts: Array
     apart: bool = True
+    way: Array | None = None
 
     @property
     def unknowns(self) -> int:
         """How many unknowns there are."""
         return len(self.parts) * (3 if self.apart else 1)
 
-    def along(self, ways: Array) -> Array:
-        """What each unknown does along the vectors (3, n), (k, n)."""
-        seen = ways * self.parts
-        return np.asarray(seen.reshape(-1, ways.shape[1]) if self.apart else seen.sum(axis=1))
+    def along(self, ways: Array, out: Array | None = None) -> Array:
+        """What each unknown does along the vectors (3, n), (k, n); written to `out` if given."""
+        out = np.empty((self.unknowns, ways.shape[1])) if out is None else out
+        if self.apart:
+            np.multiply(ways, self.parts, out=out.reshape(-1, *ways.shape))
+        elif self.way is not None:
+            np.multiply(np.sum(ways * self.way, axis=0), self.parts[:, 0], out=out)
+        else:
+            np.einsum("an,ban->bn", ways, self.parts, out=out)
+        return out
 
     def mean_square(self, square: Array) -> float:
         """The mean square length of E u for E[u uᵀ] = square (k, k)."""
@@ -67,6 +74,9 @@ class Errors(NamedTuple):
             by_axis = np.einsum("iaja->aij", every)
             parts = np.broadcast_to(self.parts, (b, 3, n)) if axes == 1 else self.parts
             return float(np.einsum("ian,aij,jan->", parts, by_axis, parts, optimize=True) / n)
+        if self.way is not None:
+            sizes = np.sum((square @ self.parts[:, 0]) * self.parts[:, 0], axis=0)
+            return float(sizes @ np.sum(self.way**2, axis=0) / n)
         return float(np.einsum("ian,ij,jan->", self.parts, square, self.parts, optimize=True) / n)
 
 
@@ -82,7 +92,8 @@ class Term:
     every axis by so many times that mean square.
     `moves`: it changes the readings of a sensor in time, so that a calibration is of its mean.
     `diluted`: its columns follow noisy rates, so its size comes out too small. `what` says it in
-    words and `move` what helps.
+    words and `move` what helps. With `odds` of one it is there for certain, its size is `scale`. Of
+    one that has a single unknown, a `quantum` is what an error of the whole field is in `unit`.
     """
 
     name: str
@@ -97,6 +108,8 @@ class Term:
     sideways: float = 0.0
     moves: bool = False
     diluted: bool = False
+    quantum: float = 0.0
+    unit: str = ""
 
 
 def along_time(signals: Array) -> Errors:

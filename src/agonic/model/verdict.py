@@ -168,11 +168,13 @@ def _report_once(found: list[Finding], changed: bool) -> list[Finding]:
     return [*first, *(replace(one, severity="note", move="") for one in told[len(first) :])]
 
 
-def shows_changes(posterior: Posterior | None) -> bool:
-    """Whether anything but white noise is seen beside the calibration."""
+def shows_changes(posterior: Posterior | None) -> bool | None:
+    """Whether anything but white noise is seen beside the calibration; `None`: nobody looked."""
     if posterior is None:
-        return True
-    return posterior.memory_deg > 0.0 or any(one.odds > EVIDENCE for one in posterior.shares)
+        return None
+    return posterior.memory_deg > 0.0 or any(
+        one.odds > EVIDENCE and not one.term.unit for one in posterior.shares
+    )
 
 
 def _name_terms(

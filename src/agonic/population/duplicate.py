@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from agonic.population.outlier import Outlier, find_outliers
 from agonic.population.population import Population
 from agonic.readable import Shown
 
@@ -97,3 +98,34 @@ def _list_names(names: tuple[str, ...]) -> str:
     """Names as a sentence has them; of many, the first few."""
     shown = names if len(names) <= 5 else (*names[:4], f"{len(names) - 4} more")
     return f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A population whose column `unusual` is filled, and what it was filled from."""
+
+    population: Population
+    outliers: tuple[Outlier, ...]
+    duplicates: tuple[Duplicate, ...]
+
+
+def compare(population: Population) -> Compared:
+    """Set each sensor against the others, and say in its row what is unlike them.
+
+    >>> from agonic.population import Row
+    >>> rows = [Row(sensor=s, source=f"{s}.csv", sha256="5e", verdict="good", status="")
+    ...         for s in "ab"]
+    >>> compare(Population.of(rows)).population["unusual"][0]
+    'a.csv and b.csv are the same log, said to be of 2 sensors: a and b.'
+    """
+    found, same = find_outliers(population), find_duplicates(population)
+    said: dict[int, list[str]] = {}
+    for one in found:
+        said.setdefault(one.row, []).append(one.sentence[:1].upper() + one.sentence[1:])
+    for copies in same:
+        for row in copies.rows:
+            said.setdefault(row, []).append(copies.sentence)
+    unusual = population["unusual"].copy()
+    for row, sentences in said.items():
+        unusual[row] = " ".join(f"{text.rstrip('.')}." for text in sentences)
+    return Compared(Population({**population.columns, "unusual": unusual}), found, same)

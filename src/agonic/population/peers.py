@@ -138,7 +138,7 @@ def find_peers(population: Population) -> tuple[Peers, ...]:
     Rows that were refused take no part. A channel of a log forms a group of its own where it has
     eight sensors or more; all others with the same units are put together.
 
-    >>> from agonic.population.row import Row
+    >>> from agonic.population.population import Row
     >>> rows = [Row(sensor=f"s{k}", source=f"{k}.csv", verdict="good", status="", unit_in="nT",
     ...             unit_out="nT") for k in range(9)]
     >>> [(len(group), group.name) for group in find_peers(Population.of(rows))]

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.population import store_schema as schema
-from agonic.population.population import COLUMNS, Population, get_dtype
-from agonic.population.row import Row
+from agonic.population.population import COLUMNS, Population, Row, get_dtype
 from agonic.provenance import escape_text
 from agonic.readable import Readable, Shown
 

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.health import Finding
-from agonic.population.population import COLUMNS, Population, get_dtype
-from agonic.population.row import Row
+from agonic.population.population import COLUMNS, Population, Row, get_dtype
 from agonic.provenance import escape_text
 
 APPLICATION = 0x61676E63
@@ -73,7 +72,10 @@ def make_entry(row: Row, now: datetime) -> list[Any]:
     >>> len(make_entry(row, now)) == INSERT.count("?"), make_entry(row, now)[1] == now.timestamp()
     (True, True)
     """
-    values = [_make_value(value) for value in _VALUES(row)]
+    values = [
+        (escape_text(value) if isinstance(value, str) and not value.isascii() else value)
+        for value in _VALUES(row)
+    ]
     if row.key:
         identity = _digest(row.sensor, row.channel, row.key)
     elif row.sha256:
@@ -116,8 +118,3 @@ def _read_column(name: str, values: Sequence[Any]) -> NDArray[Any]:
 
 def _digest(*parts: str) -> bytes:
     return blake2b(escape_text("\0".join(parts)).encode(), digest_size=16).digest()
-
-
-def _make_value(value: Any) -> Any:
-    """A value as the file can hold it: names of files may have bytes that are no text."""
-    return escape_text(value) if isinstance(value, str) and not value.isascii() else value

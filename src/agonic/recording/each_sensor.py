@@ -17,9 +17,9 @@ from numpy.linalg import LinAlgError
 
 from agonic.arrays import Array
 from agonic.attitude.course import with_course
-from agonic.console.options import Place, SensorChoice
+from agonic.console.options import Place, ScalarChoice, SensorChoice
 from agonic.console.parse import parse_mounting
-from agonic.console.place import find_reference
+from agonic.console.place import find_reference, open_beside_scalar
 from agonic.console.progress import counting, progress, waiting
 from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
@@ -38,6 +38,8 @@ TOGETHER = 0.6
 STANDS_OUT = 2.0
 """Times that it must stand out of what the noise of the readings leaves in the mean of a second."""
 BLOCK_S = 1.0
+ATTITUDE = ("levelled", "inertial", "vector")
+"""Methods by more than the magnitude."""
 BETTER = 0.8
 """Share of the unseen spread that a mix has to be below where its verdict is no better."""
 
@@ -172,6 +174,7 @@ def calibrate_each(
     method: str = "auto",
     *,
     place: Place = Place(),
+    scalar: ScalarChoice = ScalarChoice(),
     course: bool = False,
     second: str | None = None,
     mounting: str | None = None,
@@ -179,7 +182,8 @@ def calibrate_each(
 ) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
     """The log, the sensors that could be fitted, and the names of others with the reason.
 
-    With `course` the course over ground is taken for the heading. `second`: "auto" mixes in another
+    `scalar` names a scalar magnetometer beside the sensors. With `course` the course over ground is
+    taken for the heading. `second`: "auto" mixes in another
     sensor where that is better; a name, that one. `mounting`: where the axes of the sensor point.
     `word`: how numbers are to be read.
     """
@@ -188,10 +192,11 @@ def calibrate_each(
         raise AgonicError("--mounting turns one sensor; mix in a second one (--second) without it")
     all_rows = {
         "--between": between,
-        f"--method {method}": method in ("levelled", "inertial", "vector"),
+        f"--method {method}": method in ATTITUDE,
         "--course": course,
         "--mounting": mounting,
         "--as": word,
+        "--scalar": scalar.column,
     }
     long = open_missions(log, *which, all_rows)
     if long:
@@ -204,6 +209,7 @@ def calibrate_each(
         if course:
             samples = with_course(samples)
         reference, settings = find_reference(samples, *place)
+        samples, reference = beside.refer(samples, reference, given=given)
         kind: Any = method
         if turn is None:
             return calibrate(samples, reference, kind=kind, **settings)
@@ -217,7 +223,10 @@ def calibrate_each(
             samples, known, kind="interference", sources=("second",), **settings
         )
 
-    recording, sensors = open_sensors(log, None if second else which.sensor, which.unit, between)
+    given = place.at is not None or place.field is not None or method in ATTITUDE
+    with open_beside_scalar(scalar) as beside:
+        only = None if second else which.sensor
+        recording, sensors = open_sensors(log, only, which.unit, between)
     if word is not None:
         sensors = tuple(read_as(samples, word) for samples in sensors)
     if second not in (None, "auto"):

@@ -10,10 +10,9 @@ import numpy as np
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, select_columns
-from agonic.calibration.composed_covariance import compute_composed_covariance
 from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
-from agonic.calibration.steps import compose
+from agonic.calibration.steps import compose, compute_composed_covariance
 from agonic.ellipsoid import evaluate, open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit

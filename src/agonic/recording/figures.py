@@ -17,7 +17,7 @@ from agonic.maths.one_pass import find_length, median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder import Rung
 from agonic.recording.residuals import FEWEST, Residuals, find_held_out, find_level
-from agonic.report.axes import Axis, Columns, down, right
+from agonic.report.axes import Axis, Columns, along_rows, down, right
 from agonic.report.digits import count, degrees, group_digits, percent, quantity
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
@@ -33,7 +33,6 @@ from agonic.report.strips import (
     points,
     spread,
 )
-from agonic.report.time_axis import along_rows
 
 MOST_POINTS = 50_000
 """Points that a report holds, over all its sensors; more are thinned evenly."""

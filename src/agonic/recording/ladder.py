@@ -12,7 +12,7 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Index, Mask
 from agonic.attitude.fit import CHANNELS, open_channels_parts
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.inputs import stack_inputs

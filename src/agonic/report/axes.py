@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 
 BINS = 400
 """Columns of a strip; the least and the largest value of each are drawn, so no peak is lost."""
@@ -59,6 +59,18 @@ class Axis:
         steps = [1.0] if self.high / self.low > 300.0 else [1.0, 2.0, 5.0]
         marks = np.outer(powers, steps).ravel()
         return np.asarray(marks[(marks >= self.low * 0.999) & (marks <= self.high * 1.001)])
+
+
+def fit_axis(label: str, values: Array) -> Axis:
+    """An axis that holds the values, and never shows less than they can be told apart.
+
+    >>> axis = fit_axis("°C", np.array([-10.0, 40.0, np.nan]))
+    >>> axis.low, axis.high
+    (-13.0, 43.0)
+    """
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    margin = max(0.06 * (high - low), 1e-7 * max(abs(low), abs(high)), 1e-9)
+    return Axis(label, low - margin, high + margin)
 
 
 class Columns:
@@ -132,3 +144,46 @@ def right(axis: Axis, values: Array) -> Array:
 def down(axis: Axis, values: Array) -> Array:
     """Thousandths of the area from the top."""
     return 1000.0 * (1.0 - axis.share(values))
+
+
+_TIME_UNITS = (
+    (172_800.0, 86_400.0, "days"),
+    (7200.0, 3600.0, "h"),
+    (300.0, 60.0, "min"),
+    (0.0, 1.0, "s"),
+)
+
+
+def along_time(
+    time: Array, start: float, stop: float, since: str = "the first reading"
+) -> tuple[Axis, Array]:
+    """An axis of the time since `start` in a unit that fits, and times as they lie along it.
+
+    >>> import numpy as np
+    >>> axis, at = along_time(np.array([60.0, 660.0]), 60.0, 660.0)
+    >>> axis.label, axis.low, axis.high, at.tolist()
+    ('time since the first reading, min', 0.0, 10.0, [0.0, 10.0])
+    """
+    seconds, name = next((s, n) for least, s, n in _TIME_UNITS if stop - start >= least)
+    label = f"time since {since}, {name}"
+    return Axis(label, 0.0, (stop - start) / seconds), (time - start) / seconds
+
+
+def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
+    """Time since the first reading, or the number of the reading where no times were logged.
+
+    `time` (n,) is that of all readings, `rows` (m,) those that are shown. Findings tell moments by
+    the clock of the log, so the label says where it stood at the first reading.
+
+    >>> import numpy as np
+    >>> along_rows(np.array([11.5, 12.5]), np.arange(2))[0].label
+    'time since the first reading (t = 11.5 s), s'
+    >>> along_rows(None, np.arange(3))
+    (Axis(label='reading', low=0.0, high=2.0, logarithmic=False), array([0., 1., 2.]))
+    """
+    if time is None or len(time) < 2:
+        return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)
+    start, stop = float(time[0]), float(time[-1])
+    begun = "" if start == 0.0 else f" (t = {start:.1f} s)"
+    axis, along = along_time(time[rows], start, stop, since=f"the first reading{begun}")
+    return replace(axis, clock=(start, stop)), along

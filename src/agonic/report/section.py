@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from agonic.citations import find_citation
+from agonic.provenance import Input, Provenance
 from agonic.report import blocks, tables, text
-from agonic.report.digits import typeset
+from agonic.report.digits import count, typeset
 from agonic.report.markup import Markup, element, markup, table
 
 
@@ -83,3 +85,23 @@ def _block(block: Block) -> Markup:
         return tables.definitions({name: typeset(words) for name, words in block.items() if words})
     drawn = block()
     return drawn if isinstance(drawn, Markup) else markup(*drawn)
+
+
+def list_inputs(*inputs: Input | None, method: Sequence[str] = (), equation: str = "") -> Section:
+    """A section of the files with their checksums, each once, the software, published sources.
+
+    >>> made = list_inputs(Input(name="log.csv", sha256="ab", count=3), None)
+    >>> made.blocks[0]["Inputs"]
+    'log.csv, 3 rows, SHA-256 ab'
+    """
+    files = {one.sha256: one for one in inputs if one is not None}
+    made = Provenance()
+    entries = {
+        "Equation": equation,
+        "Inputs": "; ".join(
+            f"{one.name}, {count(one.count, 'row')}, SHA-256 {one.sha256}" for one in files.values()
+        ),
+        "Software": f"{made.software}, {made.created}",
+        "Sources": "; ".join(map(find_citation, method)),
+    }
+    return Section("Provenance", [{name: said for name, said in entries.items() if said}])

@@ -28,6 +28,24 @@ def path(d: str, name: str, **attributes: str | float) -> Markup:
     return element("path", d=d, class_=name, **attributes)
 
 
+def dots(x: Axis, y: Axis, across: Array, along: Array, name: str) -> Markup:
+    """A dot at each place."""
+    places = zip(right(x, across), down(y, along), strict=True)
+    return path("".join(f"M{a:.0f} {b:.0f}h0" for a, b in places), name)
+
+
+def area(x: Axis, y: Axis, across: Array, low: Array, high: Array, name: str) -> Markup:
+    """What lies between two curves."""
+    there = points(right(x, across), down(y, high))
+    back = points(right(x, across[::-1]), down(y, low[::-1]))
+    return path(f"M{there}L{back}Z", name)
+
+
+def curve(x: Axis, y: Axis, across: Array, along: Array, name: str) -> Markup:
+    """A line through points."""
+    return path(f"M{points(right(x, across), down(y, along))}", name)
+
+
 def line(columns: Columns, y: Axis, values: Array, name: str) -> Markup:
     """A line through one value a column, broken where there are no readings or a NaN stands."""
     at = down(y, values)

@@ -3,30 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
+from typing import Literal
 
 from agonic.console.options import Json
 
 
 def reproduce(
-    document: Annotated[
-        Literal["samsat", "uav", "network", "patent"],
-        typer.Argument(metavar="DOCUMENT", help="samsat, uav, network or patent."),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Folder for report.html and all files."),
-    ] = None,
-    own: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--with",
-            metavar="DATA",
-            help="Own data in place of the simulated; repeat it for a document of several inputs.",
-        ),
-    ] = None,
+    document: Literal["samsat", "uav", "network", "patent"],
+    out: Path | None = None,
+    own: list[Path] | None = None,
     as_json: Json = False,
 ) -> int:
     """Make a published document again: its equations, figures, tables and claims.
@@ -35,6 +20,13 @@ def reproduce(
     and red where not. Exit status 1 where one is missed. The documents: a thermal chamber for a
     nanosatellite (samsat), a heading system (uav), a neural network (network), and the alignment
     with a star sensor (patent).
+
+    Options
+    -------
+    document <DOCUMENT> : samsat, uav, network or patent.
+    out -o DIR : Folder for report.html and all files.
+    own --with DATA : Own data in place of the simulated; repeat it for a document of several
+        inputs.
     """
     from contextlib import nullcontext
     from tempfile import TemporaryDirectory
@@ -42,8 +34,8 @@ def reproduce(
     from agonic.atomic import make_folder
     from agonic.console.finish import finish
     from agonic.console.progress import progress
-    from agonic.reproduce.documents import load_documents, with_own_data
     from agonic.reproduce.report import describe_reproduction
+    from agonic.reproduce.run import load_documents, with_own_data
     from agonic.reproduce.run import reproduce as reproduce_items
 
     source = load_documents()[document]

@@ -16,8 +16,7 @@ from agonic.report.markup import table as make_table
 from agonic.report.section import Section, Table
 from agonic.report.tables import NOTHING, mark
 from agonic.report.text import wrap_command
-from agonic.reproduce.documents import Source
-from agonic.reproduce.run import Row
+from agonic.reproduce.run import Row, Source
 
 HEAD = ["Where", "What", "The document", "Here", "Limit", "Verdict"]
 WORDS = {"met": ("good", "met"), "missed": ("refused", "missed"), "failed": ("refused", "failed")}
@@ -40,7 +39,7 @@ class Rows(Table):
 def describe_reproduction(source: Source, rows: Sequence[Row], folder: Path) -> Document:
     """The document beside what was made of it in a folder.
 
-    >>> from agonic.reproduce.documents import Item
+    >>> from agonic.reproduce.run import Item
     >>> item = Item(at="table", what="x", page="", command="", key="", limit=">= 5.44")
     >>> made = Source(name="samsat", title="A chamber", origin="", setup=[], items=[item])
     >>> print(describe_reproduction(made, [Row(item, [7.1])], Path()).to_text().splitlines()[0])

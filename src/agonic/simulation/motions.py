@@ -49,6 +49,16 @@ def rate_of_change(function: Callable[[Array], Array], time: Array) -> Array:
     return (function(time + _STEP_S) - function(time - _STEP_S)) / (2 * _STEP_S)
 
 
+def draw_tumbling(rng: np.random.Generator, duration_s: float, pace_s: float) -> Attitude:
+    """Uniform random attitudes every `pace_s`, joined smoothly."""
+    knots = make_knots(duration_s, pace_s)
+    quats = draw_directions(rng, len(knots), 4)
+    turns = np.einsum("ij,ij->i", quats[1:], quats[:-1])
+    quats[1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0))[:, None]
+    path = CubicSpline(knots, quats)
+    return lambda at: Rotation.from_quat(path(at))
+
+
 def tumble(time: Array, rng: np.random.Generator, field_n: Array, *, pace_s: float = 1.0) -> Motion:
     """Smooth random rotation, evenly over all attitudes at every moment.
 
@@ -57,15 +67,7 @@ def tumble(time: Array, rng: np.random.Generator, field_n: Array, *, pace_s: flo
     attitude is uniform (Haar) at all times and the field covers the sphere evenly; its mean rate
     is about 126°/pace_s.
     """
-    knots = make_knots(time[-1], pace_s)
-    quats = draw_directions(rng, len(knots), 4)
-    turns = np.einsum("ij,ij->i", quats[1:], quats[:-1])
-    quats[1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0))[:, None]
-    path = CubicSpline(knots, quats)
-
-    def attitude(at: Array) -> Rotation:
-        return Rotation.from_quat(path(at))
-
+    attitude = draw_tumbling(rng, time[-1], pace_s)
     return Motion(rot_nb=attitude(time), rotation_rate=rotation_rate(attitude, time))
 
 

@@ -15,16 +15,16 @@ from scipy.spatial.transform import Rotation
 from agonic.errors import AgonicError, check_choice
 from agonic.health import Finding
 from agonic.reference import Reference
+from agonic.thermal.campaign.description import name_stations
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.checks.programme import check_campaign
 from agonic.thermal.common_mode import FittedSensor, combine_positions, find_chamber_field
-from agonic.thermal.cross_validation import cross_validate as tested
 from agonic.thermal.fit.fit import fit_binned
+from agonic.thermal.fit.problem import Settings
 from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
-from agonic.thermal.fit.settings import Settings
 from agonic.thermal.maths.binned_sums import Binned
-from agonic.thermal.names import name_stations
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
+from agonic.thermal.result import cross_validate as tested
 
 OrientationChoice = Literal["auto", "known", "found", "unknown"]
 Rotations = Mapping[int, Rotation] | Literal["unknown", "found"]

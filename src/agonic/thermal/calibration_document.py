@@ -8,14 +8,13 @@ from agonic.arrays import Mask
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.report import tables as blocks
-from agonic.report.axes import BINS, Axis, Columns
+from agonic.report.axes import BINS, Axis, Columns, along_time
 from agonic.report.digits import count, group_digits, quantity, write_minus
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup
 from agonic.report.section import Section
 from agonic.report.strips import caption, mark_rows, plot, spread
-from agonic.report.time_axis import along_time
 from agonic.samples import Samples
 from agonic.thermal import figures, tables
 from agonic.thermal.fit.evidence import find_worst_sd

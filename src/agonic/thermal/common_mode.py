@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index
 from agonic.health import Finding, figure
+from agonic.thermal.campaign.description import name_stations
 from agonic.thermal.fit.result import Positions, ThermalFit
 from agonic.thermal.maths.binned_sums import Cells
-from agonic.thermal.names import name_stations
 from agonic.units import RAW
 
 

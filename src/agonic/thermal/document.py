@@ -14,14 +14,13 @@ from agonic.report.labels import unit_label
 from agonic.report.markup import element
 from agonic.report.section import Block, Section
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
-from agonic.thermal import curves, figures, tables, values
+from agonic.thermal import figures, tables
 from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures
+from agonic.thermal.campaign.description import join_numbers
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.checks.boards import list_boards
-from agonic.thermal.checks.thermometers import find_courses
+from agonic.thermal.checks.boards import find_courses, list_boards
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.fit.result import ThermalFit
-from agonic.thermal.names import join_numbers
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
 
 
@@ -90,7 +89,7 @@ def describe_campaign(
             Section("The recordings", _show_recordings(result.campaign)),
         ],
         contents=True,
-        values=values.list_campaign_values(result),
+        values=tables.list_campaign_values(result),
         sensors=[_describe_sensor(one, written.get(one.name, ())) for one in result.sensors],
         styles=STYLES,
     )
@@ -174,7 +173,7 @@ def _show_chamber(found: ChamberField | None) -> list[Block]:
 def _show_recordings(campaign: Campaign) -> list[Block]:
     """Whether boards kept working, and the temperature at every station."""
     courses, _ = find_courses(campaign)
-    shown: list[Block] = [tables.list_boards(list_boards(campaign))]
+    shown: list[Block] = [tables.show_boards(list_boards(campaign))]
     if courses:
         profile = campaign.description.profile
         shown.append(lambda: figures.draw_courses(dict(sorted(courses.items())), profile))
@@ -198,7 +197,7 @@ def _describe_sensor(result: CalibratedSensor, files: Sequence[str]) -> Document
         entries_title="",
         sections=() if fit is None else _show_evidence(result, fit, files),
         contents=fit is not None,
-        values=values.list_sensor_values(result, files),
+        values=tables.list_sensor_values(result, files),
         calibration=None if fit is None else fit.calibration,
     )
 
@@ -277,7 +276,7 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
         numbers = "   ".join(f"{axis} {with_sd(float(b), float(s))}" for axis, b, s in rows)
         entries[write_minus(f"Bias at {level:.1f} °C")] = f"{numbers} {calibration.unit_in}"
     middle = float(np.mean(calibration.range_C))
-    for group in _split_in_two(curves.evaluate_decomposition(calibration, np.array([middle]))):
+    for group in _split_in_two(figures.evaluate_decomposition(calibration, np.array([middle]))):
         numbers = "   ".join(
             f"{curve.name.split()[-1]} "
             + with_sd(float(curve.value[0]), None if curve.sd is None else float(curve.sd[0]))
@@ -293,6 +292,6 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
     return entries
 
 
-def _split_in_two(found: list[curves.Curve]) -> list[list[curves.Curve]]:
+def _split_in_two(found: list[figures.Curve]) -> list[list[figures.Curve]]:
     """The three scale factors, and the three angles."""
     return [part for part in (found[:3], found[3:]) if part]

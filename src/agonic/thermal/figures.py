@@ -9,17 +9,94 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
+from agonic.calibration.decomposition import decompose_at
 from agonic.calibration.thermal import Thermal
-from agonic.report.axes import Axis, down, right
+from agonic.report import strips
+from agonic.report.axes import Axis, along_time, down, fit_axis, right
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
-from agonic.report.strips import caption, level, path, plot, points
-from agonic.report.time_axis import along_time
+from agonic.report.strips import area, caption, level, path, plot, points
 from agonic.thermal.campaign.profile import Profile
-from agonic.thermal.checks.thermometers import Course
+from agonic.thermal.checks.boards import Course
 from agonic.thermal.common_mode import ChamberField
-from agonic.thermal.cross_validation import HeldOut
-from agonic.thermal.curves import Curve, evaluate_coefficients, evaluate_decomposition
 from agonic.thermal.fit.result import Bins, Spread, ThermalFit
+from agonic.thermal.result import HeldOut
+
+LEVELS = 61
+"""Temperatures at which a curve is drawn."""
+_ENTRIES = {"x": 0, "y": 1, "z": 2}
+
+
+class Curve(NamedTuple):
+    """One coefficient over temperature: its `name` and unit, values and standard errors (t,)."""
+
+    name: str
+    unit: str
+    temperature: Array
+    value: Array
+    sd: Array | None
+
+    @property
+    def label(self) -> str:
+        """Name and unit as they stand at an axis."""
+        return f"{self.name}, {self.unit}" if self.unit else self.name
+
+
+def evaluate_coefficients(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
+    """Every coefficient over the range that was seen, bias first.
+
+    >>> flat = Thermal(bias=[[1, 2, 3]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
+    >>> curves = evaluate_coefficients(flat)
+    >>> [curve.name for curve in curves][:4], float(curves[1].value[0])
+    (['bias x', 'bias y', 'bias z', 'matrix xx'], 2.0)
+    """
+    at = np.linspace(*calibration.range_C, LEVELS) if temperature is None else temperature
+    names = FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS
+    bias, matrix = calibration.bias_at(at), calibration.matrix_at(at)
+    sd = None if calibration.covariance is None else calibration.sd_at(at)
+    unit_in, unit_out = unit_label(calibration.unit_in), unit_label(calibration.unit_out)
+    ratio = "" if unit_in == unit_out else f"{unit_out} per {unit_in.rstrip('s')}"
+    made = []
+    for k, name in enumerate(names):
+        what, _, axes = name.partition("_")
+        value = bias[:, k] if what == "bias" else matrix[:, _ENTRIES[axes[0]], _ENTRIES[axes[1]]]
+        unit = unit_in if what == "bias" else ratio
+        made.append(Curve(f"{what} {axes}", unit, at, value, None if sd is None else sd[:, k]))
+    return made
+
+
+def evaluate_decomposition(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
+    """Scale factors and angles between the axes over the range that was seen; none where the
+    matrix has no inverse.
+
+    >>> flat = Thermal(bias=[[1, 2, 3]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
+    >>> [curve.name for curve in evaluate_decomposition(flat)][::3]
+    ['scale factor x', 'non-orthogonality xy']
+    """
+    at = np.linspace(*calibration.range_C, LEVELS) if temperature is None else temperature
+    found = decompose_at(calibration, at)
+    if not np.isfinite(found.scale_factors).all():
+        return []
+    unit_in, unit_out = unit_label(calibration.unit_in), unit_label(calibration.unit_out)
+    ratio = "" if unit_in == unit_out else f"{unit_in} per {unit_out.rstrip('s')}"
+    known = calibration.covariance is not None
+    groups = (
+        ("scale factor", "xyz", ratio, found.scale_factors, found.scale_factors_sd),
+        (
+            "non-orthogonality",
+            ("xy", "xz", "yz"),
+            "°",
+            found.nonorthogonality_deg,
+            found.nonorthogonality_sd_deg,
+        ),
+    )
+    return [
+        Curve(f"{what} {axes}", unit, at, values[:, k], sd[:, k] if known else None)
+        for what, names, unit, values, sd in groups
+        for k, axes in enumerate(names)
+    ]
+
 
 COMPONENTS = ("x", "y", "z", "|B|")
 MOST_DOTS = 240
@@ -65,19 +142,19 @@ def select_dots(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[D
 
 def draw_coefficient(curve: Curve, dots: Sequence[Dots]) -> Markup:
     """One coefficient over temperature: dots of the bins, the polynomial and its band."""
-    low, high = float(curve.temperature[0]), float(curve.temperature[-1])
-    margin = 0.03 * max(high - low, 1e-9)
-    x = Axis("°C", low - margin, high + margin)
+    cold, warm = float(curve.temperature[0]), float(curve.temperature[-1])
+    margin = 0.03 * max(warm - cold, 1e-9)
+    x = Axis("°C", cold - margin, warm + margin)
     reach = np.zeros(len(curve.value)) if curve.sd is None else 2 * curve.sd
-    shown = [curve.value - reach, curve.value + reach]
-    shown += [_leave_out_outliers(curve, d) for d in dots if len(d.values)]
-    y = _fit_axis(curve.label, np.concatenate(shown))
+    low, high = curve.value - reach, curve.value + reach
+    shown = [_leave_out_outliers(curve, d) for d in dots if len(d.values)]
+    y = fit_axis(curve.label, np.concatenate([low, high, *shown]))
     layers = []
     if curve.sd is not None:
-        layers.append(_draw_band(x, y, curve.temperature, curve.value - reach, curve.value + reach))
-    layers += [_draw_dots(x, y, d) for d in dots]
-    layers.append(path(f"M{points(right(x, curve.temperature), down(y, curve.value))}", "curve"))
-    words = f"{curve.name} from {low:.0f} to {high:.0f} °C"
+        layers.append(area(x, y, curve.temperature, low, high, "band"))
+    layers += [strips.dots(x, y, d.temperature, d.values, f"dots {d.kind}") for d in dots]
+    layers.append(strips.curve(x, y, curve.temperature, curve.value, "curve"))
+    words = f"{curve.name} from {cold:.0f} to {warm:.0f} °C"
     return plot(x, y, layers, words, kind="small")
 
 
@@ -91,24 +168,6 @@ def _leave_out_outliers(curve: Curve, dots: Dots) -> Array:
     """The dots that are no outliers: those are drawn at the edge."""
     away = np.abs(dots.values - np.interp(dots.temperature, curve.temperature, curve.value))
     return dots.values[away <= _OUTLIER * float(np.median(away)) + 1e-300]
-
-
-def _fit_axis(label: str, values: Array) -> Axis:
-    """An axis that holds the values, and never shows less than they can be told apart."""
-    low, high = float(values.min()), float(values.max())
-    margin = max(0.06 * (high - low), 1e-7 * max(abs(low), abs(high)), 1e-9)
-    return Axis(label, low - margin, high + margin)
-
-
-def _draw_band(x: Axis, y: Axis, at: Array, low: Array, high: Array) -> Markup:
-    there = points(right(x, at), down(y, high))
-    back = points(right(x, at[::-1]), down(y, low[::-1]))
-    return path(f"M{there}L{back}Z", "band")
-
-
-def _draw_dots(x: Axis, y: Axis, dots: Dots) -> Markup:
-    places = zip(right(x, dots.temperature), down(y, dots.values), strict=True)
-    return path("".join(f"M{a:.0f} {b:.0f}h0" for a, b in places), f"dots {dots.kind}")
 
 
 def _draw_station_bars(found: Spread, held_out: HeldOut | None, column: int, label: str) -> Markup:
@@ -152,7 +211,7 @@ def _draw_variances(variances: Array, chosen: int) -> Markup:
     for k, row in enumerate(shown):
         there = np.isfinite(row)
         name = "of-bias" if k < 3 else "of-matrix"
-        layers.append(path(f"M{points(right(x, order[there]), down(y, row[there]))}", name))
+        layers.append(strips.curve(x, y, order[there], row[there], name))
     return plot(x, y, layers, f"Variance of the residuals against the order; {chosen} is used")
 
 
@@ -166,7 +225,7 @@ def _draw_chamber_axis(found: ChamberField, axis: int) -> Markup:
     limit = 1.1 * max(reach, float(np.abs(common).max()), 1e-9)
     y = Axis(f"{found.axes[axis]}, nT", -limit, limit)
     layers = [level(y, 0.0, "zero")]
-    layers += [_draw_dots(x, y, Dots(along, values, "each")) for values in each]
+    layers += [strips.dots(x, y, along, values, "dots each") for values in each]
     parts = []
     for number in np.unique(found.station):
         rows = found.station == number
@@ -221,12 +280,11 @@ def draw_courses(courses: Mapping[int, Course], profile: Profile | None) -> Mark
     longest = max(len(course.level_C) for course in courses.values()) / 60
     levels = np.concatenate([course.level_C for course in courses.values()])
     x = Axis("hours", 0.0, longest)
-    low, high = float(np.nanmin(levels)), float(np.nanmax(levels))
     planned: tuple[Array, Array] | None = None
     if profile is not None:
         planned = profile.corners[0] / 3600, profile.corners[1]
-        low, high = min(low, profile.lowest_C), max(high, profile.highest_C)
-    y = Axis("°C", low - 0.06 * (high - low), high + 0.06 * (high - low))
+        levels = np.append(levels, [profile.lowest_C, profile.highest_C])
+    y = fit_axis("°C", levels)
     drawn = [_draw_course(x, y, number, course, planned) for number, course in courses.items()]
     keys = {"common": "median of the thermometers"}
     if planned is not None:
@@ -244,9 +302,7 @@ def _draw_course(
     layers = []
     if planned is not None:
         there = planned[0] <= x.high
-        layers.append(
-            path(f"M{points(right(x, planned[0][there]), down(y, planned[1][there]))}", "chosen")
-        )
+        layers.append(strips.curve(x, y, planned[0][there], planned[1][there], "chosen"))
     known = np.isfinite(level_)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
     runs = zip(edges[::2], edges[1::2], strict=True)

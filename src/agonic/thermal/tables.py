@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
-from agonic.calibration.decomposition import expand_in_temperature
+from agonic.calibration.decomposition import decompose_at, expand_in_temperature
 from agonic.calibration.thermal import Thermal
+from agonic.readable import make_record
 from agonic.report.digits import (
     count,
     group_digits,
@@ -24,14 +26,13 @@ from agonic.report.markup import Markup, element, row, table
 from agonic.report.section import Block, Table
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS
-from agonic.thermal import curves, figures
-from agonic.thermal.checks.boards import Board
+from agonic.thermal import figures
+from agonic.thermal.campaign.description import join_numbers
+from agonic.thermal.checks.boards import Board, list_boards
 from agonic.thermal.common_mode import ChamberField
-from agonic.thermal.cross_validation import HeldOut
 from agonic.thermal.fit.evidence import find_worst_sd
-from agonic.thermal.fit.result import Anomaly, Hysteresis, Spread, ThermalFit
-from agonic.thermal.names import join_numbers
-from agonic.thermal.result import CalibratedCampaign, CalibratedSensor
+from agonic.thermal.fit.result import Anomaly, Hysteresis, Positions, Spread, ThermalFit
+from agonic.thermal.result import CalibratedCampaign, CalibratedSensor, HeldOut
 
 _MOST_TIMES = 5
 
@@ -125,7 +126,7 @@ def list_shares(found: ChamberField) -> Table:
     return Table(head, rows, style="parts")
 
 
-def list_boards(boards: Sequence[Board]) -> Table:
+def show_boards(boards: Sequence[Board]) -> Table:
     """How the recordings of each board were kept up."""
     head = ["Board", "Stations", "Readings", "Left out", "Missing", "Gaps", "Longest", "Restarts"]
     rows = [
@@ -166,8 +167,8 @@ def list_numbers(calibration: Thermal) -> Table:
             ),
         ]
         for curve in (
-            *curves.evaluate_coefficients(calibration, levels),
-            *curves.evaluate_decomposition(calibration, levels),
+            *figures.evaluate_coefficients(calibration, levels),
+            *figures.evaluate_decomposition(calibration, levels),
         )
     ]
     return Table(head, rows)
@@ -271,3 +272,86 @@ def _format_times(since_s: Array) -> str:
     shown = ", ".join(f"{t / 3600:.2f}" for t in since_s[:_MOST_TIMES])
     more = len(since_s) - _MOST_TIMES
     return f"{shown} and {more} more" if more > 0 else shown
+
+
+def list_campaign_values(result: CalibratedCampaign) -> dict[str, Any]:
+    """What holds for all sensors."""
+    chamber = result.chamber_field
+    return {
+        "turns": result.turns,
+        "reason": result.reason,
+        "stations": result.campaign.stations,
+        "rows": result.campaign.rows,
+        "positions": result.positions and _list_positions(result.positions),
+        "boards": [board._asdict() for board in list_boards(result.campaign)],
+        "chamber_field": chamber
+        and {
+            "sd_nT": chamber.common_sd,
+            "axes": chamber.axes,
+            "sensors": {
+                share.name: {"noise_nT": share.noise_sd, "own_nT": share.own_sd}
+                for share in chamber.shares
+            },
+        },
+    }
+
+
+def _list_positions(positions: Positions) -> dict[str, Any]:
+    return {
+        str(number): {
+            "turn_deg": turn,
+            "sd_deg": positions.turn_sd_deg[number],
+            "field_direction": positions.direction[number],
+        }
+        for number, turn in positions.turn_deg.items()
+    }
+
+
+def list_sensor_values(sensor: CalibratedSensor, files: Sequence[str]) -> dict[str, Any]:
+    """One sensor; a refused one has no numbers."""
+    said = {"sensor": sensor.name, "files": files}
+    if sensor.fit is None:
+        return said
+    unseen = sensor.held_out
+    tested = unseen and {
+        "stations": unseen.spread.stations,
+        "improvement": unseen.spread.improvement,
+        "magnitude_rms_nT": unseen.magnitude_rms,
+        "seen_rms_nT": unseen.seen_rms,
+    }
+    return {**said, **_list_fit_values(sensor.fit), "held_out": tested}
+
+
+def _list_powers(calibration: Thermal) -> list[dict[str, Any]]:
+    """k0, k1, … of each number, and their standard errors."""
+    values, sd = expand_in_temperature(calibration)
+    return [{"k": row, "sd": sd if sd is None else sd[at]} for at, row in enumerate(values)]
+
+
+def _list_fit_values(fit: ThermalFit) -> dict[str, Any]:
+    calibration, hysteresis = fit.calibration, fit.hysteresis
+    levels = np.linspace(*calibration.range_C, 7)
+    sd = calibration.sd_at(levels)
+    return {
+        "method": "thermal",
+        **make_record(fit),
+        "degree": calibration.degree,
+        "range_C": list(calibration.range_C),
+        "at": {
+            "temperature_C": levels,
+            "bias_nT": calibration.bias_at(levels),
+            "bias_sd_nT": sd[:, :3],
+            "matrix": calibration.matrix_at(levels),
+            "matrix_sd": sd[:, 3:],
+            **decompose_at(calibration, levels)._asdict(),
+        },
+        "powers_of_temperature_C": dict(
+            zip(name_nine(calibration), _list_powers(calibration), strict=True)
+        ),
+        "rate_nT_per_C_s": calibration.rate,
+        "improvement": fit.spread and fit.spread.improvement,
+        "hysteresis": hysteresis and {"difference": hysteresis.difference, "sd": hysteresis.sd},
+        "fixture_deg": fit.fixture and fit.fixture.turned_deg,
+        "anomalies": {str(a.station): a.count for a in fit.anomalies},
+        "equation": calibration.equation,
+    }

@@ -66,6 +66,17 @@ def test_rows_near_ends_and_gaps_are_left_out_and_stretches_keep_to_runs() -> No
     assert record.edges[-1] == len(record.time) == (500 - 2 * 26) + (1000 - 2 * 26)
 
 
+def test_every_stretch_of_a_long_log_keeps_rows_enough_to_tell_a_delay() -> None:
+    """A day at one reading a second: of 2880 stretches some are taken, each with all its rows."""
+    time = np.arange(86_400.0)
+    kept = latency.record(time, np.zeros((len(time), 3)), 0.3, 20.0)
+    assert len(kept.time) <= 1.1 * latency.MOST_ROWS
+    assert np.diff(kept.edges).min() >= 29
+    for first, last in pairwise(kept.edges):
+        assert np.ptp(kept.time[first:last]) < 32.0
+    assert np.diff(kept.time[kept.edges[:-1]]).max() < 300.0
+
+
 @pytest.mark.slow
 def test_correlated_residuals_widen_the_scatter_of_a_score() -> None:
     """Scatter of Σ J z, for white and for correlated z, against many draws."""

@@ -34,6 +34,19 @@ def summed(residuals: np.ndarray, jacobian: np.ndarray, *directions: np.ndarray,
     return sums
 
 
+def test_columns_that_are_zero_for_long_and_several_times_scatter_as_the_double_sum() -> None:
+    """Three thousand stretches, more than are worked on at once; splines that end and begin."""
+    rng = np.random.default_rng(3)
+    n, d = 3000, turning(3000)
+    jacobian = rng.normal(size=(n, 5))
+    jacobian[1200:, 3] = jacobian[:1900, 4] = 0.0
+    errors = [CorrelatedError(2.0, 40.0, 1), CorrelatedError(0.5, 900.0, 1)]
+    lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    kernel = sum(e.variance * np.exp(-lag / e.time_s) for e in errors) * (d @ d.T)
+    found = compute_scatter(summed(np.zeros(n), jacobian, np.ones((n, 1)), d), errors, 1.0)
+    assert found == pytest.approx(jacobian.T @ kernel @ jacobian, rel=1e-9)
+
+
 def test_the_scatter_is_the_double_sum() -> None:
     rng = np.random.default_rng(0)
     n, jacobian, d = 50, rng.normal(size=(50, 4)), turning(50)

@@ -6,7 +6,7 @@ from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from agonic.errors import LogError, MissingExtraError
-from agonic.logs.arrays import broad
+from agonic.logs.arrays import stacked
 from agonic.logs.read import open_log, read
 
 FIELD = np.arange(15.0).reshape(5, 3)
@@ -83,7 +83,7 @@ def test_what_is_no_log(tmp_path, version_7_3):
 def test_attitude_of_one_right_angle():
     """Lying face up with x to the east, then turned 90° to the left, so that x is north: level."""
     quarter = np.sqrt(0.5)
-    roll, pitch, heading = broad.compute_attitude_deg(
+    roll, pitch, heading = stacked.compute_attitude_deg(
         np.array([[1, 0, 0, 0], [quarter, 0, 0, quarter]])
     )
     np.testing.assert_allclose(roll, 0, atol=1e-9)
@@ -99,9 +99,9 @@ def test_attitude_is_held_at_rest_and_interpolated_over_short_gaps():
     true = Rotation.from_euler("z", angle[:, None], degrees=True).as_quat(scalar_first=True)
     seen = true.copy()
     seen[:90] = seen[150:180] = seen[250:380] = np.nan
-    held = broad.hold_at_rest(seen, moving=t > 1)
+    held = stacked.hold_at_rest(seen, moving=t > 1)
     np.testing.assert_allclose(held[:90], true[:90])
-    filled = broad.fill_short_gaps(held, t)
+    filled = stacked.fill_short_gaps(held, t)
     np.testing.assert_allclose(filled[:250], true[:250], atol=1e-9)
     middle = np.isnan(filled[:, 0])
     assert middle.any()

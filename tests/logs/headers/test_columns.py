@@ -5,8 +5,7 @@ import pytest
 from agonic.errors import LogError
 from agonic.logs.headers.columns import find_columns, find_quantities, identify_columns
 from agonic.logs.headers.header import identify_column
-from agonic.logs.headers.quantities import canonical_header
-from agonic.logs.headers.words import CANONICAL
+from agonic.logs.headers.quantities import CANONICAL, canonical_header
 
 NAMES = {
     "time_s": ("time", "", "", "s"),

@@ -11,7 +11,7 @@ import pytest
 
 from agonic.errors import AgonicWarning, LogError, MissingExtraError
 from agonic.logs.read import read
-from agonic.logs.space.tle import positions_from_tle
+from agonic.logs.space.positions import positions_from_tle
 from agonic.maths.earth.geodesy import directions, earth_fixed_position, from_geocentric
 
 pytest.importorskip("sgp4")

@@ -416,3 +416,15 @@ def test_commas_between_thousands(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text('time_s,mag_x_nT,mag_y_nT,mag_z_nT\n0,"20,100.5","-3,000",43\n1,1,2,"1,043"\n')
     assert read(path).field.tolist() == [[20100.5, -3000.0, 43.0], [1.0, 2.0, 1043.0]]
+
+
+def test_long_tables_with_labels_are_read_as_short_ones_are(table) -> None:
+    rows = [f'{k / 50:.2f},MMC{k % 3}, {k % 7}.5,2,"{k % 11}",20.1' for k in range(120_000)]
+    head = "time_s,sensor,mag_x_uT,mag_y_uT,mag_z_uT,temperature_C"
+    long = open_log(table("\n".join([head, *rows])))
+    short = open_log(table("\n".join([head, *rows[:3_000]])))
+    assert [one.name for one in long.sensors] == [one.name for one in short.sensors]
+    for whole, part in zip(long.sensors, short.sensors, strict=True):
+        assert len(whole) == 40_000
+        np.testing.assert_array_equal(whole.field[: len(part)], part.field)
+        np.testing.assert_array_equal(whole.time[: len(part)], part.time)

@@ -8,14 +8,13 @@ from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, correction_jacobian, model_basis
 from agonic.maths.estimation import leastsq
 from agonic.thermal.fit.known_field_model import KnownFieldReadings, choose_model
-from agonic.thermal.fit.scale import Scale
-from agonic.thermal.fit.settings import Settings
+from agonic.thermal.fit.problem import Scale, Settings
 from agonic.thermal.maths import (
     ellipsoids,
     estimate,
-    fixture,
     gaussian_process,
     station_residuals,
+    stations,
 )
 from agonic.thermal.maths.prior import make_prior
 from agonic.thermal.maths.stations import list_standard_rotations
@@ -134,7 +133,7 @@ def test_all_jacobians_of_the_joint_problem_are_derivatives(taught: str, derivat
     poses = None
     if taught == "turns":
         seen = station_residuals.find_directions(problem, start)
-        found = fixture.find_mounting(seen, problem.rot_nb)
+        found = stations.find_mounting(seen, problem.rot_nb)
         poses = station_residuals.Poses(seen, found.mount, found.field)
     width = problem.clock.shape[1] * (1 if poses is None else 3)
     slow = gaussian_process.GaussianProcess(0.01, ("smooth", 1.0), 20.0)
@@ -189,17 +188,17 @@ def test_mounting_and_exchanged_stations_are_found() -> None:
     mount = Rotation.from_euler("zyx", [-30, 50, 170], degrees=True).as_matrix()
     field = np.array([0.4, -0.2, np.sqrt(1 - 0.2)])
     seen = np.array([mount.T @ r.T @ field for r in list_standard_rotations()])
-    found = fixture.find_mounting(seen, list_standard_rotations())
+    found = stations.find_mounting(seen, list_standard_rotations())
     assert found.mount == pytest.approx(mount, abs=1e-6)
     assert found.field == pytest.approx(field, abs=1e-6)
     order = np.arange(12)
     order[[2, 9]] = 9, 2
-    assert fixture.find_mounting(seen[order], list_standard_rotations()).rms > np.radians(10)
-    swapped, left = fixture.find_mistake(seen[order], list_standard_rotations())
+    assert stations.find_mounting(seen[order], list_standard_rotations()).rms > np.radians(10)
+    swapped, left = stations.find_mistake(seen[order], list_standard_rotations())
     assert swapped == (2, 9)
     assert left < np.radians(1)
     seen[4] = -seen[4]
-    alone, left = fixture.find_mistake(seen, list_standard_rotations())
+    alone, left = stations.find_mistake(seen, list_standard_rotations())
     assert alone == (4,)
     assert left < np.radians(1)
 

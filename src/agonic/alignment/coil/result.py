@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from agonic.arrays import Array
 from agonic.health import Finding, Judged
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.maths.rotations.vectors import skew
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -20,8 +22,8 @@ class Direction:
     """The axis (3,) in the axes of a frame's letter, with the covariance (3, 3) of the vector."""
 
     frame: str
-    axis: Array
-    covariance: Array
+    axis: Annotated[Array, Shown()]
+    covariance: Annotated[Array, Shown()]
 
     def turn(self, frame: str, matrix: Array, spread: Array | None = None) -> Direction:
         """In other axes; `spread` is the covariance of the turn's own rotation vector there."""
@@ -32,7 +34,7 @@ class Direction:
         return Direction(frame=frame, axis=axis, covariance=covariance)
 
     @property
-    def sd_arcsec(self) -> float:
+    def sd_arcsec(self) -> Annotated[float, Shown()]:
         """Standard error of the direction about its worst axis."""
         return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance)[-1], 0.0)) / ARCSEC_RAD)
 
@@ -49,10 +51,10 @@ class Direction:
 class Level:
     """The coil at one size of the current: constant, and how far from that of all, nT/A."""
 
-    current_A: float
-    constant: float
-    sd: float
-    departure: float
+    current_A: Annotated[float, Shown()]
+    constant: Annotated[float, Shown()]
+    sd: Annotated[float, Shown()]
+    departure: Annotated[float, Shown()]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,22 +78,22 @@ class CoilFit(Judged):
     read: Stretches
     stretches: Stretches
     estimate: CoilEstimate
-    directions: dict[str, Direction]
-    geometric_deg: float | None = None
-    geometric_sd_arcsec: float | None = None
-    levels: tuple[Level, ...] = ()
-    p_linear: float = 1.0
-    time: float | None = None
+    directions: Annotated[dict[str, Direction], Shown(key="axes")]
+    geometric_deg: Annotated[float | None, Shown()] = None
+    geometric_sd_arcsec: Annotated[float | None, Shown()] = None
+    levels: Annotated[tuple[Level, ...], Shown()] = ()
+    p_linear: Annotated[float, Shown()] = 1.0
+    time: Annotated[float | None, Shown(key="unix_s")] = None
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
 
     @property
-    def n(self) -> int:
+    def n(self) -> Annotated[int, Shown()]:
         """How many stretches of constant current."""
         return len(self.stretches.time)
 
     @property
-    def reversals(self) -> int:
+    def reversals(self) -> Annotated[int, Shown()]:
         """How often the current changed its sign."""
         sign = np.sign(self.current)
         return int((np.diff(sign[sign != 0]) != 0).sum())
@@ -107,12 +109,12 @@ class CoilFit(Judged):
         return self.directions["m"].sd_arcsec
 
     @property
-    def constant(self) -> float:
+    def constant(self) -> Annotated[float, Shown(key="constant_nT_A")]:
         """The coil constant, nT/A."""
         return float(np.linalg.norm(self.estimate.linear))
 
     @property
-    def constant_sd(self) -> float:
+    def constant_sd(self) -> Annotated[float, Shown(key="constant_sd_nT_A")]:
         """Its standard error, with that of the current's scale."""
         along = float(np.sqrt(self.axis**2 @ self.estimate.covariance[:, 0, 0]))
         return float(np.hypot(along, self.session.current_sd * self.constant))

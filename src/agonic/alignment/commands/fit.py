@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
-
-import typer
 
 from agonic.alignment.commands.plan_alignment import Solve, Wanted
 from agonic.console.options import Between, Json, LogPath, Magnitude, Out, Report, SensorChoice
@@ -21,16 +18,19 @@ _TURNED = (
 
 
 def alignment(
-    session: Annotated[
-        Path, typer.Argument(metavar="SESSION", help="session.toml, or the folder it is in.")
-    ],
+    session: Path,
     out: Out = None,
     solve: Solve = "alignment",
     wanted: Wanted = 2.0,
     report: Report = None,
     as_json: Json = False,
 ) -> int:
-    """The rotation between star sensor and magnetometer, from a session of many orientations."""
+    """The rotation between star sensor and magnetometer, from a session of many orientations.
+
+    Options
+    -------
+    session <SESSION> : session.toml, or the folder it is in.
+    """
     from agonic.alignment.files.read import read_session
     from agonic.alignment.star_sensor import fit_alignment
     from agonic.alignment.star_sensor.document import describe_alignment
@@ -47,16 +47,18 @@ def alignment(
 
 
 def north(
-    session: Annotated[
-        Path,
-        typer.Argument(metavar="SESSION", help="north.toml or its folder; or a DI-flux sheet."),
-    ],
+    session: Path,
     out: Out = None,
     report: Report = None,
     field: Magnitude = None,
     as_json: Json = False,
 ) -> int:
-    """True north by a gyrotheodolite; or declination and inclination from a DI-flux sheet."""
+    """True north by a gyrotheodolite; or declination and inclination from a DI-flux sheet.
+
+    Options
+    -------
+    session <SESSION> : north.toml or its folder; or a DI-flux sheet.
+    """
     from agonic.alignment.files.read import read_north
     from agonic.alignment.files.read_di_flux import is_di_flux, read_di_flux
     from agonic.alignment.north import fit_di_flux, fit_north
@@ -78,13 +80,16 @@ def north(
 
 
 def coil(
-    session: Annotated[
-        Path, typer.Argument(metavar="SESSION", help="coil.toml, or the folder it is in.")
-    ],
+    session: Path,
     report: Report = None,
     as_json: Json = False,
 ) -> int:
-    """The axis of a coil in every known frame, its constant and linearity, from reversals."""
+    """The axis of a coil in every known frame, its constant and linearity, from reversals.
+
+    Options
+    -------
+    session <SESSION> : coil.toml, or the folder it is in.
+    """
     from agonic.alignment.coil import fit_coil
     from agonic.alignment.document import describe_coil
     from agonic.alignment.files.read import read_coil
@@ -97,15 +102,18 @@ def gravity(
     log: LogPath,
     out: Out = None,
     which: SensorChoice = SensorChoice(),
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", metavar="CAL", help="Calibration to apply first."),
-    ] = None,
-    bias: Annotated[bool, typer.Option("--bias", help="Solve for the bias too.")] = False,
+    calibration: Path | None = None,
+    bias: bool = False,
     between: Between = None,
     as_json: Json = False,
 ) -> int:
-    """The rotation from magnetometer to accelerometer, from orientations at rest."""
+    """The rotation from magnetometer to accelerometer, from orientations at rest.
+
+    Options
+    -------
+    calibration CAL : Calibration to apply first.
+    bias --bias : Solve for the bias too.
+    """
     from agonic.alignment.document import describe_gravity
     from agonic.alignment.gravity import fit_gravity
     from agonic.calibration.steps import require_calibration
@@ -120,10 +128,7 @@ def gravity(
 
 def remanence(
     log: LogPath,
-    reference: Annotated[
-        Path | None,
-        typer.Option(metavar="LOG", help="A distant magnetometer; its changes are subtracted."),
-    ] = None,
+    reference: Path | None = None,
     wanted: Wanted = 2.0,
     which: SensorChoice = SensorChoice(),
     between: Between = None,
@@ -134,6 +139,10 @@ def remanence(
 
     The angle of the platform is the column heading_deg. Exit status 1 where its field is not
     negligible.
+
+    Options
+    -------
+    reference LOG : A distant magnetometer; its changes are subtracted.
     """
     from agonic.alignment.document import describe_remanence
     from agonic.alignment.remanence import fit_remanence

@@ -19,34 +19,36 @@ Wanted = Annotated[
 
 
 def alignment(
-    at: Annotated[
-        str, typer.Option("--at", metavar="LAT,LON[,ALT]", help="The observatory, degrees.")
-    ],
+    at: str,
     wanted: Wanted = 1.0,
     solve: Solve = "alignment",
-    readings: Annotated[int, typer.Option(help="Readings per orientation.")] = 20,
-    noise: Annotated[float, typer.Option(metavar="NT", help="Noise of the magnetometer.")] = 0.5,
-    reference_noise: Annotated[float, typer.Option(metavar="NT", help="Reference noise.")] = 0.3,
-    across: Annotated[
-        float, typer.Option(metavar="ARCSEC", help="Star sensor noise across its boresight.")
-    ] = 3.0,
-    about: Annotated[float, typer.Option(metavar="ARCSEC", help="About its boresight.")] = 20.0,
-    pier_sd: Annotated[
-        float | None, typer.Option(metavar="NT", help="Error of the pier difference.")
-    ] = None,
-    axes_sd: Annotated[
-        float | None, typer.Option(metavar="ARCSEC", help="Error of the reference's axes.")
-    ] = None,
-    lowest: Annotated[
-        float, typer.Option(metavar="DEG", help="Lowest elevation for the star sensor.")
-    ] = 40.0,
+    readings: int = 20,
+    noise: float = 0.5,
+    reference_noise: float = 0.3,
+    across: float = 3.0,
+    about: float = 20.0,
+    pier_sd: float | None = None,
+    axes_sd: float | None = None,
+    lowest: float = 40.0,
     date: Date = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="Plan: .html or .txt.")
-    ] = None,
+    out: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """Orientations for a wanted standard error, and the errors to expect."""
+    """Orientations for a wanted standard error, and the errors to expect.
+
+    Options
+    -------
+    at LAT,LON[,ALT] : The observatory, degrees.
+    readings : Readings per orientation.
+    noise NT : Noise of the magnetometer.
+    reference_noise NT : Reference noise.
+    across ARCSEC : Star sensor noise across its boresight.
+    about ARCSEC : About its boresight.
+    pier_sd NT : Error of the pier difference.
+    axes_sd ARCSEC : Error of the reference's axes.
+    lowest DEG : Lowest elevation for the star sensor.
+    out -o FILE : Plan: .html or .txt.
+    """
     from agonic.alignment.star_sensor import plan_alignment
     from agonic.alignment.star_sensor.plan_document import describe_plan
     from agonic.console.finish import finish

@@ -16,16 +16,20 @@ if TYPE_CHECKING:
 
 def alignment(
     out: Folder,
-    orientations: Annotated[int, typer.Option(help="How many.", min=1)] = 24,
+    orientations: int = 24,
     readings: Annotated[int, typer.Option("-n", help="Readings in each.", min=1)] = 20,
     noise: Noise = 0.5,
-    remanence: Annotated[
-        float | None, typer.Option(metavar="NT", help="The platform's own field.", min=0)
-    ] = None,
+    remanence: float | None = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """A session with a star sensor: session.toml, its tables, and the truth in its own folder."""
+    """A session with a star sensor: session.toml, its tables, and the truth in its own folder.
+
+    Options
+    -------
+    orientations ≥1 : How many.
+    remanence NT ≥0 : The platform's own field.
+    """
     from agonic.alignment.files.write import write_session
     from agonic.alignment.simulation.session import simulate_session
     from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg
@@ -48,14 +52,16 @@ def alignment(
 def north(
     out: Folder,
     noise: Noise = 0.5,
-    constant_sd: Annotated[
-        float,
-        typer.Option(metavar="ARCSEC", help="How well the gyro's constant is known.", min=0.0),
-    ] = 1.0,
+    constant_sd: float = 1.0,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """A session with a gyrotheodolite: north.toml, its tables, and the truth in its own folder."""
+    """A session with a gyrotheodolite: north.toml, its tables, and the truth in its own folder.
+
+    Options
+    -------
+    constant_sd ARCSEC ≥0.0 : How well the gyro's constant is known.
+    """
     from agonic.alignment.files.write import write_north
     from agonic.alignment.simulation.north import simulate_north
 
@@ -94,14 +100,9 @@ def _finish(
     facts: dict[str, Any] | None = None,
 ) -> int:
     """Write the truth beside the session, and say where both are; `facts` are for programs."""
-    import json
+    from agonic.console.output import finish_made, write_truth
 
-    from agonic.atomic import make_folder, write_atomically
-    from agonic.console.output import finish_made, plain
-
-    made = plain({"schema": f"agonic/{kind}-truth@1", **truth})
-    text = json.dumps(made, indent=1, ensure_ascii=False)
-    written = write_atomically(make_folder(out / "truth") / "truth.json", text + "\n")
+    written = write_truth(kind, truth, out / "truth")
     saved = "-o cal.json " if kind == "alignment" else ""
     of = f"in {facts['orientations']} orientations" if facts else "of the magnetometer"
     return finish_made(

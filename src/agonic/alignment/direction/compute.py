@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,7 +22,7 @@ from agonic.samples import Samples
 
 _CURVED = 9.0
 """How many times its own variance a second difference must exceed to be no noise."""
-_SAME_MOMENT_S = 1e-6
+SAME_MOMENT_S = 1e-6
 """Times that differ by less are one: tables are written to a microsecond."""
 
 
@@ -74,9 +72,11 @@ def field_direction(
     >>> len(found), round(float(found.declination_deg.mean()), 1)
     (456, 4.2)
     """
-    known = _require_into_stars(alignment)
-    gap = _choose_gap(stars) if gap_s is None else gap_s
-    found = _compute(known, samples, stars, site, noise, gap, earth or load_earth_rotation())
+    known = require_into_stars(alignment)
+    gap = choose_gap(stars) if gap_s is None else gap_s
+    found = compute_direction(
+        known, samples, stars, site, noise, gap, earth or load_earth_rotation()
+    )
     if found is None:
         moments = compute_unix_s(samples)
         raise AgonicError(
@@ -88,55 +88,7 @@ def field_direction(
     return found
 
 
-def follow_direction(
-    alignment: AnyCalibration,
-    batches: Iterable[tuple[Samples, StarReadings]],
-    site: Site | None = None,
-    *,
-    noise: float | None = None,
-    gap_s: float,
-    earth: EarthRotation | None = None,
-) -> Iterator[FieldDirection]:
-    """`field_direction` as readings and attitudes come in, batch by batch.
-
-    A reading waits until an attitude after it has come; readings that have none are left out. The
-    vectors are those of `field_direction` on all batches together. So are the standard errors,
-    unless the platform's rate changes just where a batch ends.
-
-    Parameters
-    ----------
-    alignment, site, noise, earth : as for `field_direction`.
-    batches : pairs of new readings (n,) and new attitudes (m,), each in order of time.
-    gap_s : attitudes further apart are not joined.
-
-    Yields a `FieldDirection` for readings that have become complete. Raises as `field_direction`.
-
-    >>> import agonic as ag
-    >>> night = ag.alignment.simulate_session(seed=1).session
-    >>> turn = ag.fit_alignment(night).calibration
-    >>> batches = [(night.magnetometer, night.star)]
-    >>> sum(len(part) for part in follow_direction(turn, batches, night.site, gap_s=30.0))
-    456
-    """
-    known, table = _require_into_stars(alignment), earth or load_earth_rotation()
-    waiting: list[Samples] = []
-    stars: StarReadings | None = None
-    for samples, read in batches:
-        stars = read if stars is None else _join(stars, read)
-        later = []
-        for part in (*waiting, samples):
-            ready = compute_unix_s(part) <= stars.time[-1]
-            if ready.any():
-                now = part.select(np.flatnonzero(ready))
-                found = _compute(known, now, stars, site, noise, gap_s, table)
-                if found is not None:
-                    yield found
-            if not ready.all():
-                later.append(part.select(np.flatnonzero(~ready)))
-        waiting, stars = later, stars.select(slice(-3, None))
-
-
-def _require_into_stars(alignment: AnyCalibration) -> AnyCalibration:
+def require_into_stars(alignment: AnyCalibration) -> AnyCalibration:
     """The calibration, which must end in the axes of a star sensor."""
     known = require_calibration(alignment)
     if known.frame_out != "c":
@@ -149,7 +101,7 @@ def _require_into_stars(alignment: AnyCalibration) -> AnyCalibration:
     return known
 
 
-def _compute(
+def compute_direction(
     known: AnyCalibration,
     samples: Samples,
     stars: StarReadings,
@@ -160,7 +112,7 @@ def _compute(
 ) -> FieldDirection | None:
     """The direction at the readings that have an attitude, or `None` where none has."""
     moments = compute_unix_s(samples)
-    attitudes, covariance = _straighten(stars, site, earth), _require_covariance(stars)
+    attitudes, covariance = _straighten(stars, site, earth), require_covariance(stars)
     rows, rot_ci, spread = interpolate_attitudes(
         moments, stars.time, attitudes, covariance, stars.orientation, gap_s
     )
@@ -204,7 +156,7 @@ def _straighten(stars: StarReadings, site: Site | None, earth: EarthRotation) ->
     return average_attitudes(site, stars, earth)[0]
 
 
-def _require_covariance(stars: StarReadings) -> Array:
+def require_covariance(stars: StarReadings) -> Array:
     if stars.covariance is None:
         raise AgonicError(
             "the errors of the attitudes are not known; give the standard errors of one attitude "
@@ -213,7 +165,7 @@ def _require_covariance(stars: StarReadings) -> Array:
     return stars.covariance
 
 
-def _choose_gap(stars: StarReadings) -> float:
+def choose_gap(stars: StarReadings) -> float:
     """Several times the usual interval of the attitudes within an orientation, s."""
     same = np.diff(stars.orientation) == 0
     steps = np.diff(stars.time)[same]
@@ -258,16 +210,6 @@ def _turn_covariance(rotation: Array, covariance: Array) -> Array:
     return np.asarray(rotation @ covariance @ np.swapaxes(rotation, 1, 2))
 
 
-def _join(before: StarReadings, after: StarReadings) -> StarReadings:
-    """Attitudes with those that came later."""
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(before, name), getattr(after, name)])
-        for name in ("time", "orientation", "rot_ci")
-    }
-    both = (_require_covariance(before), _require_covariance(after))
-    return replace(after, **joined, covariance=np.concatenate(both))
-
-
 class Between(NamedTuple):
     """Attitudes at the moments of `rows`: matrices (k, 3, 3) and covariances (k, 3, 3), rad²."""
 
@@ -297,11 +239,8 @@ def interpolate_attitudes(
     >>> found.rows.tolist(), found.rotation[0, 0].round(6).tolist()
     ([0], [0.707107, -0.707107, 0.0])
     """
-    after = np.minimum(np.searchsorted(time, moments - _SAME_MOMENT_S), len(time) - 1)
-    read = np.abs(time[after] - moments) <= _SAME_MOMENT_S
-    joined = (np.diff(time) <= gap_s) & (np.diff(number) == 0)
-    between = (moments > time[0]) & (moments < time[-1])
-    between[between] = joined[after[between] - 1]
+    after, read, between = find_neighbours(moments, time, number, gap_s)
+    joined = are_joined(time, number, gap_s)
     rows = np.flatnonzero(read | between)
     right = after[rows]
     left = np.where(read[rows], right, right - 1)
@@ -315,6 +254,23 @@ def interpolate_attitudes(
     spread = (1 - s) ** 2 * covariance[left] + s**2 * covariance[right]
     bend = (s * (1 - s) / 2) * change[:, :, None]
     return Between(rows, attitude, spread + bend @ np.swapaxes(bend, 1, 2))
+
+
+def are_joined(time: Array, number: Index, gap_s: float) -> Mask:
+    """Whether attitudes (m,) are interpolated to the next, (m − 1,)."""
+    return np.asarray((np.diff(time) <= gap_s) & (np.diff(number) == 0))
+
+
+def find_neighbours(
+    moments: Array, time: Array, number: Index, gap_s: float
+) -> tuple[Index, Mask, Mask]:
+    """The attitude at or after each moment (n,), whether one was read then, and whether the moment
+    lies between two that are joined."""
+    after = np.minimum(np.searchsorted(time, moments - SAME_MOMENT_S), len(time) - 1)
+    read = np.abs(time[after] - moments) <= SAME_MOMENT_S
+    between = (moments > time[0]) & (moments < time[-1])
+    between[between] = are_joined(time, number, gap_s)[after[between] - 1]
+    return after, read, between
 
 
 def _second_differences(turn: Array, time: Array, covariance: Array, joined: Mask) -> Array:

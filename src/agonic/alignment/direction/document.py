@@ -10,14 +10,12 @@ import numpy as np
 from agonic.alignment.direction.result import FieldDirection
 from agonic.arrays import Array
 from agonic.provenance import Input
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, along_time
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
 from agonic.report.markup import Markup
-from agonic.report.origin import list_inputs
-from agonic.report.section import Section
+from agonic.report.section import Section, list_inputs
 from agonic.report.strips import band, caption, line, plot
-from agonic.report.time_axis import along_time
 
 ANGLES = {
     "declination_deg": ("Magnetic declination", "declination_sd_deg"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -101,6 +103,23 @@ class FieldDirection(Readable):
         level = np.hypot(north, east)
         slope = np.stack([-north * down / level, -east * down / level, level], axis=1)
         return _compute_sd_deg(slope / self.magnitude[:, None] ** 2, self.covariance_n)
+
+    @property
+    def magnitude_sd(self) -> Array:
+        """Standard error (n,) of |B|, nT: along the field."""
+        unit = self.field_i / self.magnitude[:, None]
+        square = np.einsum("ni,nij,nj->n", unit, self.covariance_i, unit)
+        return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+    def records(self) -> Iterator[dict[str, Any]]:
+        """Each reading by itself: vectors of three numbers in every system of axes, and angles."""
+        names = [letter for letter in "cien" if getattr(self, f"field_{letter}") is not None]
+        vectors = {f"field_{letter}_nT": getattr(self, f"field_{letter}") for letter in names}
+        numbers = {n: v for n, v in self.columns().items() if not n.startswith("field_")}
+        numbers |= {"magnitude_nT": self.magnitude, "magnitude_sd_nT": self.magnitude_sd}
+        columns = {"unix_s": numbers.pop("unix_s"), **vectors, **numbers}
+        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+            yield {"schema": "agonic/live-direction@1", **dict(zip(columns, row, strict=True))}
 
     def columns(self) -> dict[str, Array]:
         """The columns of numbers that are there, by name, in writing order."""

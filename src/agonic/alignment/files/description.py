@@ -18,8 +18,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.steps import require_calibration
 from agonic.errors import LogError
 from agonic.files.calibration import load
-from agonic.files.toml_sections import read_section, read_toml, try_to_make
-from agonic.files.toml_text import write_value
+from agonic.files.toml_sections import read_section, read_toml, try_to_make, write_value
 from agonic.logs.read import open_log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
@@ -92,7 +91,7 @@ def read_description(path: Path | str, name: str) -> Description:
         ]
         but = f"; it holds {held[0]}" if held else ""
         raise LogError(f"the folder does not hold {needed_file.rstrip(',')}{but}", path=given)
-    table, known = read_toml(file, needed_file), (*kind.sections, *kind.repeated)
+    table, known = read_toml(file, f"{needed_file} is needed"), (*kind.sections, *kind.repeated)
     mistakes: list[str] = []
     plain = {key: value for key, value in table.items() if key not in known}
     head = read_section(plain, _structure(kind.find_keys("")), "the file", mistakes, known)

@@ -138,7 +138,11 @@ def read_stars(path: Path, turns: Turns = "ci", *, numbered: bool = True) -> Sta
     ...     read_stars(file).boresight_i[0].round(9).tolist()
     [0.0, 1.0, 0.0]
     """
-    table = read_table(path, "a CSV table of attitudes")
+    return parse_stars(read_table(path, "a CSV table of attitudes"), turns, numbered=numbered)
+
+
+def parse_stars(table: Table, turns: Turns, *, numbered: bool) -> StarReadings:
+    """The attitudes in a table that was read, as `read_stars` has them."""
     return StarReadings(
         time=_times(table),
         orientation=_orientations(table, numbered),

@@ -15,14 +15,13 @@ from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.north.platform import Aligned
 from agonic.alignment.session.laboratory import SwingRecord
-from agonic.report.axes import Axis, Columns
+from agonic.readable import make_record
+from agonic.report.axes import Axis, Columns, along_rows, fit_axis
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
-from agonic.report.origin import list_inputs
-from agonic.report.section import Section, Table
+from agonic.report.section import Section, Table, list_inputs
 from agonic.report.strips import caption, level, line, plot, spread
-from agonic.report.time_axis import along_rows
 
 SCALED = ("offset", "offset_sd", "scale")
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
@@ -118,8 +117,7 @@ def _platform_rows(aligned: Aligned) -> list[list[str]]:
 
 def _numbers(fit: NorthFit) -> dict[str, Any]:
     values = {
-        "north_deg": fit.north_deg,
-        "north_sd_arcsec": fit.sd_arcsec,
+        **make_record(fit),
         "by": {
             name: {
                 "gyro_north_deg": found.reading_deg,
@@ -128,9 +126,6 @@ def _numbers(fit: NorthFit) -> dict[str, Any]:
             }
             for name, found in fit.by.items()
         },
-        "transit_constant": fit.constant,
-        "transit_constant_sd": fit.constant_sd,
-        "period_s": fit.period_s,
         "azimuths": [asdict(azimuth) for azimuth in fit.azimuths],
     }
     if fit.aligned is None:
@@ -150,9 +145,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
     """Readings of the circle over time with the gyro's north across, and what the fit leaves."""
     x, along = along_rows(record.time_s, np.arange(len(record.time_s)))
     columns, reading = Columns(x, along), record.reading_deg
-    low, high = float(reading.min()), float(reading.max())
-    room = 0.06 * max(high - low, 1e-9)
-    circle = Axis("reading of the circle, °", low - room, high + room)
+    circle = fit_axis("reading of the circle, °", reading)
     course = [
         level(circle, float(swing.params[0]), "noise"),
         line(columns, circle, columns.mean(reading), "mean"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from agonic.health import Finding, Judged, figure
 from agonic.maths.estimation.inference import average_over_term
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import Shown
 
 DRIFTS = 3.0
 """Standard errors by which a drift of the zero stands out."""
@@ -95,8 +96,8 @@ class NorthFit(Judged):
     method: str
     swing: Swing | None = None
     drift: Drift = NOT_TOLD
-    constant: float | None = None
-    constant_sd: float | None = None
+    constant: Annotated[float | None, Shown(key="transit_constant")] = None
+    constant_sd: Annotated[float | None, Shown(key="transit_constant_sd")] = None
     azimuths: tuple[Azimuth, ...] = ()
     aligned: Aligned | None = None
     calibration: Alignment | Chain | None = None
@@ -104,19 +105,19 @@ class NorthFit(Judged):
     remarks: tuple[str, ...] = ()
 
     @property
-    def north_deg(self) -> float:
+    def north_deg(self) -> Annotated[float, Shown()]:
         """The circle's reading at true north: the gyro's, with the instrument's constant."""
         gyro = self.by[self.method].reading_deg
         return (gyro + self.session.constant_arcsec / 3600.0) % 360.0
 
     @property
-    def sd_arcsec(self) -> float:
+    def sd_arcsec(self) -> Annotated[float, Shown(key="north_sd_arcsec")]:
         """Its standard error, the constant's included."""
         own = 3600.0 * self.by[self.method].sd_deg
         return float(np.hypot(own, self.session.constant_sd_arcsec))
 
     @property
-    def period_s(self) -> float | None:
+    def period_s(self) -> Annotated[float | None, Shown()]:
         """The period of the swing."""
         return None if self.swing is None else float(2 * np.pi / self.swing.params[4])
 

@@ -18,6 +18,7 @@ from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import make_record
 from agonic.report.digits import MINUS, group_digits, quantity, significant, with_sd, write_minus
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
@@ -211,21 +212,11 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
     """What was found, and how well it fits."""
     unknowns = fit.solution.unknowns
     return {
-        "angles_323_deg": fit.angles_deg,
-        "angles_323_sd_arcsec": fit.angles_sd_arcsec,
-        "quat_wxyz": fit.quat_wxyz,
-        "quat_sd": fit.quat_sd,
-        "matrix_mc": fit.rot_mc,
-        "matrix_sd_arcsec": fit.matrix_sd_arcsec,
-        "sd_arcsec": fit.sd_arcsec,
-        "worst_sd_arcsec": fit.worst_sd_arcsec,
-        "reference_turn_arcsec": fit.reference_turn_arcsec,
-        "reference_232_deg": fit.reference_angles_deg,
+        **make_record(fit),
         "pier_nT": unknowns.offset,
         "bias_nT": unknowns.bias,
         "matrix": unknowns.matrix,
         "sd": fit.sd,
-        "residual_rms_nT": fit.residual_rms,
         "chi2": fit.solution.chi2,
         "freedom": fit.solution.freedom,
         "orientations": [

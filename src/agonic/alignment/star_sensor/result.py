@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -23,6 +24,7 @@ from agonic.maths.rotations.frames import (
     rot_en,
 )
 from agonic.maths.rotations.vectors import skew
+from agonic.readable import Shown
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +67,7 @@ class AlignmentFit(Judged):
         return len(self.observed)
 
     @property
-    def rot_mc(self) -> Array:
+    def rot_mc(self) -> Annotated[Array, Shown(key="matrix_mc")]:
         """Star sensor components into the magnetometer's, (3, 3): R3(γ) R2(β) R3(α)."""
         return self.solution.unknowns.rot_mc
 
@@ -81,17 +83,17 @@ class AlignmentFit(Judged):
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
-    def sd_arcsec(self) -> Array:
+    def sd_arcsec(self) -> Annotated[Array, Shown()]:
         """Standard errors (3,) of the alignment about the magnetometer's axes."""
         return np.asarray(self.sd[GROUPS["alignment"]] / ARCSEC_RAD)
 
     @property
-    def worst_sd_arcsec(self) -> float:
+    def worst_sd_arcsec(self) -> Annotated[float, Shown()]:
         """Standard error of the alignment about the axis about which it is known least."""
         return compute_turn_sd(self.covariance) / ARCSEC_RAD
 
     @property
-    def angles_deg(self) -> Array:
+    def angles_deg(self) -> Annotated[Array, Shown(key="angles_323_deg")]:
         """α, β, γ (3,) of the 3-2-3 sequence from the star sensor to the magnetometer."""
         return angles_323_deg(self.rot_mc)
 
@@ -102,17 +104,17 @@ class AlignmentFit(Judged):
         return _through(jacobian, self.covariance[GROUPS["alignment"], GROUPS["alignment"]])
 
     @property
-    def angles_sd_arcsec(self) -> Array:
+    def angles_sd_arcsec(self) -> Annotated[Array, Shown(key="angles_323_sd_arcsec")]:
         """Standard errors (3,) of α, β, γ."""
         return np.asarray(np.sqrt(np.diag(self.angles_covariance)) / ARCSEC_RAD)
 
     @property
-    def quat_wxyz(self) -> Array:
+    def quat_wxyz(self) -> Annotated[Array, Shown()]:
         """The rotation of components from the star sensor to the magnetometer, Hamilton."""
         return np.asarray(Rotation.from_matrix(self.rot_mc).as_quat(canonical=True)[[3, 0, 1, 2]])
 
     @property
-    def quat_sd(self) -> Array:
+    def quat_sd(self) -> Annotated[Array, Shown()]:
         """Standard errors (4,) of the quaternion's components."""
         w, x, y, z = self.quat_wxyz
         jacobian = 0.5 * np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
@@ -120,7 +122,7 @@ class AlignmentFit(Judged):
         return np.asarray(np.sqrt(np.diag(_through(jacobian, block))))
 
     @property
-    def matrix_sd_arcsec(self) -> Array:
+    def matrix_sd_arcsec(self) -> Annotated[Array, Shown()]:
         """Standard errors (3, 3) of the direction cosines, as angles."""
         across = -skew(self.rot_mc.T)  # ∂(column j)/∂turn, a row of matrices a column
         block = self.covariance[GROUPS["alignment"], GROUPS["alignment"]]
@@ -128,12 +130,12 @@ class AlignmentFit(Judged):
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)) / ARCSEC_RAD)
 
     @property
-    def reference_turn_arcsec(self) -> Array:
+    def reference_turn_arcsec(self) -> Annotated[Array, Shown()]:
         """How the reference's axes are turned about north, east and down, (3,)."""
         return compute_rotation_vector(self.solution.unknowns.rot_nr) / ARCSEC_RAD
 
     @property
-    def reference_angles_deg(self) -> Array:
+    def reference_angles_deg(self) -> Annotated[Array, Shown(key="reference_232_deg")]:
         """χ, ζ, η (3,) of the 2-3-2 sequence from the reference's axes to Earth-fixed ones."""
         site = self.session.site
         onto = rot_en(site.latitude_deg, site.longitude_deg)
@@ -158,7 +160,7 @@ class AlignmentFit(Judged):
         return np.asarray(across / np.linalg.norm(expected, axis=1) / ARCSEC_RAD)
 
     @property
-    def residual_rms(self) -> float:
+    def residual_rms(self) -> Annotated[float, Shown(key="residual_rms_nT")]:
         """Of a component, nT."""
         return float(np.sqrt((self.residuals**2).mean()))
 

@@ -15,8 +15,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.attitude.disturbers.shape import Log, Shape, find_shapes, list_timings, weigh_sources
 from agonic.attitude.fit import find_usable
-from agonic.attitude.problem import find_terms
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings, find_terms
 from agonic.calibration.inputs import list_disturbers
 from agonic.calibration.sources import MEMBER, list_columns, name_sources
 from agonic.health import Finding

@@ -14,8 +14,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.problem import Scale, estimate_usable, find_terms, normalise, select_usable
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import (
+    Scale,
+    Settings,
+    estimate_usable,
+    find_terms,
+    normalise,
+    select_usable,
+)
 from agonic.calibration.sources import (
     Source,
     list_columns,

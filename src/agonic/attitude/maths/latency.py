@@ -11,6 +11,7 @@ interpolated noise is smaller between rows than on them, which would draw τ awa
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -47,9 +48,17 @@ class Record(NamedTuple):
     edges: Index
 
     def thin(self, most: int) -> Record:
-        """Every so many rows, that about so many are left."""
-        every = max(1, len(self.time) // most)
-        return Record(self.time[::every], self.raw[::every], -(-self.edges // every))
+        """Some of the rows, evenly spread, that about so many are left: every so many as long as a
+        stretch keeps `_FEWEST`, and then every so many stretches."""
+        shortest = int(np.diff(self.edges).min(initial=len(self.time)))
+        every = max(1, min(len(self.time) // most, shortest // _FEWEST))
+        edges = -(-self.edges // every)
+        time, raw = self.time[::every], self.raw[::every]
+        skipped = max(1, len(time) // most)
+        kept = np.flatnonzero(np.arange(len(edges) - 1) % skipped == 0)
+        rows = np.isin(np.repeat(np.arange(len(edges) - 1), np.diff(edges)), kept)
+        ends = np.cumsum(np.diff(edges)[kept])
+        return Record(time[rows], raw[rows], np.concatenate([[0], ends]).astype(np.intp))
 
 
 class Estimate(NamedTuple):
@@ -187,6 +196,7 @@ def _scan(record: Record, path: Path, limit_s: float) -> float:
     each = max(1, round(min(limit_s / _SCAN_S, limit_s * rate / _SCAN_RAD)))
     weights = np.ones(len(record.time))
 
+    @cache
     def cost(latency: float) -> tuple[float, float]:
         found = _fit_stretches(record, path, latency, weights)
         noise = _weigh_rows(record, found.residuals[found.inside])[1]

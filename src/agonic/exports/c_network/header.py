@@ -8,6 +8,8 @@ that is left; steps of a chain before and after it are a bias and a matrix each.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from agonic.calibration.affine import Affine
@@ -15,13 +17,11 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
 from agonic.exports.banner import format_float32, write_banner
-from agonic.exports.c_network.parts import Parts, split_parts
-from agonic.exports.c_network.selftest import Known, make_known_readings
+from agonic.exports.c_network.parts import Known, Parts, make_known_readings, split_parts
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,
-    write_flash,
     write_literal,
 )
 
@@ -31,156 +31,109 @@ def name_beside(parts: Parts, signal: str) -> str:
     return f"beside[{parts.beside.index(signal)}]"
 
 
-def write_affine(name: str, into: str, out: str) -> str:
-    """out = matrix (into − bias), in place where they are the same."""
-    left = ", ".join(f"{into}[{k}] - {name}[0][{k}]" for k in range(3))
-    return (
-        "    {\n"
-        f"        const float d[3] = {{{left}}};\n"
-        "        for (i = 0; i < 3; i++) {\n"
-        f"            const float *row = {name}[i + 1];\n"
-        f"            {out}[i] = row[0] * d[0] + row[1] * d[1] + row[2] * d[2];\n"
-        "        }\n"
-        "    }\n"
-    )
+def _fill(part: str, **values: object) -> str:
+    """The template of a part of the header, filled."""
+    written = {name: str(value) for name, value in values.items()}
+    return fill_template(f"headers/network_{part}.h.in", written)
 
 
 def write_nodes(network: Network, name: str) -> str:
     """The C from the inputs x through the hidden nodes, each of which adds its part to `added`."""
     widths = network.shape.widths
-    add = (
-        f"        for (i = 0; i < {widths[-1]}; i++) {{\n"
-        f"            added[i] += AGONIC_READ({name}_V[i][k]) * sum;\n"
-        "        }\n"
-    )
+    add = _fill("add", name=name, outputs=widths[-1])
+    layers = [(f"{name}_U", "x", "        first[k] = sum;\n"), (f"{name}_W", "first", add)]
     if network.second is None:
-        return _layer(f"{name}_U", "x", widths[0], widths[1], add)
-    first = _layer(f"{name}_U", "x", widths[0], widths[1], "        first[k] = sum;\n")
-    return first + _layer(f"{name}_W", "first", widths[1], widths[2], add)
-
-
-def _layer(table: str, into: str, inputs: int, nodes: int, then: str) -> str:
-    """The C of a hidden layer; `then` is what becomes of each node's `sum`."""
-    return f"""\
-    for (k = 0; k < {nodes}; k++) {{
-        float sum = AGONIC_READ({table}[k][{inputs}]);
-        for (i = 0; i < {inputs}; i++) {{
-            sum += AGONIC_READ({table}[k][i]) * {into}[i];
-        }}
-        sum = tanhf(sum);
-{then}    }}
-"""
+        layers = [(f"{name}_U", "x", add)]
+    return "".join(
+        _fill("layer", table=table, into=into, inputs=inputs, nodes=nodes, then=then)
+        for (table, into, then), (inputs, nodes) in zip(layers, pairwise(widths), strict=False)
+    )
 
 
 def write_read(parts: Parts, name: str) -> str:
     """The C from the reading to the field by the base."""
     if parts.before is None:
-        text = "    for (i = 0; i < 3; i++) {\n        reading[i] = raw[i];\n    }\n"
+        text = _fill("same", into="raw", out="reading")
     else:
-        text = write_affine(f"{name}_before", "raw", "reading")
+        text = _fill("affine", name=f"{name}_before", into="raw", out="reading")
     if parts.base is None:
         return text
     powers, count = parts.table.shape
     names = parts.base.signals
     values = {
         "name": name,
-        "count": str(count),
-        "last": str(powers - 1),
+        "count": count,
+        "last": powers - 1,
         "at": name_beside(parts, "temperature") if parts.warm else "",
-        "signals": str(len(names)),
+        "signals": len(names),
     }
-
-    def part(word: str, there: bool) -> str:
-        return fill_template(f"headers/network_{word}.h.in", values) if there else ""
-
     given = ", ".join(name_beside(parts, signal) for signal in names)
-    more = {
-        "warm": part("warm", parts.warm),
-        "powers": part("powers", powers > 1),
-        "sources": part("sources", bool(names)),
-        "signals": f"        const float signal[{len(names)}] = {{{given}}};\n" if names else "",
-    }
-    return text + fill_template("headers/network_base.h.in", values | more)
+    there = {"warm": parts.warm, "powers": powers > 1, "sources": bool(names)}
+    more = {word: _fill(word, **values) if some else "" for word, some in there.items()}
+    signal = f"        const float signal[{len(names)}] = {{{given}}};\n" if names else ""
+    return text + _fill("base", **(values | more | {"signals": signal}))
 
 
 def write_combine(parts: Parts, name: str) -> str:
     """The C that finds the distance from the training, and bounds, guards and adds."""
     network = parts.network
     kind = "alone" if network.base is None else network.target
-    values = {
-        "name": name,
-        "centres": str(len(network.centres)),
-        "inputs": str(network.shape.inputs),
-    }
-    values["adding"] = fill_template(f"headers/network_{kind}.h.in", values)
-    return fill_template("headers/network_guard.h.in", values)
+    values = {"name": name, "centres": len(network.centres), "inputs": network.shape.inputs}
+    return _fill("guard", adding=_fill(kind, **values), **values)
 
 
 def write_field(parts: Parts, name: str) -> str:
     """The C from what the network gives to the field, by the steps after it."""
     if parts.after is not None:
-        return write_affine(f"{name}_after", "out", "field")
-    return "    for (i = 0; i < 3; i++) {\n        field[i] = out[i];\n    }\n"
+        return _fill("affine", name=f"{name}_after", into="out", out="field")
+    return _fill("same", into="out", out="field")
 
 
 def write_affine_table(step: Affine | None, name: str, words: str) -> str:
     """A step of a chain beside the network; nothing where there is none."""
     if step is None:
         return ""
-    return (
-        f"\n/* {words}: matrix (raw - bias); bias, then the matrix row by row. */\n"
-        f"static const float {name}[4][3] = {write_array(np.vstack([step.bias, step.matrix]))};\n"
-    )
+    numbers = write_array(np.vstack([step.bias, step.matrix]))
+    return _fill("affine_table", words=words, name=name, numbers=numbers)
 
 
 def write_base_table(parts: Parts, name: str) -> str:
     """What the network adds to; nothing where it stands alone."""
     if parts.base is None:
         return ""
-    table = parts.table
-    names = ", ".join(parts.base.signals)
+    (rows, columns), names = parts.table.shape, ", ".join(parts.base.signals)
     more = f", and what a unit of {names} adds to each axis" if names else ""
-    text = (
-        f"\n/* The base: bias (3), matrix (9) row by row{more};\n"
-        "   a row a power of the temperature. */\n"
-        f"static const float {name}_base[{len(table)}][{table.shape[1]}] AGONIC_FLASH = "
-        f"{write_array(table)};\n"
-    )
-    if parts.warm:
-        scale = [parts.base.centre_C, parts.base.half_range_C, *parts.base.clamp_C]
-        text += (
-            "\n/* Its temperature, degrees C: centre and half range, least and largest. */\n"
-            f"static const float {name}_base_C[4] = {write_array(scale)};\n"
-        )
-    return text
+    table = write_array(parts.table)
+    text = _fill("base_table", name=name, more=more, rows=rows, columns=columns, table=table)
+    if not parts.warm:
+        return text
+    scale = [parts.base.centre_C, parts.base.half_range_C, *parts.base.clamp_C]
+    return text + _fill("base_C", name=name, scale=write_array(scale))
 
 
 def write_second_table(network: Network, name: str) -> str:
     """The weights of a second hidden layer; nothing where there is none."""
     if network.second is None:
         return ""
-    rows, columns = network.second.shape
-    return (
-        f"static const float {name}_W[{rows}][{columns}] AGONIC_FLASH = "
-        f"{write_array(network.second)};\n"
-    )
+    (rows, columns), table = network.second.shape, write_array(network.second)
+    return _fill("second_table", name=name, rows=rows, columns=columns, table=table)
 
 
 def write_guard_table(parts: Parts, name: str) -> str:
     """Where it was trained."""
     network = parts.network
-    text = (
-        "\n/* Points that cover what it was trained on, and the reach about them. */\n"
-        f"static const float {name}_centres[{len(network.centres)}][{network.shape.inputs}] "
-        f"AGONIC_FLASH = {write_array(network.centres)};\n"
-        f"static const float {name}_reach = {write_literal(network.reach)};\n"
+    text = _fill(
+        "guard_table",
+        name=name,
+        rows=len(network.centres),
+        inputs=network.shape.inputs,
+        centres=write_array(network.centres),
+        reach=write_literal(network.reach),
     )
-    if network.base is None:
+    if network.bound is None:
         return text
-    assert network.bound is not None
-    return (
-        f"{text}/* The longest correction, {network.unit_out}. */\n"
-        f"static const float {name}_bound = {write_literal(network.bound)};\n"
+    return text + _fill(
+        "bound", name=name, unit=network.unit_out, bound=write_literal(network.bound)
     )
 
 
@@ -194,11 +147,9 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
         "headers/network.h.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(
                 (*write_banner(calibration, _describe(parts)), *_sizes(parts, known))
             ),
-            "flash": write_flash(),
             "formula": f"{_formula(parts)}.",
             "unit_out": calibration.unit_out,
             "inputs": str(shape.inputs),

@@ -94,7 +94,7 @@ def _version() -> str:
 
 
 def _write_sketch(template: str, name: str, files: Sequence[Path]) -> str:
-    values = {"name": name, "GUARD": name.upper(), "about": "Written by agonic; see src."}
+    values = {"name": name, "about": "Written by agonic; see src."}
     values |= dict.fromkeys(("memory", "follow"), "")
     if template == "heading" and f"{name}_follow(" in files[0].read_text():
         values["memory"] = f"    static {name}_memory memory = {{{{0.0f}}, 0}};\n"

@@ -11,6 +11,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import ArrayLike
 
+from agonic.calibration.sources import parse_source
 from agonic.errors import AgonicError
 from agonic.exports.banner import format_float32
 
@@ -69,14 +70,21 @@ def write_comment(lines: Iterable[str]) -> str:
 
 
 def fill_template(template: str, values: Mapping[str, str]) -> str:
-    """A template of this package with each @key@ replaced."""
-    text = files("agonic.exports.firmware").joinpath("templates", template).read_text("utf-8")
-    return re.sub(r"@(\w+)@", lambda key: values[key[1]], text)
+    """A template of this package with each @key@ replaced.
 
+    Where they are not given, @GUARD@ is the name in capitals, and @flash@ the macros by which
+    tables stay in flash on processors that else copy them to RAM.
+    """
+    home = files("agonic.exports.firmware").joinpath("templates")
+    usual: dict[str, Callable[[], str]] = {
+        "GUARD": lambda: values["name"].upper(),
+        "flash": lambda: home.joinpath("flash.h.in").read_text("utf-8"),
+    }
 
-def write_flash() -> str:
-    """The macros by which tables stay in flash on processors that else copy them to RAM."""
-    return fill_template("flash.h.in", {})
+    def find(key: re.Match[str]) -> str:
+        return values[key[1]] if key[1] in values else usual[key[1]]()
+
+    return re.sub(r"@(\w+)@", find, home.joinpath(template).read_text("utf-8"))
 
 
 def make_c_name(sensor: str) -> str:
@@ -101,3 +109,59 @@ def require_identifier(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise AgonicError(f"name is a C identifier such as compass, not {name!r}")
     return name
+
+
+FILTERED = """\
+    {{ /* {column} is recorded through a filter, which is undone */
+        const float given = in->{column};
+        const float grown = expf(step_s / {constant}) - 1.0f;
+        if (memory->begun && grown > 0.0f) {{
+            in->{column} += (given - memory->last[{k}]) / grown;
+        }}
+        memory->last[{k}] = given;
+    }}"""
+FOLLOWED = """\
+    {{ /* the field follows {column} */
+        if (memory->begun) {{
+            in->{column} -= (in->{column} - memory->last[{k}]) * expf(-step_s / {constant});
+        }}
+        memory->last[{k}] = in->{column};
+    }}"""
+
+
+def find_time_constants(sources: Iterable[str]) -> dict[str, float]:
+    """The time constants of columns that have one, s.
+
+    Raises `AgonicError` where compasses take a column with different ones.
+
+    >>> find_time_constants(("current_A~0.3", "motor1_duty^1.5"))
+    {'current_A': 0.3}
+    """
+    found: dict[str, float] = {}
+    for source in map(parse_source, sources):
+        for column in source.columns:
+            if found.setdefault(column, source.time_constant_s) != source.time_constant_s:
+                raise AgonicError(
+                    f"the compasses take {column} with different time constants, and the "
+                    "controller gets it once: export a setup for each compass"
+                )
+    return {column: constant for column, constant in found.items() if constant}
+
+
+def write_following_header(constants: dict[str, float], name: str) -> str:
+    """What the header declares; nothing where no column goes through a filter."""
+    if not constants:
+        return ""
+    values = {"name": name, "count": str(len(constants)), "columns": ", ".join(constants)}
+    return fill_template("follow.h.in", values)
+
+
+def write_following(constants: dict[str, float], name: str) -> str:
+    """The function that the header declares."""
+    steps = [
+        (FILTERED if constant > 0 else FOLLOWED).format(
+            column=column, constant=write_literal(abs(constant)), k=k
+        )
+        for k, (column, constant) in enumerate(constants.items())
+    ]
+    return fill_template("follow.c.in", {"name": name, "steps": "\n".join(steps)})

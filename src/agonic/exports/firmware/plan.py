@@ -17,9 +17,9 @@ from agonic.calibration.interference import Interference
 from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.sources import SOURCES, list_columns
 from agonic.calibration.steps import compose
-from agonic.exports.firmware.following import find_time_constants
+from agonic.exports.firmware.c_text import find_time_constants
 from agonic.exports.firmware.grid import DeclinationGrid
-from agonic.exports.polynomials import (
+from agonic.exports.temperature import (
     RATE,
     Polynomials,
     changes_with_temperature,
@@ -165,6 +165,12 @@ class Plan:
         if h is None or v is None or self.tilt == "level":
             return None
         return float(np.arctan2(v, h))
+
+    @property
+    def watched(self) -> bool:
+        """Whether there are two compasses to watch: with their field in nT, and a tilt."""
+        scaled = all(calibration.unit_out != RAW for calibration in self.calibrations)
+        return len(self.calibrations) == 2 and self.dip is not None and scaled
 
     @property
     def expected(self) -> tuple[float | None, ...]:

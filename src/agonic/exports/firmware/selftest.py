@@ -11,7 +11,6 @@ from agonic.calibration.affine import Affine
 from agonic.exports.firmware.c_text import (
     fill_template,
     write_comment,
-    write_flash,
     write_literal,
 )
 from agonic.exports.firmware.grid import DeclinationGrid
@@ -25,7 +24,7 @@ from agonic.exports.firmware.prediction import (
     predict_one,
 )
 from agonic.exports.firmware.sources import write_about
-from agonic.exports.polynomials import changes_with_temperature, evaluate_affine
+from agonic.exports.temperature import changes_with_temperature, evaluate_affine
 from agonic.maths.rotations.attitude import rot_nb
 
 TOLERANCE_DEG = 0.01
@@ -150,9 +149,7 @@ def write_selftest(plan: Plan, name: str) -> str:
         "selftest.c.in",
         {
             "name": name,
-            "GUARD": name.upper(),
             "about": write_comment(write_about(plan)),
-            "flash": write_flash(),
             "tolerance": write_literal(TOLERANCE_DEG),
             "share": write_literal(SHARE),
             "tests": str(len(lines)),

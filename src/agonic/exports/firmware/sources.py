@@ -14,15 +14,17 @@ from agonic.exports.firmware.c_text import (
     fill_template,
     write_array,
     write_comment,
-    write_flash,
+    write_following,
+    write_following_header,
     write_integer,
     write_literal,
 )
-from agonic.exports.firmware.following import write_following, write_following_header
+from agonic.exports.firmware.cost import write_cost
+from agonic.exports.firmware.error_bound import compute_error_bound_deg
 from agonic.exports.firmware.grid import UNIT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, LESS, find_weakest
-from agonic.exports.polynomials import RATE
+from agonic.exports.temperature import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
 
@@ -47,6 +49,10 @@ INPUTS = {
     ),
     "grid": "    float latitude_deg;\n    float longitude_deg; /* east positive */",
 }
+DOWN = """
+/* Down in body axes, of length one, by the tilt. */
+void {name}_down(const {name}_input *in, float down[3]);
+"""
 ORDERS = {
     "roll-pitch": "aerospace: heading, then pitch, then roll",
     "pitch-roll": "of an inclinometer: heading, then roll, then pitch",
@@ -77,6 +83,8 @@ def write_parts(plan: Plan) -> Iterator[str]:
         yield f"tilt_{plan.order.replace('-', '_')}"
     else:
         yield f"tilt_{plan.tilt}"
+    if plan.watched:
+        yield "down"
     if plan.heeled:
         yield f"heel_{plan.tilt}"
     yield (
@@ -135,20 +143,33 @@ def _common(plan: Plan, name: str) -> dict[str, str]:
     sensors = [_sensor(k, c) for k, c in enumerate(plan.calibrations)]
     return {
         "name": name,
-        "GUARD": guard,
         "about": write_comment(write_about(plan)),
         "compasses": str(len(plan.calibrations)),
         "sensors": write_comment(sensors),
         "inputs": "\n".join(inputs),
         "following": write_following_header(plan.time_constants, name),
         "unit_out": first.unit_out,
+        "down": DOWN.format(name=name) if plan.watched else "",
+        "accuracy": _write_accuracy(plan),
+        "cost": write_cost(plan),
         "largest_tilt": f"{plan.setup.tilt_limit_deg:g}",
     }
 
 
+def _write_accuracy(plan: Plan) -> str:
+    """The comment on how far single precision may be off; nothing where no bound is known."""
+    bound = compute_error_bound_deg(plan)
+    if bound is None:
+        return ""
+    return (
+        "/* Where the status is 0, true_deg is within\n"
+        f"   {bound:.2e} degrees of exact arithmetic, whatever the input (an error analysis of\n"
+        "   every operation with these numbers). */\n\n"
+    )
+
+
 def _tables(plan: Plan) -> dict[str, str]:
     values = {
-        "flash": write_flash(),
         "steepest": write_literal(plan.steepest),
         "first_status": "temperature_status(which, in)" if plan.warm else "0",
         **(_warm(plan) if plan.warm else _constant(plan)),

@@ -19,7 +19,6 @@ from agonic.exports.firmware.c_text import (
     require_identifier,
     write_array,
     write_comment,
-    write_flash,
     write_literal,
 )
 from agonic.exports.firmware.size import measure_sizes
@@ -134,10 +133,8 @@ def _common(state: TrackerState, name: str) -> dict[str, str]:
     moment = f"the last of {state.n} readings: {state.time:.1f} s{at}"
     return {
         "name": name,
-        "GUARD": name.upper(),
         "about": write_comment([*write_banner(state.calibration, formula), f"State: {moment}"]),
         "moment": " ".join(moment.split()),
-        "flash": write_flash(),
         "unit_in": state.base.unit_in,
         "turn": _write_turn(state),
     }

@@ -20,7 +20,6 @@ from agonic.exports.firmware.c_text import (
     require_identifier,
     write_array,
     write_comment,
-    write_flash,
     write_literal,
 )
 from agonic.exports.firmware.size import measure_sizes
@@ -144,9 +143,7 @@ def _values(network: Network, name: str, window: int) -> dict[str, str]:
     kind = "none" if base is None else "affine"
     return {
         "name": name,
-        "GUARD": name.upper(),
         "about": write_comment(write_banner(network, formula)),
-        "flash": write_flash(),
         "unit_in": network.unit_in,
         "unit_out": network.unit_out,
         "outside": ", where the base is all that is left" if base is not None else "",

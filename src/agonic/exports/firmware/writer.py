@@ -18,6 +18,7 @@ from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.selftest import write_selftest
 from agonic.exports.firmware.size import Size, measure_sizes
 from agonic.exports.firmware.sources import write_header, write_source
+from agonic.exports.firmware.watch import write_watch
 from agonic.health.evidence import NOISE_DOUBTFUL
 
 
@@ -45,7 +46,8 @@ def write_firmware(
     in float32, without allocation, variables of its own, or a library but math.h. Written are
     `{name}.h`, `{name}.c`, `{name}_selftest.c` with known readings, and beside them a calibration
     that runs on the controller: `{name}_fit.h` and `{name}_fit.c` with one or three gains,
-    `{name}_ellipsoid.h` and `{name}_ellipsoid.c` with the whole matrix.
+    `{name}_ellipsoid.h` and `{name}_ellipsoid.c` with the whole matrix; of a setup with two
+    compasses and its field `{name}_watch.h` and `{name}_watch.c`, which find a fault of either.
 
     Parameters
     ----------
@@ -84,7 +86,7 @@ def write_firmware(
                 "export CAL --to c), or give the setup the base of the network"
             )
     plan = Plan(setup=setup, declination=_declination(setup, declination))
-    values = {"name": require_identifier(name), "GUARD": name.upper()}
+    values = {"name": require_identifier(name)}
     texts = {
         f"{name}.h": write_header(plan, name),
         f"{name}.c": write_source(plan, name),
@@ -92,12 +94,14 @@ def write_firmware(
         f"{name}_fit.h": fill_template("fit/header.h.in", values),
         f"{name}_fit.c": fill_template("fit/source.c.in", values),
         **write_ellipsoid(name),
+        **write_watch(plan, name),
     }
     place = make_folder(folder)
     files = tuple(write_atomically(place / file, text) for file, text in texts.items())
     sizes = {
         f"{part}.c": measure_sizes(place / f"{part}.c")
-        for part in (name, f"{name}_fit", f"{name}_ellipsoid")
+        for part in (name, f"{name}_fit", f"{name}_ellipsoid", f"{name}_watch")
+        if f"{part}.c" in texts
     }
     return Firmware(
         path=place,
@@ -113,7 +117,6 @@ def write_ellipsoid(name: str) -> dict[str, str]:
     """The whole ellipsoid fit that runs on a controller, text by file."""
     values = {
         "name": name,
-        "GUARD": name.upper(),
         "noisy": f"{100 * NOISE_DOUBTFUL:g}",
         "noisy_share": write_literal(NOISE_DOUBTFUL),
     }

@@ -7,97 +7,57 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Json, Place, SensorChoice
-from agonic.fleet.engine import LONGEST_S
+from agonic.fleet.engine import LONGEST_S, Dask, Here, Processes
 
 if TYPE_CHECKING:
     from agonic.fleet.engine import Engine
-    from agonic.fleet.work import Progress
+    from agonic.fleet.run import Progress
 
 FAIL_ABOVE = 0.0
 
 
 def fleet(
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="INPUT...", help="Logs, folders of them, patterns in quotes: 'logs/**/*.ulg'."
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--out",
-            metavar="DIR",
-            help="Folder to write to; a run that was cut off goes on there.",
-        ),
-    ],
+    inputs: list[str],
+    out: Path,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    method: Annotated[
-        str,
-        typer.Option(
-            help="auto (by what each log holds), ellipsoid, levelled, inertial or vector."
-        ),
-    ] = "auto",
-    name: Annotated[
-        str | None,
-        typer.Option(
-            metavar="REGEX", help="Name of a sensor: a group in the path of its log, '/(SN\\d+)_'."
-        ),
-    ] = None,
-    sensor_column: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Column that names the sensor in a Parquet dataset."),
-    ] = None,
-    files: Annotated[
-        bool, typer.Option("--files", help="Write the calibration file of each sensor and log.")
-    ] = False,
-    reports: Annotated[
-        bool, typer.Option("--reports", help="Write the folder of each log that calibrate writes.")
-    ] = False,
-    workers: Annotated[
-        int | None, typer.Option(min=0, help="Processes; default: one for each processor.")
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option(
-            min=1.0,
-            metavar="SECONDS",
-            help="Longest that one log may take in its process; then it is a row that says so.",
-        ),
-    ] = LONGEST_S,
-    engine: Annotated[
-        str | None, typer.Option(help="local (default), or dask: its own cluster of --workers.")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="A Dask scheduler that runs: tcp://host:8786."),
-    ] = None,
-    store: Annotated[
-        Path | None,
-        typer.Option(metavar="STORE", help="Keep the calibrations in this history as well."),
-    ] = None,
-    fail_above: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            metavar="SHARE",
-            help="Exit status 1 where more than this share is refused; 0: any.",
-        ),
-    ] = FAIL_ABOVE,
+    method: str = "auto",
+    name: str | None = None,
+    sensor_column: str | None = None,
+    files: bool = False,
+    reports: bool = False,
+    workers: int | None = None,
+    timeout: float = LONGEST_S,
+    engine: str | None = None,
+    scheduler: str | None = None,
+    store: Path | None = None,
+    fail_above: float = FAIL_ABOVE,
     as_json: Json = False,
 ) -> int:
     """Calibrate every magnetometer of many logs into one table, without anyone watching.
 
     Writes fleet.parquet, a row for each sensor and log, and report.html. A bad log is a row with
     its reason and does not stop the run. Exit status 1 where any is refused.
+
+    Options
+    -------
+    inputs <INPUT...> : Logs, folders of them, patterns in quotes: 'logs/**/*.ulg'.
+    out -o DIR : Folder to write to; a run that was cut off goes on there.
+    method : auto (by what each log holds), ellipsoid, levelled, inertial or vector.
+    name REGEX : Name of a sensor: a group in the path of its log, '/(SN\\d+)_'.
+    sensor_column NAME : Column that names the sensor in a Parquet dataset.
+    files --files : Write the calibration file of each sensor and log.
+    reports --reports : Write the folder of each log that calibrate writes.
+    workers ≥0 : Processes; default: one for each processor.
+    timeout SECONDS ≥1.0 : Longest that one log may take in its process; then it is a row that says
+        so.
+    engine : local (default), or dask: its own cluster of --workers.
+    scheduler ADDRESS : A Dask scheduler that runs: tcp://host:8786.
+    store STORE : Keep the calibrations in this history as well.
+    fail_above SHARE ≥0.0 ≤1.0 : Exit status 1 where more than this share is refused; 0: any.
     """
     from agonic.console.output import print_json, say
     from agonic.console.parse import parse_position
@@ -136,15 +96,11 @@ def _choose_engine(
     engine: str | None, scheduler: str | None, workers: int | None, longest_s: float
 ) -> Engine:
     from agonic.errors import AgonicError, check_choice
-    from agonic.fleet.engine import Here
-    from agonic.fleet.local import Processes
 
     check_choice("--engine", engine or "local", ("local", "dask"))
     if scheduler is not None and engine == "local":
         raise AgonicError("--scheduler is for the engine dask, not for local")
     if engine == "dask" or scheduler is not None:
-        from agonic.fleet.distributed import Dask
-
         return Dask(scheduler=scheduler, workers=workers, longest_s=longest_s)
     return Here() if workers == 0 else Processes(workers, longest_s)
 

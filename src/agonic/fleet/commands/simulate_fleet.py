@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeVar
-
-import typer
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from agonic.console.options import Folder, Format, Json, Noise, Seed
 
@@ -18,23 +16,29 @@ T = TypeVar("T")
 
 
 class Boards(NamedTuple):
-    """What is simulated, as for `simulate_fleet`."""
+    """What is simulated, as for `simulate_fleet`.
 
-    n: Annotated[int, typer.Option("--sensors", help="How many.", min=1)] = 1000
-    logs: Annotated[int, typer.Option(help="Logs of each sensor.", min=1)] = 1
-    rows: Annotated[int, typer.Option(help="Readings of a log.", min=20)] = 300
+    Options
+    -------
+    n --sensors ≥1 : How many.
+    logs ≥1 : Logs of each sensor.
+    rows ≥20 : Readings of a log.
+    magnitude --field : Magnitude of the field, nT.
+    broken SHARE : Broken sensors.
+    swapped SHARE : Sensors with misnamed axes.
+    duplicated SHARE : Logs that are there twice.
+    damaged SHARE : Damaged files.
+    """
+
+    n: int = 1000
+    logs: int = 1
+    rows: int = 300
     noise: Noise = 120.0
-    magnitude: Annotated[float, typer.Option("--field", help="Magnitude of the field, nT.")] = (
-        48_000.0
-    )
-    broken: Annotated[float, typer.Option(metavar="SHARE", help="Broken sensors.")] = 0.03
-    swapped: Annotated[float, typer.Option(metavar="SHARE", help="Sensors with misnamed axes.")] = (
-        0.02
-    )
-    duplicated: Annotated[
-        float, typer.Option(metavar="SHARE", help="Logs that are there twice.")
-    ] = 0.01
-    damaged: Annotated[float, typer.Option(metavar="SHARE", help="Damaged files.")] = 0.01
+    magnitude: float = 48_000.0
+    broken: float = 0.03
+    swapped: float = 0.02
+    duplicated: float = 0.01
+    damaged: float = 0.01
 
 
 def fleet(
@@ -45,7 +49,7 @@ def fleet(
     as_json: Json = False,
 ) -> int:
     """Many boards of one design: their logs or one dataset, and the truth about each."""
-    from agonic.console.output import print_json, say
+    from agonic.console.output import finish_made
     from agonic.errors import check_choice
     from agonic.fleet.simulation.files import write_truth
     from agonic.fleet.simulation.simulate import simulate_fleet
@@ -57,29 +61,22 @@ def fleet(
     groups, faults = made.truth["group"], made.truth["fault"]
     there = sorted(set(faults[groups != ""]))
     planted = {str(fault): int((faults == fault).sum()) for fault in there}
-    if as_json:
-        print_json(
-            "agonic/simulate-fleet@1",
-            {
-                "sensors": made.facts["n"],
-                "logs": len(made),
-                "files": [str(where), str(truth)],
-                "faults": planted,
-                "facts": made.facts,
-            },
-        )
-    else:
-        what = f"{len(made)} logs of {made.facts['n']} sensors"
-        say(f"{what}: {where}\nThe truth, with {sum(planted.values())} faults: {truth}")
-        following = f"agonic fleet {quote(str(where))} --field {made.facts['magnitude']:g} -o fleet"
-        say(f"\nNext      {following}")
-    return 0
+    record = {"sensors": made.facts["n"], "logs": len(made), "files": [where, truth]}
+    return finish_made(
+        len(made),
+        f"logs of {made.facts['n']} sensors",
+        where,
+        f"The truth, with {sum(planted.values())} faults: {truth}",
+        record=record | {"faults": planted, "facts": made.facts},
+        as_json=as_json,
+        next_step=f"agonic fleet {quote(str(where))} --field {made.facts['magnitude']:g} -o fleet",
+        schema="agonic/simulate-fleet@1",
+    )
 
 
 def _write_logs(made: SimulatedFleet, out: Path) -> Path:
     """A folder of text tables."""
-    from agonic.fleet.simulation.files import write_logs
-    from agonic.fleet.simulation.logs import make_texts
+    from agonic.fleet.simulation.files import make_texts, write_logs
 
     write_logs(_show_progress(make_texts(made), len(made), "Writing logs"), out / "logs")
     return out / "logs"
@@ -87,8 +84,7 @@ def _write_logs(made: SimulatedFleet, out: Path) -> Path:
 
 def _write_dataset(made: SimulatedFleet, out: Path) -> Path:
     """One Parquet file for all."""
-    from agonic.fleet.simulation.files import write_dataset
-    from agonic.fleet.simulation.logs import make_tables
+    from agonic.fleet.simulation.files import make_tables, write_dataset
     from agonic.fleet.simulation.simulate import CHUNK
 
     chunks = -(-int(made.draw.max() + 1) // CHUNK)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Between, Json, Out, Robust, SensorChoice
 
@@ -15,63 +13,43 @@ if TYPE_CHECKING:
 
 
 def deviation(
-    swing: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SWING",
-            help="Compass and reference headings, a row a reading; with --setup, a log.",
-        ),
-    ],
-    setup: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="SETUP",
-            help="Take SWING for a log with a heading of its own, and the compass heading from "
-            "this setup or calibration.",
-        ),
-    ] = None,
+    swing: Path,
+    setup: Path | None = None,
     which: SensorChoice = SensorChoice(),
     between: Between = None,
     out: Out = None,
-    card: Annotated[
-        Path | None,
-        typer.Option("--card", metavar="FILE", help="Card to write: .html, .txt, or .svg (chart)."),
-    ] = None,
-    declination: Annotated[
-        float | None,
-        typer.Option(metavar="DEG", help="East positive, where the reference is true heading."),
-    ] = None,
-    power_state: Annotated[
-        str | None, typer.Option(help="What was switched on; the card is valid with it.")
-    ] = None,
-    current: Annotated[
-        float | None, typer.Option(metavar="A", help="The current drawn during the swing.")
-    ] = None,
-    terms: Annotated[str, typer.Option(help="Terms to fit; the others are fixed at 0.")] = "ABCDE",
-    heel: Annotated[
-        bool | None, typer.Option(help="Heel terms; default: where roll was noted in a swing.")
-    ] = None,
-    noise_deg: Annotated[
-        float | None, typer.Option("--noise-deg", metavar="DEG", help="Of one reading, if known.")
-    ] = None,
-    drift_deg: Annotated[
-        float | None,
-        typer.Option(
-            "--drift-deg",
-            metavar="DEG",
-            help="Of the reference from first reading to last, if known; 0: none.",
-        ),
-    ] = None,
+    card: Path | None = None,
+    declination: float | None = None,
+    power_state: str | None = None,
+    current: float | None = None,
+    terms: str = "ABCDE",
+    heel: bool | None = None,
+    noise_deg: float | None = None,
+    drift_deg: float | None = None,
     robust: Robust = True,
-    step: Annotated[
-        float, typer.Option(metavar="DEG", help="From one row of the card to the next.")
-    ] = 15.0,
-    paper: Annotated[str, typer.Option(help="A4 or A5, for printing.")] = "A4",
+    step: float = 15.0,
+    paper: str = "A4",
     as_json: Json = False,
 ) -> int:
     """Deviation of a compass, A to E, from a swing; the card as text, page or picture.
 
     Exit status 1 where the headings do not determine it or something is to be looked at.
+
+    Options
+    -------
+    swing <SWING> : Compass and reference headings, a row a reading; with --setup, a log.
+    setup SETUP : Take SWING for a log with a heading of its own, and the compass heading from this
+        setup or calibration.
+    card FILE : Card to write: .html, .txt, or .svg (chart).
+    declination DEG : East positive, where the reference is true heading.
+    power_state : What was switched on; the card is valid with it.
+    current A : The current drawn during the swing.
+    terms : Terms to fit; the others are fixed at 0.
+    heel : Heel terms; default: where roll was noted in a swing.
+    noise_deg DEG : Of one reading, if known.
+    drift_deg DEG : Of the reference from first reading to last, if known; 0: none.
+    step DEG : From one row of the card to the next.
+    paper : A4 or A5, for printing.
     """
     import math
 

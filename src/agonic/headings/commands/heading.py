@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import At, Date, Json, LogPath, Mounting, Report, SensorChoice
 from agonic.errors import AgonicError
@@ -17,20 +15,11 @@ if TYPE_CHECKING:
 
 
 def heading(
-    setup: Annotated[
-        Path, typer.Argument(metavar="SETUP", help="A setup (TOML), or a calibration file alone.")
-    ],
+    setup: Path,
     log: LogPath,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="CSV file to write.")],
+    out: Path,
     which: SensorChoice = SensorChoice(),
-    smooth: Annotated[
-        bool,
-        typer.Option(
-            "--smooth/--each-row",
-            help="All rows together, by compass and gyro, where the log has a gyro that makes the "
-            "standard error smaller; or each row by itself.",
-        ),
-    ] = True,
+    smooth: bool = True,
     mounting: Mounting = None,
     at: At = None,
     date: Date = None,
@@ -42,6 +31,13 @@ def heading(
     Writes the log's time, compass, magnetic and true heading, standard error, that of the tilt,
     disagreement between sensors, the sensor that was used, and flags. Exit status 1 where no
     heading can be trusted at all.
+
+    Options
+    -------
+    setup <SETUP> : A setup (TOML), or a calibration file alone.
+    out -o OUT : CSV file to write.
+    smooth --smooth/--each-row : All rows together, by compass and gyro, where the log has a gyro
+        that makes the standard error smaller; or each row by itself.
     """
     from contextlib import nullcontext
 

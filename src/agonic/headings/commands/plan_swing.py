@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from agonic.console.options import Json
 
 
 def swing(
-    headings: Annotated[int, typer.Option(help="Headings, evenly spread from north.")] = 8,
-    heel: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Also tilt to either side by this much.")
-    ] = None,
-    noise_deg: Annotated[
-        float, typer.Option("--noise-deg", metavar="DEG", help="Standard deviation of a reading.")
-    ] = 1.0,
-    terms: Annotated[str, typer.Option(help="Terms that will be fitted.")] = "ABCDE",
-    rounds: Annotated[int, typer.Option(help="Rounds, in alternate directions.")] = 1,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--out", metavar="FILE", help="Form to fill in, .csv; a page to print, .html."
-        ),
-    ] = None,
+    headings: int = 8,
+    heel: float | None = None,
+    noise_deg: float = 1.0,
+    terms: str = "ABCDE",
+    rounds: int = 1,
+    out: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """The headings of a compass swing, in order, and the standard errors to expect."""
+    """The headings of a compass swing, in order, and the standard errors to expect.
+
+    Options
+    -------
+    headings : Headings, evenly spread from north.
+    heel DEG : Also tilt to either side by this much.
+    noise_deg DEG : Standard deviation of a reading.
+    terms : Terms that will be fitted.
+    rounds : Rounds, in alternate directions.
+    out -o FILE : Form to fill in, .csv; a page to print, .html.
+    """
     from agonic.console.finish import finish
     from agonic.headings.deviation import plan_swing
     from agonic.headings.deviation.plan_document import describe_plan

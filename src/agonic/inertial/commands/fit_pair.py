@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -18,26 +18,23 @@ if TYPE_CHECKING:
 
 def pair(
     context: typer.Context,
-    log: Annotated[
-        Path,
-        typer.Argument(
-            metavar="SHOTS", help="Attitudes at rest, one a row; column target: of the sight."
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="SETUP", help="Setup to write, .toml.")
-    ] = None,
+    log: Path,
+    out: Path | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     between: Between = None,
-    check: Annotated[
-        Path | None,
-        typer.Option("--check", metavar="SETUP", help="Check this setup by a few shots."),
-    ] = None,
+    check: Path | None = None,
     report: Report = None,
     as_json: Json = False,
 ) -> int:
-    """An accelerometer and a magnetometer together, from shots: attitudes at rest."""
+    """An accelerometer and a magnetometer together, from shots: attitudes at rest.
+
+    Options
+    -------
+    log <SHOTS> : Attitudes at rest, one a row; column target: of the sight.
+    out -o SETUP : Setup to write, .toml.
+    check SETUP : Check this setup by a few shots.
+    """
     from agonic.console.finish import finish
     from agonic.console.options import list_typed_options, write_options
     from agonic.console.place import find_reference

@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 from shlex import quote
-from typing import Annotated, NamedTuple
-
-import typer
+from typing import NamedTuple
 
 from agonic.console.options import Json, Seed, Table
 
 
 class Survey(NamedTuple):
-    """What is simulated, as for `simulate_shots`."""
+    """What is simulated, as for `simulate_shots`.
 
-    attitudes: Annotated[int, typer.Option(help="Shots without a target.", min=0)] = 8
-    targets: Annotated[int, typer.Option(help="Targets that the sight is kept on.", min=0)] = 2
-    rolls: Annotated[int, typer.Option(help="Shots at each, rolled about the sight.", min=1)] = 8
-    noise: Annotated[float, typer.Option(help="Of the magnetometer, sd, nT.", min=0)] = 150.0
-    pointing_deg: Annotated[
-        float, typer.Option("--pointing", help="Of the sight, sd, degrees.", min=0)
-    ] = 0.1
-    bad: Annotated[int, typer.Option(help="Shots beside a lump of iron.", min=0)] = 0
-    survey: Annotated[
-        int, typer.Option(help="Another number: other shots by the same instrument.", min=0)
-    ] = 0
+    Options
+    -------
+    attitudes ≥0 : Shots without a target.
+    targets ≥0 : Targets that the sight is kept on.
+    rolls ≥1 : Shots at each, rolled about the sight.
+    noise ≥0 : Of the magnetometer, sd, nT.
+    pointing_deg --pointing ≥0 : Of the sight, sd, degrees.
+    bad ≥0 : Shots beside a lump of iron.
+    survey ≥0 : Another number: other shots by the same instrument.
+    """
+
+    attitudes: int = 8
+    targets: int = 2
+    rolls: int = 8
+    noise: float = 150.0
+    pointing_deg: float = 0.1
+    bad: int = 0
+    survey: int = 0
     seed: Seed = 0
 
 

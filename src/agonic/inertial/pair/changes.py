@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.inertial.maths.shots import observe
-from agonic.inertial.pair.accuracy import list_directions
+from agonic.inertial.pair.fit import list_directions
 from agonic.maths.equation.affine import model_basis
 from agonic.maths.rotations.vectors import skew
 from agonic.units import STANDARD_GRAVITY_M_S2

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import (
     Altitude,
@@ -36,69 +34,47 @@ MOST_ROWS = 2_000_000
 
 
 def inflight(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG...",
-            help="A recording; or the files of a mission in order of time, read piece by piece.",
-        ),
-    ],
+    logs: list[Path],
     out: Out = None,
-    ground: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="CAL", help="The calibration made on the ground; it is brought up to date."
-        ),
-    ] = None,
-    solve: Annotated[
-        str | None,
-        typer.Option(help="bias, gains or full; default: bias with --ground, full without."),
-    ] = None,
-    knots: Annotated[
-        str, typer.Option(help="Intervals of the bias in time: a number, or auto.")
-    ] = "auto",
-    latitudes: Annotated[
-        str | None, typer.Option(metavar="LOW,HIGH", help="Use readings between these only.")
-    ] = None,
+    ground: Path | None = None,
+    solve: str | None = None,
+    knots: str = "auto",
+    latitudes: str | None = None,
     scalar: Scalar = None,
-    attitude: Annotated[
-        str,
-        typer.Option(
-            help="none; logged (aided by roll, pitch, heading in the log); nadir (one side kept "
-            "to the Earth, attitude from the track)."
-        ),
-    ] = "none",
-    temperature: Annotated[
-        int, typer.Option(metavar="ORDER", help="Polynomials in temperature up to this order.")
-    ] = 0,
-    matrix_rate: Annotated[
-        bool, typer.Option("--matrix-rate", help="Let the matrix change linearly with time.")
-    ] = False,
-    sources: Annotated[
-        str,
-        typer.Option(
-            "--with", metavar="NAMES", help="What disturbs on board: current_A and the like."
-        ),
-    ] = "",
-    within: Annotated[
-        float | None,
-        typer.Option("--within", metavar="NT", help="Leave out readings farther off than this."),
-    ] = None,
+    attitude: str = "none",
+    temperature: int = 0,
+    matrix_rate: bool = False,
+    sources: str = "",
+    within: float | None = None,
     which: SensorChoice = SensorChoice(),
     at: At = None,
     date: Date = None,
     model: WorldModel = None,
     altitude: Altitude = None,
     tle: Elements = None,
-    gain_sd: Annotated[
-        float, typer.Option(help="Expected change of the gains since the ground, a share.")
-    ] = 0.01,
+    gain_sd: float = 0.01,
     robust: Robust = True,
     between: Between = None,
     report: Report = None,
     as_json: Json = False,
 ) -> int:
-    """Bias, gains or all nine numbers from the known field along the track."""
+    """Bias, gains or all nine numbers from the known field along the track.
+
+    Options
+    -------
+    logs <LOG...> : A recording; or the files of a mission in order of time, read piece by piece.
+    ground CAL : The calibration made on the ground; it is brought up to date.
+    solve : bias, gains or full; default: bias with --ground, full without.
+    knots : Intervals of the bias in time: a number, or auto.
+    latitudes LOW,HIGH : Use readings between these only.
+    attitude : none; logged (aided by roll, pitch, heading in the log); nadir (one side kept to the
+        Earth, attitude from the track).
+    temperature ORDER : Polynomials in temperature up to this order.
+    matrix_rate --matrix-rate : Let the matrix change linearly with time.
+    sources --with NAMES : What disturbs on board: current_A and the like.
+    within NT : Leave out readings farther off than this.
+    gain_sd : Expected change of the gains since the ground, a share.
+    """
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, is_folder
     from agonic.console.place import set_track

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Json, LogPath, Place, Scalar, SensorChoice
 from agonic.console.sensors import open_sensor
@@ -21,39 +19,17 @@ AUTO = "auto"
 
 def track(
     log: LogPath,
-    state: Annotated[
-        Path, typer.Option(metavar="STATE", help="File to resume from, and to keep the result in.")
-    ],
-    ground: Annotated[
-        Path | None, typer.Option(metavar="CAL", help="Calibration to start from.")
-    ] = None,
+    state: Path,
+    ground: Path | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    solve: Annotated[
-        str | None, typer.Option(help="What changes: bias, gains or full; default: full.")
-    ] = None,
-    walk: Annotated[
-        str | None,
-        typer.Option(help="Random walk of the bias, nT per root second; auto: by prediction."),
-    ] = None,
-    noise: Annotated[
-        float | None, typer.Option(metavar="NT", help="Of one reading on one axis.")
-    ] = None,
-    external: Annotated[
-        float | None,
-        typer.Option(metavar="NT", help="Field outside the model, sd; default: the model's."),
-    ] = None,
+    solve: str | None = None,
+    walk: str | None = None,
+    noise: float | None = None,
+    external: float | None = None,
     scalar: Scalar = None,
-    gyro: Annotated[
-        bool | None,
-        typer.Option(
-            "--gyro/--no-gyro",
-            help="By how the field turns too; default: where the log's gyro explains it.",
-        ),
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="HTML", help="Page about the new readings.")
-    ] = None,
+    gyro: bool | None = None,
+    report: Path | None = None,
     as_json: Json = False,
 ) -> int:
     """Follow bias and matrix of a magnetometer in flight or in orbit, from log to log.
@@ -61,6 +37,17 @@ def track(
     Starts where STATE does not exist, from --ground or from nothing, and resumes where it does.
     Readings that were seen before, or are flagged, are skipped. Exit status 1 where the bias
     jumped or is not to be trusted.
+
+    Options
+    -------
+    state STATE : File to resume from, and to keep the result in.
+    ground CAL : Calibration to start from.
+    solve : What changes: bias, gains or full; default: full.
+    walk : Random walk of the bias, nT per root second; auto: by prediction.
+    noise NT : Of one reading on one axis.
+    external NT : Field outside the model, sd; default: the model's.
+    gyro --gyro/--no-gyro : By how the field turns too; default: where the log's gyro explains it.
+    report HTML : Page about the new readings.
     """
     from agonic.atomic import write_atomically
     from agonic.console.output import print_json, say

@@ -89,6 +89,7 @@ def compute_covariance(
     information: Array,
     mean_correlation: float,
     clock: Clock,
+    local: Array,
     *,
     earth_fixed: bool,
     assumed: Sequence[CorrelatedError] = (),
@@ -97,8 +98,10 @@ def compute_covariance(
 
     Parameters: `sds` as `compute_residuals` takes them; `information` (m, m) the prior's;
     `mean_correlation`, how many readings counted as one when the data were weighed against it (the
-    effective sample size is n over it); `earth_fixed`, whether rows know the direction of the field
-    in Earth-fixed axes; `assumed`, errors of the magnitude that its residuals need not show.
+    effective sample size is n over it); `local` (m, m), which makes columns of the Jacobian zero
+    where they are far from their spline (see `Terms.localise`); `earth_fixed`, whether rows know
+    the direction of the field in Earth-fixed axes; `assumed`, errors of the magnitude that its
+    residuals need not show.
 
     With D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the scatter of its gradient by noise,
     which need not be the same everywhere, and E_c by correlated errors:
@@ -107,10 +110,12 @@ def compute_covariance(
     """
     bread, white, errors = information.copy(), {}, {}
     extra: dict[str, Array] = {}
+    back = np.linalg.inv(local)
     for kind, of in noise.items():
         sums, normal, squares = _sum_stretches(
-            source, kind, params, layout, of, sds[kind], clock, earth_fixed and kind == "magnitude"
-        )
+            source, kind, params, layout, of, sds[kind], clock, local,
+            earth_fixed and kind == "magnitude",
+        )  # fmt: skip
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
         freedom = normal.total / max(normal.total - len(params), 1)
         bread += normal.information * curved / mean_correlation
@@ -119,7 +124,8 @@ def compute_covariance(
             sums, of.sd**2, clock.step_s, () if kind == "magnitude" else (TURN,)
         )
         scattering = [*_share_turns(errors[kind], kind), *(assumed if kind == "magnitude" else ())]
-        extra[kind] = compute_scatter(sums, scattering, clock.step_s) / of.sd**4
+        scatter = compute_scatter(sums, scattering, clock.step_s)
+        extra[kind] = back.T @ scatter @ back / of.sd**4
     inverse = leastsq.inverse(bread)
     plain = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in white.items()}
     added = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in extra.items()}
@@ -150,6 +156,7 @@ def _sum_stretches(
     noise: Noise,
     sd: float,
     clock: Clock,
+    local: Array,
     earth_fixed: bool,
 ) -> tuple[Sums, leastsq.Normal, Array]:
     """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
@@ -169,7 +176,7 @@ def _sum_stretches(
             directions.append(turn_directions(rows, kind))
         scored = jacobian * (weights * residuals)[:, None]
         squares[:] += onto.T @ (scored.T @ scored) @ onto
-        sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions, onto)
+        sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions, onto @ local)
 
     seen = residual_pieces(source, kind, layout, sd, watch)
     normal = leastsq.accumulate(seen, params, noise.loss, noise.sd, keep=False)

@@ -12,7 +12,12 @@ from agonic.health import Finding, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit.bias_step import MANY, judge_step
 from agonic.inflight.fit.ground_axes import judge_ground_axes
 from agonic.inflight.fit.ground_errors import states_covariance
-from agonic.inflight.fit.likely_causes import find_impossible_track, find_likely_cause
+from agonic.inflight.fit.likely_causes import (
+    EARTH_RADIUS_M,
+    LOWEST_ORBIT_M,
+    find_impossible_track,
+    find_likely_cause,
+)
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import find_start, fit_rows
 from agonic.inflight.fit.terms import DEGREE
@@ -23,11 +28,6 @@ from agonic.samples import Samples
 
 if TYPE_CHECKING:
     from agonic.inflight.fit.problem import Problem
-
-
-from typing import TYPE_CHECKING
-
-from agonic.inflight.fit.likely_causes import EARTH_RADIUS_M, LOWEST_ORBIT_M
 
 GRAVITY_M3_S2 = 3.986004418e14
 WITHIN = 1 / 3

@@ -16,7 +16,7 @@ from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.inflight.fit.prior import TERM_SD, build_prior
 from agonic.inflight.fit.terms import DEGREE, evaluate_spline, place_knots
-from agonic.inflight.maths.residuals import residual_pieces
+from agonic.inflight.maths.residuals import cut, residual_pieces
 from agonic.maths.estimation.leastsq import inverse
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def sum_stretches(problem: Problem, estimate: Estimate, blocks: int) -> Stretche
     gram = np.zeros((count, m + 1, m + 1))
     rows = problem.rows(terms).select(problem.used)
     done, square = 0, 0.0
-    for r, few, onto in residual_pieces(lambda: [rows], "magnitude", layout)(params):
+    for r, few, onto in residual_pieces(lambda: cut(rows, layout), "magnitude", layout)(params):
         jacobian = few @ onto
         at = stretch[done : done + len(r)]
         done += len(r)

@@ -33,7 +33,7 @@ from agonic.inflight.fit.torquers import (
     is_on,
     is_settling,
 )
-from agonic.inflight.maths.residuals import Rows, residual_pieces
+from agonic.inflight.maths.residuals import Block, Rows, cut, residual_pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import squares, tukey
 from agonic.samples import Samples
@@ -152,7 +152,7 @@ def _solve_whole(
     off = torquers.unmodelled if torquers.on else ()
     passes = taking_part = 0
 
-    def source() -> Iterator[Rows]:
+    def source() -> Iterator[Block]:
         nonlocal passes, taking_part
         passes, done, taking_part = passes + 1, 0, 0
         switches = Switches(torquers.commands)
@@ -164,8 +164,7 @@ def _solve_whole(
             known = known._replace(magnitudes=np.where(left, np.nan, known.magnitudes))
             rows = _select_corrected_rows(problem, estimate, samples, known)
             taking_part += len(rows.points)
-            if len(rows.points):
-                yield rows
+            yield from cut(rows, estimate.layout)
             done += len(samples)
             progress(f"iteration {passes}", done)
 

@@ -26,6 +26,7 @@ from agonic.inflight.fit.pointing import find_eclipse
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import compute_residuals_of, rotation_of
 from agonic.inflight.fit.terms import Drift
+from agonic.inflight.maths.correlated_errors import join_errors
 from agonic.inflight.maths.residuals import correct
 from agonic.maths.equation.affine import model_basis, split
 from agonic.readable import Shown
@@ -194,13 +195,9 @@ def _build_channels(problem: Problem, estimate: Estimate) -> dict[str, Channel]:
 
 def _sum_correlated_errors(estimate: Estimate, noise: float) -> tuple[float, float]:
     """Standard deviation of the correlated errors of the magnitude, nT, and their time, s."""
-    errors = estimate.errors.get("magnitude", ())
-    variance = sum(error.variance for error in errors)
-    if not variance:
-        return 0.0, 0.0
+    variance, time_s = join_errors(estimate.errors.get("magnitude", ()))
     size = noise / estimate.noise["magnitude"].sd
-    time = sum(error.variance * error.time_s for error in errors) / variance
-    return min(float(np.sqrt(variance)) * size, noise), float(time)
+    return min(float(np.sqrt(variance)) * size, noise), time_s
 
 
 def _direction_error_deg(problem: Problem, field: Array) -> Array | None:

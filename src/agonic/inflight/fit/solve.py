@@ -21,6 +21,7 @@ from agonic.inflight.maths.residuals import (
     Rows,
     Source,
     correct,
+    cut,
     find_residuals,
     residual_pieces,
 )
@@ -54,6 +55,14 @@ def compute_mean_correlation(noise: dict[str, Noise]) -> float:
     """One length for all kinds, so that they are weighted by their noise alone: how long errors
     last is known too poorly to choose between kinds, but each has its own in the covariance."""
     return float(np.mean([of.correlation for of in noise.values()]))
+
+
+def _is_settled(before: dict[str, float], now: dict[str, float]) -> bool:
+    """Whether residuals are over what they were taken to be over, √(1 + κ²), to two per cent; an
+    attitude whose errors do not show has κ = 0."""
+    least = {kind: 0.0 if kind == "magnitude" else 1.0 for kind in now}
+    ratios = [np.hypot(least[k], now[k]) / np.hypot(least[k], before[k]) for k in now]
+    return bool(np.abs(np.array(ratios) - 1).max() < 0.02)
 
 
 def rescale_noise(
@@ -102,9 +111,9 @@ def state_errors(problem: Problem, estimate: Estimate, *, alternative: bool = Fa
     show: what the world model may lack besides would let a change pass for it.
     """
     rows = problem.rows(estimate.terms).select(problem.used)
-    time = rows.time
+    time, blocks = rows.time, list(cut(rows, estimate.layout))
     clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
-    return add_covariance(problem, estimate, lambda: [rows], clock, alternative=alternative)
+    return add_covariance(problem, estimate, lambda: blocks, clock, alternative=alternative)
 
 
 def add_covariance(
@@ -126,6 +135,7 @@ def add_covariance(
         information,
         compute_mean_correlation(noise),
         clock,
+        estimate.terms.localise(layout.constants, layout.parameters),
         earth_fixed=problem.direction_e is not None,
         assumed=() if alternative else _assume_errors(problem, estimate),
     )
@@ -160,21 +170,34 @@ def find_start(problem: Problem) -> Array:
     return found.solution.params
 
 
-def fit_rows(problem: Problem, first: Array, used: Mask, intervals: int) -> Estimate:
-    """The estimate from some of the rows with so many intervals of the bias in time."""
+def fit_rows(problem: Problem, first: Array | Estimate, used: Mask, intervals: int) -> Estimate:
+    """The estimate from some of the rows with so many intervals of the bias in time, from `first`:
+    bias and matrix (9,), or an estimate whose terms are the first of these."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
     layout = Layout(gauge, terms.bias_count, terms.matrix_count)
-    start = _start_params(layout, first)
+    start = _carry(first, layout) if isinstance(first, Estimate) else _start(first, layout)
     return refine(problem, problem.rows(terms).select(used), layout, terms, start)
 
 
-def _start_params(layout: Layout, first: Array) -> Array:
-    """Parameters of a layout from the nine of another, terms at zero."""
+def _start(nine: Array, layout: Layout) -> Array:
+    """Parameters of a layout from bias and symmetric matrix, terms at zero."""
     params = layout.start
-    params[:9] = first[:9]
+    params[:9] = nine[:9]
     if layout.gauge == FREE:
-        params[9:12] = first[6:9]
+        params[9:12] = nine[6:9]
+    return params
+
+
+def _carry(before: Estimate, layout: Layout) -> Array:
+    """Parameters of a layout from an estimate's: bias, the symmetric part of M = R S, its terms."""
+    old, found = before.layout, before.solution.params
+    bias, matrix = split(model_basis("full", old.gauge) @ found[: old.constants])
+    nine = np.concatenate([bias, pack_symmetric(polar(matrix)[1])])
+    params = _start(nine, layout)
+    layout.biases(params)[:, : old.bias_terms] = old.biases(found)
+    if layout.matrix_terms:
+        params[-6 * layout.matrix_terms :] = found[-6 * layout.matrix_terms :]
     return params
 
 
@@ -188,11 +211,7 @@ def refine(
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
     kinds = KINDS if problem.direction is not None else KINDS[:1]
-    prior = build_prior(problem, terms, layout)
-
-    def source() -> list[Rows]:
-        return [rows]
-
+    prior, blocks = build_prior(problem, terms, layout), list(cut(rows, layout))
     seen = {kind: find_residuals(rows, kind, params, layout) for kind in kinds}
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
@@ -202,7 +221,7 @@ def refine(
         correlation = compute_mean_correlation(noise)
         channels = [
             leastsq.Channel(
-                residual_pieces(source, kind, layout, sds[kind]),
+                residual_pieces(lambda: blocks, kind, layout, sds[kind]),
                 of.sd,
                 of.loss,
                 correlation,
@@ -215,11 +234,7 @@ def refine(
         parts = np.split(solution.residuals, len(noise))
         seen = dict(zip(noise, parts, strict=True))
         again = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
-        if all(again[kind].settled(noise[kind]) for kind in noise) and len(kinds) == 1:
-            break
-        if all(
-            abs(v / max(sds[k], 1e-12) - 1) < 0.02 for k, v in compute_spreads(again, sds).items()
-        ):
+        if _is_settled(sds, compute_spreads(again, sds)):
             break
     return Estimate(solution, layout, terms, noise, sds, seen, {}, {})
 
@@ -258,20 +273,11 @@ def _with_attitude(
     seen = field / np.linalg.norm(field, axis=1)[:, None]
     aim = problem.direction.aim[problem.used]
     rotation = find_best_rotation(seen, aim, estimate.weight)
-    first = estimate.solution.params[:9]
     for _ in range(_ROUNDS):
         problem = replace(problem, rotation=rotation)
-        estimate = fit_rows(problem, first, problem.used, intervals)
+        estimate = fit_rows(problem, estimate, problem.used, intervals)
         left = rotation_of(estimate)
         if np.abs(left - np.eye(3)).max() < _ROTATED_RAD:
             break
         rotation = rotation @ left
-        first = _symmetric_part(estimate, left)
     return problem, estimate
-
-
-def _symmetric_part(estimate: Estimate, rotation: Array) -> Array:
-    """Bias and the six entries of S in M = R S."""
-    c = estimate.layout.constants
-    bias, matrix = split(model_basis("full", FREE) @ estimate.solution.params[:c])
-    return np.concatenate([bias, pack_symmetric(rotation.T @ matrix)])

@@ -116,6 +116,14 @@ class Terms:
         at_stop = evaluate_spline(np.array([self.stop]), self.knots)[0] - self.middle
         return np.concatenate([at_stop, np.zeros(self.bias_count - self.splines)])
 
+    def localise(self, constants: int, parameters: int) -> Array:
+        """What makes of the Jacobian (n, m) that of splines without their means, (m, m): zero far
+        from their knots, where those of the terms are so much of the bias."""
+        local = np.eye(parameters)
+        means = np.concatenate([self.middle, np.zeros(self.bias_count - self.splines)])
+        local[:3, constants : constants + 3 * len(means)] = np.kron(np.eye(3), means)
+        return local
+
     def of_bias(self, samples: Samples) -> Array:
         """The terms of the bias of each row, (n, k)."""
         assert samples.time is not None

@@ -23,7 +23,6 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.maths.estimation.noise.autoregression import autoregress
 
 STRETCHES = 20_000
 """Stretches of time that a record is summed up in; within one nothing turns much."""
@@ -86,6 +85,13 @@ class CorrelatedError(NamedTuple):
     variance: float
     time_s: float
     geometry: int
+
+
+def join_errors(errors: Sequence[CorrelatedError]) -> tuple[float, float]:
+    """The variance of all together, and their mean correlation time, s; 0 and 0 of none."""
+    variance = sum(error.variance for error in errors)
+    time = sum(error.variance * error.time_s for error in errors)
+    return float(variance), float(time / variance) if variance else 0.0
 
 
 def find_correlated_errors(
@@ -153,16 +159,56 @@ def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float
     >>> compute_scatter(one, [CorrelatedError(1.0, 1e12, 0)], 1.0).round(6).tolist()
     [[9.0]]
     """
-    m = sums.jacobian.shape[1]
-    added = np.zeros((m, m))
-    weight = np.maximum(sums.weight, 1e-300)[:, None]
-    for error in errors:
-        kept = np.exp(-step_s / error.time_s)
-        for column in sums.directions[error.geometry].T:
-            scores = sums.jacobian * (column[:, None] / weight)
-            followed = scores.T @ autoregress(scores, kept)
-            added += error.variance * (followed + followed.T - scores.T @ scores)
-    return added
+    once = np.zeros((sums.jacobian.shape[1],) * 2)
+    weight = np.maximum(sums.weight, 1e-300)
+    places = np.arange(1024, len(weight), 1024)  # results are the same with any
+    pieces = np.split(sums.jacobian, places)
+    columns = [np.flatnonzero(piece.any(axis=0)) for piece in pieces]  # far splines are zero
+    pieces = [piece[:, own] for piece, own in zip(pieces, columns, strict=True)]
+    for geometry, directions in enumerate(sums.directions):
+        own = [error for error in errors if error.geometry == geometry]
+        kept = np.exp(-step_s / np.array([error.time_s for error in own]))
+        variance = np.array([error.variance for error in own])
+        for axis in directions.T if own else ():
+            along = np.split((axis / weight)[:, None], places)
+            scores = [piece * own for piece, own in zip(pieces, along, strict=True)]
+            _follow(scores, columns, variance, kept, once)
+    return once + once.T
+
+
+def _follow(
+    scores: Sequence[Array],
+    columns: Sequence[Index],
+    variance: Array,
+    kept: Array,
+    once: Array,
+    length: int = 64,
+) -> None:
+    """Add Σ_{i ≥ j} Σ_q v_q κ_q^(i−j) s_i s_jᵀ to `once` (m, m), i = j by half.
+
+    Within blocks of rows of a `length` by the matrix of all products; from block to block by what
+    each error has kept, c = κ^L c + Σ_j κ^(L−1−j) s_j. The scores s come in pieces (l, c), each
+    some of the `columns`.
+    """
+    lags = np.arange(length)
+    power = kept[:, None] ** lags
+    apart = np.subtract.outer(lags, lags)
+    within = np.where(apart >= 0, (variance @ power)[np.abs(apart)], 0.0)
+    within[lags, lags] /= 2.0
+    carried, fade = np.zeros((len(kept), len(once))), (kept**length)[:, None]
+    for piece, own in zip(scores, columns, strict=True):
+        blocks = np.zeros((-(-len(piece) // length), length, len(own)))
+        blocks.reshape(-1, len(own))[: len(piece)] = piece
+        told, ahead = power[:, ::-1] @ blocks, (variance * kept)[:, None] * power @ blocks
+        before = np.zeros_like(told)
+        for j in range(1, len(told)):
+            before[j] = fade * before[j - 1] + told[j - 1]
+        here = np.tensordot(blocks, within @ blocks, ((0, 1), (0, 1)))
+        once[np.ix_(own, own)] += here + np.tensordot(ahead, before, ((0, 1), (0, 1)))
+        decay = fade ** np.arange(len(told))
+        once[own] += np.einsum("qj,jqa->aq", decay, ahead) @ carried
+        carried *= fade ** len(told)
+        carried[:, own] += fade * before[-1] + told[-1]
 
 
 def _mean_variance(share: float) -> float:

@@ -59,8 +59,19 @@ class Rows(NamedTuple):
         return Rows(*(None if part is None else part[rows] for part in self))  # type: ignore[arg-type]
 
 
-Source = Callable[[], Iterable[Rows]]
-"""Gives all readings, piece by piece, each time it is called."""
+class Block(NamedTuple):
+    """Rows whose temporaries stay in the cache: `moving` (k,) terms of the bias that change among
+    them, their values `terms` (n, l), and what makes few columns the Jacobian, `onto` (c, m): terms
+    that stay the same, as those of a spline far away, are so much of the bias."""
+
+    rows: Rows
+    moving: Mask
+    terms: Array
+    onto: Array
+
+
+Source = Callable[[], Iterable[Block]]
+"""Gives all readings, block by block, each time it is called."""
 Watch = Callable[[Rows, Array, Array, Array], None]
 """Is shown a block of readings with their residuals, few columns, and what makes these the
 Jacobian, as the solver takes them."""
@@ -121,26 +132,41 @@ def correct(rows: Rows, params: Array, layout: Layout) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", _matrices(rows, params, layout, matrix), d))
 
 
+def cut(rows: Rows, layout: Layout) -> Iterator[Block]:
+    """The rows in blocks; those in memory are cut once for all passes."""
+    for start in range(0, len(rows.points), _ROWS):
+        yield _make_block(rows.select(slice(start, start + _ROWS)), layout)
+
+
+def _make_block(rows: Rows, layout: Layout) -> Block:
+    terms = np.ascontiguousarray(rows.bias_terms.T)  # along rows NumPy is slow
+    moving = np.ptp(terms, axis=1) > 0
+    c = layout.constants
+    onto = np.eye(layout.parameters)
+    onto[:3, c : c + 3 * layout.bias_terms] = np.kron(np.eye(3), np.where(moving, 0.0, terms[:, 0]))
+    kept = np.ones(layout.parameters, dtype=bool)
+    kept[c : c + 3 * layout.bias_terms] = np.tile(moving, 3)
+    return Block(rows, moving, np.ascontiguousarray(terms[moving].T), onto[kept])
+
+
 def residual_pieces(
     source: Source, kind: str, layout: Layout, sd: float = 0.0, watch: Watch | None = None
 ) -> leastsq.Pieces:
     """The residuals of one kind, block by block, for the solver; `watch` sees each block."""
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array, Array]]:
-        for rows in source():
-            for start in range(0, len(rows.points), _ROWS):
-                block = rows.select(slice(start, start + _ROWS))
-                found = _linearise(block, kind, params, layout, sd)
-                if watch is not None:
-                    watch(block, *found)
-                yield found
+        for block in source():
+            r, few = _linearise(block, kind, params, layout, sd)
+            if watch is not None:
+                watch(block.rows, r, few, block.onto)
+            yield r, few, block.onto
 
     return blocks
 
 
 def find_residuals(rows: Rows, kind: str, params: Array, layout: Layout, sd: float = 0.0) -> Array:
     """The residuals alone, as `compute_residuals` has them."""
-    parts = residual_pieces(lambda: [rows], kind, layout, sd)(params)
+    parts = residual_pieces(lambda: cut(rows, layout), kind, layout, sd)(params)
     return np.concatenate([part[0] for part in parts])
 
 
@@ -156,44 +182,36 @@ def compute_residuals(
 
     has the noise of the readings everywhere, and the noise in its own Jacobian makes no bias.
     """
-    r, few, onto = _linearise(rows, kind, params, layout, sd)
-    return r, few @ onto
+    block = _make_block(rows, layout)
+    r, few = _linearise(block, kind, params, layout, sd)
+    return r, few @ block.onto
 
 
 def _linearise(
-    rows: Rows, kind: str, params: Array, layout: Layout, sd: float
-) -> tuple[Array, Array, Array]:
-    """Residuals (n,) and few columns (n, l) with what makes them the Jacobian, (l, m): terms that
-    stay the same in all of the rows, as those of a spline far away, are so much of the bias."""
+    block: Block, kind: str, params: Array, layout: Layout, sd: float
+) -> tuple[Array, Array]:
+    """Residuals (n,) and few columns (n, c) of a block."""
+    rows, moving = block.rows, block.moving
     basis = model_basis("full", layout.gauge)
     bias, matrix = split(basis @ params[: layout.constants])
     raw = rows.points
     if layout.bias_terms:
-        raw = raw - rows.bias_terms @ layout.biases(params).T
-    each = _matrices(rows, params, layout, matrix) if layout.matrix_terms else None
+        biases = layout.biases(params)
+        bias = bias + biases[:, ~moving] @ rows.bias_terms[0, ~moving]
+        raw = raw - block.terms @ biases[:, moving].T
+    if layout.matrix_terms:
+        matrix = _matrices(rows, params, layout, matrix)
     if kind != "magnitude":
         spread = np.square(sd * rows.wanted)
-        r, by_local = _across_residual(
-            raw - bias, matrix if each is None else each, _across(rows, kind), spread
-        )
-    elif each is None:
-        r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
+        r, by_local = _across_residual(raw - bias, matrix, _across(rows, kind), spread)
     else:
-        r, by_local = _row_by_row(raw - bias, each, rows.wanted, sd)
-    moving = np.ptp(rows.bias_terms, axis=0) > 0
+        r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
     columns = [
         by_local @ basis,
-        expand_covariates(by_local[:, :3], rows.bias_terms[:, moving]),
+        expand_covariates(by_local[:, :3], block.terms),
         expand_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms),
     ]
-    c = layout.constants
-    onto = np.eye(layout.parameters)
-    onto[:3, c : c + 3 * layout.bias_terms] = np.kron(
-        np.eye(3), np.where(moving, 0.0, rows.bias_terms[0])
-    )
-    kept = np.ones(layout.parameters, dtype=bool)
-    kept[c : c + 3 * layout.bias_terms] = np.tile(moving, 3)
-    return r, np.concatenate(columns, axis=1), onto[kept]
+    return r, np.concatenate(columns, axis=1)
 
 
 def turn_directions(rows: Rows, kind: str) -> Array:
@@ -227,28 +245,4 @@ def _across_residual(d: Array, matrix: Array, e: Array, spread: Array) -> tuple[
     jacobian[:, :3] = -s / g[:, None]
     toward = d / g[:, None] - s * (r / g**2)[:, None]
     jacobian[:, 3:] = (e[:, :, None] * toward[:, None, :]).reshape(len(d), 9)
-    return r, jacobian
-
-
-def _row_by_row(d: Array, matrix: Array, wanted: Array, noise_sd: float) -> tuple[Array, Array]:
-    """`magnitude_residual` where each row has a matrix (n, 3, 3) of its own."""
-    u = np.einsum("nij,nj->ni", matrix, d)
-    size = np.maximum(np.linalg.norm(u, axis=1), np.finfo(float).tiny)
-    e = u / size[:, None]
-    s = np.einsum("nji,nj->ni", matrix, e)
-    gradient = np.linalg.norm(s, axis=1)
-    normal = s / gradient[:, None]
-    turned = np.einsum("nij,nj->ni", matrix, normal)
-    along = np.einsum("ni,ni->n", turned, e)
-    r = (size - wanted) / gradient
-    a = e / gradient[:, None] - (turned - e * along[:, None]) * (r / (size * gradient))[:, None]
-    jacobian = np.empty((len(d), 12))
-    jacobian[:, :3] = -np.einsum("nji,nj->ni", matrix, a)
-    tilt = e * (r / gradient)[:, None]
-    entries = a[:, :, None] * d[:, None, :] - tilt[:, :, None] * normal[:, None, :]
-    jacobian[:, 3:] = entries.reshape(len(d), 9)
-    if noise_sd:
-        trace = np.einsum("nij,nij->n", matrix, matrix) - gradient**2
-        bend = np.einsum("ni,ni->n", turned, turned) - along**2
-        r = r - noise_sd**2 * 0.5 * (trace - 4.0 * bend) / (size * gradient)
     return r, jacobian

@@ -6,12 +6,11 @@ import numpy as np
 
 from agonic.calibration.alignment import Alignment
 from agonic.inflight.fit import InflightFit
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, along_time
 from agonic.report.digits import degrees, quantity, with_sd
 from agonic.report.labels import per_label, unit_label
 from agonic.report.section import Block, Section, Table
 from agonic.report.strips import arrows, caption, line, plot, spread
-from agonic.report.time_axis import along_time
 
 ARCSEC = 3600.0
 _FINE_DEG = 0.05  # standard errors below this are shown in arcseconds

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.flight import Course, Flight
-from agonic.report.axes import BINS, Axis, Columns, right
+from agonic.report.axes import BINS, Axis, Columns, along_time, right
 from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
 from agonic.report.strips import (
@@ -23,7 +23,6 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
-from agonic.report.time_axis import along_time
 
 PER_COLUMN = 25
 """Readings that a column needs on average before its quartiles are drawn."""

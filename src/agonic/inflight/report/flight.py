@@ -15,7 +15,12 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump
 from agonic.inflight.fit import InflightFit, prior
 from agonic.inflight.fit.pointing import find_eclipse
-from agonic.inflight.maths.correlated_errors import STRETCHES, Sums, find_correlated_errors
+from agonic.inflight.maths.correlated_errors import (
+    STRETCHES,
+    Sums,
+    find_correlated_errors,
+    join_errors,
+)
 from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.rotations.polar import split_rotation
@@ -293,12 +298,9 @@ def measure_correlated_errors(time: Array, residuals: Array, used: Mask) -> tupl
     sums = Sums.empty(k, 1, [1])
     sums.add(np.arange(n) * k // n, weights, residuals, ones, [ones])
     white = float(np.average(residuals**2, weights=weights)) if used.any() else 0.0
-    errors = find_correlated_errors(sums, white, float(time[-1] - time[0]) / k)
-    variance = sum(error.variance for error in errors)
-    if not variance:
-        return 0.0, 0.0
-    mean = sum(error.variance * error.time_s for error in errors) / variance
-    return float(np.sqrt(min(variance, white))), mean
+    step_s = float(time[-1] - time[0]) / k
+    variance, time_s = join_errors(find_correlated_errors(sums, white, step_s))
+    return float(np.sqrt(min(variance, white))), time_s
 
 
 def _count_left_out(fit: InflightFit, samples: Samples | None) -> dict[str, int]:

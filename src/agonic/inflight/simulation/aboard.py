@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Mask
@@ -16,7 +15,8 @@ from agonic.maths.earth.earth_rotation import is_in_shadow, rotate_about_third, 
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M, geodetic, north_east_down
 from agonic.maths.earth.geodesy import directions as place
 from agonic.maths.estimation.noise.autoregression import autoregress
-from agonic.simulation.draws import draw_directions, draw_smooth, make_knots
+from agonic.simulation.draws import draw_directions, draw_smooth
+from agonic.simulation.motions import draw_tumbling
 
 Pointing = Literal["nadir", "tumble"]
 
@@ -72,11 +72,7 @@ def draw_attitude_nb(
     axis. Tumble: uniform random attitudes against the stars every `pace_s`, joined smoothly.
     """
     if pointing == "tumble":
-        knots = make_knots(time[-1], pace_s)
-        quats = draw_directions(rng, len(knots), 4)
-        turns = np.einsum("ij,ij->i", quats[1:], quats[:-1])
-        quats[1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0))[:, None]
-        rot_ib = Rotation.from_quat(CubicSpline(knots, quats)(time))
+        rot_ib = draw_tumbling(rng, time[-1], pace_s)(time)
         return _in_n(np.moveaxis(rot_ib.as_matrix(), 0, -1), way)
     down = -way.position / np.linalg.norm(way.position, axis=0)
     right = np.cross(down, way.velocity, axis=0)

@@ -125,7 +125,7 @@ def _compute_likelihoods(
     return compute_likelihoods(prior, models, rows[:, 0], residual, h, steep[:, None] * noise)
 
 
-_CERTAIN = 0.1  # of the field: a prior on the bias below this needs no search
+_CERTAIN = 0.1  # of the field: a bias that is known to this needs no search
 _SAME = 1.0  # standard error: ways that come so near each other end in one place
 _ROUGH = 0.1  # standard errors to which a solution is found: the filter steps on from it
 _STEPS = 12  # at most: an opening is solved again from there with the readings that come
@@ -206,7 +206,7 @@ def _starts(state: TrackerState, prior: FilterState, rows: Array) -> Iterator[Ar
     yield state.estimate.state
     magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
     size = float(np.mean(magnitude)) / gain
-    if np.sqrt(np.diag(prior.covariance)[1:4].max()) < _CERTAIN * size:
+    if np.sqrt(np.diag(state.estimate.covariance)[1:4].max()) < _CERTAIN * size:
         return
     centre = rows[:, 1:4].mean(axis=0)
     bias, scale = fit_least_median_sphere((rows[:, 1:4] - centre) / size, magnitude / (gain * size))

@@ -182,9 +182,10 @@ def _find_model(
     rows: Array,
     about: Array,
 ) -> states.Model:
-    """The noise model of an opening: as given, or with the memory that its rows (k, 6) show."""
+    """The noise model of an opening: as given, or with the memory that its rows (k, 6) show, which
+    is sought each time they have doubled."""
     opening, model = state.opening, state.settle_params(given).model(noise)
-    if given.external_sd is not None or opening is None or len(rows) < MEMORY_FROM:
+    if given.external_sd is not None or opening is None or len(rows) % MEMORY_FROM:
         return model
     return find_memory(opening.prior, model, rows, about, total) or model
 

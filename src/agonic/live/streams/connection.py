@@ -13,7 +13,7 @@ import numpy as np
 from agonic.errors import AgonicError
 from agonic.live.streams.clock import Clock
 from agonic.live.streams.device import Device, MotionCalDevice
-from agonic.live.streams.events import Chunk, Event, Notice
+from agonic.live.streams.events import Chunk, Event, Notice, Words
 from agonic.live.streams.links import Link, Packet
 from agonic.live.streams.rows import LineParser, Reading
 
@@ -36,12 +36,14 @@ PATIENCE_S = 1.0
 class Lines:
     """Cuts a stream of bytes into lines and reads them; `suffix` tells senders apart.
 
-    What cannot be read is counted, and told with the last of it and the reason.
+    Lines that begin with `mark` are words for others: they are passed on as they are. What cannot
+    be read is counted, and told with the last of it and the reason.
     """
 
-    def __init__(self, unit: str, suffix: str = "") -> None:
+    def __init__(self, unit: str, suffix: str = "", mark: str | None = None) -> None:
         self.rows = LineParser(unit=unit)
         self._unit, self._suffix = unit, suffix
+        self._mark = None if mark is None else mark.encode()
         self._rest, self._skipping = b"", False
         self._unread, self._good, self._why, self._said_at = 0, 0, "", -np.inf
         self._clock = Clock()
@@ -50,7 +52,11 @@ class Lines:
         """The readings in bytes that came at `now`, s, and what could not be read."""
         lines = self._cut(data)
         found: dict[str, list[Reading]] = {}
+        words: list[str] = []
         for line in lines:
+            if self._mark is not None and line.startswith(self._mark):
+                words.append(line[len(self._mark) :].decode("utf-8", "replace").strip())
+                continue
             try:
                 rows = self.rows.read(line.decode("utf-8", "replace"))
             except (AgonicError, OverflowError) as error:
@@ -60,6 +66,8 @@ class Lines:
             for row in rows:
                 found.setdefault(row.sensor, []).append(row)
         events: list[Event] = [self._chunk(rows, now) for rows in found.values()]
+        if words:
+            events.append(Words(self._suffix, words))
         return events + self._tell_unread(now)
 
     def _cut(self, data: bytes) -> list[bytes]:
@@ -95,7 +103,8 @@ class Lines:
         name = rows[0].sensor + self._suffix
         field = np.array([row.field for row in rows])
         motion = np.array([row.motion or _STILL for row in rows])
-        return Chunk(name, time, field, unit, motion=motion)
+        own = np.array([np.nan if row.time is None else row.time for row in rows])
+        return Chunk(name, time, field, unit, motion=motion, own=own)
 
 
 def _make_printable(line: bytes) -> str:
@@ -130,8 +139,8 @@ class LineDecoder:
 
     stack = ""
 
-    def __init__(self, unit: str) -> None:
-        self._unit = unit
+    def __init__(self, unit: str, mark: str | None = None) -> None:
+        self._unit, self._mark = unit, mark
         self.senders: dict[str, Lines] = {}
 
         self._write: Callable[[bytes], None] = lambda _: None
@@ -157,7 +166,7 @@ class LineDecoder:
                     Notice(True, f"more than {MOST_SENDERS} senders: {received.origin} is ignored")
                 ]
             suffix = f" from {received.origin}" if self.senders else ""
-            lines = self.senders[received.origin] = Lines(self._unit, suffix)
+            lines = self.senders[received.origin] = Lines(self._unit, suffix, self._mark)
         return lines.feed(received.data + (b"\n" if received.whole else b""), now)
 
 
@@ -191,6 +200,9 @@ class Connection:
                 self.decoder.begin(self.link.write)
                 lost = False
                 yield from self._listen(stop)
+            except EOFError:
+                yield Notice(False, f"{self.name} has ended", ended=True)
+                return
             except OSError as error:
                 if not lost:
                     known = error.errno is not None and error.errno > 0  # not of a host's name

@@ -11,7 +11,7 @@ class Chunk(NamedTuple):
     """Readings of one sensor: `time` (n,) s, `field` (n, 3) in `unit`, in the axes `frame`.
 
     `motion` (n, 6) is what an inertial unit told with them: acceleration, m/s², and rotation rate,
-    rad/s, NaN where it did not.
+    rad/s, NaN where it did not; `own` (n,) the device's own clock, s, NaN where it told none.
     """
 
     sensor: str
@@ -21,6 +21,7 @@ class Chunk(NamedTuple):
     frame: str = "m"
     device_id: int | None = None
     motion: Array | None = None
+    own: Array | None = None
 
 
 class Notice(NamedTuple):
@@ -31,4 +32,11 @@ class Notice(NamedTuple):
     ended: bool = False
 
 
-Event = Chunk | Notice
+class Words(NamedTuple):
+    """Lines of another kind than readings, of one sender, without the mark that told them."""
+
+    origin: str
+    lines: list[str]
+
+
+Event = Chunk | Notice | Words

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import select
 import socket
+import sys
 from contextlib import suppress
 from typing import Any, NamedTuple, Protocol
 
@@ -78,6 +81,30 @@ class SerialLink:
         if self._port is not None:
             with suppress(OSError):
                 self._port.close()
+
+
+class StandardInput:
+    """What is piped into the program; `EOFError` where it has ended."""
+
+    name, hint = "standard input", ""
+
+    def open(self) -> None:
+        """Nothing is to be opened."""
+
+    def read(self) -> Packet | None:
+        """What has come, at once when something has."""
+        if not select.select([sys.stdin], [], [], WAIT_S)[0]:
+            return None
+        data = os.read(sys.stdin.fileno(), MOST_BYTES)
+        if not data:
+            raise EOFError
+        return Packet(data)
+
+    def write(self, data: bytes) -> None:
+        """Nobody hears."""
+
+    def close(self) -> None:
+        """It stays open for others."""
 
 
 class UdpLink:

@@ -76,7 +76,7 @@ class Replay:
             for k, samples in enumerate(self.sensors):
                 until = int(np.searchsorted(times[k], played, side="right"))
                 if until > done[k]:
-                    rows, motion = slice(done[k], until), motions[k]
+                    rows, motion, dated = slice(done[k], until), motions[k], samples.epoch
                     yield Chunk(
                         samples.name,
                         times[k][rows],
@@ -85,6 +85,7 @@ class Replay:
                         samples.frame,
                         samples.device_id,
                         None if motion is None else motion[rows],
+                        None if dated is None else times[k][rows] + dated.timestamp(),
                     )
                     done[k] = until
         yield Notice(False, f"{self.name} has ended", ended=True)

@@ -14,7 +14,7 @@ from agonic.errors import AgonicError
 from agonic.live.streams.connection import Connection, Decoder, LineDecoder
 from agonic.live.streams.device import Device
 from agonic.live.streams.events import Event
-from agonic.live.streams.links import Link, SerialLink, TcpLink, UdpLink
+from agonic.live.streams.links import Link, SerialLink, StandardInput, TcpLink, UdpLink
 from agonic.live.streams.replay import make_simulated, replay_log
 from agonic.units import RAW, find_unit
 
@@ -44,16 +44,19 @@ class Source(Protocol):
     def events(self, stop: Flag) -> Iterator[Event]: ...
 
 
-def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> Source:
+def open_source(
+    text: str, *, unit: str | None = None, speed: float = 1.0, mark: str | None = None
+) -> Source:
     """The source of live readings that a text names.
 
     Parameters
     ----------
     text : `serial:DEVICE[:BAUD]`, `udp://[HOST]:PORT`, `tcp://HOST:PORT`, the same after
-        `mavlink+`, the path of a log, or `sim`. A serial port may go by its name alone:
-        `/dev/ttyUSB0`, `COM3`.
+        `mavlink+`, the path of a log, `-` for standard input, or `sim`. A serial port may go by
+        its name alone: `/dev/ttyUSB0`, `COM3`.
     unit : of readings that come without one; "raw" by default.
     speed : of a log or simulation, over its own; 0 is as fast as possible.
+    mark : with which lines begin that are no readings; they come as `Words`. All do with "".
 
     Raises `AgonicError` where the text names none, and `LogError` where a log cannot be read.
 
@@ -74,7 +77,9 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
         link = (
             _parse_serial(rest) if wire == "serial" else _parse_network(text, urlsplit(text), wire)
         )
-        return Connection(link, _choose_decoder(mavlink, unit))
+        return Connection(link, _choose_decoder(mavlink, unit, mark))
+    if text == "-":
+        return Connection(StandardInput(), LineDecoder(unit or RAW, mark))
     if text == "sim" or text.startswith("sim?"):
         return make_simulated(speed=speed, **_parse_settings(text.partition("?")[2]))
     if mavlink or "://" in text:
@@ -82,9 +87,9 @@ def open_source(text: str, *, unit: str | None = None, speed: float = 1.0) -> So
     return replay_log(Path(text), speed, unit)
 
 
-def _choose_decoder(mavlink: bool, unit: str | None) -> Decoder:
+def _choose_decoder(mavlink: bool, unit: str | None, mark: str | None) -> Decoder:
     if not mavlink:
-        return LineDecoder(unit or RAW)
+        return LineDecoder(unit or RAW, mark)
     from agonic.live.streams.vehicle import Vehicle
 
     return Vehicle()

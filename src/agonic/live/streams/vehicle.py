@@ -22,7 +22,7 @@ from agonic.live.streams.device import ANSWER_S, Change
 from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.live.streams.links import Packet
 from agonic.logs.ardupilot.dataflash_binary import Table
-from agonic.logs.ardupilot.messages import INERTIAL, Columns
+from agonic.logs.ardupilot.mavlink import INERTIAL, Columns
 from agonic.logs.ardupilot.parameters import AXES, remove_correction
 from agonic.units import RAW
 

@@ -227,7 +227,7 @@ class Session:
                 for event in self.source.events(self._stop):
                     if isinstance(event, Notice):
                         self._say(event)
-                    else:
+                    elif isinstance(event, Chunk):
                         self._take(event)
                 return
             except Exception as error:

@@ -48,7 +48,12 @@ def list_tracks(mag: Table, tables: Tables) -> Iterator[Track]:
         ("heading_deg", attitude, ["Yaw"], 1.0),
         ("acceleration", imu, ["AccX", "AccY", "AccZ"], 1.0),
         ("rotation_rate", imu, ["GyrX", "GyrY", "GyrZ"], 1.0),
-        ("current_A", battery, ["Curr"], _per_ampere(battery)),
+        (
+            "current_A",
+            battery,
+            ["Curr"],
+            (100.0 if battery is not None and "Curr" in battery.integer else 1.0),
+        ),
         ("throttle", control, [throttle], full),
         ("latitude_deg", fixes, ["Lat"], 1.0),
         ("longitude_deg", fixes, ["Lng"], 1.0),
@@ -101,11 +106,6 @@ def _first_instance(tables: Tables, *names: str) -> Table | None:
     if table is None or instance is None:
         return table
     return table.select(instance == instance.min())
-
-
-def _per_ampere(battery: Table | None) -> float:
-    """Old CURR messages hold hundredths of an ampere as a whole number."""
-    return 100.0 if battery is not None and "Curr" in battery.integer else 1.0
 
 
 def _throttle(control: Table | None) -> tuple[str, float]:

@@ -21,8 +21,18 @@ from agonic.errors import LogError
 from agonic.logs.ardupilot.beside import list_tracks
 from agonic.logs.ardupilot.dataflash import find_firmware
 from agonic.logs.ardupilot.dataflash_binary import Table, load
-from agonic.logs.ardupilot.mavlink import Messages, Packets, decode, find_packets, load_definitions
-from agonic.logs.ardupilot.messages import CLOCKED, INERTIAL, TABLES, Timeline, make_tables
+from agonic.logs.ardupilot.mavlink import (
+    CLOCKED,
+    INERTIAL,
+    TABLES,
+    Messages,
+    Packets,
+    Timeline,
+    decode,
+    find_packets,
+    load_definitions,
+    make_tables,
+)
 from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
 from agonic.logs.log import Log, Readings, Stream
 from agonic.logs.rows.resample import compute_rate_Hz, find_misplaced

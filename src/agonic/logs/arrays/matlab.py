@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 
 from agonic.errors import MissingExtraError
 from agonic.logs.ardupilot.dataflash import is_labelled, read_labelled
-from agonic.logs.arrays import broad
+from agonic.logs.arrays import stacked
 from agonic.logs.arrays.stacked import build_arrays_log, build_tables
 from agonic.logs.arrays.stored import read_version_5, read_version_7_3
 from agonic.logs.child_process import call
 from agonic.logs.log import Facts, Log
-from agonic.logs.text.dialects import find_group
-from agonic.logs.text.kinds import build_kinds_log
+from agonic.logs.text.dialects import build_kinds_log, find_group
 from agonic.provenance import Input
 
 VERSION_7_3 = b"MATLAB 7.3 MAT-file"
@@ -40,8 +39,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         facts = Facts(path=path, source=source, format="MAVLink telemetry in MATLAB", unit=unit)
         return build_kinds_log(messages, find_group("MAVLink"), facts)
     remarks: tuple[str, ...] = ()
-    if broad.is_broad(arrays):
-        arrays, remarks = broad.rename_variables(arrays)
+    if stacked.is_broad(arrays):
+        arrays, remarks = stacked.rename_variables(arrays)
     return build_arrays_log(
         arrays, path=path, source=source, format="MATLAB file", unit=unit, remarks=remarks
     )

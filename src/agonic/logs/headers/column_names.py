@@ -19,7 +19,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import isfile
 from pathlib import Path
 
@@ -91,6 +91,7 @@ class ColumnNames:
 
 _given: ContextVar[ColumnNames | None] = ContextVar("given", default=None)
 _in_force: ContextVar[ColumnNames | None] = ContextVar("in_force", default=None)
+_scalar: ContextVar[str | None] = ContextVar("scalar", default=None)
 
 
 def _canonical(name: str, unit: str | None, theirs: str = "") -> str:
@@ -117,7 +118,7 @@ def _read_unit(ours: str, theirs: str, column: Column) -> str | None:
     own = identify_column(theirs)
     if own is not None and own.quantity == column.quantity:
         named.append(own)
-    if _FIELD_BEHIND.search(theirs) and column.quantity.column == "field":
+    if _FIELD_BEHIND.search(theirs) and column.quantity.column in ("field", "scalar"):
         named.append(identify_column(f"{ours}_{theirs.rpartition('_')[2]}"))
     return next((one.unit for one in named if one is not None and one.unit is not None), None)
 
@@ -177,6 +178,16 @@ def write_given_names() -> str:
 
 
 @contextmanager
+def naming_scalar(header: str | None) -> Iterator[None]:
+    """While this lasts, the column with that header is the scalar instrument of logs opened."""
+    token = _scalar.set(header)
+    try:
+        yield
+    finally:
+        _scalar.reset(token)
+
+
+@contextmanager
 def names_for(
     path: Path, columns: str | Mapping[str, str] | ColumnNames | None
 ) -> Iterator[ColumnNames | None]:
@@ -185,6 +196,9 @@ def names_for(
         found: ColumnNames | None = columns
     else:
         found = parse_names(columns, "columns") if columns else _given.get() or _read_beside(path)
+        if (scalar := _scalar.get()) is not None:
+            found = found or ColumnNames(headers={}, where="--scalar")
+            found = replace(found, headers={**found.headers, "scalar": scalar})
     token = _in_force.set(found)
     try:
         yield found
@@ -208,10 +222,16 @@ def _read_beside(path: Path) -> ColumnNames | None:
     return ColumnNames(headers=names.headers, unit=unit, where=beside.name)
 
 
+def _names_sensor(names: ColumnNames | None) -> bool:
+    """Whether names are of more than a scalar instrument, which stands beside what is known."""
+    return names is not None and [*names.headers] != ["scalar"]
+
+
 def rename_headers(headers: Sequence[str], title: str = "") -> list[str]:
     """The headers as the names in force say, or the format of a table below these lines."""
     names = _in_force.get()
-    named = name_documented(headers, title) if names is None else names.rename(headers)
+    named = headers if _names_sensor(names) else name_documented(headers, title)
+    named = list(named) if names is None else names.rename(named)
     if any(map(_PART_OF_SECOND.fullmatch, named)):  # sec and nsec
         named = [f"time_{header}" if header in ("sec", "s") else header for header in named]
     return _name_strength(_name_parts(named))
@@ -254,7 +274,7 @@ def _name_strength(headers: Sequence[str]) -> list[str]:
 
 def number_columns(width: int) -> list[str] | None:
     """Numbers from 1 for the columns of a table without a header, where names are in force."""
-    return None if _in_force.get() is None else [str(k + 1) for k in range(width)]
+    return [str(k + 1) for k in range(width)] if _names_sensor(_in_force.get()) else None
 
 
 def suggest_names(headers: Iterable[str]) -> str:

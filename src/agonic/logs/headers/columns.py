@@ -20,7 +20,7 @@ from agonic.errors import LogError
 from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.headers.header import Column as Column
 from agonic.logs.headers.header import identify_column as identify_column
-from agonic.logs.headers.words import LAST
+from agonic.logs.headers.quantities import LAST
 
 
 def refuse_many(count: int, what: str = "") -> None:

@@ -17,8 +17,7 @@ from typing import Any
 from agonic.errors import LogError
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column, identify_column
-from agonic.logs.headers.quantities import BY_COLUMN
-from agonic.logs.headers.words import FALLBACK
+from agonic.logs.headers.quantities import BY_COLUMN, FALLBACK
 
 _OTHERS = (
     r"^(gravity|orientation|linear[ _-]?acc|gamerotation|rotation[ _-]?vector|location|velocity)"

@@ -9,16 +9,17 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from agonic.errors import UnitError
-from agonic.logs.headers import words as spelled
+from agonic.logs.headers import quantities as spelled
 from agonic.logs.headers.quantities import (
     BY_COLUMN,
     DISTURBER,
     DISTURBER_UNITS,
     TIMES,
+    ZONE,
     Quantity,
     canonical_header,
+    spell_out,
 )
-from agonic.logs.headers.words import ZONE, spell_out
 from agonic.units import find_unit
 
 

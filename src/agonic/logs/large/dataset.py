@@ -16,7 +16,7 @@ from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import Identified, identify_columns
 from agonic.logs.headers.header import Column, identify_column
-from agonic.logs.headers.words import squash
+from agonic.logs.headers.quantities import squash
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 

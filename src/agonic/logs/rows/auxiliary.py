@@ -7,6 +7,7 @@ holes is left out, and a note says so.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -15,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
+from agonic.errors import LogError, UnitError
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
-from agonic.logs.headers.quantities import Linear
-from agonic.logs.rows.resample import resample
+from agonic.logs.headers.quantities import FALLBACK, Linear
+from agonic.logs.rows.resample import interpolate_smoothly, resample
 from agonic.maths.one_pass import median
-from agonic.units import STANDARD_GRAVITY_M_S2
+from agonic.units import RAW, STANDARD_GRAVITY_M_S2, find_unit, nanotesla_per
 
 Table = Mapping[str, NDArray[Any]]
 
@@ -47,6 +49,14 @@ _REACH_S = dict.fromkeys(_SLOW, 60.0)
 SHORT_REACH_S = 0.5
 _FEW = 0.01
 """Share of the readings that a column may still cost after its short holes are filled."""
+MOST_OF_THE_ROWS = 0.5
+"""With the scalar instrument on in so many of the rows, the others are given up for it."""
+_JOINED = 1.5
+"""Of its usual interval: readings of a scalar instrument farther apart have a gap between them."""
+_NEW_SHARE = 0.6
+"""Of the rows: where fewer hold a new scalar reading, and at even steps, the others repeat it."""
+_EVEN = 0.9
+"""Share of the steps between new readings that are even, to half of the usual one."""
 
 
 def find_finite_rows(values: Array) -> Mask:
@@ -60,8 +70,16 @@ def find_finite_rows(values: Array) -> Mask:
     return np.asarray(np.isfinite(values).all(axis=1))
 
 
-def find_reach(column: str) -> float:
-    """How far, s, recorded neighbours may be from a row that is filled from them."""
+def find_reach(column: str, known: Array) -> float:
+    """How far, s, neighbours recorded at `known` times may be from a row that is filled from them.
+
+    A scalar instrument measures at a pace of its own; what joins its readings is that pace.
+
+    >>> find_reach("scalar", np.array([0.0, 2.0, 4.0])), find_reach("current_A", np.zeros(2))
+    (3.0, 0.5)
+    """
+    if column == "scalar" and len(known) > 1:
+        return max(_JOINED * median(np.diff(known)), SHORT_REACH_S)
     return _REACH_S.get(column, SHORT_REACH_S)
 
 
@@ -146,9 +164,34 @@ def convert_column(
         return None, (f"{quantity.name} left out: it is without gravity",)
     low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
     ours[(ours < low) | (ours > high)] = np.nan
+    held = ""
+    if quantity.column == "scalar" and time is not None:
+        ours, held = forget_repeated(ours, time)
     filled, gaps = fill_holes(quantity.column, ours, time, readings, keep_holes=keep_holes)
-    notes = tuple(f"{quantity.name} {text}" for text in (remark, gaps) if text)
+    notes = tuple(f"{quantity.name} {text}" for text in (remark, held, gaps) if text)
     return (filled if filled is None or quantity.vector else filled[:, 0]), notes
+
+
+def forget_repeated(values: Array, time: Array) -> tuple[Array, str]:
+    """Readings (n, 1) of an instrument that is slower than the log, NaN where a row repeats the one
+    before until the next has come, and a note; as they are where they are no such steps.
+
+    >>> held = np.repeat([48_000.0, 48_001.0, 48_003.0, 48_002.0], 2)[:, None]
+    >>> forget_repeated(held, np.arange(8.0))[0].ravel()[:4].tolist()
+    [48000.0, nan, 48001.0, nan]
+    """
+    known = np.isfinite(values[:, 0])
+    rows = np.flatnonzero(known)
+    new = rows[np.r_[True, np.diff(values[rows, 0]) != 0]] if len(rows) else rows
+    steps = np.diff(time[new])
+    if len(new) > _NEW_SHARE * len(rows) or len(steps) < 2:
+        return values, ""
+    usual = median(steps)
+    if np.mean(np.abs(steps - usual) < usual / 2) < _EVEN:
+        return values, ""
+    fresh = np.full_like(values, np.nan)
+    fresh[new] = values[new]
+    return fresh, f"is new every {usual:.3g} s"
 
 
 def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | None, str]:
@@ -208,15 +251,20 @@ def fill_holes(
     if time is not None:
         known = known & np.isfinite(time)
     if time is not None and known.any():
-        near = holes & (measure_reach(time[known], time) <= find_reach(column))
+        near = holes & (measure_reach(time[known], time) <= find_reach(column, time[known]))
+        if column == "scalar":  # which changes too fast to be held at its ends
+            near &= (time >= time[known].min()) & (time <= time[known].max())
         fresh = [
-            resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
+            interpolate_smoothly(time[near], time[known], v[known])
+            if column == "scalar"
+            else resample(time[known], v[known], time[near], period=PERIODS_DEG.get(column))
             for v in values.T
         ]
         values = values.copy()
         values[near] = np.stack([v for v in fresh if v is not None], axis=1)
     left = int((holes & ~near).sum())
-    if left > _FEW * readings.sum() and not keep_holes:
+    most = 1 - MOST_OF_THE_ROWS if column == "scalar" else _FEW
+    if left > most * readings.sum() and not keep_holes:
         return None, f"left out: missing in {holes.sum()} of {readings.sum()} rows"
     return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
 
@@ -240,3 +288,68 @@ def measure_reach(known: Array, wanted: Array) -> Array:
     after = np.searchsorted(order, wanted)
     sides = [order[np.clip(after + k, 0, len(order) - 1)] for k in (-1, 0)]
     return np.asarray(np.max([np.abs(wanted - side) for side in sides], axis=0))
+
+
+_UNIT = re.compile(r"[(\[{<][^()\[\]{}<>]*[^\W\d][^()\[\]{}<>]*[)\]}>]\s*$")
+_STRONGEST = 1e8
+"""nT. No magnetometer of a vehicle reads more: a documented unit was not kept to."""
+
+
+def state_unit(found: Identified, table: Table) -> Identified:
+    """The columns, those of the field with the unit that a column of units names, if rows agree.
+
+    A unit that a header names goes before it.
+    """
+    column = found.get("unit", {}).get("", {}).get("")
+    named = set() if column is None else {str(u).strip() for u in table[column.header]} - {""}
+    if len(named) != 1:
+        return found
+    try:
+        unit = find_unit(named.pop())
+    except UnitError:
+        return found
+    fields = {
+        sensor: {a: c if c.unit else replace(c, unit=unit) for a, c in axes.items()}
+        for sensor, axes in found.get("field", {}).items()
+    }
+    return {**found, "field": fields}
+
+
+def find_field_unit(
+    axes: Mapping[str, Column], given: str | None, field: Array
+) -> tuple[str, tuple[str, ...]]:
+    """The unit that the headers name, else the given or the documented one, else raw."""
+    units = {column.unit for column in axes.values()}
+    if len(units) > 1:
+        headers = ", ".join(column.header for column in axes.values())
+        raise LogError(f"the axes are in different units ({headers}); give them one")
+    named = units.pop()
+    x, y, z = (axes[axis].header if axis in axes else "" for axis in "xyz")
+    bare = (f"no column is named for a magnetometer: {x}, {y} and {z} are taken as one",)
+    notes = bare if named is None and axes["x"].rank == FALLBACK else ()
+    if named in (None, RAW):
+        if given is not None:
+            return given, notes
+        unknown = named is None and _UNIT.search(x)
+        no = f"the unit of {x!r} is not known" if unknown else "the table names no unit"
+        return RAW, (*notes, f"{no}: the field is left in raw units")
+    if documented := axes["x"].documented:
+        return _choose_documented_unit(named, documented, given, field)
+    if given is not None and find_unit(given) != named:
+        return named, (f"the headers say {named}: the given unit {given} is not used",)
+    return named, ()
+
+
+def _choose_documented_unit(
+    unit: str, name: str, given: str | None, field: Array
+) -> tuple[str, tuple[str, ...]]:
+    """The given unit, else the documented one where readings of that size can be."""
+    if given is not None:
+        return given, (f"{name} documents {unit}: the given unit {given} is used instead",)
+    size = float(np.nanmedian(np.abs(field))) if np.isfinite(field).any() else 0.0
+    if size * nanotesla_per(unit) > _STRONGEST:
+        return RAW, (
+            f"{name} documents {unit}, and readings of {size:.3g} {unit} cannot be: the field is "
+            "left in raw units; give --unit",
+        )
+    return unit, ()

@@ -181,7 +181,9 @@ def read_columns(
             values, remarks = _read_heading(part, group, time, readings)
             columns |= {column: values}
             notes.extend(remarks)
-            if column == "heading_deg" and _of_a_filter(group):
+            if column == "heading_deg" and any(
+                "yaw" in column.header.lower() for column in group.values()
+            ):
                 estimated = True
                 notes.append(YAW)
         elif group and column == "target":
@@ -270,8 +272,3 @@ def _read_quaternion(
             return {}, (f"orientation {gaps}",)
         filled[name] = whole[:, 0]
     return filled, (note,)
-
-
-def _of_a_filter(group: Mapping[str, Column]) -> bool:
-    """Whether a heading is called a yaw, as attitude filters call theirs."""
-    return any("yaw" in column.header.lower() for column in group.values())

@@ -182,7 +182,7 @@ def _get(table: Table, found: Identified, part: str) -> Array | None:
 def read_zone(match: re.Match[str]) -> timedelta:
     """How far a zone that a header names is ahead of UTC.
 
-    >>> from agonic.logs.headers.words import ZONE
+    >>> from agonic.logs.headers.quantities import ZONE
     >>> read_zone(ZONE.search("Date Time, GMT+03:00")).total_seconds() / 3600
     3.0
     """

@@ -44,6 +44,24 @@ def resample(
     return interpolate(wanted, t, v)
 
 
+def interpolate_smoothly(wanted: Array, time: Array, values: Array) -> Array:
+    """Values (n,) at wanted times (m,) within their own (n,), by cubics that meet with one slope.
+
+    Between readings of a field that bends, lines are off by F'' Δt²/8 to one side, which a fit
+    takes for an offset; here an error is of the third order, and noise spreads two readings far.
+
+    Source: Catmull & Rom, "A class of local interpolating splines", 1974.
+
+    >>> interpolate_smoothly(np.array([1.5]), np.arange(4.0), np.arange(4.0) ** 2).tolist()
+    [2.25]
+    """
+    from scipy.interpolate import CubicHermiteSpline  # slow to load
+
+    if len(time) < 3:
+        return interpolate(wanted, time, values)
+    return np.asarray(CubicHermiteSpline(time, values, np.gradient(values, time))(wanted))
+
+
 def find_misplaced(time: ArrayLike) -> Mask:
     """Rows whose time lies outside that of both neighbours although those are in order.
 

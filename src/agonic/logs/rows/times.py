@@ -14,7 +14,7 @@ from agonic.arrays import Array, Mask
 from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, read_clock, spread_ties
 from agonic.logs.headers.columns import FRACTION, Identified
 from agonic.logs.headers.header import Column
-from agonic.logs.headers.words import ZONE
+from agonic.logs.headers.quantities import ZONE
 from agonic.logs.rows.auxiliary import Table, to_numbers
 from agonic.logs.rows.resample import LONGEST_LOG_S, find_misplaced
 from agonic.maths.one_pass import median

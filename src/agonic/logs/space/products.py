@@ -21,14 +21,13 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Log, Stream
+from agonic.logs.rows.auxiliary import MOST_OF_THE_ROWS
 from agonic.logs.table import build_log
 from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.provenance import Input
 from agonic.samples import Samples
 
-MOST_OF_THE_ROWS = 0.5
-"""With the scalar instrument on in so many of the rows, the others are given up for it."""
 SAME = 1e-3
 """nT; a magnitude this near to that of the vector was computed from it."""
 
@@ -110,7 +109,10 @@ def build_spacecraft_log(
         except LogError as error:
             failures.append(f"{name}: {error}")
             continue
-        sensors += [s.with_columns(name=_name_vector(name, s.name)) for s in log.sensors]
+        sensors += [
+            s.with_columns(name=(name if s.name == "mag" else f"{s.name} {name}"))
+            for s in log.sensors
+        ]
     if not sensors:
         raise LogError(f"{'; '.join(failures)}; fetch the file again")
     others = [n for n in variables if n not in {*used, *_vectors(fitting)}]
@@ -132,11 +134,6 @@ def _vectors(variables: Variables) -> list[str]:
         if _VECTOR.fullmatch(name) and values.ndim == 2 and values.shape[1] == 3
     ]
     return sorted(names, key=lambda name: list(FRAMES).index(name.split("_")[1][:3]))
-
-
-def _name_vector(vector: str, label: str) -> str:
-    """The vector's name, after that of its spacecraft where there are several."""
-    return vector if label == "mag" else f"{label} {vector}"
 
 
 def _shared(variables: Variables) -> tuple[dict[str, NDArray[Any]], list[str], set[str]]:

@@ -26,7 +26,12 @@ from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.headers.header import identify_column
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
-from agonic.logs.text.dialects import find_dialect
+from agonic.logs.text.dialects import (
+    build_dialect_log,
+    find_dialect,
+    find_stated_dialect,
+    read_dialect,
+)
 from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LABVIEW,
@@ -35,9 +40,11 @@ from agonic.logs.text.layout import (
     SAMPLE,
     Layout,
     Table,
+    add_stated,
     find_layout,
     is_header,
     sample_lines,
+    scale_columns,
 )
 from agonic.logs.text.long_table import (
     LABEL,
@@ -46,7 +53,13 @@ from agonic.logs.text.long_table import (
     gather_channels,
     name_label,
 )
-from agonic.logs.text.numbers import read_numbers, split_rows
+from agonic.logs.text.numbers import (
+    find_hexadecimal,
+    read_hexadecimal,
+    read_numbers,
+    read_texts,
+    split_rows,
+)
 from agonic.provenance import Input
 
 TableAndFacts = tuple[Table, dict[str, Any]]
@@ -94,12 +107,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     dialect = find_dialect(head, rows)
     said: tuple[str, ...] = ()
     if dialect is None and _most(rows, _TAGGED.match):
-        from agonic.logs.text.kinds import find_stated_dialect
-
         dialect, said = find_stated_dialect(head)
     if dialect is not None:
-        from agonic.logs.text.kinds import build_dialect_log
-
         facts = Facts(
             path=path, source=source, format=dialect.name, unit=unit, notes=(*notes, *said)
         )
@@ -120,8 +129,6 @@ def read_table(path: Path) -> TableAndFacts:
     data, head, notes = _load(path)
     sample = sample_lines(head)
     if dialect := find_dialect(head, [head[i] for i in sample]):
-        from agonic.logs.text.kinds import read_dialect
-
         tables = read_dialect(dialect, _decode(data))
         return next(iter(tables.values())), {"format": dialect.name, "notes": notes}
     table, facts = _read_lines(data, head, sample)
@@ -222,21 +229,14 @@ def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> T
 
         check_title(table, above)
     if head[0].startswith(_GYROFLOW):
-        from agonic.logs.text.layout import scale_columns
-
         table = scale_columns(table, head[1 : layout.start - 1])
-    if _lacks_numbers(table):
+    if any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f"):
         from agonic.logs.text.sanity import check_numbers, cut_at_header
 
         check_numbers(table, data, start, layout)
         table, cut = cut_at_header(table, data, start, layout)
         notes += cut
     return table, {"format": "text table", "others": others, "notes": (*layout.notes, *notes)}
-
-
-def _lacks_numbers(table: Table) -> bool:
-    """Whether a cell of a numeric column is no number."""
-    return any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
 
 
 def _skip_lines(data: Text, count: int) -> int:
@@ -264,14 +264,14 @@ def _read_body(
     table: Table = {}
     coded: list[int] = []
     if np.isnan(values).any():
-        from agonic.logs.text.numbers import find_hexadecimal, read_hexadecimal
-
         of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
         coded = find_hexadecimal(first, of)
-    cells = [layout.split(row) for row in split_rows(data, start)] if texts or coded else []
+    written = [*texts, *coded]
+    found = read_texts(data, start, layout, written) if written else []
+    cells = dict(zip(written, found, strict=True))
     notes: dict[str, None] = {}
     for i, name in wanted.items():
-        column = np.array([row[i] if i < len(row) else "" for row in cells], dtype=object)
+        column = cells.get(i, np.empty(0, dtype=object))
         if i in vectors:
             table |= _take_apart(header[i], column)
         elif i in texts:
@@ -283,8 +283,6 @@ def _read_body(
             table[name] = values[numeric.index(i)]
     others = [h for i, h in enumerate(layout.header) if i not in wanted]
     if layout.unit or layout.rate_Hz is not None:
-        from agonic.logs.text.layout import add_stated
-
         table = add_stated(table, layout)
     return table, others, tuple(notes)
 

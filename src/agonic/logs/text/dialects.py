@@ -1,17 +1,37 @@
 """The dialects of text: rows whose layout their writer documents, and no header tells.
 
 They are `texts` and `groups` in the table of dialects, `dialects.toml`.
+
+Rows of several kinds in one text made into tables, one for each kind.
+
+The columns of a kind stand in the table of dialects; in a comment, `# UncalMag,utcTimeMillis,…`
+(Android GnssLogger), `% Magnetometer data: 'MAGN;AppTimestamp(s);…'` (GetSensorData); or in
+sentences of their own: `$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors in the
+first cell or the second tell: `0.02 MAG 20.1 -3.2 43.0`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise, zip_longest
 from typing import Any, NamedTuple
 
-from agonic.logs.headers.conventions import read_dialects
+import numpy as np
+
+from agonic.arrays import Array
+from agonic.logs.contents import to_number
+from agonic.logs.headers.columns import find_columns, find_quantities
+from agonic.logs.headers.conventions import find_named_quantity, read_dialects
+from agonic.logs.log import Facts, Log
+from agonic.logs.table import build_log
+from agonic.logs.text.layout import Layout, holds_values, is_header, split_cells
+from agonic.logs.text.long_table import BESIDE
+from agonic.logs.text.numbers import read_numbers
+from agonic.samples import Samples
 
 
 class Cell(NamedTuple):
@@ -108,3 +128,212 @@ def name_kind(written: str, dialect: Dialect) -> str:
     """The kind of a row, as the dialect names it."""
     kind = written.strip()
     return kind if kind in dialect.kinds else kind.upper()
+
+
+_STATED = re.compile(r"[#%]\W*(?:[^'\"]*['\"])?([A-Za-z]\w+)([,;])([^'\"]*)")
+_NO_HEADER = "there is no header: rows of {} are taken as {}"
+
+
+Stated = tuple[Dialect | None, tuple[str, ...]]
+
+
+def _make(
+    headers: Mapping[str, Sequence[str]], at: int = 0, separator: str | None = ","
+) -> Dialect:
+    """The dialect of rows whose kind is in the cell `at`, the first or the second."""
+    cell = r"\S*" if separator is None else rf"[^{separator}\n]*"
+    between = r"[^\S\n]+" if separator is None else separator
+    before = rf"(?P<before>{cell}){between}" * at
+    return Dialect(
+        name="tagged text",
+        row=rf"[^\S\n]*{before}(?P<kind>{cell}){between}(?P<cells>.*)",
+        kinds={name: Kind(tuple(map(Cell, header))) for name, header in headers.items()},
+        separator=separator,
+        source="the text itself",
+    )
+
+
+def find_stated_dialect(head: Sequence[str]) -> Stated:
+    """The dialect that the first lines of a text show, if any, and notes."""
+    if any(line.startswith("$COL,") for line in head):
+        return _make(find_stated_columns(head)), ()
+    rows = [line for line in head if holds_values(line)]
+    if commented := _find_commented(head, rows):
+        return commented, ()
+    return _find_named(rows)
+
+
+def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
+    """Those whose headers are in comments."""
+    stated = [found for line in head if (found := _STATED.match(line))]
+    for separator in (",", ";"):
+        first: dict[str, str] = {}
+        for row in rows:
+            first.setdefault(row.partition(separator)[0], row)
+        headers = {}
+        for found in stated:
+            names = [name.strip() for name in found[3].split(separator)]
+            if found[2] == separator and len(names) > 2:
+                headers[found[1]] = (
+                    [name for name in names if name]
+                    if len(names) > first.get(found[1], "").count(separator)
+                    else names
+                )
+        begun = headers.keys() & first
+        if len(begun) > 1 or (begun and (len(headers) > 1 or first.keys() <= begun)):
+            return _make(headers, separator=separator)
+    return None
+
+
+def _find_named(rows: Sequence[str]) -> Stated:
+    """Those that are named for sensors, without a header.
+
+    >>> dialect, _ = _find_named(["0.1 MAG 20 1 43", "0.1 ACC 0.1 0.2 9.8", "0.3 MAG 21 0 43"])
+    >>> [[cell.header for cell in kind.cells] for kind in dialect.kinds.values()]
+    [['time', 'MAG x', 'MAG y', 'MAG z'], ['time', 'ACC x', 'ACC y', 'ACC z']]
+    """
+    for separator, at in ((s, at) for s in (";", ",", "\t", None) for at in (0, 1)):
+        kinds: dict[str, list[list[str]]] = defaultdict(list)
+        for row in rows:
+            cells = split_cells(row, separator)
+            if at < len(cells) and cells[at][:1].isalpha():
+                kinds[cells[at]].append(cells[:at] + cells[at + 1 :])
+        known = {name: find_named_quantity(name) for name in kinds}
+        if "field" not in known.values() or is_header(kinds[next(iter(kinds))][0]):
+            continue
+        headers = {
+            name: _name_cells(name, kinds[name])
+            for name, quantity in known.items()
+            if quantity in ("field", *BESIDE)
+        }
+        told = {name: header for name, header in headers.items() if header}
+        field = next((name for name in told if known[name] == "field"), None)
+        if field is not None:
+            words = ", ".join(name for name in told[field] if name)
+            return _make(told, at, separator), (_NO_HEADER.format(", ".join(told), words),)
+    return None, ()
+
+
+def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:
+    """A header for rows of a kind: clocks first, three axes, and behind them what never changes;
+    nothing where that is not what they are."""
+    width = min(map(len, rows))
+    columns = [[row[k] for row in rows] for k in range(width)]
+    clocks = next((k for k in range(width - 3) if not _grows(columns[k])), max(width - 3, 0))
+    behind = columns[clocks + 3 :]
+    if width < 3 or any(len(set(column)) > 1 for column in behind):
+        return []
+    axes = [f"{kind} {axis}" for axis in "xyz"]
+    return [*["time"][:clocks], *[""] * (clocks - 1), *axes, *[""] * len(behind)]
+
+
+def _grows(cells: Sequence[str]) -> bool:
+    """Whether each is more than the one before, as of a clock."""
+    return all(before < after for before, after in pairwise(map(to_number, cells)))
+
+
+def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
+    """The headers of sentences whose columns and units are stated before them, as FlySight does.
+
+    >>> find_stated_columns(["$COL,MAG,time,x,y,z", "$UNIT,MAG,s,gauss,gauss,gauss", "$DATA"])
+    {'$MAG': ['time (s)', 'MAG x (gauss)', 'MAG y (gauss)', 'MAG z (gauss)']}
+    """
+    stated: dict[str, dict[str, list[str]]] = {"$COL": {}, "$UNIT": {}}
+    for line in lines:
+        what, *cells = (cell.strip() for cell in line.split(","))
+        if what in stated and len(cells) > 1:
+            stated[what][cells[0]] = cells[1:]
+    headers = {}
+    for kind, names in stated["$COL"].items():
+        units = stated["$UNIT"].get(kind, [])
+        spelled = (f"{kind} {name}" if name in ("x", "y", "z") else name for name in names)
+        headers[f"${kind}"] = [
+            f"{name} ({unit})" if unit else name
+            for name, unit in zip_longest(spelled, units[: len(names)], fillvalue="")
+        ]
+    return headers
+
+
+Table = dict[str, Array]
+
+
+def read_dialect(dialect: Dialect, text: str) -> dict[str, Table]:
+    """The columns of each kind of rows that a text has."""
+    read = _read_pairs if dialect.pair else _read_in_order
+    return {
+        name: read(dialect, dialect.kinds[name], rows)
+        for name, rows in _split_by_kind(dialect, text).items()
+        if name in dialect.kinds
+    }
+
+
+def _split_by_kind(dialect: Dialect, text: str) -> dict[str, list[str]]:
+    """The cells of the rows of each kind, those before the kind first."""
+    pattern = re.compile(f"^(?:{dialect.row})", re.MULTILINE)
+    groups, rows = pattern.groupindex, pattern.findall(text)
+    if len(groups) == 1:
+        return {"": rows}
+    kind, before, cells = (groups.get(part, 0) - 1 for part in ("kind", "before", "cells"))
+    between = dialect.separator or " "
+    found: dict[str, list[str]] = defaultdict(list)
+    for row in rows:
+        written = row[cells] if before < 0 else f"{row[before]}{between}{row[cells]}"
+        found["" if kind < 0 else row[kind]].append(written)
+    return {name_kind(name, dialect): some for name, some in found.items()}
+
+
+def _read_in_order(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
+    """The columns of cells in a known order."""
+    headers = [cell.header for cell in kind.cells]
+    wanted = find_columns(headers)
+    layout = Layout(separator=dialect.separator, header=headers, start=0, width=len(headers))
+    values = read_numbers("\n".join(rows).encode(), 0, layout, list(wanted))
+    return {
+        header: column / kind.cells[at].counts
+        for (at, header), column in zip(wanted.items(), values, strict=True)
+    }
+
+
+def _read_pairs(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
+    """The columns of cells that are named."""
+    return name_cells(kind, [dict(re.findall(dialect.pair, row)) for row in rows])
+
+
+def name_cells(kind: Kind, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """The columns of rows of a kind that name their cells; what none has is left out."""
+    columns = {
+        cell.header: np.array([to_number(row.get(cell.theirs, "")) for row in rows]) / cell.counts
+        for cell in kind.cells
+    }
+    return {header: values for header, values in columns.items() if np.isfinite(values).any()}
+
+
+def build_dialect_log(dialect: Dialect, text: str, facts: Facts) -> Log:
+    """The log that rows of a dialect are."""
+    return build_kinds_log(read_dialect(dialect, text), dialect.kinds, facts)
+
+
+def build_kinds_log(tables: Mapping[str, Table], kinds: Mapping[str, Kind], facts: Facts) -> Log:
+    """The log that tables of several kinds are, by their names; one without a name is alone."""
+    if "" in tables:
+        log = build_log(tables[""], **facts)
+    else:
+        from agonic.logs.groups import build_groups_log
+
+        others = [
+            n for n, table in tables.items() if {*find_quantities(table).values()} <= {"time"}
+        ]
+        groups = {name.lstrip("$"): table for name, table in tables.items() if name not in others}
+        facts["others"] = others
+        log = build_groups_log(groups, **facts)
+    return replace(log, sensors=tuple(_mark(one, kinds) for one in log.sensors))
+
+
+def _mark(samples: Samples, kinds: Mapping[str, Kind]) -> Samples:
+    kind = kinds.get(samples.name.partition(" ")[0])
+    return samples if kind is None else mark_corrected(samples, kind.corrected)
+
+
+def mark_corrected(samples: Samples, how: str) -> Samples:
+    """The readings, with a note on how their writer had corrected them, if it had."""
+    return replace(samples, corrected=True, notes=(*samples.notes, how)) if how else samples

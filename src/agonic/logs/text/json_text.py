@@ -21,8 +21,7 @@ from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
 from agonic.logs.log import Facts, Log
-from agonic.logs.text.dialects import Cell, Kind, find_group
-from agonic.logs.text.kinds import build_kinds_log, name_cells
+from agonic.logs.text.dialects import Cell, Kind, build_kinds_log, find_group, name_cells
 from agonic.logs.text.layout import SAMPLE
 from agonic.logs.text.long_table import build_tables_log, name_label
 from agonic.provenance import Input

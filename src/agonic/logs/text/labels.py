@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from agonic.logs.headers.columns import find_quantities
 from agonic.logs.headers.header import identify_column, is_unit
-from agonic.logs.headers.words import FALLBACK
+from agonic.logs.headers.quantities import FALLBACK
 from agonic.logs.text.json_text import make_table
 from agonic.logs.text.layout import NUMBER, SAMPLE, STAMP
 
@@ -70,13 +70,13 @@ def read_echo(rows: Iterable[str]) -> Iterator[dict[str, object]]:
             within = [*within, (indent, line["key"])][:_MOST_WITHIN]
             continue
         name = ".".join([*(key for _, key in within), line["key"]])
-        message[name] = _read_list(value) if value.startswith("[") else value.strip("\"'")
+        message[name] = (
+            [cell.strip() for cell in value[:1000].strip("[] ").split(",")]
+            if value.startswith("[")
+            else value.strip("\"'")
+        )
     if message:
         yield message
-
-
-def _read_list(value: str) -> list[str]:
-    return [cell.strip() for cell in value[:1000].strip("[] ").split(",")]
 
 
 _LABEL = re.compile(

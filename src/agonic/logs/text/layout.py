@@ -25,7 +25,7 @@ from agonic.errors import LogError, UnitError
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import find_quantities, refuse_many
 from agonic.logs.headers.header import identify_column
-from agonic.logs.headers.words import AMBIGUOUS
+from agonic.logs.headers.quantities import AMBIGUOUS
 from agonic.units import find_unit
 
 _SCALES = {

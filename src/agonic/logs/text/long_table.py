@@ -20,7 +20,7 @@ from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import find_quantities, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.headers.header import identify_column
-from agonic.logs.headers.words import FALLBACK
+from agonic.logs.headers.quantities import FALLBACK
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
 

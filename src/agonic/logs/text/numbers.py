@@ -136,30 +136,63 @@ def _import_arrow() -> Any:
     return pyarrow
 
 
-def _read_by_arrow(
-    arrow: Any, body: bytes | memoryview, layout: Layout, columns: Sequence[int]
-) -> Array | None:
-    """The numbers in clean rows; `None` where a row or a cell is not."""
+def read_texts(
+    data: Text, start: int, layout: Layout, columns: Sequence[int]
+) -> list[NDArray[np.object_]]:
+    """The cells of the given columns as texts, "" where there is none."""
+    arrow = _import_arrow() if len(data) > _LONG and layout.separator and not layout.comma else None
+    if arrow is not None:
+        body = memoryview(data)[start:]
+        if (table := _parse_by_arrow(arrow, body, layout, columns, arrow.string())) is not None:
+            return list(map(_decode_texts, table.columns))
+    cells = [layout.split(row) for row in split_rows(data, start)]
+    return [
+        np.array([row[at] if at < len(row) else "" for row in cells], dtype=object)
+        for at in columns
+    ]
+
+
+def _decode_texts(column: Any) -> NDArray[np.object_]:
+    """A column of pyarrow as Python's texts, each made once."""
+    whole = column.combine_chunks().dictionary_encode()
+    texts = np.array([text.strip() for text in whole.dictionary.to_pylist()], dtype=object)
+    return np.asarray(texts[whole.indices.to_numpy()])
+
+
+def _parse_by_arrow(
+    arrow: Any, body: bytes | memoryview, layout: Layout, columns: Sequence[int], kind: Any
+) -> Any:
+    """The cells of clean rows as a table of one kind; `None` where a row or a cell is not."""
     names = [str(at) for at in range(max(layout.width, len(layout.header)))]
     wanted = [names[at] for at in columns]
     try:
-        table = arrow.csv.read_csv(
+        return arrow.csv.read_csv(
             arrow.BufferReader(arrow.py_buffer(body)),
             read_options=arrow.csv.ReadOptions(column_names=names, block_size=_BLOCK),
             parse_options=arrow.csv.ParseOptions(delimiter=layout.separator),
             convert_options=arrow.csv.ConvertOptions(
                 include_columns=wanted,
-                column_types=dict.fromkeys(wanted, arrow.float64()),
+                column_types=dict.fromkeys(wanted, kind),
                 decimal_point="," if layout.comma else ".",
             ),
         )
     except (arrow.ArrowInvalid, arrow.ArrowKeyError):
         return None
+
+
+def _read_by_arrow(
+    arrow: Any, body: bytes | memoryview, layout: Layout, columns: Sequence[int]
+) -> Array | None:
+    """The numbers in clean rows; `None` where a row or a cell is not."""
+    table = _parse_by_arrow(arrow, body, layout, columns, arrow.float64())
+    if table is None:
+        return None
     values = np.empty((len(columns), table.num_rows))
     for row, column in zip(values, table.columns, strict=True):
         start = 0
         for chunk in column.chunks:
-            row[start : start + len(chunk)] = chunk.to_numpy(zero_copy_only=False)
+            filled = chunk.fill_null(math.nan) if chunk.null_count else chunk
+            row[start : start + len(chunk)] = np.from_dlpack(filled)  # to_numpy imports pandas
             start += len(chunk)
     return values
 

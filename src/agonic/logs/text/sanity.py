@@ -20,7 +20,7 @@ from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import find_quantities, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
-from agonic.logs.headers.words import FALLBACK
+from agonic.logs.headers.quantities import FALLBACK
 from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import (
     LABVIEW,

@@ -28,8 +28,7 @@ from agonic.logs.log import Log
 from agonic.logs.rows.auxiliary import PERIODS_DEG
 from agonic.logs.rows.resample import resample
 from agonic.logs.table import build_log
-from agonic.logs.text.dialects import find_group
-from agonic.logs.text.kinds import mark_corrected
+from agonic.logs.text.dialects import find_group, mark_corrected
 from agonic.logs.text.layout import Table
 from agonic.provenance import Input
 from agonic.units import DAY_S

@@ -106,9 +106,9 @@ def magnitude_residual(
     H = Wᵀ(I − ûûᵀ)W/|u|; on a sphere this is the familiar σ²/F. Without it the error of the fit
     stops shrinking at some tens of thousands of samples.
 
-    Parameters: raw (n, 3), bias (3,), matrix (3, 3), magnitude (n,) or scalar, noise_sd in raw
-    units. Returns r (n,) in raw units and its Jacobian (n, 12), (n, 0) where it was not to
-    `differentiate`.
+    Parameters: raw (n, 3), bias (3,), matrix (3, 3) or one for each reading (n, 3, 3), magnitude
+    (n,) or scalar, noise_sd in raw units. Returns r (n,) in raw units and its Jacobian (n, 12),
+    (n, 0) where it was not to `differentiate`.
     """
     d, u = _correct_by_component(raw, bias, matrix)
     size = np.maximum(np.sqrt(_dot(u, u)), np.finfo(float).tiny)
@@ -118,7 +118,8 @@ def magnitude_residual(
         return (v - unit * _dot(unit, v)) / size
 
     def trace() -> Array:
-        return np.asarray((np.sum(matrix**2) - _square(matrix.T @ unit)) / size)
+        turned = _apply(np.swapaxes(matrix, -1, -2), unit)
+        return np.asarray((np.sum(matrix**2, axis=(-2, -1)) - _square(turned)) / size)
 
     g = size - magnitude
     return _distance(d, matrix, g, unit, bent, trace, noise_sd, None, differentiate)
@@ -238,7 +239,14 @@ def _make_angle(
 def _correct_by_component(raw: Array, bias: Array, matrix: Array) -> tuple[Array, Array]:
     """d = raw − bias and u = W d, (3, n): component by component, for long inner loops."""
     d = np.subtract(raw.T, np.atleast_2d(bias).T, order="C")
-    return d, matrix @ d
+    return d, _apply(matrix, d)
+
+
+def _apply(matrix: Array, vectors: Array) -> Array:
+    """W v of vectors (3, n), by one matrix (3, 3) or each by its own (n, 3, 3)."""
+    if matrix.ndim == 2:
+        return matrix @ vectors
+    return np.asarray(np.einsum("nij,jn->in", matrix, vectors))
 
 
 def _distance(
@@ -259,7 +267,8 @@ def _distance(
 
         r = g/|s|,   a = (e − r G W n)/|s|,   ∂r/∂bias = −Wᵀa,   ∂r/∂W = a dᵀ − (r/|s|) e nᵀ
     """
-    s = matrix.T @ e
+    back = np.swapaxes(matrix, -1, -2)
+    s = _apply(back, e)
     gradient = np.sqrt(_dot(s, s))
     r, scale, power = g / gradient, 1.0 / gradient, 1.0
     if angle is not None:
@@ -268,13 +277,13 @@ def _distance(
     if not differentiate and not noise_sd:
         return r, np.empty((d.shape[1], 0))
     normal = s / gradient
-    turned = matrix @ normal
+    turned = _apply(matrix, normal)
     across = bent(turned)
     a = e * scale - across * (power * r / gradient)
     if angle is not None:
         a += angle.gradient * r
     jacobian = np.empty((12, d.shape[1]))
-    np.matmul(-matrix.T, a, out=jacobian[:3])
+    np.negative(_apply(back, a), out=jacobian[:3])
     tilt = e * (power * r / gradient)
     entries = jacobian[3:].reshape(3, 3, -1)
     np.multiply(a[:, None], d[None], out=entries)

@@ -32,22 +32,25 @@ def vertical_misfit(
     turns: Array,
     weights: Array | None = None,
     *,
+    vertical: Array | None = None,
     centred: bool = False,
     talk: float = 0.0,
 ) -> Array:
-    """How badly the vertical field is constant for each mounting, (k,), rms over all readings.
+    """How badly the vertical field is that of the place for each mounting, (k,), rms over all
+    readings.
 
     The vertical component of the field is Z = d·R W (raw − bias), so with one gain g
 
         d·R raw = d·b + Z/g,
 
-    linear in b and Z/g; the misfit is what this leaves. It is a quadratic form of R in the products
+    linear in b and 1/g; the misfit is what this leaves. It is a quadratic form of R in the products
     d_i raw_j, so their moments are taken once for all mountings. R and −R leave the same: the sign
-    of Z is free.
+    of 1/g is free.
 
     Parameters: readings (n, 3), down (n, 3) in body axes, turns (k, 3, 3) from sensor to body axes,
-    weights (n,) of the readings; `centred` where they are calibrated, so that b is 0. With `talk`,
-    which belongs to readings of unit size, W may differ from g: the misfit is the least of
+    weights (n,) of the readings; `vertical` field Z (n,) where it changes along the way, else it is
+    constant; `centred` where they are calibrated, so that b is 0. With `talk`, which belongs to
+    readings of unit size, W may differ from g: the misfit is the least of
     (misfit² with R + A) + talk² |A|², where |A| is the root of the sum of squares.
     """
     n = len(readings)
@@ -55,6 +58,8 @@ def vertical_misfit(
     seen = readings if centred else readings - readings.mean(axis=0)
     products = (down[:, :, None] * seen[:, None, :]).reshape(n, 9)
     columns = [products, np.ones(n)] if centred else [products, down, np.ones(n)]
+    if vertical is not None and len(vertical) > 1:
+        columns.append(vertical)
     table = np.column_stack(columns)
     gram = (table * weights[:, None]).T @ table / weights.sum()
     among, across, known = gram[:9, :9], gram[:9, 9:], gram[9:, 9:]

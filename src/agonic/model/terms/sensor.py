@@ -6,7 +6,7 @@ from __future__ import annotations
 from math import factorial, prod
 
 import numpy as np
-from numpy.polynomial.legendre import legval
+from numpy.polynomial.legendre import legvander
 
 from agonic.arrays import Array
 from agonic.maths.one_pass import find_length
@@ -51,7 +51,7 @@ def harmonics(unit: Array, last: int) -> Array:
 def by_direction(seen: Seen) -> Errors:
     """The magnitude is off by harmonics of the field's direction in the sensor."""
     last = DEGREES[1] if seen.total >= FEW_ROWS else FEW_DEGREES
-    return Errors(harmonics(seen.unit, last)[:, None] * seen.unit.T, apart=False)
+    return Errors(harmonics(seen.unit, last)[:, None], apart=False, way=seen.unit.T)
 
 
 DIRECTION = (
@@ -79,8 +79,8 @@ FEWEST_ROWS = 50
 
 def bend(seen: Seen) -> Errors:
     """Every axis bends by itself: Legendre polynomials of its reading over the largest."""
-    x = np.clip(seen.x.T / seen.reach, -1.0, 1.0)
-    return Errors(np.stack([legval(x, np.eye(6)[j]) / (j + 1) for j in ORDERS]))
+    each = legvander(np.clip(seen.x.T / seen.reach, -1.0, 1.0), ORDERS[-1])
+    return Errors(np.stack([each[..., j] / (j + 1) for j in ORDERS]))
 
 
 def compress(seen: Seen) -> Errors:

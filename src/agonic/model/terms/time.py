@@ -13,8 +13,12 @@ ROWS_PER_COSINE = 20
 
 
 def _cosines(seen: Seen, most: int) -> Array:
-    order = np.arange(1, max(min(most, len(seen.time) // ROWS_PER_COSINE), 1) + 1)[:, None]
-    return np.asarray(np.cos(np.pi * order * seen.time) / order)
+    count = max(min(most, len(seen.time) // ROWS_PER_COSINE), 1)
+    found = np.ones((count + 1, len(seen.time)))
+    found[1] = np.cos(np.pi * seen.time)
+    for j in range(2, count + 1):  # cos jθ = 2 cos θ cos (j − 1)θ − cos (j − 2)θ
+        found[j] = 2.0 * found[1] * found[j - 1] - found[j - 2]
+    return found[1:] / np.arange(1, count + 1)[:, None]
 
 
 def bias_drift(seen: Seen) -> Errors:
@@ -29,7 +33,7 @@ def gain_drift(seen: Seen) -> Errors:
 
 def field_change(seen: Seen) -> Errors:
     """The magnitude of the field walks."""
-    return Errors(_cosines(seen, COSINES["field"])[:, None] * seen.unit.T, apart=False)
+    return Errors(_cosines(seen, COSINES["field"])[:, None], apart=False, way=seen.unit.T)
 
 
 def alternation(seen: Seen) -> Errors:

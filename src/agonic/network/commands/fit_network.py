@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import (
     Between,
@@ -29,48 +27,38 @@ def network(
     log: LogPath,
     reference: KnownField = None,
     out: Out = None,
-    hidden: Annotated[
-        str, typer.Option(metavar="NODES", help="Nodes of the hidden layer; 5,3: of two layers.")
-    ] = "3",
-    inputs: Annotated[
-        str,
-        typer.Option(
-            metavar="NAMES",
-            help="What goes in: field, temperature, temperature_rate, current_A, throttle, second, "
-            "or any column such as motor1_duty.",
-        ),
-    ] = "field",
-    base: Annotated[
-        str, typer.Option(metavar="CAL", help="Calibration under it: a file, affine, or none.")
-    ] = "affine",
-    target: Annotated[
-        str | None,
-        typer.Option(help="vector, or magnitude; default: vector where the attitude is known."),
-    ] = None,
-    stopping: Annotated[
-        str, typer.Option(help="Against overfitting: bayesian, early or plain.")
-    ] = "bayesian",
-    select: Annotated[
-        bool, typer.Option("--select", help="Make the table of 7 to 2 hidden nodes, and choose.")
-    ] = False,
-    compare: Annotated[
-        bool, typer.Option("--compare", help="Train it by gradient descent as well, to compare.")
-    ] = False,
-    figure: Annotated[
-        Path | None,
-        typer.Option(metavar="SVG", help="Chart of training or table; needs agonic[plot]."),
-    ] = None,
+    hidden: str = "3",
+    inputs: str = "field",
+    base: str = "affine",
+    target: str | None = None,
+    stopping: str = "bayesian",
+    select: bool = False,
+    compare: bool = False,
+    figure: Path | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     robust: Robust = True,
-    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
+    seed: int = 0,
     between: Between = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="HTML", help="Page to write about the fit.")
-    ] = None,
+    report: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """A network where no affine calibration is enough; it is written only where it is better."""
+    """A network where no affine calibration is enough; it is written only where it is better.
+
+    Options
+    -------
+    hidden NODES : Nodes of the hidden layer; 5,3: of two layers.
+    inputs NAMES : What goes in: field, temperature, temperature_rate, current_A, throttle, second,
+        or any column such as motor1_duty.
+    base CAL : Calibration under it: a file, affine, or none.
+    target : vector, or magnitude; default: vector where the attitude is known.
+    stopping : Against overfitting: bayesian, early or plain.
+    select --select : Make the table of 7 to 2 hidden nodes, and choose.
+    compare --compare : Train it by gradient descent as well, to compare.
+    figure SVG : Chart of training or table; needs agonic[plot].
+    seed : Seed of the random starts.
+    report HTML : Page to write about the fit.
+    """
     from agonic.atomic import write_atomically
     from agonic.console.finish import finish
     from agonic.console.progress import progress

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Json, KnownField, LogPath, Out, Place, SensorChoice
 from agonic.console.parse import parse_names, parse_nodes
@@ -23,47 +21,19 @@ SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 def retrain(
     log: LogPath,
-    window: Annotated[
-        str | None,
-        typer.Option(metavar="SPAN", help="What a training sees: 90min, 15s, or 3000 readings."),
-    ] = None,
-    every: Annotated[
-        str | None,
-        typer.Option(metavar="SPAN", help="From one retraining to the next; default: a window."),
-    ] = None,
-    state: Annotated[
-        Path | None,
-        typer.Option(metavar="STATE", help="File to resume from, and to keep the result in."),
-    ] = None,
-    ground: Annotated[
-        Path | None, typer.Option(metavar="CAL", help="Calibration to start from.")
-    ] = None,
+    window: str | None = None,
+    every: str | None = None,
+    state: Path | None = None,
+    ground: Path | None = None,
     out: Out = None,
     reference: KnownField = None,
-    hidden: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NODES",
-            help="Nodes of a network where there is none yet, as 3, or 5,3 in two layers; "
-            "default: 3.",
-        ),
-    ] = None,
-    inputs: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Its inputs; default: field.")
-    ] = None,
-    target: Annotated[
-        str | None,
-        typer.Option(help="vector, or magnitude; default: vector where the attitude is known."),
-    ] = None,
-    alarm: Annotated[
-        float | None,
-        typer.Option(help="Alarm threshold for a lasting change; 0: off; default: 10."),
-    ] = None,
+    hidden: str | None = None,
+    inputs: str | None = None,
+    target: str | None = None,
+    alarm: float | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="HTML", help="Page to write about the log.")
-    ] = None,
+    report: Path | None = None,
     as_json: Json = False,
 ) -> int:
     """Keep a network up to date in orbit or in use: retrained periodically, and after a change.
@@ -72,6 +42,19 @@ def retrain(
     Readings that were seen before, or are flagged, are skipped. Exit status 1 where the last
     retraining was rejected because of its readings, a change is not learned yet, or nothing is
     trained.
+
+    Options
+    -------
+    window SPAN : What a training sees: 90min, 15s, or 3000 readings.
+    every SPAN : From one retraining to the next; default: a window.
+    state STATE : File to resume from, and to keep the result in.
+    ground CAL : Calibration to start from.
+    hidden NODES : Nodes of a network where there is none yet, as 3, or 5,3 in two layers; default:
+        3.
+    inputs NAMES : Its inputs; default: field.
+    target : vector, or magnitude; default: vector where the attitude is known.
+    alarm : Alarm threshold for a lasting change; 0: off; default: 10.
+    report HTML : Page to write about the log.
     """
     from agonic.console.finish import finish
     from agonic.network.commands.fit_network import _known

@@ -13,9 +13,8 @@ from agonic.errors import AgonicError
 from agonic.health import Finding, figure, inspect, sort_findings
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.network import Nodes
-from agonic.network.fit.problem import Problem, compute_errors, pose_problem
+from agonic.network.fit.problem import Base, Problem, Settings, Target, compute_errors, pose_problem
 from agonic.network.fit.result import WORTH, Comparison, Errors, NetworkFit
-from agonic.network.fit.settings import Base, Settings, Target
 from agonic.network.fit.solve import Training, correlate, number_blocks, train
 from agonic.network.maths.levenberg_marquardt import Stopping
 from agonic.reference import Reference

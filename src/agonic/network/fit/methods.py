@@ -11,8 +11,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.equation import network
-from agonic.network.fit.problem import pose_problem
-from agonic.network.fit.settings import Settings
+from agonic.network.fit.problem import Settings, pose_problem
 from agonic.network.fit.solve import scale_problem
 from agonic.network.maths import levenberg_marquardt
 from agonic.network.maths.levenberg_marquardt import Problem

@@ -2,24 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import measure_width, stack_inputs
+from agonic.calibration.inputs import check_inputs, measure_width, stack_inputs
+from agonic.calibration.network import require_nodes
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.timing import restore
-from agonic.errors import AgonicError, CoverageError, FrameError, LogError
+from agonic.errors import AgonicError, CoverageError, FrameError, LogError, check_choice
 from agonic.health import find_usable_rows
-from agonic.maths.equation.network import Shape
+from agonic.maths.equation.network import Nodes, Shape
 from agonic.maths.estimation.series import compute_rates
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.network.fit.base import BaseFit, Ends, fit_magnitudes, fit_vectors
-from agonic.network.fit.settings import Settings, Target
+from agonic.network.maths.levenberg_marquardt import Stopping
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+Target = Literal["vector", "magnitude"]
+Base = Affine | Thermal | Literal["affine"] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a training; see `fit_network`."""
+
+    hidden: Nodes = 3
+    inputs: tuple[str, ...] = ("field",)
+    base: Base = "affine"
+    target: Target = "vector"
+    stopping: Stopping = "bayesian"
+    robust: bool = True
+    restarts: int = 4
+    most_epochs: int = 300
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_choice("target", self.target, get_args(Target))
+        check_choice("stopping", self.stopping, get_args(Stopping))
+        object.__setattr__(self, "inputs", tuple(self.inputs))
+        object.__setattr__(self, "hidden", require_nodes(self.hidden))
+        check_inputs(self.inputs)
+        if not (self.base is None or isinstance(self.base, Affine | Thermal | str)):
+            raise AgonicError(
+                f"base is a {type(self.base).__name__}; give an Affine, an Interference or a "
+                'Thermal, "affine" to fit one, or None'
+            )
+        if isinstance(self.base, str):
+            check_choice("base", self.base, ("affine",))
+        if self.base is None and self.target == "magnitude":
+            raise AgonicError(
+                'target="magnitude" determines a length and no direction, so it needs a base'
+            )
+        for name in ("restarts", "most_epochs"):
+            if getattr(self, name) < 1:
+                raise AgonicError(f"{name} is {getattr(self, name)}; it must be at least 1")
+
+    def to_record(self) -> Mapping[str, Any]:
+        """The settings for the provenance."""
+        base = self.base if isinstance(self.base, str | None) else self.base.kind
+        return {
+            "fit": "network",
+            **vars(self),
+            "hidden": self.hidden if isinstance(self.hidden, int) else list(self.hidden),
+            "inputs": list(self.inputs),
+            "base": base,
+        }
+
 
 FEWEST = 40
 PER_WEIGHT = 1.0

@@ -10,7 +10,7 @@ from agonic.arrays import Array
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, Method, NetworkFit
 from agonic.network.fit.methods import GOAL
-from agonic.report.axes import BINS, Axis, Columns, down, right
+from agonic.report.axes import BINS, Axis, Columns, along_rows, along_time, down, right
 from agonic.report.markup import Markup
 from agonic.report.strips import (
     arrows,
@@ -24,7 +24,6 @@ from agonic.report.strips import (
     robust_limit,
     spread,
 )
-from agonic.report.time_axis import along_rows, along_time
 
 METHODS = ("training", "descent", "adaptive")
 """Classes of the curves, in the order of `compare_methods`."""

@@ -21,7 +21,7 @@ from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.levelled import fit_levelled, fit_vector
-from agonic.attitude.settings import Settings
+from agonic.attitude.problem import Settings
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import describe_sources
 from agonic.ellipsoid import (

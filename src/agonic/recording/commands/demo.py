@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from agonic.console.options import Json
 
 
 def demo(
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")
-    ] = Path("agonic-demo"),
-    seed: Annotated[int, typer.Option(help="Another seed, another sensor.")] = 1,
+    out: Path = Path("agonic-demo"),
+    seed: int = 1,
     as_json: Json = False,
 ) -> int:
-    """Simulate a hand-turned sensor with outliers, calibrate it, and compare with the truth."""
+    """Simulate a hand-turned sensor with outliers, calibrate it, and compare with the truth.
+
+    Options
+    -------
+    out -o DIR : Folder to write to.
+    seed : Another seed, another sensor.
+    """
     from dataclasses import replace
 
     from agonic import simulation

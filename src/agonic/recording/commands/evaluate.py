@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Between, Json, LogPath, Place, Report, SensorChoice
 
@@ -16,21 +14,10 @@ if TYPE_CHECKING:
 
 def evaluate(
     log: LogPath,
-    truth: Annotated[
-        Path | None,
-        typer.Option(
-            "--truth",
-            metavar="FILE",
-            help="Another record of the heading: a log, or a table with time_s, heading_deg and "
-            "perhaps roll_deg, pitch_deg, by the clock of the log.",
-        ),
-    ] = None,
+    truth: Path | None = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
-    method: Annotated[
-        str,
-        typer.Option(help="auto (by what the log holds), ellipsoid, levelled, inertial or vector."),
-    ] = "auto",
+    method: str = "auto",
     between: Between = None,
     report: Report = None,
     as_json: Json = False,
@@ -40,6 +27,12 @@ def evaluate(
     Found errors are compared with the stated ones, and with those of the readings as recorded. The
     heading is compared with that of --truth, or with an independent one in the log. Exit status 1
     where the calibration is refused or doubtful, or errors are larger than stated.
+
+    Options
+    -------
+    truth FILE : Another record of the heading: a log, or a table with time_s, heading_deg and
+        perhaps roll_deg, pitch_deg, by the clock of the log.
+    method : auto (by what the log holds), ellipsoid, levelled, inertial or vector.
     """
     from agonic.console.finish import finish
     from agonic.console.progress import progress

@@ -15,6 +15,7 @@ from agonic.console.options import (
     Out,
     Place,
     Robust,
+    ScalarChoice,
     SensorChoice,
     Sources,
 )
@@ -23,6 +24,7 @@ from agonic.console.sensors import choose_name, open_sensor, open_sensors
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
+    from agonic.console.place import Beside
     from agonic.recording.calibrated import Calibrated
     from agonic.samples import Samples
 
@@ -56,6 +58,7 @@ def ellipsoid(
     out: Out = None,
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
+    scalar: ScalarChoice = ScalarChoice(),
     model: Annotated[str, typer.Option(help="auto, sphere, diagonal or full.")] = "auto",
     method: Annotated[
         str, typer.Option(help="likelihood, adjusted, li-griffiths or linear.")
@@ -67,16 +70,18 @@ def ellipsoid(
     as_json: Json = False,
 ) -> int:
     """Bias and matrix from the magnitude alone."""
+    from agonic.console.place import open_beside_scalar
     from agonic.recording.each_sensor import calibrate_mission, open_missions
 
     settings = {"model": model, "method": method, "gauge": gauge, "robust": robust}
     settings["soft_iron_sd"] = soft_iron_sd or None
-    long = open_missions(log, *which, {"--between": between})
+    long = open_missions(log, *which, {"--between": between, "--scalar": scalar.column})
     if long:
         choose_name(one.sensor for one in long)
         return _finish(calibrate_mission(long[0], place, **settings), out, as_json)
-    samples = open_sensor(log, *which, between)
-    return _run("ellipsoid", samples, place, settings, out, as_json)
+    with open_beside_scalar(scalar) as beside:
+        samples = open_sensor(log, *which, between)
+    return _run("ellipsoid", samples, place, settings, out, as_json, beside)
 
 
 def aided(
@@ -161,12 +166,16 @@ def _run(
     settings: dict[str, Any],
     out: Path | None,
     as_json: bool,
+    beside: Beside | None = None,
 ) -> int:
     """Fit, verify, write, and say so."""
     from agonic.console.place import find_reference
     from agonic.recording.calibrated import calibrate_as_named
 
     reference, of_place = find_reference(samples, *place)
+    if beside is not None:
+        given = place.at is not None or place.field is not None
+        samples, reference = beside.refer(samples, reference, given=given)
     result = calibrate_as_named(samples, reference, kind=kind, **settings, **of_place)  # type: ignore[arg-type]
     return _finish(result, out, as_json)
 

@@ -14,14 +14,13 @@ from agonic.health import sentences
 from agonic.readable import make_record
 from agonic.recording.evaluation.cross_validation import Evaluation, Measure
 from agonic.recording.evaluation.errors import HEADING
-from agonic.report.axes import Axis, Columns
+from agonic.report.axes import Axis, Columns, along_rows
 from agonic.report.digits import count, group_digits, quantity
 from agonic.report.document import Document
 from agonic.report.fields import make_table, write_field
 from agonic.report.markup import Markup
 from agonic.report.section import Section, Table
 from agonic.report.strips import arrows, beyond_words, caption, line, plot, robust_limit, spread
-from agonic.report.time_axis import along_rows
 from agonic.report.verdict import MEANINGS
 
 

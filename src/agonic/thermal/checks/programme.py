@@ -8,12 +8,10 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health import Finding
-from agonic.thermal.campaign.description import list_standard_stations
+from agonic.thermal.campaign.description import list_standard_stations, name_stations
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.checks.boards import judge_boards
-from agonic.thermal.checks.thermometers import Course, find_courses
-from agonic.thermal.names import name_stations
+from agonic.thermal.checks.boards import Course, find_courses, judge_boards
 
 END_C = 1.5
 """How far from its set point a chamber may hold, °C; also how far a sensor lags its rise."""

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Json, KnownField, Unit
 from agonic.console.parse import parse_count
@@ -19,49 +17,20 @@ LARGE = 1_000_000
 
 
 def fit_chamber(
-    campaign: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CAMPAIGN", help="Folder with recordings, its campaign.toml, or one file."
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Folder for the results.")
-    ] = None,
-    sensor: Annotated[
-        list[str] | None, typer.Option("--sensor", "-s", help="Only this one; may be repeated.")
-    ] = None,
-    stations: Annotated[
-        str, typer.Option(help="Turns of the stations: auto, known, found or unknown.")
-    ] = "auto",
-    known_turns: Annotated[
-        bool, typer.Option("--known-turns", help="The same as --stations known.")
-    ] = False,
+    campaign: Path,
+    out: Path | None = None,
+    sensor: list[str] | None = None,
+    stations: str = "auto",
+    known_turns: bool = False,
     reference: KnownField = None,
     unit: Unit = None,
-    degree: Annotated[
-        str, typer.Option(help="Of the polynomials in temperature: 0 to 9, or auto.")
-    ] = "3",
-    bin_width: Annotated[float, typer.Option(metavar="DEG", help="Of the bins, °C.")] = 0.5,
-    field: Annotated[
-        float | None,
-        typer.Option(metavar="NT", help="Magnitude in the chamber; default: the description's."),
-    ] = None,
-    unseen_change: Annotated[
-        float,
-        typer.Option(
-            min=0.0, help="Share by which the field may have changed between stations, unseen."
-        ),
-    ] = 0.0,
-    held_out: Annotated[
-        bool, typer.Option(help="Try fits on stations that they have not seen; takes time.")
-    ] = True,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; default: one for each core where it pays.")
-    ] = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="All that was found of each sensor too.")
-    ] = False,
+    degree: str = "3",
+    bin_width: float = 0.5,
+    field: float | None = None,
+    unseen_change: float = 0.0,
+    held_out: bool = True,
+    workers: int | None = None,
+    verbose: bool = False,
     as_json: Json = False,
 ) -> int:
     """Bias and matrix of every sensor over temperature, from turned stations.
@@ -69,6 +38,21 @@ def fit_chamber(
     With --reference, from one recording in a field whose components are known, as in a coil: no
     stations are needed. Exit status 1 where the programme was not followed, a sensor was refused,
     or something is to be looked at.
+
+    Options
+    -------
+    campaign <CAMPAIGN> : Folder with recordings, its campaign.toml, or one file.
+    out -o DIR : Folder for the results.
+    sensor -s : Only this one; may be repeated.
+    stations : Turns of the stations: auto, known, found or unknown.
+    known_turns --known-turns : The same as --stations known.
+    degree : Of the polynomials in temperature: 0 to 9, or auto.
+    bin_width DEG : Of the bins, °C.
+    field NT : Magnitude in the chamber; default: the description's.
+    unseen_change ≥0.0 : Share by which the field may have changed between stations, unseen.
+    held_out : Try fits on stations that they have not seen; takes time.
+    workers ≥1 : Processes; default: one for each core where it pays.
+    verbose --verbose -v : All that was found of each sensor too.
     """
     from agonic.atomic import make_folder, write_atomically
     from agonic.console.finish import finish
@@ -94,7 +78,7 @@ def fit_chamber(
         bin_width_C=bin_width,
         unseen_change_sd=unseen_change,
         held_out=held_out,
-        workers=workers or _count_workers(read.rows),
+        workers=workers or ((os.cpu_count() or 1) if read.rows > LARGE else 1),
         progress=lambda names: progress(names, "Fitting"),
     )
     files = {} if out is None else _write_calibrations(result, make_folder(out))
@@ -134,11 +118,6 @@ def _fit_known_field(
     if out is not None:
         files.append(str(write_atomically(make_folder(out) / "report.html", document.to_html())))
     return finish(document, files=files, as_json=as_json)
-
-
-def _count_workers(rows: int) -> int:
-    """Processes that fit: a second one takes a second to begin."""
-    return (os.cpu_count() or 1) if rows > LARGE else 1
 
 
 def _write_calibrations(result: CalibratedCampaign, home: Path) -> dict[str, list[str]]:

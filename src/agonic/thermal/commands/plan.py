@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from agonic.console.options import Json
 from agonic.console.parse import parse_numbers
@@ -15,50 +13,51 @@ if TYPE_CHECKING:
 
 
 def plan_chamber(
-    sensors: Annotated[
-        str,
-        typer.Option(
-            metavar="LIST", help="2xMMC5883MA,3xMPU-9255; MODEL:NOISE states the noise, nT."
-        ),
-    ],
-    range_: Annotated[
-        str, typer.Option("--range", metavar="LOW,HIGH", help="Temperatures, °C.")
-    ] = "-10,50",
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Readings a second.")] = 10.0,
-    noise: Annotated[
-        float | None, typer.Option(metavar="NT", help="Noise of a reading, for all sensors.")
-    ] = None,
-    cooling: Annotated[float, typer.Option(metavar="RATE", help="Cooling, °C/min.")] = 0.5,
-    heating: Annotated[float, typer.Option(metavar="RATE", help="Heating, °C/min.")] = 1.0,
-    hold: Annotated[float, typer.Option(metavar="MIN", help="The three holds.")] = 15.0,
-    step: Annotated[float, typer.Option(metavar="DEG", help="Steps of heating, °C.")] = 10.0,
-    field: Annotated[float, typer.Option(metavar="NT", help="Magnitude to expect.")] = 48_000.0,
-    dip: Annotated[float, typer.Option(metavar="DEG", help="Inclination to expect.")] = 65.0,
-    degree: Annotated[int, typer.Option(help="Of the polynomials in temperature.")] = 3,
-    fixture_sd: Annotated[
-        float, typer.Option(metavar="DEG", help="How well the turns of the box are known.")
-    ] = 1.0,
-    field_sd: Annotated[
-        float, typer.Option(metavar="NT", help="Change of the field from station to station.")
-    ] = 0.0,
-    room: Annotated[float, typer.Option(metavar="DEG", help="Temperature of the room, °C.")] = 20.0,
-    humidity: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Relative humidity of the room's air.")
-    ] = 50.0,
-    repeat: Annotated[
-        int, typer.Option(metavar="N", help="Stations recorded again at the end; 3 show steps.")
-    ] = 0,
-    name: Annotated[str, typer.Option(help="Of the campaign.")] = "",
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="Plan: .html or .txt.")
-    ] = None,
-    folder: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder for the recordings, with its campaign.toml."),
-    ] = None,
+    sensors: str,
+    range_: str = "-10,50",
+    rate: float = 10.0,
+    noise: float | None = None,
+    cooling: float = 0.5,
+    heating: float = 1.0,
+    hold: float = 15.0,
+    step: float = 10.0,
+    field: float = 48_000.0,
+    dip: float = 65.0,
+    degree: int = 3,
+    fixture_sd: float = 1.0,
+    field_sd: float = 0.0,
+    room: float = 20.0,
+    humidity: float = 50.0,
+    repeat: int = 0,
+    name: str = "",
+    out: Path | None = None,
+    folder: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """Stations, chamber profile, time, disk space, and the standard errors to expect."""
+    """Stations, chamber profile, time, disk space, and the standard errors to expect.
+
+    Options
+    -------
+    sensors LIST : 2xMMC5883MA,3xMPU-9255; MODEL:NOISE states the noise, nT.
+    range_ --range LOW,HIGH : Temperatures, °C.
+    rate HZ : Readings a second.
+    noise NT : Noise of a reading, for all sensors.
+    cooling RATE : Cooling, °C/min.
+    heating RATE : Heating, °C/min.
+    hold MIN : The three holds.
+    step DEG : Steps of heating, °C.
+    field NT : Magnitude to expect.
+    dip DEG : Inclination to expect.
+    degree : Of the polynomials in temperature.
+    fixture_sd DEG : How well the turns of the box are known.
+    field_sd NT : Change of the field from station to station.
+    room DEG : Temperature of the room, °C.
+    humidity PERCENT : Relative humidity of the room's air.
+    repeat N : Stations recorded again at the end; 3 show steps.
+    name : Of the campaign.
+    out -o FILE : Plan: .html or .txt.
+    folder DIR : Folder for the recordings, with its campaign.toml.
+    """
     from agonic.console.finish import finish
     from agonic.thermal.campaign.profile import Profile
     from agonic.thermal.plan.document import describe_plan

@@ -19,14 +19,10 @@ FAULTS = "missing=3,7 stuck=SENSOR swapped=4,9 drift=5000 truncated=6 kelvin"
 
 def campaign(
     out: Folder,
-    sensors: Annotated[
-        str, typer.Option(metavar="LIST", help="2xMMC5883MA,3xMPU-9255; MODEL:NOISE in nT.")
-    ] = "2xMMC5883MA,3xMPU-9255",
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Readings a second.", min=0.001)] = 1.0,
-    noise: Annotated[
-        float | None, typer.Option(help="Noise per axis, nT; default: by the model.", min=0)
-    ] = None,
-    field: Annotated[float, typer.Option(help="Magnitude of the field, nT.")] = 48_000.0,
+    sensors: str = "2xMMC5883MA,3xMPU-9255",
+    rate: float = 1.0,
+    noise: float | None = None,
+    field: float = 48_000.0,
     fault: Annotated[
         list[str] | None, typer.Option(metavar="FAULT", help=f"Repeatable: {FAULTS}.")
     ] = None,
@@ -34,8 +30,16 @@ def campaign(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """A thermal chamber: recordings, their campaign.toml, and the truth in a folder of its own."""
-    from agonic.console.output import print_json, say
+    """A thermal chamber: recordings, their campaign.toml, and the truth in a folder of its own.
+
+    Options
+    -------
+    sensors LIST : 2xMMC5883MA,3xMPU-9255; MODEL:NOISE in nT.
+    rate HZ ≥0.001 : Readings a second.
+    noise ≥0 : Noise per axis, nT; default: by the model.
+    field : Magnitude of the field, nT.
+    """
+    from agonic.console.output import finish_made, write_truth
     from agonic.thermal.files.write import write_campaign
     from agonic.thermal.simulation.campaign import simulate_campaign
 
@@ -50,21 +54,18 @@ def campaign(
     files = write_campaign(made.description, made.stations(), out, format=format)  # type: ignore[arg-type]
     if format == "csv":
         _cut_last_lines(files, made)
-    truth = write_truth(made, out / "truth")
-    if as_json:
-        print_json(
-            "agonic/simulate-campaign@1",
-            {
-                "sensors": list(made.truth),
-                "stations": len(files) - 1,
-                "files": [str(file) for file in (*files, *truth)],
-                "facts": made.facts,
-            },
-        )
-    else:
-        say(f"{len(files) - 1} stations, {len(made.truth)} sensors: {out}\nThe truth: {truth[0]}")
-        say(f"\nNext      agonic fit thermal {quote(str(out))} -o results")
-    return 0
+    truth, stations = write_truth("campaign", _tell_truth(made), out / "truth"), len(files) - 1
+    record = {"sensors": list(made.truth), "stations": stations, "facts": made.facts}
+    return finish_made(
+        stations,
+        f"stations, {len(made.truth)} sensors",
+        out,
+        f"The truth: {truth}",
+        record=record | {"files": [*files, truth]},
+        as_json=as_json,
+        next_step=f"agonic fit thermal {quote(str(out))} -o results",
+        schema="agonic/simulate-campaign@1",
+    )
 
 
 def parse_faults(words: list[str]) -> Faults:
@@ -118,15 +119,9 @@ def _cut_last_lines(files: list[Path], made: SimulatedCampaign) -> None:
             file.write_bytes(file.read_bytes()[:-9])
 
 
-def write_truth(made: SimulatedCampaign, folder: Path) -> list[Path]:
+def _tell_truth(made: SimulatedCampaign) -> dict[str, Any]:
     """What the readings really depend on: sensors, turns of the box, the field over time."""
-    import json
-
-    from agonic.atomic import make_folder, write_atomically
-    from agonic.console.output import plain
-
-    facts = {
-        "schema": "agonic/campaign-truth@1",
+    return {
         "sensors": {
             name: {
                 "bias": truth.bias,
@@ -141,6 +136,3 @@ def write_truth(made: SimulatedCampaign, folder: Path) -> list[Path]:
         "field": {"time_s": made.knots, "field_n_nT": made.field_knots},
         "facts": made.facts,
     }
-    home = make_folder(folder)
-    text = json.dumps(plain(facts), indent=1, ensure_ascii=False)
-    return [write_atomically(home / "truth.json", text + "\n")]

@@ -16,15 +16,11 @@ from agonic.health import Finding
 from agonic.logs.headers.columns import identify_column
 from agonic.provenance import Input
 from agonic.samples import Samples
-from agonic.thermal.campaign.description import Description, Station
+from agonic.thermal.campaign.description import Description, Sensor, Station, name_stations
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.campaign.sensors import Sensor
-from agonic.thermal.files.large_tables import RecordedFile
-from agonic.thermal.files.schema import FILE_NAME
-from agonic.thermal.files.sensor_columns import find_label
-from agonic.thermal.files.split_table import Part
+from agonic.thermal.files.schema import FILE_NAME, find_label
+from agonic.thermal.files.split_table import Part, RecordedFile
 from agonic.thermal.files.station_files import StationFile
-from agonic.thermal.names import name_stations
 from agonic.units import RAW, nanotesla_per
 
 Place = tuple[int, str]
@@ -42,7 +38,11 @@ def choose_readings(
     are described. Where neither column nor name is there, the only sensor of the only file of the
     board, or of all, is taken if no other is described for it.
     """
-    named = [k for k, (board, _) in enumerate(files) if _is_same(board, sensor.board)]
+    named = [
+        k
+        for k, (board, _) in enumerate(files)
+        if (bool(sensor.board) and board.casefold() == sensor.board.casefold())
+    ]
     mine = named or list(range(len(files)))
     label = find_label(sensor, sensors)
     for wanted in dict.fromkeys(filter(None, (label, _find_owner(sensor.column), sensor.name))):
@@ -53,10 +53,6 @@ def choose_readings(
     if alone and lone and not label:
         return [(mine[0], next(iter(files[mine[0]][1])))]
     return []
-
-
-def _is_same(board: str, given: str) -> bool:
-    return bool(given) and board.casefold() == given.casefold()
 
 
 def _find_owner(header: str) -> str:

@@ -9,9 +9,8 @@ from agonic.errors import AgonicError, LogError
 from agonic.thermal.campaign.description import Description, list_standard_stations
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.files.gather import GatheredFiles
-from agonic.thermal.files.large_tables import read_recording
-from agonic.thermal.files.schema import FILE_NAME, read_description
-from agonic.thermal.files.sensor_columns import name_columns
+from agonic.thermal.files.schema import FILE_NAME, name_columns, read_description
+from agonic.thermal.files.split_table import read_recording
 from agonic.thermal.files.station_files import StationFile, number_files
 
 Progress = Callable[[str, float], None]

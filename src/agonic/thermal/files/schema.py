@@ -37,8 +37,9 @@ inclination_deg = 65
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -48,16 +49,16 @@ from msgspec import Struct
 
 from agonic.errors import LogError
 from agonic.files.toml_sections import read_section, read_toml, try_to_make
-from agonic.logs.headers.column_names import parse_names
+from agonic.logs.headers.column_names import ColumnNames, parse_names
 from agonic.maths.rotations.attitude import yaw_pitch_roll
 from agonic.thermal.campaign.description import (
     Description,
+    Sensor,
     Station,
     find_repeated,
     list_standard_stations,
 )
 from agonic.thermal.campaign.profile import Profile
-from agonic.thermal.campaign.sensors import Sensor
 from agonic.units import find_unit
 
 FILE_NAME = "campaign.toml"
@@ -105,11 +106,6 @@ class FieldSection(Struct):
     inclination_deg: float | None = None
 
 
-ProfileSection = msgspec.defstruct(
-    "ProfileSection", [(f.name, float, f.default) for f in fields(Profile)]
-)
-"""[profile], with what a `Profile` is by default."""
-
 SECTIONS = ("sensor", "station", "profile", "field")
 
 
@@ -145,7 +141,7 @@ def _make_description(
     """The description, with what is wrong added to `mistakes`."""
     plain = {key: value for key, value in table.items() if key not in SECTIONS}
     head = read_section(plain, CampaignSection, "the file", mistakes, SECTIONS)
-    profile = read_section(table.get("profile"), ProfileSection, "[profile]", mistakes)
+    profile = read_section(table.get("profile"), Profile, "[profile]", mistakes)
     field = read_section(table.get("field", {}), FieldSection, "[field]", mistakes)
     sensors = _read_sections(table.get("sensor", []), SensorSection, "sensor", mistakes)
     stations = _read_sections(table.get("station", []), StationSection, "station", mistakes)
@@ -153,11 +149,6 @@ def _make_description(
     _check_columns(head, sensors, mistakes)
     _check_values(head, field, sensors, mistakes)
     _check_files(head, stations, folder, mistakes)
-    made = try_to_make(
-        lambda: None if profile is None else Profile(**_collect_fields(profile)),
-        "[profile]",
-        mistakes,
-    )
     if mistakes:
         return None
     return Description(
@@ -168,16 +159,12 @@ def _make_description(
         sensors=tuple(_make_sensor(one, head.unit) for one in sensors),
         stations=tuple(map(_make_station, stations)) or list_standard_stations(),
         assumed=not stations,
-        profile=made,
+        profile=profile,
         magnitude=field.magnitude_nT,
         inclination_deg=field.inclination_deg,
         unit=head.unit,
         columns=head.columns,
     )
-
-
-def _collect_fields(section: Struct) -> dict[str, Any]:
-    return {name: getattr(section, name) for name in section.__struct_fields__}
 
 
 def _read_sections(tables: Any, kind: type[Struct], what: str, mistakes: list[str]) -> list[Any]:
@@ -196,7 +183,14 @@ def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -
     names = [sensor.name for sensor in sensors]
     for what, given in (
         ("sensor", names),
-        ("column", [_of_board(sensor.column, sensor.board) for sensor in sensors if sensor.column]),
+        (
+            "column",
+            [
+                (f"{sensor.column} of {sensor.board}" if sensor.board else sensor.column)
+                for sensor in sensors
+                if sensor.column
+            ],
+        ),
         ("station", [station.number for station in stations]),
         ("file", [station.file for station in stations if station.file]),
     ):
@@ -212,11 +206,6 @@ def _check_names(sensors: list[Any], stations: list[Any], mistakes: list[str]) -
             mistakes.append(
                 f"[[station]] {station.number}: roll_deg, pitch_deg and heading_deg go together"
             )
-
-
-def _of_board(column: str, board: str) -> str:
-    """A column with the board that it is on: two boards may call theirs alike."""
-    return f"{column} of {board}" if board else column
 
 
 def _check_columns(head: Any, sensors: list[Any], mistakes: list[str]) -> None:
@@ -265,7 +254,7 @@ def _check_files(head: Any, stations: list[Any], folder: Path, mistakes: list[st
 
 
 def _make_sensor(section: SensorSection, unit: str | None) -> Sensor:
-    given = _collect_fields(section)
+    given = msgspec.structs.asdict(section)
     noise = given.pop("noise_nT")
     return Sensor(**{**given, "noise": noise, "unit": section.unit or unit})
 
@@ -283,3 +272,55 @@ def _make_station(section: StationSection) -> Station:
         return replace(plain, pose=standard.pose, rot_nb=standard.rot_nb)
     turned = yaw_pitch_roll(section.heading_deg or 0.0, section.pitch_deg or 0.0, section.roll_deg)
     return replace(plain, rot_nb=turned)
+
+
+_FIRST = 901
+"""The number of the first sensor whose axes are named: above what loggers count to."""
+_NAME = re.compile(r"([a-z]+)(.*)", re.IGNORECASE)
+
+
+def name_columns(description: Description, board: str = "") -> ColumnNames | None:
+    """The names of the columns in the files of a board, or `None` where none are given.
+
+    Every sensor whose columns are named gets a number, so that several in a file are told apart; a
+    column that several share is nobody's.
+
+    >>> one = Sensor(name="MMC", columns={"x": "A1", "y": "A2", "z": "A3", "temperature": "T1"})
+    >>> name_columns(Description(sensors=(one,), columns={"time": "t"})).headers
+    {'time': 't', 'mag901_x': 'A1', 'mag901_y': 'A2', 'mag901_z': 'A3', 'temperature901': 'T1'}
+    """
+    named = dict(description.columns)
+    for number, sensor in enumerate(description.sensors, start=_FIRST):
+        if board and sensor.board and sensor.board.casefold() != board.casefold():
+            continue
+        named |= _name_own(sensor, f"{number}", named)
+    if not named:
+        return None
+    return ColumnNames(headers=named, where=FILE_NAME, several=True)
+
+
+def find_label(sensor: Sensor, sensors: Sequence[Sensor]) -> str:
+    """What the readings of a sensor are called in the files after their columns were named."""
+    named = sensor.columns.get("x") and sensor in sensors
+    return f"mag{_FIRST + list(sensors).index(sensor)}" if named else sensor.column
+
+
+def _name_own(sensor: Sensor, number: str, before: Mapping[str, str]) -> dict[str, str]:
+    """The names of a sensor's columns; one that has been named before is shared."""
+    label = number if "x" in sensor.columns else _strip_name(sensor.column or sensor.name)
+    made = {}
+    for name, header in sensor.columns.items():
+        if name in "xyz":
+            made[f"mag{label}_{name}"] = header
+        elif header in before.values():
+            made[name] = header
+        elif label.isdecimal() or not label:
+            made[_NAME.sub(rf"\g<1>{label}\g<2>", name, count=1)] = header
+        else:
+            made[f"{label}_{name}"] = header
+    return made
+
+
+def _strip_name(name: str) -> str:
+    """The number of a sensor that is called by one: 2 of mag2."""
+    return name.removeprefix("mag") if name.removeprefix("mag").isdecimal() else name

@@ -16,11 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Index
 from agonic.errors import LogError
-from agonic.logs.headers.columns import find_quantities, identify_column, identify_columns
+from agonic.logs import parquet
+from agonic.logs.formats import PARQUET, TEXT
+from agonic.logs.headers.column_names import ColumnNames, names_for
+from agonic.logs.headers.columns import (
+    find_quantities,
+    identify_column,
+    identify_columns,
+)
+from agonic.logs.read import open_log
+from agonic.logs.rows.order import continue_time
 from agonic.logs.table import build_log
-from agonic.provenance import Input
+from agonic.logs.text import csv_text
+from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 from agonic.thermal.fit.readings import KELVIN
 
@@ -144,54 +154,79 @@ def _join_restarts(table: Table, quantity: Mapping[str, str]) -> tuple[Table, tu
             continue
         column = identify_column(header)
         factor = column.quantity.units[column.unit][0] if column and column.unit else 1.0
-        joined, rows = join_restarts(values.astype(np.float64, copy=False))
-        if len(rows):
-            begun = tuple(((joined[rows] - joined[0]) * factor).tolist())
-            table = {**table, header: joined}
+        time = values.astype(np.float64, copy=False) * factor
+        joined, notes = continue_time(time, np.arange(float(len(time)))[:, None])
+        if notes:
+            rows = np.flatnonzero(np.diff(time) < 0) + 1
+            begun = tuple((joined[rows] - joined[0]).tolist())
+            table = {**table, header: joined / factor}
     return table, begun
 
 
-_NEAR = 5
-"""Rows on each side that must agree, so that one damaged time is no restart."""
-_MOST = 1000
+WANTED = ("time", "date", "epoch", "field", "temperature", "station", "sensor")
+"""The quantities that a campaign is about."""
+
+_HEAD_BYTES = 65536
 
 
-def find_restarts(time: Array) -> Index:
-    """The rows (k,) from which a clock runs on from an earlier time than the row before.
+@dataclass(frozen=True, kw_only=True)
+class RecordedFile:
+    """What a file of a campaign holds, and notes on the file."""
 
-    >>> find_restarts(np.array([0.0, 1, 2, 3, 4, 5, 0, 1, 2, 3, 4, 5])).tolist()
-    [6]
-    >>> find_restarts(np.array([0.0, 1, 2, 0, 4, 5, 6, 7])).tolist()
-    []
+    parts: tuple[Part, ...]
+    source: Input
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def read_recording(
+    path: Path, unit: str | None = None, names: ColumnNames | None = None
+) -> RecordedFile:
+    """The readings in a file of a campaign, by station and sensor.
+
+    `unit` is that of the field where no header names one, `names` what its columns are where
+    headers do not say. Raises `LogError` where nothing in the file can be used.
     """
-    backward = np.flatnonzero(np.diff(time) < 0) + 1
-    if len(backward) > _MOST:  # rows out of order, not a clock that restarts
-        return np.zeros(0, dtype=np.intp)
-    found = [at for at in backward if _runs_on(time[at - 1 :: -1][:_NEAR], time[at:][:_NEAR])]
-    return np.array(found, dtype=np.intp)
+    with names_for(path, names) as given:
+        return _read_named(path, unit or (None if given is None else given.unit))
 
 
-def _runs_on(before: Array, after: Array) -> bool:
-    """Whether the times before (backwards) and after a step each run forward, and lie apart."""
-    forward = bool((np.diff(before) < 0).all() and (np.diff(after) > 0).all())
-    enough = min(len(before), len(after)) >= 2
-    return enough and forward and bool(np.median(after) < np.median(before))
+def _read_named(path: Path, unit: str | None) -> RecordedFile:
+    """The readings in a file whose columns have their names."""
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES)
+    is_parquet = PARQUET.accepts(head)
+    if not is_parquet and not TEXT.accepts(head):
+        log = open_log(path, unit=unit)
+        part = Part(station=None, sensors={samples.name: samples for samples in log.sensors})
+        return RecordedFile(parts=(part,), source=log.source, notes=log.notes)
+    try:
+        table, notes = _read_table(path, is_parquet)
+        source = Input(name=path.name, sha256=hash_file(path), count=len(_take_first(table)))
+        parts = tuple(split_table(table, path, source, unit))
+    except LogError as error:
+        raise error if error.path else LogError(str(error), path=path) from error
+    except Exception as error:  # parsers fail on damaged files in every way there is
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        raise LogError(f"damaged, or not what it looks like ({reason})", path=path) from error
+    return RecordedFile(parts=parts, source=source, notes=notes)
 
 
-def join_restarts(time: Array) -> tuple[Array, Index]:
-    """The times with every restart set behind the row before it by one usual step, and its rows.
+def _read_table(path: Path, columnar: bool) -> tuple[Table, tuple[str, ...]]:
+    """The wanted columns of a file, and notes."""
+    if columnar:
+        table, facts = parquet.read_table(path)
+    else:
+        table, facts = csv_text.read_table(path)
+    quantity = find_quantities(table)
+    wanted = {header: values for header, values in table.items() if quantity[header] in WANTED}
+    return wanted, facts.get("notes", ())
 
-    How long the clock stood is not known; the step is the least it can be.
 
-    >>> joined, rows = join_restarts(np.array([7.0, 8, 9, 10, 0, 1, 2, 3]))
-    >>> joined.tolist(), rows.tolist()
-    ([7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0], [4])
-    """
-    rows = find_restarts(time)
-    if not len(rows):
-        return time, rows
-    step = float(np.median(np.diff(time)[np.diff(time) > 0]))
-    joined = time.copy()
-    for row in rows:
-        joined[row:] += joined[row - 1] + step - joined[row]
-    return joined, rows
+def _take_first(table: Table) -> NDArray[Any]:
+    if not table:
+        raise LogError(
+            "no column of it is understood; name them time_s, mag_x_uT, temperature_C …, or say "
+            "which they are: --columns time_s=…,x=…,y=…,z=…,temperature_C=… or columns in "
+            "campaign.toml"
+        )
+    return next(iter(table.values()))

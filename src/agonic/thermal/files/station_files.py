@@ -125,12 +125,11 @@ def _name_boards(tokens: Sequence[list[str]], at: Sequence[int | None]) -> list[
     chosen = words if len(set(keys)) == len(keys) else rest
     common = set.intersection(*map(set, chosen)) if chosen else set()
     if chosen is rest:  # board1 and not 1
-        return [_join_numbers([t for t in own if not _is_station_word(t)], common) for own in rest]
+        return [
+            _join_numbers([t for t in own if t.lower() not in _STATION_WORDS], common)
+            for own in rest
+        ]
     return ["-".join(t for t in own if t not in common) for own in chosen]
-
-
-def _is_station_word(token: str) -> bool:
-    return token.lower() in _STATION_WORDS
 
 
 def _join_numbers(own: Iterable[str], common: set[str]) -> str:

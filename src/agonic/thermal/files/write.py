@@ -14,7 +14,7 @@ from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError, check_choice
 from agonic.exports.parquet import make_parquet
-from agonic.files.toml_text import write_value
+from agonic.files.toml_sections import write_value
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 from agonic.thermal.campaign.description import Description
@@ -45,7 +45,7 @@ def write_campaign(
     written.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.thermal.campaign.sensors import Sensor
+    >>> from agonic.thermal.campaign.description import Sensor
     >>> described = Description(sensors=(Sensor(name="board"),))
     >>> samples = Samples(time=[0.0, 1.0], field=np.ones((2, 3)), temperature=[20.0, 21.0])
     >>> with TemporaryDirectory() as folder:
@@ -105,7 +105,7 @@ def write_description(description: Description, path: Path | str) -> Path:
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.thermal.campaign.profile import Profile
-    >>> from agonic.thermal.campaign.sensors import Sensor
+    >>> from agonic.thermal.campaign.description import Sensor
     >>> from agonic.thermal.files.schema import read_description
     >>> with TemporaryDirectory() as folder:
     ...     given = Description(sensors=(Sensor(name="a", noise=100.0),), profile=Profile())

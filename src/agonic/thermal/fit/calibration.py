@@ -9,9 +9,8 @@ from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.affine import SYMMETRIC, model_basis, split
 from agonic.provenance import Provenance
-from agonic.thermal.fit.problem import ChamberReadings
+from agonic.thermal.fit.problem import ChamberReadings, Scale
 from agonic.thermal.fit.readings import Facts
-from agonic.thermal.fit.scale import Scale
 from agonic.thermal.maths.estimate import StationEstimate
 from agonic.thermal.maths.station_residuals import StationProblem
 from agonic.thermal.maths.thermometer import propagate_error

@@ -9,9 +9,8 @@ import numpy as np
 from agonic.arrays import Array, Index
 from agonic.maths.equation import polynomial, temperature_model
 from agonic.maths.estimation.series import compute_running_mean
-from agonic.thermal.fit.problem import ChamberReadings
+from agonic.thermal.fit.problem import LARGEST_AUTO, ChamberReadings
 from agonic.thermal.fit.result import Bins, Hysteresis
-from agonic.thermal.fit.settings import LARGEST_AUTO
 from agonic.thermal.maths.ellipsoids import Coefficients, fit_ellipsoids
 from agonic.thermal.maths.station_residuals import StationProblem
 

@@ -15,20 +15,25 @@ from agonic.health import Finding, figure, sort_findings
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
-from agonic.thermal.fit import each_temperature, evidence, recordings
+from agonic.thermal.fit import each_temperature, evidence
 from agonic.thermal.fit.calibration import make_chamber_calibration
+from agonic.thermal.fit.evidence import compute_spread
 from agonic.thermal.fit.known_field import fit_known_field
-from agonic.thermal.fit.problem import ChamberReadings, select_readings
-from agonic.thermal.fit.readings import Facts, collect_facts, sum_readings
+from agonic.thermal.fit.problem import ChamberReadings, Settings, select_readings
+from agonic.thermal.fit.readings import (
+    Facts,
+    collect_facts,
+    find_still_thermometers,
+    judge_recordings,
+    sum_readings,
+)
 from agonic.thermal.fit.result import Anomaly, Fixture, Positions, ThermalFit
-from agonic.thermal.fit.settings import Settings
 from agonic.thermal.fit.solve import Solution, solve
-from agonic.thermal.fit.spread import compute_spread
 from agonic.thermal.fit.station_faults import judge_faults
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.estimate import UNREST
-from agonic.thermal.maths.fixture import measure_turns
 from agonic.thermal.maths.station_faults import PLAUSIBLE
+from agonic.thermal.maths.stations import measure_turns
 
 METHOD = ("nikolaev-2023", "huber-1981")
 OF_TURNS, OF_CHANGES, OF_DRIFT = "mackay-1992", "patterson-thompson-1971", "hoeting-1999"
@@ -132,7 +137,7 @@ def fit_binned(
             f"{len(sums.stations)} of twelve stations cannot determine nine numbers",
             turns="record the others",
         )
-    left_out = recordings.find_still_thermometers(sums)
+    left_out = find_still_thermometers(sums)
     readings = select_readings(sums, left_out, reference, facts.unit)
     result = solve(readings, chosen)
     largest = max(seen.largest for seen in sums.stations.values())
@@ -148,7 +153,7 @@ def fit_binned(
     fit = _assemble(calibration, result, readings, sums)
     findings = [
         *found,
-        *recordings.judge_recordings(sums, left_out, chosen),
+        *judge_recordings(sums, left_out, chosen),
         *evidence.judge_fit(
             fit,
             readings,

@@ -22,6 +22,7 @@ from agonic.thermal.fit.known_field_model import (
     choose_model,
     normalise,
 )
+from agonic.thermal.fit.problem import Settings, find_narrow_range, require_range
 from agonic.thermal.fit.readings import (
     collect_facts,
     convert_to_celsius,
@@ -29,15 +30,13 @@ from agonic.thermal.fit.readings import (
     require_temperature,
 )
 from agonic.thermal.fit.result import ThermalFit
-from agonic.thermal.fit.scale import find_narrow_range, require_range
-from agonic.thermal.fit.settings import Settings
-from agonic.thermal.maths.alternatives import (
+from agonic.thermal.maths.known_field import (
+    BLOCKS,
     FIELD,
     NETWORK,
     TEMPERATURE,
     compare_alternatives,
 )
-from agonic.thermal.maths.known_field import BLOCKS
 from agonic.thermal.maths.thermometer import smooth_thermometer
 
 FEWEST = 24

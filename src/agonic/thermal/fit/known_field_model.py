@@ -24,8 +24,7 @@ from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 from agonic.model.average import EVIDENCE, Base, Group, Prior, average, choose, solve
 from agonic.model.terms.time import TIME
 from agonic.samples import Samples
-from agonic.thermal.fit.scale import NO_LAG, Scale
-from agonic.thermal.fit.settings import LARGEST_AUTO, Settings
+from agonic.thermal.fit.problem import LARGEST_AUTO, NO_LAG, Scale, Settings
 from agonic.thermal.maths.known_field import (
     KnownFieldProblem,
     Linearised,

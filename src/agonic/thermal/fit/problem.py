@@ -2,18 +2,154 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index
-from agonic.errors import CoverageError
+from agonic.errors import AgonicError, CoverageError
+from agonic.health import Finding, figure
 from agonic.maths.equation import temperature_model
 from agonic.reference import Reference
-from agonic.thermal.fit.scale import Scale, require_range
 from agonic.thermal.maths.binned_sums import Binned, Cells
 from agonic.thermal.maths.gaussian_process import make_time_basis
 from agonic.thermal.maths.station_residuals import StationProblem
+from agonic.thermal.maths.stations import list_standard_rotations
+
+Stations = Literal["known", "unknown", "found"] | Mapping[int, Rotation]
+
+LARGEST_DEGREE = 9
+LARGEST_AUTO = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a fit; see `fit_thermal`."""
+
+    bin_width_C: float = 0.5
+    degree: int | Literal["auto"] = 3
+    stations: Stations = "unknown"
+    fixture_sd_deg: float = 1.0
+    fixture_known: bool = False
+    rate: bool | Literal["auto"] = "auto"
+    drift: bool | Literal["auto"] = "auto"
+    soft_iron_sd: float = 0.1
+    faults: bool = True
+    unseen_change_sd: float = 0.0
+    robust: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("bin_width_C", "fixture_sd_deg", "soft_iron_sd"):
+            if not getattr(self, name) > 0:
+                raise AgonicError(f"{name} is {getattr(self, name)}; it must be above zero")
+        if not self.unseen_change_sd >= 0:
+            raise AgonicError(
+                f"unseen_change_sd is {self.unseen_change_sd}; it is a share of the field from 0"
+            )
+        whole = isinstance(self.degree, int) and 0 <= self.degree <= LARGEST_DEGREE
+        if self.degree != "auto" and not whole:
+            raise AgonicError(
+                f"degree {self.degree!r} is not possible; give 0 to {LARGEST_DEGREE}, or 'auto'"
+            )
+        for name in ("rate", "drift"):
+            given = getattr(self, name)
+            if given not in (True, False, "auto"):
+                raise AgonicError(f"{name} {given!r} is neither True, False nor 'auto'")
+        if isinstance(self.stations, str) and self.stations not in ("known", "unknown", "found"):
+            raise AgonicError(
+                f"stations {self.stations!r} is not known; give 'known' for the standard twelve, "
+                "'unknown', 'found', or a rotation for each number"
+            )
+
+    @property
+    def orientations(self) -> dict[int, Array] | None:
+        """The described rotation (3, 3), box to chamber, by number; `None` where unknown."""
+        if isinstance(self.stations, str):
+            if self.stations != "known":
+                return None
+            return dict(enumerate(list_standard_rotations(), start=1))
+        return {int(number): turn.as_matrix() for number, turn in self.stations.items()}
+
+    def recorded(self) -> Mapping[str, Any]:
+        """The settings for the provenance."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        if not isinstance(self.stations, str):
+            values["stations"] = {
+                str(number): np.roll(turn.as_quat(), 1).round(9).tolist()
+                for number, turn in self.stations.items()
+            }
+        return values
+
+
+NO_LAG = "no sign that the bias depends on how fast the temperature changes"
+_NARROWEST_C = 1.0
+_NARROW_C = 10.0
+
+
+class Scale(NamedTuple):
+    """From normalised numbers back to readings.
+
+    reading = centre + size · point, x = (T − centre_C)/half_C, dT/dt = pace · normalised rate;
+    `magnitude` is the known magnitude that one stands for, or None, `sd` its uncertainty.
+    """
+
+    centre: Array
+    size: float
+    low_C: float
+    high_C: float
+    pace: float
+    magnitude: float | None
+    sd: float = 0.0
+
+    @property
+    def centre_C(self) -> float:
+        """The middle of the range."""
+        return (self.low_C + self.high_C) / 2
+
+    @property
+    def half_C(self) -> float:
+        """Half of the range."""
+        return (self.high_C - self.low_C) / 2
+
+    def x(self, temperature: Array) -> Array:
+        """Temperatures as −1…1."""
+        return (temperature - self.centre_C) / self.half_C
+
+    def describe_lag(self, term: Array, unit: str) -> str:
+        """The normalised term in dT/dt in words."""
+        lag = figure(float(np.linalg.norm(term)) * self.size)
+        return (
+            f"the bias lags by {lag} {unit} while the temperature changes at "
+            f"{figure(self.pace * 60)} °C/min"
+        )
+
+
+def require_range(low: float, high: float, move: str) -> None:
+    """Raise `CoverageError` where the temperature hardly changes."""
+    if high - low < _NARROWEST_C:
+        raise CoverageError(
+            f"the temperature only runs from {low:.1f} to {high:.1f} °C: nothing can be said of "
+            "its influence",
+            turns=move,
+        )
+
+
+def find_narrow_range(low: float, high: float, verb: str) -> list[Finding]:
+    """A range of temperatures outside of which the correction will often be used."""
+    if high - low >= _NARROW_C:
+        return []
+    return [
+        Finding(
+            "small range",
+            "check",
+            f"the temperature only runs from {low:.1f} to {high:.1f} °C",
+            f"{verb} over the range of use; beyond it the correction is a guess",
+        )
+    ]
+
 
 _MISSING = 3  # stations that may be missing at a temperature that still counts as seen
 

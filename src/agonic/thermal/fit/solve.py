@@ -18,10 +18,7 @@ from agonic.thermal.fit.each_temperature import (
     choose_degree,
     fit_each_temperature,
 )
-from agonic.thermal.fit.problem import ChamberReadings, make_problem
-from agonic.thermal.fit.scale import NO_LAG
-from agonic.thermal.fit.settings import Settings
-from agonic.thermal.maths import fixture
+from agonic.thermal.fit.problem import NO_LAG, ChamberReadings, Settings, make_problem
 from agonic.thermal.maths.ellipsoids import FEWEST
 from agonic.thermal.maths.estimate import (
     StationEstimate,
@@ -36,6 +33,7 @@ from agonic.thermal.maths.station_faults import (
     measure_shown_change,
 )
 from agonic.thermal.maths.station_residuals import StationProblem, find_directions
+from agonic.thermal.maths.stations import find_mistake, find_mounting
 
 SIGNIFICANT = 1e-4
 """A term is kept when chance would make it this seldom."""
@@ -194,11 +192,11 @@ def _add_orientations(
         return problem, None
     rot_nb = np.array([described[number] for number in readings.numbers])
     seen = find_directions(problem, first.coefficients)
-    rms = float(np.degrees(fixture.find_mounting(seen, rot_nb).rms))
+    rms = float(np.degrees(find_mounting(seen, rot_nb).rms))
     limit = MISFIT_DEG if len(readings.numbers) >= FEWEST else _MISFIT_FEW_DEG
     limit = max(limit, 4 * settings.fixture_sd_deg)
     if rms > limit:
-        stations, left = fixture.find_mistake(seen, rot_nb)
+        stations, left = find_mistake(seen, rot_nb)
         left_deg = float(np.degrees(left))
         explains = left_deg < min(_BETTER * rms, limit)
         mistaken = tuple(readings.numbers[k] for k in stations) if explains else ()

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from agonic.health import Finding, figure
+from agonic.thermal.campaign.description import Told
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
 from agonic.thermal.maths.fault_scores import (
@@ -19,7 +20,6 @@ from agonic.thermal.maths.fault_scores import (
 )
 from agonic.thermal.maths.gaussian_process import STEADY
 from agonic.thermal.maths.station_faults import Fault
-from agonic.thermal.names import Told
 
 _HOUR = 3600.0
 _DIFFERENT = 10.0

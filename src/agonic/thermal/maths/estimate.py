@@ -19,7 +19,7 @@ from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.estimation.noise.residuals import estimate_noise, robust_scale
 from agonic.model.average import Base, Group, average
 from agonic.model.terms.time import TIME
-from agonic.thermal.maths import fixture, gaussian_process
+from agonic.thermal.maths import gaussian_process, stations
 from agonic.thermal.maths.prior import estimate_width, make_prior, step_poses
 from agonic.thermal.maths.station_residuals import (
     Poses,
@@ -98,7 +98,7 @@ def estimate_by_orientations(
     """
     assert problem.rot_nb is not None
     seen = find_directions(problem, start)
-    found = fixture.find_mounting(seen, problem.rot_nb)
+    found = stations.find_mounting(seen, problem.rot_nb)
     kinds = gaussian_process.KINDS if slow is None else gaussian_process.list_near_kinds(slow)
     return _iterate(problem, start, Poses(seen, found.mount, found.field), kinds)
 
@@ -141,7 +141,7 @@ def _iterate(
             known = kinds if turn == 0 else (state.slow.kind,)
             state, taken = _renew_slow_changes(problem, state, known)
         left, variance = compute_residuals(problem, state)
-        freedom = _count_parameters(solution) + round(taken)
+        freedom = round(float(np.trace(solution.covariance @ solution.information))) + round(taken)
         excess = _estimate_excess(left, variance, freedom)
         noise = estimate_noise(_whiten(left, variance + excess).T.ravel(), True, freedom)
         same = abs(excess - before.excess) <= 1e-2 * (excess + float(np.median(variance)))
@@ -152,15 +152,14 @@ def _iterate(
         if not first:
             correlation, state = noise.correlation, state._replace(excess=excess)
         if same and calm and rested and solution.iterations <= 2 and turn > 1:
-            if problem.pace is None or len(state.ageing) or _hide_ageing(state):
+            if (
+                problem.pace is None
+                or len(state.ageing)
+                or (_resemble_ageing(state) and state.slow.gain > UNREST)
+            ):
                 break
             state = state._replace(ageing=np.zeros(3))  # not before slow changes have theirs
     return _summarise(problem, state, solution, loss, correlation, iterations)
-
-
-def _hide_ageing(state: State) -> bool:
-    """Whether slow changes of the field surely stand in for ageing."""
-    return _resemble_ageing(state) and state.slow.gain > UNREST
 
 
 def _resemble_ageing(state: State) -> bool:
@@ -197,11 +196,6 @@ def _renew_slow_changes(
     z = z + kept - least
     changes, taken = gaussian_process.predict_changes(of, slow, axes, z, len(problem.points))
     return state._replace(slow=slow, followed=changes), taken
-
-
-def _count_parameters(solution: leastsq.Solution) -> int:
-    """How many parameters the readings determined: of those that the prior holds, a part."""
-    return round(float(np.trace(solution.covariance @ solution.information)))
 
 
 def _estimate_excess(left: Array, variance: Array, parameters: int) -> float:

@@ -8,7 +8,7 @@ from agonic.arrays import Array
 from agonic.maths.equation import temperature_model
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.vectors import skew
-from agonic.thermal.maths import fixture
+from agonic.thermal.maths import stations
 from agonic.thermal.maths.station_residuals import Poses, State, StationProblem
 
 
@@ -43,19 +43,19 @@ def _make_fixture_prior(problem: StationProblem, state: State, poses: Poses) -> 
     """
     k, width = problem.stations, state.trends
     soft = _make_common_prior(problem, state, 2 * k + 5)
-    seen_tangent = fixture.find_tangents(poses.directions)
-    field_tangent = fixture.find_tangents(poses.field)
+    seen_tangent = stations.find_tangents(poses.directions)
+    field_tangent = stations.find_tangents(poses.field)
     assert problem.rot_nb is not None
     back = np.swapaxes(problem.rot_nb, 1, 2)
-    across = fixture.find_tangents(back @ poses.field)
+    across = stations.find_tangents(back @ poses.field)
     first = problem.layout.shape[1] + width
 
     def prior(params: Array) -> tuple[Array, Array]:
         base, by = soft(params)
         steps = params[first : first + 2 * k].reshape(k, 2)
         turn, tilt = params[first + 2 * k : first + 2 * k + 3], params[first + 2 * k + 3 :]
-        seen, sway = fixture.move_on_sphere(poses.directions, seen_tangent, steps)
-        field, lean = fixture.move_on_sphere(poses.field, field_tangent, tilt)
+        seen, sway = stations.move_on_sphere(poses.directions, seen_tangent, steps)
+        field, lean = stations.move_on_sphere(poses.field, field_tangent, tilt)
         in_box = seen @ poses.mount.T
         small = np.eye(3) + skew(turn)
         r = in_box @ small.T - back @ field
@@ -76,11 +76,11 @@ def _make_fixture_prior(problem: StationProblem, state: State, poses: Poses) -> 
 
 def step_poses(poses: Poses, steps: Array, k: int) -> Poses:
     """The poses after the small steps that the solver found."""
-    seen, _ = fixture.move_on_sphere(
-        poses.directions, fixture.find_tangents(poses.directions), steps[: 2 * k].reshape(k, 2)
+    seen, _ = stations.move_on_sphere(
+        poses.directions, stations.find_tangents(poses.directions), steps[: 2 * k].reshape(k, 2)
     )
-    field, _ = fixture.move_on_sphere(
-        poses.field, fixture.find_tangents(poses.field), steps[2 * k + 3 :]
+    field, _ = stations.move_on_sphere(
+        poses.field, stations.find_tangents(poses.field), steps[2 * k + 3 :]
     )
     u, _, vt = np.linalg.svd((np.eye(3) + skew(steps[2 * k : 2 * k + 3])) @ poses.mount)
     return Poses(seen, u @ vt, field)

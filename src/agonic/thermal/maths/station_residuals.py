@@ -19,7 +19,7 @@ from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import SYMMETRIC
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.vectors import find_smallest_rotation
-from agonic.thermal.maths import fixture, gaussian_process
+from agonic.thermal.maths import gaussian_process, stations
 
 ANY_TURN = float(np.pi)
 """The standard deviation of an orientation of which nothing is known before, rad."""
@@ -270,7 +270,7 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
     """Residuals of the readings, whitened; an axis after the other, each in the order of cells."""
     onto, k = problem.layout, problem.stations
     a, width, after = onto.shape[1], len(state.drift), onto.shape[1] + state.trends
-    m, tangent = len(problem.points), fixture.find_tangents(poses.directions)
+    m, tangent = len(problem.points), stations.find_tangents(poses.directions)
     white = _make_noise_whitener(problem, state)
     calmed = make_whitener(problem, state)
     turning, clock = _rotate_to_sensor(problem, poses), problem.clock
@@ -280,7 +280,7 @@ def _make_vector_pieces(problem: StationProblem, state: State, poses: Poses) -> 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
         bias, matrix = _evaluate(problem, params[:a], params[a + width : after])
         steps = params[after : after + 2 * k].reshape(k, 2)
-        seen, sway = fixture.move_on_sphere(poses.directions, tangent, steps)
+        seen, sway = stations.move_on_sphere(poses.directions, tangent, steps)
         field = seen[problem.station]
         changed = clock @ params[a : a + width].reshape(clock.shape[1], len(drifting)) @ drifting
         field = field + np.einsum("mij,mj->mi", turning, changed)

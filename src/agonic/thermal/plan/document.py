@@ -13,9 +13,8 @@ from agonic.report.document import Document
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section, Table
 from agonic.report.verdict import sentence
-from agonic.thermal.campaign.description import Station
+from agonic.thermal.campaign.description import Sensor, Station
 from agonic.thermal.campaign.profile import format_signed
-from agonic.thermal.campaign.sensors import Sensor
 from agonic.thermal.plan.figures import draw_pose, draw_profile
 from agonic.thermal.plan.plan import ThermalPlan
 

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.report.digits import write_minus
+from agonic.report.axes import Axis, fit_axis, right
 from agonic.report.markup import Markup, element
-from agonic.thermal.campaign.profile import Profile, format_signed
+from agonic.report.strips import caption, curve, path, plot
+from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.maths.stations import FACES
 
 HALF = np.array([1.25, 0.85, 0.5])
@@ -103,80 +104,23 @@ def _format_points(pixels: Array) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
 
 
-WIDTH, HEIGHT, LEFT, TOP, BOTTOM, RIGHT = 760.0, 250.0, 52.0, 16.0, 34.0, 16.0
-
-
 def draw_profile(profile: Profile) -> Markup:
     """The chamber's temperature over the time of a station, the recording marked.
 
     >>> draw_profile(Profile()).count("recorded")
-    2
+    3
     """
-    before = sum(segment.duration_s for segment in profile.before)
+    heating, hold = (segment.duration_s / 3600 for segment in profile.before)
     time, level = profile.corners
-    unrecorded = np.array([0.0, profile.before[0].duration_s, before])
-    total = before + time[-1]
-    low = min(profile.lowest_C, profile.room_C)
-    high = max(profile.highest_C, profile.room_C)
-    span = high - low
-
-    def x(seconds: Array) -> Array:
-        return np.asarray(LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(seconds) / total)
-
-    def y(temperature: Array) -> Array:
-        share = (np.asarray(temperature) - low + 0.06 * span) / (1.12 * span)
-        return np.asarray(HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * share)
-
+    begun = heating + hold
+    x = Axis("hours", 0.0, begun + float(time[-1]) / 3600)
     first = np.array([profile.room_C, profile.highest_C, profile.highest_C])
-    edge = float(x(np.array(before)))
-    parts = [
-        element(
-            "rect",
-            x=f"{edge:.1f}",
-            y=TOP,
-            width=f"{WIDTH - RIGHT - edge:.1f}",
-            height=HEIGHT - TOP - BOTTOM,
-            class_="recorded",
-        ),
-        *_draw_grid(x, y, low, high, total),
-        element("path", d=_format_path(x(unrecorded), y(first)), class_="course before"),
-        element("path", d=_format_path(x(time + before), y(level)), class_="course"),
-        element("text", "recorded", x=f"{edge + 6:.1f}", y=TOP + 14, class_="title"),
+    y = fit_axis("°C", np.concatenate([first, level]))
+    edge = float(right(x, np.array(begun)))
+    layers = [
+        path(f"M{edge:.1f} 0H1000V1000H{edge:.1f}Z", "recorded"),
+        curve(x, y, np.array([0.0, heating, begun]), first, "course before"),
+        curve(x, y, begun + time / 3600, level, "course"),
     ]
-    return element(
-        "svg",
-        *parts,
-        class_="profile",
-        viewBox=f"0 0 {WIDTH:g} {HEIGHT:g}",
-        role="img",
-        aria_label="temperature of the chamber over time",
-    )
-
-
-def _draw_grid(x, y, low: float, high: float, total: float) -> list[Markup]:  # type: ignore[no-untyped-def]
-    """Lines every ten degrees and every half hour, with numbers."""
-    step = 10.0 if high - low <= 100 else 20.0
-    parts = []
-    for level in np.arange(np.ceil(low / step) * step, high + 0.1, step):
-        at = float(y(level))
-        parts.append(element("path", d=f"M{LEFT},{at:.1f}H{WIDTH - RIGHT}", class_="grid"))
-        parts.append(
-            element(
-                "text",
-                write_minus(f"{format_signed(level)} °C"),
-                x=LEFT - 6,
-                y=f"{at + 4:.1f}",
-                text_anchor="end",
-            )
-        )
-    pace = 1800.0 if total <= 6.5 * 3600 else 3600.0 * max(1, round(total / 3600 / 10))
-    for seconds in np.arange(0.0, total + 1.0, pace):
-        at = float(x(seconds))
-        parts.append(element("path", d=f"M{at:.1f},{TOP}V{HEIGHT - BOTTOM}", class_="grid"))
-        hour = f"{int(seconds // 3600)}:{int(seconds % 3600 // 60):02d}"
-        parts.append(element("text", hour, x=f"{at:.1f}", y=HEIGHT - 14, text_anchor="middle"))
-    return parts
-
-
-def _format_path(x: Array, y: Array) -> str:
-    return "M" + " L".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    drawn = plot(x, y, layers, "temperature of the chamber over time")
+    return caption("Temperature of the chamber", drawn, {"recorded": "recorded"})

@@ -14,9 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from agonic.errors import AgonicError
 from agonic.readable import Shown
-from agonic.thermal.campaign.description import Description, Station, list_standard_stations
+from agonic.thermal.campaign.description import (
+    Description,
+    Sensor,
+    Station,
+    list_standard_stations,
+    parse_sensors,
+)
 from agonic.thermal.campaign.profile import Profile
-from agonic.thermal.campaign.sensors import Sensor, parse_sensors
 from agonic.thermal.maths.stations import describe_turn
 from agonic.thermal.plan.standard_errors import (
     ExpectedErrors,

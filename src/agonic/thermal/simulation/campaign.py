@@ -20,9 +20,8 @@ from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.simulation.draws import draw_directions, make_knots
 from agonic.simulation.thermal import make_readings, random_drifting
-from agonic.thermal.campaign.description import Description
+from agonic.thermal.campaign.description import MODELS, Description, Sensor
 from agonic.thermal.campaign.recording import Campaign
-from agonic.thermal.campaign.sensors import MODELS, Sensor
 from agonic.thermal.fit.readings import KELVIN
 from agonic.thermal.plan.plan import HANDLING_MIN, ThermalPlan, plan_thermal
 

@@ -1,0 +1,1 @@
+"""A monitor of two whole compasses, each a magnetometer with an inclinometer of its own."""
