@@ -216,7 +216,7 @@ def test_what_the_readme_says_of_simulations_is_in_their_tables() -> None:
     counts = re.findall(r"Confidently wrong: (\d+) of (\d+) runs", torture)
     assert counts[0] == (wrong, runs)
     assert f"{kinds} kinds of faults and motions | {runs} | {wrong} | {useful} |" in readme
-    assert f"star sensor | {counts[1][1]} | {counts[1][0]} |" in readme
+    assert f"chamber | {counts[1][1]} | {counts[1][0]} |" in readme
     assert f"faults laid on | {counts[2][1]} | {counts[2][0]} |" in readme
     none = "None" if alarmed == "0" else alarmed
     assert f"{none} of the {clean} simulated recordings without a fault was called" in readme

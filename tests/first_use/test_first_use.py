@@ -73,6 +73,17 @@ def test_the_team_of_a_cubesat(person: Person) -> None:
     assert person.goes_on(alone).status in (0, 1)
 
 
+def test_the_team_of_a_cubesat_in_a_chamber(person: Person) -> None:
+    """A plan, recordings of five boards and their calibrations are a screen each."""
+    boards = "--sensors 2xMMC5883MA,3xMPU-9255"
+    planned = person.types(f"agonic plan thermal {boards} -o plan.html --folder chamber")
+    assert planned.files == {"plan.html", "chamber/campaign.toml"}
+    made = person.types(f"agonic simulate campaign {boards} --rate 0.02 -o camp")
+    fitted = person.goes_on(made)
+    assert fitted.text.count(": good, ready to use") == 5
+    assert {Path(file).suffix for file in fitted.files} == {".json", ".html"}
+
+
 def test_the_owner_of_a_rover(person: Person) -> None:
     """With accelerometer and gyro it is calibrated level; without, a page says what helps."""
     calibrated = person.goes_on(person.types("agonic simulate rover -o rover.csv -n 3000"))
@@ -122,7 +133,15 @@ def test_a_sensor_that_never_turned_is_told_to_turn_and_nothing_else(person: Per
     assert "--at" not in shown.text
 
 
-@pytest.mark.parametrize("command", ["calibrate log.csv", "simulate tumble -o t.csv"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "calibrate log.csv",
+        "simulate tumble -o t.csv",
+        "evaluate log.csv --field 50000",
+        "plan thermal --sensors MPU-9255 -o plan.html",
+    ],
+)
 def test_no_wait_is_silent(command: str, person: Person, monkeypatch: pytest.MonkeyPatch) -> None:
     """What takes a while says so on a terminal, and how long it took."""
     person.types("agonic simulate hand -o log.csv -n 1500")

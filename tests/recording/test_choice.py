@@ -84,7 +84,7 @@ def test_the_user_may_decide() -> None:
     for kind in ("ellipsoid", "levelled", "vector"):
         result = ag.calibrate(samples, field_n, kind=kind)
         assert result.method == kind
-        assert result.reason == "it was asked for"
+        assert result.reason == "as asked for"
     with pytest.raises(ag.AgonicError, match="use one of"):
         ag.calibrate(samples, field_n, kind="best")
     with pytest.raises(ag.AgonicError, match="--at"):

@@ -99,8 +99,8 @@ def test_a_simulated_campaign_with_its_truth(capsys) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--fault", "fire"], "is none"),
-        (["--fault", "missing=all"], "is none"),
+        (["--fault", "fire"], "is not known"),
+        (["--fault", "missing=all"], "is not known"),
         (["--fault", "missing=20"], "no station 20"),
         (["--fault", "stuck=x"], "no sensor 'x'"),
         (["--format", "xlsx"], "csv, parquet"),

@@ -189,7 +189,7 @@ def _half_seen(e: Evidence, problem: Problem, cleaned: Array) -> Finding | None:
         "coverage",
         "refuse",
         f"the headings leave a gap of {seen.gap_deg}° and the vehicle was level to "
-        f"{figure(seen.tilt_deg)}°: bias and soft iron cannot be told apart",
+        f"{figure(seen.tilt_deg)}°: bias and soft iron cannot be separated",
         e.coverage.turns,
     )
 

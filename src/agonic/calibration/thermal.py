@@ -53,8 +53,8 @@ class Thermal(Correction):
     rate : (3,) unit of the readings per °C/s: what the bias lags by while the temperature changes
         (hysteresis); `None` where there is no such term.
     covariance : (a, a) of `parameters`; or `None` where it is not known.
-    validity : its `temperature_C` is the range; beyond it corrections are extrapolated and warned
-        of (`AgonicWarning`); `outside` says which.
+    validity : its `temperature_C` is the range; beyond it corrections are extrapolated, with a
+        warning (`AgonicWarning`); `outside` says which.
 
     The others as in `Affine`.
 

@@ -309,6 +309,6 @@ def take_symmetric(
     if angle > NEGLIGIBLE_DEG:
         warnings += (
             f"the target holds a symmetric matrix only: a rotation of {angle:.2f} deg is left "
-            "out, and its field is turned by as much",
+            "out, and its field is turned by the same angle",
         )
     return bias, pack_symmetric(symmetric), warnings

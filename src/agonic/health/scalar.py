@@ -36,7 +36,7 @@ def check_scalar(samples: Samples) -> Finding | None:
         move = f"it is dead, or the number was typed in: --field {first} gives one"
     elif runs.max() > STUCK * len(scalar) and median(runs) == 1:
         what = f"the scalar instrument repeats one value in {runs.max()} rows on end"
-        move = "it lost its lock there: leave those rows out (--between), or mend it"
+        move = "it lost its lock there: leave those rows out (--between), or repair it"
     elif samples.unit == "nT" and _is_computed(samples, scalar, size):
         what = "the scalar column is the magnitude of the vector itself"
         move = "name the column of an instrument of its own"

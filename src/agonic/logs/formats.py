@@ -215,7 +215,7 @@ SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
     (0, b"\xff\xd8\xff", "a JPEG picture"),
     (0, b"%PDF", "a PDF document"),
     (0, b"\x7fELF", "a program"),
-    (0, b"FEA1", "an old Feather file, version 1 (write it anew)"),
+    (0, b"FEA1", "an old Feather file, version 1 (write it again)"),
     (8, b".FIT", "a Garmin FIT file (turn it into CSV with the FIT SDK's FitCSVTool)"),
     (0, b"\xb5\x62", "a u-blox UBX stream, whose receivers have no magnetometer"),
     (0, b"\xd0\xcf\x11\xe0", "an old workbook of Excel (save the sheet as CSV)"),

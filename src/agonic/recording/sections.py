@@ -204,9 +204,9 @@ def _explain_disturbers() -> Markup:
     return element(
         "p",
         f"The log was cut into {BLOCKS} blocks of time; the last column is by how much the "
-        "sources reduce the residuals of a block, squared, by the fit to the other blocks. That "
-        "set is taken which explains most of the residuals, beside drifts and other causes; a "
-        f"second that is taken, beside the first. A duty counts to the power {POWER:g}, as a "
-        "motor’s current, unless another power, a delay or a filter is surely likelier.",
+        "sources reduce the residuals of a block, squared, by the fit to the other blocks. The set "
+        "that explains most of the residuals, together with drifts and other causes, is used; a "
+        f"second set is judged together with the first. A duty has the power {POWER:g}, as a "
+        "motor’s current, unless another power, a delay or a filter is clearly more likely.",
         class_="aside",
     )

@@ -88,7 +88,7 @@ def describe_validity(calibration: Thermal) -> dict[str, str]:
     low, high = calibration.range_C
     entries = {
         "Temperature": f"{low:.1f} to {high:.1f} °C; more than {MARGIN_C:g} °C beyond, corrections "
-        "are extrapolated and warned of",
+        "are extrapolated, with a warning",
         "Needs": "the temperature of each reading"
         + ("" if calibration.rate is None else ", and its time for how fast that changes"),
     }

@@ -155,12 +155,12 @@ def _show_chamber(found: ChamberField | None) -> list[Block]:
     turned = "in the axes of the chamber" if len(found.axes) > 1 else "along itself"
     said = (
         f"All sensors saw the field change {turned} by {quantity(found.common_sd, 'nT', 2)} (one "
-        "standard deviation of an axis within a station). That is the chamber, not the sensors. "
+        "standard deviation of an axis within a station). This is the chamber, not the sensors. "
         "From one station to the next field, fixture and sensors cannot be separated."
     )
     note = (
-        "Standard deviations of the means of windows, on one axis. “Its own” is what the "
-        "polynomials leave, lag and rounding."
+        "Standard deviations of the means of windows, on one axis. “Its own” is residuals of the "
+        "polynomials, lag and rounding."
     )
     return [
         lambda: figures.draw_chamber(found),

@@ -319,7 +319,7 @@ def draw_orders(fit: ThermalFit) -> Markup:
     said = (
         f"Order {order}: the smallest after which no variance falls markedly."
         if auto
-        else f"Order {order}, as it was asked for."
+        else f"Order {order}, as asked for."
     )
     if fit.variances is None:
         return element("p", said)

@@ -182,7 +182,7 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> list[Fin
             Finding(
                 "reference",
                 "check",
-                f"{what}: much more than models err by",
+                f"{what}: much more than errors of models",
                 "check times, positions, units and the date; look for currents on board",
             )
         ]

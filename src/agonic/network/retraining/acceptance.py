@@ -152,12 +152,12 @@ def _doubt_reference(unseen: Unseen, made: float, params: RetrainerParams) -> st
         )
     if unseen.noise is not None and made > params.misfit * unseen.noise:
         return (
-            f"wrong reference, or a disturbance: the best candidate errs by {figure(made)} nT on "
+            f"wrong reference, or a disturbance: the best candidate is off by {figure(made)} nT on "
             f"unseen readings, and {figure(unseen.noise)} nT were left before"
         )
     if made > params.furthest * unseen.strength:
         return (
-            f"wrong reference: the best candidate errs by {figure(made)} nT on unseen readings, "
+            f"wrong reference: the best candidate is off by {figure(made)} nT on unseen readings, "
             f"in a field of {figure(unseen.strength)} nT"
         )
     return ""

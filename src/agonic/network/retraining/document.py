@@ -186,6 +186,6 @@ def _settings(retrainer: Retrainer) -> dict[str, str]:
         "Reference": f"the {params.target}",
         "Changes noticed": alarm if params.alarm else "none: the alarm is off",
         "Learned after": f"{group_digits(params.fewest)} readings, and again as the window fills",
-        "Rejected": f"candidates that err {params.misfit:g} times as much as before, or move the "
+        "Rejected": f"candidates whose error is {params.misfit:g} times that before, or move the "
         f"field by more than {100 * params.furthest:g} %",
     }

@@ -139,7 +139,7 @@ def _choose(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> Choice:
     method, reason = (
-        _choose_method(samples, reference) if kind == "auto" else (kind, "it was asked for")
+        _choose_method(samples, reference) if kind == "auto" else (kind, "as asked for")
     )
     if method == "ellipsoid":
         alone = fit_magnitude(samples, reference, reason, settings)
@@ -173,7 +173,7 @@ def _without_heading(
     """The fit by roll and pitch alone, or the one that was asked for, with what speaks against the
     heading."""
     if kind != "auto":
-        chosen = fit_beside_attitude(samples, reference, kind, "it was asked for", settings)
+        chosen = fit_beside_attitude(samples, reference, kind, "as asked for", settings)
         told = replace(doubt, severity="refuse")
         return replace(chosen, fit=chosen.fit.with_findings(told))
     levelled = fit_beside_attitude(samples, reference, "levelled", doubt.what, settings)

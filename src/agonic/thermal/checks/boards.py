@@ -272,7 +272,7 @@ def _judge_restarts(boards: list[Board]) -> list[Finding]:
         Finding(
             "clock restarts",
             "check",
-            f"the clock{whose} began anew {times}, at "
+            f"the clock{whose} started again {times}, at "
             f"{name_stations(n for board in begun for n in board.restarts)}: the board or its "
             "logger was reset, and how long it was off is not known; all readings are used",
             "look at its supply, and whether the board keeps working over the whole range",

@@ -84,10 +84,9 @@ def fit_chamber(
     files = {} if out is None else _write_calibrations(result, make_folder(out))
     name = campaign.resolve().name if campaign.is_dir() else campaign.stem
     document = describe_campaign(result, title=read.description.name or name, files=files)
-    reports = []
+    written = [file for own in files.values() for file in own]
     if out is not None:
-        reports.append(write_atomically(out / "report.html", document.to_html()))
-    written: list[Path | str] = [*(file for own in files.values() for file in own), *reports]
+        written.append(str(write_atomically(out / "report.html", document.to_html())))
     return finish(document, files=written, as_json=as_json, brief=not verbose)
 
 

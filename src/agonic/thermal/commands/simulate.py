@@ -83,7 +83,7 @@ def parse_faults(words: list[str]) -> Faults:
         try:
             given[name] = _FAULTS[name](value)
         except (KeyError, ValueError):
-            raise AgonicError(f"--fault {word!r} is none; write one of {FAULTS}") from None
+            raise AgonicError(f"--fault {word!r} is not known; write one of {FAULTS}") from None
     return Faults(**given)
 
 

@@ -27,7 +27,7 @@ RULES = (
     "thermometer reports.",
     "Let the chamber hold at the ends for the whole time: the inside of the box is delayed.",
 )
-"""What to heed, each with its reason."""
+"""Precautions, each with its reason."""
 
 SEEN = (
     "As seen from the door of the chamber, from above and the left. Name the sides of the box "
@@ -61,7 +61,7 @@ def describe_plan(plan: ThermalPlan, *, title: str = "") -> Document:
         details=poses,
         entries_title="",
         sections=[
-            Section("What to heed", [element("ul", *(element("li", rule) for rule in RULES))]),
+            Section("Precautions", [element("ul", *(element("li", rule) for rule in RULES))]),
             Section("Time and space", [_list_costs(plan)]),
             Section(
                 "At every station",
