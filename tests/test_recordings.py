@@ -118,7 +118,7 @@ def test_a_magnet_attached_and_taken_off_is_named_and_the_rest_calibrated(
     assert finding.moments == pytest.approx([on_s, off_s], abs=1.0)
     on, off = finding.moments
     time = result.samples.time
-    assert f"from t = {off:.1f} s" in finding.what.partition("this calibration is of the ")[2]
+    assert f"from t = {off:.1f} s" in finding.what.partition("hold only for the stretch")[2]
     assert not ((on < time) & (time < off)).any()
     assert time[time > off][0] < off + 3.0
     assert np.linalg.norm(result.calibration.bias) < 2500

@@ -1,9 +1,8 @@
-"""`TARGETS`: every program that a calibration can be written for, a line each.
+"""`TARGETS`: every program that a calibration can be written for, a line each, and one parameter
+file for all compasses of a vehicle.
 
 Nothing of a target is imported before something is written for it, so that a command can list
 them at no cost.
-
-One parameter file for all compasses of a vehicle, as its autopilot loads it.
 
 ArduPilot numbers compasses from 1 and uses those with COMPASS_USE 1; PX4 numbers slots from 0 and
 takes a slot by its device id, with CAL_MAGn_PRIO 50 (0: not used).
@@ -20,9 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agonic.atomic import write_atomically
-from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, check_choice
-from agonic.exports.convert import Export
 from agonic.logs.formats import load_installed
 
 if TYPE_CHECKING:
@@ -171,6 +168,8 @@ def write_vehicle(
     Returns an `Export`, whose warnings begin with the sensor's name. Raises what the writer of one
     compass raises.
     """
+    from agonic.exports.convert import Export
+
     texts, warnings = list[str](), list[str]()
     with TemporaryDirectory() as folder:
         for name, calibration in calibrations.items():

@@ -49,7 +49,7 @@ def read_section(
     `kind` is a `Struct` or a dataclass; `beside` are the sections that may stand in the same
     place, for the list of what is known.
 
-    >>> class Place(Struct):
+    >>> class Place(msgspec.Struct):
     ...     latitude_deg: float
     >>> mistakes: list[str] = []
     >>> read_section({"latitude": 50.0}, Place, "[site]", mistakes)

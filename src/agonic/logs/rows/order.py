@@ -120,7 +120,7 @@ def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     >>> field = np.arange(72.0).reshape(24, 3)
     >>> time, notes = continue_time(np.r_[0.0:12.0, 0.0:12.0], field)
     >>> float(time[-1]), notes[0].partition(":")[0]
-    (23.0, 'the clock begins anew once')
+    (23.0, 'the clock starts again once')
     """
     known = np.flatnonzero(np.isfinite(time))
     t = time[known]

@@ -35,7 +35,7 @@ def check_campaign(campaign: Campaign) -> tuple[Campaign, tuple[Finding, ...]]:
     >>> campaign = Campaign(recordings={"mag": {1: warm}})
     >>> [f.sentence for f in check_campaign(campaign)[1] if f.name == "range"]
     ['station 1 reached only -5.0 of -10 °C, and station 1 reached only 25.0 of +50 °C; a \
-calibration holds only where it was measured: record again, or use it over a smaller range']
+calibration holds only where it was measured: record again, or use a smaller range']
     """
     profile = campaign.description.profile or Profile()
     made, still = find_courses(campaign)
