@@ -127,7 +127,7 @@ def _choose_library(layout: str | None, to: str, folder: Path) -> Path | None:
 
 def _export_vehicle(setup: Path, to: str, out: Path | None) -> Export:
     """All compasses of a setup in one file of parameters."""
-    from agonic.exports.targets import write_vehicle
+    from agonic.exports.vehicle import write_vehicle
     from agonic.files.setup import load_setup
 
     held = load_setup(setup).compasses

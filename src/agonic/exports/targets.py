@@ -1,12 +1,7 @@
-"""`TARGETS`: every program that a calibration can be written for, a line each, and one parameter
-file for all compasses of a vehicle.
+"""`TARGETS`: every program that a calibration can be written for, a line each.
 
 Nothing of a target is imported before something is written for it, so that a command can list
 them at no cost.
-
-ArduPilot numbers compasses from 1 and uses those with COMPASS_USE 1; PX4 numbers slots from 0 and
-takes a slot by its device id, with CAL_MAGn_PRIO 50 (0: not used).
-Source: ArduPilot AP_Compass.cpp; PX4 sensor_calibration/Magnetometer.cpp.
 """
 
 from __future__ import annotations
@@ -15,10 +10,8 @@ import re
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, check_choice
 from agonic.logs.formats import load_installed
 
@@ -151,45 +144,3 @@ def compass_number(sensor: str) -> int:
         return int(found[1]) + 1
     found = re.search(r"(\d)$", sensor)
     return max(int(found[1]), 1) if found else 1
-
-
-def write_vehicle(
-    target: str,
-    calibrations: Mapping[str, Calibration],
-    path: Path | str,
-    *,
-    unused: tuple[str, ...] = (),
-) -> Export:
-    """Write the parameters of several compasses into one file.
-
-    Parameters: the autopilot; calibrations by the names of their sensors, whose numbers are those
-    of the compasses; the names of sensors that are not to be used.
-
-    Returns an `Export`, whose warnings begin with the sensor's name. Raises what the writer of one
-    compass raises.
-    """
-    from agonic.exports.convert import Export
-
-    texts, warnings = list[str](), list[str]()
-    with TemporaryDirectory() as folder:
-        for name, calibration in calibrations.items():
-            path_of_one = Path(folder, f"one{TARGETS[target].suffix}")
-            one = write(target, calibration, path_of_one, number=compass_number(name))
-            texts.append(f"# {name}\n{one.path.read_text('utf-8')}{_use(target, name, True)}\n")
-            warnings += [f"{name}: {text}" for text in one.warnings]
-    texts += [f"# {name}: not calibrated\n{_use(target, name, False)}\n" for name in unused]
-    written = write_atomically(path, "\n".join(texts))
-    return Export(path=written, target=target, warnings=tuple(warnings))
-
-
-def _use(target: str, name: str, used: bool) -> str:
-    """The row that has a compass used or not.
-
-    >>> _use("ardupilot", "MAG2", False), _use("px4", "sensor_mag[0]", True)
-    ('COMPASS_USE2,0', '1\\t1\\tCAL_MAG0_PRIO\\t50\\t6')
-    """
-    parameter, yes, no = USE[target]
-    number = compass_number(name)
-    if target == "ardupilot":
-        return f"{parameter.format('' if number == 1 else number)},{yes if used else no}"
-    return f"1\t1\t{parameter.format(number - 1)}\t{yes if used else no}\t6"
