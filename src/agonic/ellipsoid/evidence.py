@@ -13,7 +13,6 @@ from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError
 from agonic.fit import Fit, ModelTest, gather_evidence
 from agonic.health import (
-    Finding,
     check_axes,
     check_magnitude,
     check_resolution,
@@ -208,10 +207,11 @@ def assess(
     if fit.verdict == "refused":
         return fit
     stated = reference is not None or _states_reference(affine)
-    size = None if stated else check_magnitude(affine.magnitude, affine.unit_in)
-    return fit.with_findings(find_wrong_scale(affine), size)
+    gain = find_gain(affine) if stated else None
+    size = check_magnitude(affine.magnitude, affine.unit_in, gain)
+    return fit.with_findings(check_scale(find_gain(affine), affine.unit_in), size)
 
 
-def find_wrong_scale(affine: Affine) -> Finding | None:
-    """A wrong unit or a wrong reference; by the volume, which no turn of the axes changes."""
-    return check_scale(float(np.cbrt(np.linalg.det(affine.matrix))), affine.unit_in)
+def find_gain(affine: Affine) -> float:
+    """The gain of the whole, by the volume, which no turn of the axes changes."""
+    return float(np.cbrt(np.linalg.det(affine.matrix)))

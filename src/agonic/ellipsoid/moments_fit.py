@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.coverage import compute_coverage
-from agonic.ellipsoid.evidence import find_wrong_scale
+from agonic.ellipsoid.evidence import find_gain
 from agonic.ellipsoid.problem import (
     Scale,
     describe_result,
@@ -20,6 +20,7 @@ from agonic.ellipsoid.settings import CITATIONS, Gauge, Model, describe_referenc
 from agonic.ellipsoid.solve import choose_model, solve_algebraic
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import Fit
+from agonic.health import check_scale
 from agonic.maths.equation import moments as kernel
 from agonic.model.verdict import check_coverage
 from agonic.moments import Moments
@@ -89,7 +90,9 @@ def fit_moments(
         accuracy=state_accuracy(affine, coverage),
         remarks=describe_result(affine, tests, reference is not None),
     )
-    return fit.with_findings(find_wrong_scale(affine), check_coverage(coverage))
+    return fit.with_findings(
+        check_scale(find_gain(affine), affine.unit_in), check_coverage(coverage)
+    )
 
 
 def normalise_moments(sums: Moments, reference: Reference | None) -> tuple[Array, Scale]:

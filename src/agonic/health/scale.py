@@ -8,7 +8,7 @@ from agonic.health.evidence import HOLDS
 from agonic.health.finding import Finding, figure
 from agonic.maths.one_pass import find_length, median
 from agonic.samples import Samples
-from agonic.units import STANDARD_GRAVITY_M_S2
+from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
 GAIN = (0.5, 2.0)
 """A gain outside is no error of a sensor."""
@@ -57,7 +57,7 @@ def check_gravity(samples: Samples) -> Finding | None:
 
     They are of the size of gravity about zero, most of them: motion disturbs the others.
     """
-    if samples.unit != "raw" or not any(note.startswith(BARE) for note in samples.notes):
+    if samples.unit != RAW or not any(note.startswith(BARE) for note in samples.notes):
         return None
     size = find_length(samples.field)
     middle = median(size)
@@ -74,22 +74,33 @@ def check_gravity(samples: Samples) -> Finding | None:
     )
 
 
-def check_magnitude(magnitude: float | None, unit: str) -> Finding | None:
+def check_magnitude(
+    magnitude: float | None, unit: str, gain: float | None = None
+) -> Finding | None:
     """A magnitude in nT that no compass was ever in: most likely a wrong unit.
 
-    Only where no reference was given; a coil of any field can be stated.
+    A coil of any field can be stated, then with the `gain` of the fit; but not one that readings
+    without a unit have the size of as they are.
 
     >>> check_magnitude(48e6, "nT").what
     'the field would be 4.8e+07 nT, where the Earth has 20 000 to 70 000 nT'
-    >>> check_magnitude(48_000.0, "nT"), check_magnitude(0.5, "raw")
+    >>> check_magnitude(48_000.0, "nT"), check_magnitude(48.0, "nT", gain=1.0)
     (None, None)
+    >>> check_magnitude(48.0, "raw", gain=1.0).what.partition(",")[0]
+    'readings without a unit have the size of the stated 48 nT'
     """
     low, high = MAGNITUDES_NT
-    if unit != "nT" or magnitude is None or low < magnitude < high:
+    if magnitude is None or low < magnitude < high:
         return None
-    return Finding(
-        "scale",
-        "check",
-        f"the field would be {magnitude:.3g} nT, where the Earth has 20 000 to 70 000 nT",
-        "check the unit of the log; where the field was made by a coil, give it with --field",
+    what, move = (
+        f"the field would be {magnitude:.3g} nT",
+        ("check the unit of the log; where the field was made by a coil, give it with --field"),
     )
+    if gain is not None:
+        if unit != RAW or not GAIN[0] < gain < GAIN[1]:
+            return None
+        what = f"readings without a unit have the size of the stated {magnitude:.3g} nT"
+        move = "both are most likely in another unit: say which one (--unit uT, unit='uT')"
+    elif unit != "nT":
+        return None
+    return Finding("scale", "check", f"{what}, where the Earth has 20 000 to 70 000 nT", move)
