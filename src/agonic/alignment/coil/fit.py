@@ -39,8 +39,6 @@ MOST_A = 50.0
 ENOUGH = 16
 SETTLED, UNSETTLED = 1e-5, 1e-2
 """Shares of the constant: a field that moves it by less has settled, by more is not used."""
-
-
 METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02
 """Share of the largest current by which stretches of one level may differ."""

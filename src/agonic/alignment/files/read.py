@@ -10,23 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.files.description import (
-    Description,
-    read_description,
-)
-from agonic.alignment.files.tables import (
-    GON_DEG,
-    make_diagonal,
-    read_stars,
-    read_table,
-)
-from agonic.alignment.session import (
-    Session,
-    Site,
-    StarReadings,
-    check_session,
-    load_earth_rotation,
-)
+from agonic.alignment.files.description import Description, read_description
+from agonic.alignment.files.tables import GON_DEG, read_stars, read_table, state_errors
+from agonic.alignment.session import Session, Site, StarReadings, check_session, load_earth_rotation
 from agonic.alignment.session.laboratory import (
     Attitude,
     CoilSession,
@@ -90,7 +76,6 @@ def read_session(path: Path | str) -> Session:
     made = {**description.given, **_read_instruments(description), "star": star}
     for name in ("magnetometer", "reference"):
         made[name] = _turn_into_utc(made[name], scale)
-    made["notes"] = (*made["magnetometer"].notes, *made["reference"].notes)
     made["magnetometer"] = _number_orientations(made["magnetometer"], star)
     made["remanence"] = description.read_samples("remanence")
     return check_session(Session(**made, sources=tuple(description.sources)))
@@ -107,12 +92,9 @@ def _read_stars(description: Description) -> StarReadings:
     part, scale = description.parts["star"], description.head.time_scale
     read = read_stars(description.find(part.file), part.turns)
     description.add_source(part.file, len(read))
-    covariance = read.covariance
-    if covariance is None and part.across_sd_arcsec and part.about_sd_arcsec:
-        ones = np.ones(len(read))
-        covariance = make_diagonal(part.across_sd_arcsec * ones, part.about_sd_arcsec * ones)
+    read = state_errors(read, part.across_sd_arcsec, part.about_sd_arcsec)
     time = read.time - _ahead_s(read.time, scale)
-    return replace(read, time=time, covariance=covariance, **description.given["star"])
+    return replace(read, time=time, **description.given["star"])
 
 
 def _ahead_s(time: Array, scale: str) -> Array:

@@ -8,22 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.files.description import (
-    write_description,
-)
+from agonic.alignment.files.description import write_description
 from agonic.alignment.files.read import COIL, NORTH, SESSION, TABLES
-from agonic.alignment.files.tables import (
-    format_stars,
-    format_table,
-)
-from agonic.alignment.session import (
-    Session,
-)
-from agonic.alignment.session.laboratory import (
-    Attitude,
-    CoilSession,
-    NorthSession,
-)
+from agonic.alignment.files.tables import format_stars, format_table
+from agonic.alignment.session import Session
+from agonic.alignment.session.laboratory import Attitude, CoilSession, NorthSession
 from agonic.alignment.session.session import Recorded
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError

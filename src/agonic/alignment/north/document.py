@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from agonic.alignment.figures import draw_residuals, draw_settings
-from agonic.alignment.findings import judge
+from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
 from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
@@ -23,10 +22,7 @@ from agonic.report.markup import Markup
 from agonic.report.section import Section, Table, list_inputs
 from agonic.report.strips import caption, level, line, plot, spread
 
-SCALED = ("offset", "offset_sd", "scale")
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
-
-
 METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
 PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
 
@@ -72,7 +68,7 @@ def _entries(fit: NorthFit) -> dict[str, str]:
     north = format_angle(fit.north_deg, fit.sd_arcsec)
     entries = {"North": f"{north} on the circle, constant included"}
     for name, found in fit.by.items():
-        value = format_angle(found.reading_deg, 3600 * found.sd_deg)
+        value = format_angle(found.reading_deg, found.sd_arcsec)
         entries[name.capitalize()] = f"{value}, gyro north by {METHODS[name]}"
     if fit.constant is not None and fit.constant_sd is not None:
         constant = with_sd(fit.constant, fit.constant_sd)
@@ -85,10 +81,7 @@ def _entries(fit: NorthFit) -> dict[str, str]:
         value = format_angle(azimuth.azimuth_deg, azimuth.sd_arcsec)
         entries[azimuth.name] = f"azimuth {value}{both}"
     if fit.aligned is not None:
-        sd = "   ".join(
-            f"{axis} {significant(float(s), 2)}″"
-            for axis, s in zip("xyz", fit.aligned.sd_arcsec, strict=True)
-        )
+        sd = write_by_axis(fit.aligned.sd_arcsec)
         entries["Alignment"] = f"with the platform, about the magnetometer's {sd}"
     return entries
 
@@ -116,25 +109,11 @@ def _platform_rows(aligned: Aligned) -> list[list[str]]:
 
 
 def _numbers(fit: NorthFit) -> dict[str, Any]:
-    values = {
-        **make_record(fit),
-        "by": {
-            name: {
-                "gyro_north_deg": found.reading_deg,
-                "sd_arcsec": 3600 * found.sd_deg,
-                "freedom": found.freedom,
-            }
-            for name, found in fit.by.items()
-        },
-        "azimuths": [asdict(azimuth) for azimuth in fit.azimuths],
-    }
     if fit.aligned is None:
-        return values
-    return values | {
+        return make_record(fit)
+    return make_record(fit) | {
         "n": len(fit.aligned.orientation),
-        "matrix_mb": fit.aligned.rot_mb,
-        "sd_arcsec": fit.aligned.sd_arcsec,
-        "worst_sd_arcsec": fit.aligned.worst_sd_arcsec,
+        **make_record(fit.aligned),
         "residuals_nT": fit.aligned.solution.residuals,
         "chi2": fit.aligned.solution.chi2,
         "freedom": fit.aligned.solution.freedom,
@@ -245,24 +224,17 @@ def _setting_rows(fit: DiFluxFit) -> list[list[str]]:
 
 
 def _sheet_values(fit: DiFluxFit) -> dict[str, Any]:
-    (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
-    offset, offset_sd = fit.offset_arcsec
-    named = ("declination", "inclination", "meridian")
-    angles = [f"{name}_{unit}" for name in named for unit in ("deg", "sd_arcsec")]
-    return {
-        "n": fit.n,
+    """The numbers for programs; without a scale those in units of the fluxgate are null."""
+    values = {
+        **make_record(fit),
         "freedom": fit.estimate.freedom,
-        **{name: getattr(fit, name) for name in angles},
         "mark_deg": fit.mark.reading_deg,
         "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
         "telescope_collimation_arcsec": 3600 * fit.mark.collimation_deg,
-        "delta_arcsec": delta,
-        "delta_sd_arcsec": delta_sd,
-        "epsilon_arcsec": epsilon,
-        "epsilon_sd_arcsec": epsilon_sd,
-        "offset_arcsec": offset,
-        "offset_sd_arcsec": offset_sd,
-        **{name: getattr(fit, name) if fit.scaled else None for name in SCALED},
         "magnitude_nT": fit.sheet.magnitude,
-        "noise_arcsec": fit.noise_arcsec,
     }
+    pairs = (fit.collimation_arcsec, fit.collimation_sd_arcsec, fit.offset_arcsec)
+    names = ("delta", "epsilon"), ("delta_sd", "epsilon_sd"), ("offset", "offset_sd")
+    for both, pair in zip(names, pairs, strict=True):
+        values |= {f"{name}_arcsec": value for name, value in zip(both, pair, strict=True)}
+    return values if fit.scaled else values | dict.fromkeys(("offset", "offset_sd", "scale"))

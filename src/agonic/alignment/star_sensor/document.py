@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from agonic.alignment.figures import draw_residuals
-from agonic.alignment.findings import judge
+from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_axes, draw_dome, draw_sky
@@ -121,16 +121,10 @@ def _entries(fit: AlignmentFit) -> dict[str, str]:
             f"{name} {group_digits(value, 6)}° ± {significant(sd, 2)}″"
             for name, value, sd in angles
         ),
-        "Error": f"about the magnetometer's {_by_axis(fit.sd_arcsec, '   ')}",
+        "Error": f"about the magnetometer's {write_by_axis(fit.sd_arcsec)}",
         "Quat": f"w x y z {quat}",
         **_others(fit),
     }
-
-
-def _by_axis(sd_arcsec: Array, between: str) -> str:
-    return between.join(
-        f"{axis} {significant(float(sd), 2)}″" for axis, sd in zip("xyz", sd_arcsec, strict=True)
-    )
 
 
 def _others(fit: AlignmentFit) -> dict[str, str]:
@@ -185,7 +179,8 @@ def _describe_alignment(fit: AlignmentFit) -> Section:
             ),
             "Components in the star sensor’s axes become those in the magnetometer’s by "
             "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
-            f"Standard errors about the magnetometer’s axes: {_by_axis(fit.sd_arcsec, ', ')}.",
+            "Standard errors about the magnetometer’s axes: "
+            f"{write_by_axis(fit.sd_arcsec, between=', ')}.",
             Table(MATRIX_HEAD, cosines, scrolls=True),
             lambda: _caption_axes(fit),
             _others(fit),
@@ -199,12 +194,12 @@ def _rank(fit: AlignmentFit) -> dict[str, Any]:
         "method": "alignment",
         "sensor": fit.session.magnetometer.name,
         "n": fit.n,
-        "solve": list(fit.solution.groups),
+        "solve": fit.solution.groups,
         "rank": fit.rank,
         "unknowns": int(fit.solution.free.sum()),
         "condition": fit.condition,
-        "undetermined": list(fit.undetermined),
-        "add": [list(orientation) for orientation in fit.add],
+        "undetermined": fit.undetermined,
+        "add": fit.add,
     }
 
 
@@ -223,7 +218,7 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
             {
                 "orientation": number,
                 "residual_nT": fit.residuals[k],
-                "sd_nT": fit.residuals_sd[k],
+                "sd_nT": fit.solution.residuals_sd[k],
                 "residual_arcsec": fit.residuals_arcsec[k],
             }
             for k, number in enumerate(fit.observed.orientation.tolist())
@@ -240,7 +235,9 @@ def _caption_axes(fit: AlignmentFit) -> Markup:
 
 def _list_evidence(fit: AlignmentFit) -> list[Section]:
     """Residuals, the sky, and the error budget."""
-    drawn = partial(draw_residuals, fit.residuals, fit.residuals_sd, fit.observed.orientation)
+    drawn = partial(
+        draw_residuals, fit.residuals, fit.solution.residuals_sd, fit.observed.orientation
+    )
     residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
     budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
     return [
@@ -254,7 +251,7 @@ def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
     """Each orientation: where it looked, what is left in nT and in arcseconds."""
     seen = fit.observed
     azimuth = np.degrees(np.arctan2(seen.boresight_n[:, 1], seen.boresight_n[:, 0])) % 360
-    sd = np.sqrt((fit.residuals_sd**2).mean(axis=1))
+    sd = np.sqrt((fit.solution.residuals_sd**2).mean(axis=1))
     return [
         [
             str(number),

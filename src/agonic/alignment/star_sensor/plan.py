@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import figure
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn
+from agonic.readable import Shown
 
 Orientation = tuple[float, float, float]
 
@@ -149,15 +151,15 @@ class AlignmentPlan:
     """
 
     orientations: tuple[Orientation, ...]
-    readings: int
-    solve: tuple[str, ...]
-    field_n: Array
+    readings: Annotated[int, Shown()]
+    solve: Annotated[tuple[str, ...], Shown()]
+    field_n: Annotated[Array, Shown(key="field_n_nT")]
     wanted_sd_arcsec: float
-    sd_arcsec: Array
-    sd: Array
+    sd_arcsec: Annotated[Array, Shown()]
+    sd: Annotated[Array, Shown()]
 
     @property
-    def worst_sd_arcsec(self) -> float:
+    def worst_sd_arcsec(self) -> Annotated[float, Shown()]:
         """The alignment's standard error about its worst axis at the end."""
         return float(self.sd_arcsec[-1])
 

@@ -10,6 +10,7 @@ from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.figures import draw_dome
 from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
+from agonic.readable import make_record
 from agonic.report.digits import quantity, significant, write_minus
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
@@ -52,12 +53,7 @@ def describe_plan(plan: AlignmentPlan) -> Document:
                 {"azimuth_deg": azimuth, "elevation_deg": elevation, "roll_deg": roll}
                 for azimuth, elevation, roll in plan.orientations
             ],
-            "readings": plan.readings,
-            "solve": plan.solve,
-            "field_n_nT": plan.field_n,
-            "sd_arcsec": plan.sd_arcsec,
-            "worst_sd_arcsec": plan.worst_sd_arcsec,
-            "sd": plan.sd,
+            **make_record(plan),
         },
         styles=["alignment.css"],
     )
