@@ -40,7 +40,7 @@ LEVEL_HEAD = ("Current, A", "Constant, nT/A", "Standard error", "Departure", "De
 def describe_coil(fit: CoilFit) -> Document:
     """The axis in every frame, the constant at each current, and what was objected to.
 
-    >>> from agonic.alignment.coil import fit_coil
+    >>> from agonic.alignment.coil.fit import fit_coil
     >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> made = describe_coil(fit_coil(simulate_coil(levels=(1.0, 0.5)).session))
     >>> made.to_html().count("<h2>"), len(made.values["levels"])

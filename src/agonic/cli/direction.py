@@ -13,8 +13,8 @@ from agonic.console.options import At, Json, Report, SensorChoice
 from agonic.errors import AgonicError, check_choice
 
 if TYPE_CHECKING:
-    from agonic.alignment.direction import Follower
-    from agonic.alignment.session import Site, StarReadings
+    from agonic.alignment.direction.follow import Follower
+    from agonic.alignment.session.session import Site, StarReadings
 
 Effect = Annotated[
     str, typer.Option(metavar="EFFECT", help="In the attitudes: present or removed.")
@@ -61,8 +61,9 @@ def direction(
     wait S : How long a reading waits for late attitudes; default: as --gap.
     noise NT : Noise of one reading on one axis.
     """
-    from agonic.alignment.direction import Follower, field_direction
+    from agonic.alignment.direction.compute import field_direction
     from agonic.alignment.direction.document import describe_direction
+    from agonic.alignment.direction.follow import Follower
     from agonic.alignment.files.read import SESSION, read_session
     from agonic.alignment.files.tables import read_stars, state_errors, write_direction
     from agonic.calibration.steps import require_calibration
@@ -107,7 +108,7 @@ def direction(
 
 def _make_site(at: str | None) -> Site | None:
     """The place on the command line, its coordinates along the plumb line."""
-    from agonic.alignment.session import Site
+    from agonic.alignment.session.session import Site
     from agonic.console.parse import parse_position
 
     if at is None:

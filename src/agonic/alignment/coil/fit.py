@@ -15,7 +15,7 @@ from agonic.alignment.findings import tell
 from agonic.alignment.maths import columns as kernel
 from agonic.alignment.maths.columns import CoilEstimate
 from agonic.alignment.maths.stretches import Stretches, average, split
-from agonic.alignment.session import load_earth_rotation
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import CoilSession
 from agonic.alignment.session.observed import average_beside
 from agonic.alignment.session.session import compute_unix_s

@@ -49,8 +49,8 @@ def alignment(
     lowest DEG : Lowest elevation for the star sensor.
     out -o FILE : Plan: .html or .txt.
     """
-    from agonic.alignment.star_sensor import plan_alignment
-    from agonic.alignment.star_sensor.plan_document import describe_plan
+    from agonic.alignment.star_sensor.document import describe_plan
+    from agonic.alignment.star_sensor.plan import plan_alignment
     from agonic.console.finish import finish
 
     plan = plan_alignment(

@@ -12,7 +12,7 @@ import numpy as np
 
 from agonic.alignment.files.description import Description, read_description
 from agonic.alignment.files.tables import GON_DEG, read_stars, read_table, state_errors
-from agonic.alignment.session import Session, Site, StarReadings, check_session, load_earth_rotation
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import (
     Attitude,
     CoilSession,
@@ -22,7 +22,13 @@ from agonic.alignment.session.laboratory import (
     SwingRecord,
     Transits,
 )
-from agonic.alignment.session.session import compute_unix_s
+from agonic.alignment.session.session import (
+    Session,
+    Site,
+    StarReadings,
+    check_session,
+    compute_unix_s,
+)
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration

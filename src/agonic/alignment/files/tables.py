@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.direction.result import FieldDirection
-from agonic.alignment.session import StarReadings
+from agonic.alignment.session.session import StarReadings
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.errors import LogError

@@ -11,9 +11,8 @@ import numpy as np
 from agonic.alignment.files.description import write_description
 from agonic.alignment.files.read import COIL, NORTH, SESSION, TABLES
 from agonic.alignment.files.tables import format_stars, format_table
-from agonic.alignment.session import Session
 from agonic.alignment.session.laboratory import Attitude, CoilSession, NorthSession
-from agonic.alignment.session.session import Recorded
+from agonic.alignment.session.session import Recorded, Session
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv

@@ -30,7 +30,7 @@ PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
 def describe_north(fit: NorthFit) -> Document:
     """North by every method, the swing, azimuths, and the alignment; a refused one has no numbers.
 
-    >>> from agonic.alignment.north import fit_north
+    >>> from agonic.alignment.north.fit import fit_north
     >>> from agonic.alignment.simulation.north import simulate_north
     >>> made = describe_north(fit_north(simulate_north().session))
     >>> print(made.to_text().splitlines()[0])
@@ -154,7 +154,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
 def describe_di_flux(fit: DiFluxFit) -> Document:
     """Declination, inclination, errors of the instrument, and the residual of each setting.
 
-    >>> from agonic.alignment.north import fit_di_flux
+    >>> from agonic.alignment.north.di_flux import fit_di_flux
     >>> from agonic.alignment.simulation.laboratory import simulate_di_flux
     >>> made = describe_di_flux(fit_di_flux(simulate_di_flux().sheet))
     >>> print(made.to_text().splitlines()[0])

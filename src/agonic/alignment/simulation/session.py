@@ -11,15 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import (
-    Mounting,
-    Pier,
-    Session,
-    Site,
-    StarReadings,
-    load_earth_rotation,
-)
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.observed import compute_apparent_turn
+from agonic.alignment.session.session import Mounting, Pier, Session, Site, StarReadings
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en

@@ -1,7 +1,8 @@
-"""What is said and shown of an alignment with a star sensor."""
+"""What is said and shown of an alignment with a star sensor, and of the plan of a session."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import partial
@@ -14,10 +15,11 @@ from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_axes, draw_dome, draw_sky
+from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric
-from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
 from agonic.readable import make_record
 from agonic.report.digits import MINUS, group_digits, quantity, significant, with_sd, write_minus
 from agonic.report.document import Document
@@ -61,7 +63,7 @@ MATRIX_HEAD = ("Magnetometer", "star sensor x", "y", "z")
 def describe_alignment(fit: AlignmentFit) -> Document:
     """The alignment with its standard errors, residuals, error budget and the sky.
 
-    >>> from agonic.alignment.star_sensor import fit_alignment
+    >>> from agonic.alignment.star_sensor.fit import fit_alignment
     >>> from agonic.alignment.simulation.session import simulate_session
     >>> made = describe_alignment(fit_alignment(simulate_session(orientations=5).session))
     >>> print(made.to_text().splitlines()[0])
@@ -182,7 +184,7 @@ def _describe_alignment(fit: AlignmentFit) -> Section:
             "Standard errors about the magnetometer’s axes: "
             f"{write_by_axis(fit.sd_arcsec, between=', ')}.",
             Table(MATRIX_HEAD, cosines, scrolls=True),
-            lambda: _caption_axes(fit),
+            lambda: _figure(draw_axes(*map(float, fit.angles_deg)), AXES_CAPTION),
             _others(fit),
         ],
     )
@@ -227,10 +229,8 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
     }
 
 
-def _caption_axes(fit: AlignmentFit) -> Markup:
-    """Both sets of axes with the turns between them, as a figure."""
-    drawn = draw_axes(*map(float, fit.angles_deg))
-    return element("figure", drawn, element("figcaption", AXES_CAPTION))
+def _figure(drawn: Markup, caption: str) -> Markup:
+    return element("figure", drawn, element("figcaption", caption))
 
 
 def _list_evidence(fit: AlignmentFit) -> list[Section]:
@@ -275,10 +275,7 @@ def _skies(fit: AlignmentFit) -> list[Markup]:
         "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
         "larger the residual"
     )
-    return [
-        element("figure", drawn, element("figcaption", caption))
-        for drawn, caption in ((over_site, up), (among_stars, pole))
-    ]
+    return [_figure(over_site, up), _figure(among_stars, pole)]
 
 
 def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
@@ -289,3 +286,83 @@ def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
         shown = [significant(size, 3) if size else NOTHING for size in sizes]
         rows.append([effect.name, *shown, effect.treatment, write_minus(effect.remark)])
     return rows
+
+
+PLAN_HEAD = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
+ROLL = (
+    "Azimuth and elevation are where the star sensor looks, roll turns it about that; with roll 0 "
+    "its x axis points to the horizon below."
+)
+UNITS = {"alignment": "″", "reference": "″", "pier": "nT", "bias": "nT", "matrix": ""}
+
+
+def describe_plan(plan: AlignmentPlan) -> Document:
+    """The orientations with their dome, a column to fill in, and the standard errors to expect.
+
+    >>> from agonic.alignment.star_sensor.plan import plan_alignment
+    >>> made = describe_plan(plan_alignment([18_870, 1_390, 45_750], wanted_sd_arcsec=2.0))
+    >>> made.to_text().splitlines()[0][:40], made.to_html().count("<svg")
+    ('6 orientations of 20 readings each: the ', 1)
+    """
+    return Document(
+        schema="agonic/plan-alignment@1",
+        kind="Plan of a session",
+        name="Alignment with a star sensor",
+        status=f"{len(plan.orientations)} orientations of {plan.readings} readings each: the "
+        f"alignment to ± {significant(plan.worst_sd_arcsec, 2)}″ about its worst axis",
+        sections=[
+            Section(
+                "Orientations",
+                [
+                    Table(PLAN_HEAD, _plan_rows(plan), "orientations", scrolls=True),
+                    lambda: _dome(plan),
+                ],
+                printed=True,
+                style="pair plan",
+            ),
+            Section("", [ROLL], printed=True),
+            Section("Standard errors to expect", [_describe_expected(plan)], printed=True),
+        ],
+        values={
+            "orientations": [
+                {"azimuth_deg": azimuth, "elevation_deg": elevation, "roll_deg": roll}
+                for azimuth, elevation, roll in plan.orientations
+            ],
+            **make_record(plan),
+        },
+        styles=["alignment.css"],
+    )
+
+
+def _plan_rows(plan: AlignmentPlan) -> list[list[str]]:
+    """Each orientation in its order, and how well the alignment is known after it."""
+    return [
+        [
+            str(k),
+            *(f"{angle:g}°" for angle in orientation),
+            f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined",
+            "",
+        ]
+        for k, (orientation, sd) in enumerate(
+            zip(plan.orientations, plan.sd_arcsec, strict=True), start=1
+        )
+    ]
+
+
+def _dome(plan: AlignmentPlan) -> Markup:
+    boresight, count = rot_cn(*np.array(plan.orientations).T)[:, 2], len(plan.orientations)
+    drawn = draw_dome(boresight, np.arange(1, count + 1), np.ones(count))
+    return _figure(drawn, "North is up, east to the right.")
+
+
+def _describe_expected(plan: AlignmentPlan) -> dict[str, str]:
+    """Standard errors of every group that is solved for."""
+    written: dict[str, Callable[[float], str]] = {
+        "″": lambda value: f"{significant(value / ARCSEC_RAD, 2)}″",
+        "nT": lambda value: quantity(value, "nT", 2),
+        "": lambda value: write_minus(f"{value:.1e}"),
+    }
+    return {
+        group: "  ".join(written[UNITS[group]](float(sd)) for sd in plan.sd[GROUPS[group]])
+        for group in plan.solve
+    }

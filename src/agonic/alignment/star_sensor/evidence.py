@@ -23,7 +23,7 @@ from agonic.alignment.maths.two_frames import (
     find_unit_sizes,
     invert,
 )
-from agonic.alignment.session import load_earth_rotation
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.star_sensor.known_mistakes import compute_misfit, find_likely_mistakes
 from agonic.alignment.star_sensor.plan import (
     choose_additions,

@@ -9,8 +9,8 @@ import numpy as np
 from agonic.alignment.calibration import make_calibration, make_provenance
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
-from agonic.alignment.session import Session, check_session, observe
-from agonic.alignment.session.observed import solve_session
+from agonic.alignment.session.observed import observe, solve_session
+from agonic.alignment.session.session import Session, check_session
 from agonic.alignment.star_sensor.evidence import examine
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.calibration.affine import Affine

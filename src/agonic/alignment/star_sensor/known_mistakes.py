@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.explanations import AS_GOOD, EXPLAINED, Explanation
 from agonic.alignment.maths.solution import ROUNDS, Solution
 from agonic.alignment.maths.two_frames import compute_rotation_vector
-from agonic.alignment.session import Session, load_earth_rotation, observe
-from agonic.alignment.session.observed import solve_session
-from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
+from agonic.alignment.session.earth import load_earth_rotation
+from agonic.alignment.session.observed import observe, solve_session
+from agonic.alignment.session.session import PRESENT, REMOVED, Session, StarReadings
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s

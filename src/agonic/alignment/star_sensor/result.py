@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS, compute_rotation_vector, compute_turn_sd
 from agonic.alignment.remanence import RemanenceFit, fit_remanence
-from agonic.alignment.session import Observed, Session
+from agonic.alignment.session.observed import Observed
+from agonic.alignment.session.session import Session
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
