@@ -123,25 +123,22 @@ def describe_gravity(fit: GravityFit, sensor: str) -> Document:
     """
     refused, estimate = fit.verdict == "refused", fit.estimate
     found = {**make_record(fit), "bias": estimate.bias, "residuals": estimate.residuals}
+    rows = (" ".join(group_digits(float(v), 6) for v in row) for row in fit.rot_bm)
     return Document(
         schema="agonic/fit-gravity@1",
         kind="Alignment with an accelerometer",
         name=sensor,
         method=f"against the accelerometer, {fit.n} orientations at rest",
         **judge(fit),
-        entries=_list_turn(fit),
+        entries={
+            "Turn": quantity(fit.angle_deg, "°", 4),
+            "Error": f"about the accelerometer's {write_by_axis(fit.sd_deg, '°')}",
+            "Matrix": "; ".join(rows),
+            "Dip": f"{group_digits(fit.inclination_deg, 2)}°",
+        },
         values={"sensor": sensor, "n": fit.n, **({} if refused else found)},
         calibration=None if refused else fit.calibration,
     )
-
-
-def _list_turn(fit: GravityFit) -> dict[str, str]:
-    return {
-        "Turn": quantity(fit.angle_deg, "°", 4),
-        "Error": f"about the accelerometer's {write_by_axis(fit.sd_deg, '°')}",
-        "Matrix": "; ".join(" ".join(group_digits(float(v), 6) for v in row) for row in fit.rot_bm),
-        "Dip": f"{group_digits(fit.inclination_deg, 2)}°",
-    }
 
 
 def describe_remanence(fit: RemanenceFit) -> Document:

@@ -12,26 +12,22 @@ from agonic.report.digits import significant
 
 
 class Told(NamedTuple):
-    """A finding's message and what to do, values in braces; how severe it is, or can be."""
+    """A finding's message and what to do, values in braces; how severe it is."""
 
     message: str
     action: str = ""
-    severities: tuple[Severity, ...] = ("check",)
+    severity: Severity = "check"
 
-
-_NOTE: tuple[Severity, ...] = ("note",)
-_REFUSED: tuple[Severity, ...] = ("refuse",)
-_WORSE: tuple[Severity, ...] = ("check", "refuse")
 
 TOLD: Mapping[str, Told] = {
     # star sensor
-    "alignment undetermined": Told("{what}", "{action}", _REFUSED),
+    "alignment undetermined": Told("{what}", "{action}", "refuse"),
     "unknowns undetermined": Told("{what}; the alignment itself is determined", "{action}"),
     "no redundancy": Told(
         "orientations just enough for the unknowns: a mistake would not be noticed",
         "add orientations",
     ),
-    "session mistake": Told("{what}", "{action}", _REFUSED),
+    "session mistake": Told("{what}", "{action}", "refuse"),
     "session misfit": Told("{what}", "{action}"),
     "nominal mounting": Told("{what}", "check the nominal angles and the axes"),
     "alignment loose": Told(
@@ -62,12 +58,12 @@ TOLD: Mapping[str, Told] = {
         "the Earth's rotation on {date} is predicted, not measured, by the installed table, which "
         "may be off by {sd}″",
         "{action}",
-        _NOTE,
+        "note",
     ),
     "near-zero beta": Told(
         "the third axes of star sensor and magnetometer are nearly parallel, so only the {known} "
         "of α and γ is determined; quaternion and matrix are good",
-        severities=_NOTE,
+        severity="note",
     ),
     # gyrotheodolite
     "methods disagree": Told(
@@ -99,7 +95,7 @@ TOLD: Mapping[str, Told] = {
     "orientations": Told(
         "one orientation does not determine the rotation about the field",
         "turn the platform to at least two others",
-        _REFUSED,
+        "refuse",
     ),
     "platform misfit": Told("{what}", "{action}"),
     "platform settles": Told(
@@ -111,18 +107,18 @@ TOLD: Mapping[str, Told] = {
     "no mark": Told(
         "the sheet has no azimuth of the mark, so the declination is not determined",
         "give Abs-AzimuthMark",
-        _NOTE,
+        "note",
     ),
     "mark read once": Told(
         "all readings of the mark are equal, so their error is not known and not included in that "
         "of the declination",
         "read it in both faces before and after",
-        _NOTE,
+        "note",
     ),
     "off the meridian": Told(
         "the inclination was taken {off}° off the magnetic meridian; this is corrected",
         "check the circle's readings there",
-        _NOTE,
+        "note",
     ),
     "no scale": Told(
         "neither the total field nor a reading of known tilt gives the scale of the fluxgate",
@@ -149,13 +145,13 @@ TOLD: Mapping[str, Told] = {
     "no reference": Told(
         "the drift of the ambient field is only estimated, by a smooth curve",
         "record a reference beside it",
-        _NOTE,
+        "note",
     ),
     "no inertial axis": Told(
         "the readings have no date for which the Earth's rotation is known, so there is no "
         "inertial axis",
         "give times as dates, or install a newer astropy-iers-data",
-        _NOTE,
+        "note",
     ),
     "nonlinear": Told(
         "at {current} A the constant is off by {off} ppm",
@@ -164,7 +160,7 @@ TOLD: Mapping[str, Told] = {
     "even in the current": Told(
         "reversing does not reverse {left} nT at {largest:g} A",
         "look for heating, or iron near the coil; the axis is free of it",
-        _NOTE,
+        "note",
     ),
     "correlated residuals": Told(
         "residuals are correlated over {length} stretches",
@@ -174,7 +170,6 @@ TOLD: Mapping[str, Told] = {
         "the field still changes after each change of the current: the second halves of the "
         "stretches alone give a constant that differs by {by} %",
         "give a longer settle_s in the session, and leave each current on for longer",
-        _WORSE,
     ),
     "large current": Told(
         "the largest current is {largest} A, more than such coils carry",
@@ -202,12 +197,11 @@ TOLD: Mapping[str, Told] = {
     "vertical varies": Told(
         "the vertical field scatters by {by} % of the field between orientations",
         "calibrate the magnetometer first, and keep away from iron",
-        _WORSE,
     ),
     "turn undetermined": Told(
         "{n} orientations do not determine the turn about {axis}",
         "hold it still also nose up, on either side and upside down, and in between",
-        _REFUSED,
+        "refuse",
     ),
     "turn loose": Told(
         "the standard error of the turn about {axis} is {sd}°",
@@ -253,7 +247,7 @@ def tell(name: str, severity: Severity | None = None, /, **values: str | float) 
     }
     return Finding(
         name,
-        severity or told.severities[0],
+        severity or told.severity,
         told.message.format_map(said),
         told.action.format_map(said),
     )

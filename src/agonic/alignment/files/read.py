@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -44,13 +44,13 @@ SESSION, NORTH, COIL = "session.toml", "north.toml", "coil.toml"
 GPS_TAI_S = -19.0
 LEVELLED = ("roll_deg", "pitch_deg", "heading_deg")
 STELLAR = ("ra_deg", "dec_deg", "rot_deg", "utc")
-TABLES = {
-    "reversal": ("reading_deg",),
-    "transit": ("setting_deg", "east_s", "west_s", "amplitude_east", "amplitude_west"),
-    "swing": ("time_s", "reading_deg"),
-    "platform": ("orientation", "reading_deg", "roll_deg", "pitch_deg"),
+TABLES: dict[str, tuple[str, Any]] = {
+    "transit": ("transits", Transits),
+    "swing": ("swing", SwingRecord),
+    "platform": ("platform", Platform),
 }
-"""Columns of the tables of north.toml; angles of the circle in gon too."""
+"""Tables of north.toml: the attribute of the session, and whose fields without a default are the
+columns; angles of the circle in gon too."""
 
 
 def read_session(path: Path | str) -> Session:
@@ -167,22 +167,21 @@ def read_north(path: Path | str) -> NorthSession:
     description = read_description(path, NORTH)
     sightings = tuple(_read_sightings(description))
     description.require()
-    tables = {
-        name: _read_columns(description, description.parts[name].file, columns)
-        for name, columns in TABLES.items()
-        if description.parts[name] is not None
-    }
-    made = {**description.given, **_read_instruments(description)}
-    if "reversal" in tables:
-        made["turning_deg"] = tables["reversal"]["reading_deg"]
-    if "transit" in tables:
-        made["transits"] = Transits(**tables["transit"])
-    if "swing" in tables:
-        made["swing"] = SwingRecord(**tables["swing"])
-    if "platform" in tables:
-        columns: dict[str, Any] = {**tables["platform"], **made["platform"]}
-        made["platform"] = Platform(**columns | {"orientation": columns["orientation"].astype(int)})
+    parts, made = description.parts, dict(description.given)
+    if parts["reversal"] is not None:
+        read = _read_columns(description, parts["reversal"].file, ("reading_deg",))
+        made["turning_deg"] = read["reading_deg"]
+    for name, (attribute, kind) in TABLES.items():
+        if parts[name] is not None:
+            read = _read_columns(description, parts[name].file, list_columns(kind))
+            made[attribute] = kind(**read, **made.get(attribute, {}))
+    made |= _read_instruments(description)
     return NorthSession(**made, sightings=sightings, sources=tuple(description.sources))
+
+
+def list_columns(kind: Any) -> tuple[str, ...]:
+    """The columns of what is read from a table: its fields without a default."""
+    return tuple(one.name for one in fields(kind) if one.default is MISSING)
 
 
 def _read_sightings(description: Description) -> Iterator[Sighting]:
@@ -203,7 +202,10 @@ def _read_columns(description: Description, file: str, names: tuple[str, ...]) -
     """The columns of a table by name, angles in degrees."""
     table = read_table(description.find(file), f"a CSV table of {', '.join(names)}")
     description.add_source(file, len(table))
-    return table.read_angles(names)
+    columns = table.read_angles(names)
+    if "orientation" in columns:
+        columns["orientation"] = columns["orientation"].astype(int)
+    return columns
 
 
 def read_coil(path: Path | str) -> CoilSession:

@@ -12,7 +12,6 @@ from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
 from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
-from agonic.alignment.north.platform import Aligned
 from agonic.alignment.session.laboratory import SwingRecord
 from agonic.readable import make_record
 from agonic.report.axes import Axis, Columns, along_rows, fit_axis
@@ -93,19 +92,14 @@ def _sections(fit: NorthFit) -> list[Section]:
         sections.append(Section("The swing", [lambda: draw_swing(record, swing)]))
     if aligned is not None:
         found, numbers = aligned.solution, aligned.orientation
-        rows = Table(PLATFORM_HEAD, _platform_rows(aligned), "numbers small")
+        rows = [
+            [str(n), f"{group_digits(float(at), 4)}°", *(group_digits(float(v), 3) for v in left)]
+            for n, at, left in zip(numbers, aligned.heading_deg, found.residuals, strict=True)
+        ]
         drawn = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
-        sections.append(Section("Residuals of the platform", [drawn, rows]))
+        table = Table(PLATFORM_HEAD, rows, "numbers small")
+        sections.append(Section("Residuals of the platform", [drawn, table]))
     return sections
-
-
-def _platform_rows(aligned: Aligned) -> list[list[str]]:
-    """Each orientation of the platform: its heading and what is left."""
-    each = zip(aligned.orientation, aligned.heading_deg, aligned.solution.residuals, strict=True)
-    return [
-        [str(n), f"{group_digits(float(at), 4)}°", *(group_digits(float(v), 3) for v in left)]
-        for n, at, left in each
-    ]
 
 
 def _numbers(fit: NorthFit) -> dict[str, Any]:

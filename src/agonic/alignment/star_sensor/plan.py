@@ -216,7 +216,16 @@ def plan_alignment(
     field = np.asarray(field_n, dtype=np.float64)
     magnitude = float(np.linalg.norm(field))
     at = kernel.start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
-    like = _like(field, readings, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
+    root = np.sqrt(readings)
+    star = np.array([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec]) * ARCSEC_RAD / root
+    like = Measured(
+        field=field[None],
+        reference=field[None],
+        rot_cn=np.eye(3)[None],
+        attitude_covariance=np.diag(star**2)[None],
+        noise=np.array([noise / root]),
+        reference_noise=np.array([reference_noise / root]),
+    )
     prior = make_prior({"alignment", *solve}, pier_sd, reference_sd_arcsec)
     chosen = list_candidates(lowest_elevation_deg)
     each = compute_information(at, like, chosen)
@@ -244,22 +253,6 @@ def plan_alignment(
         wanted_sd_arcsec=wanted_sd_arcsec,
         sd_arcsec=np.array([sd if sd < 36_000 else np.inf for sd in sds]),
         sd=np.sqrt(np.diag(covariance(picked))),
-    )
-
-
-def _like(
-    field: Array, readings: int, noise: float, reference_noise: float, across: float, about: float
-) -> Measured:
-    """One orientation of the kind that is planned."""
-    root = np.sqrt(readings)
-    star = np.diag((np.array([across, across, about]) * ARCSEC_RAD / root) ** 2)
-    return Measured(
-        field=field[None],
-        reference=field[None],
-        rot_cn=np.eye(3)[None],
-        attitude_covariance=star[None],
-        noise=np.array([noise / root]),
-        reference_noise=np.array([reference_noise / root]),
     )
 
 
