@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from agonic.arrays import Array
 from agonic.health import Finding, Judged, figure
 from agonic.health.finding import Severity
 from agonic.report.digits import significant
 
 
 class Told(NamedTuple):
-    """A finding's message and what to do, values in braces; how severe it is."""
+    """A finding's message and what to do, values in braces; how severe it is, or can be."""
 
     message: str
     action: str = ""
-    severity: Severity = "check"
+    severities: tuple[Severity, ...] = ("check",)
 
+
+_NOTE: tuple[Severity, ...] = ("note",)
+_REFUSED: tuple[Severity, ...] = ("refuse",)
+_WORSE: tuple[Severity, ...] = ("check", "refuse")
 
 TOLD: Mapping[str, Told] = {
     # star sensor
-    "alignment undetermined": Told("{what}", "{action}", "refuse"),
+    "alignment undetermined": Told("{what}", "{action}", _REFUSED),
     "unknowns undetermined": Told("{what}; the alignment itself is determined", "{action}"),
     "no redundancy": Told(
         "orientations just enough for the unknowns: a mistake would not be noticed",
         "add orientations",
     ),
-    "session mistake": Told("{what}", "{action}", "refuse"),
+    "session mistake": Told("{what}", "{action}", _REFUSED),
     "session misfit": Told("{what}", "{action}"),
     "nominal mounting": Told("{what}", "check the nominal angles and the axes"),
     "alignment loose": Told(
@@ -58,12 +61,12 @@ TOLD: Mapping[str, Told] = {
         "the Earth's rotation on {date} is predicted, not measured, by the installed table, which "
         "may be off by {sd}″",
         "{action}",
-        "note",
+        _NOTE,
     ),
     "near-zero beta": Told(
         "the third axes of star sensor and magnetometer are nearly parallel, so only the {known} "
         "of α and γ is determined; quaternion and matrix are good",
-        severity="note",
+        severities=_NOTE,
     ),
     # gyrotheodolite
     "methods disagree": Told(
@@ -95,7 +98,7 @@ TOLD: Mapping[str, Told] = {
     "orientations": Told(
         "one orientation does not determine the rotation about the field",
         "turn the platform to at least two others",
-        "refuse",
+        _REFUSED,
     ),
     "platform misfit": Told("{what}", "{action}"),
     "platform settles": Told(
@@ -107,18 +110,18 @@ TOLD: Mapping[str, Told] = {
     "no mark": Told(
         "the sheet has no azimuth of the mark, so the declination is not determined",
         "give Abs-AzimuthMark",
-        "note",
+        _NOTE,
     ),
     "mark read once": Told(
         "all readings of the mark are equal, so their error is not known and not included in that "
         "of the declination",
         "read it in both faces before and after",
-        "note",
+        _NOTE,
     ),
     "off the meridian": Told(
         "the inclination was taken {off}° off the magnetic meridian; this is corrected",
         "check the circle's readings there",
-        "note",
+        _NOTE,
     ),
     "no scale": Told(
         "neither the total field nor a reading of known tilt gives the scale of the fluxgate",
@@ -145,13 +148,13 @@ TOLD: Mapping[str, Told] = {
     "no reference": Told(
         "the drift of the ambient field is only estimated, by a smooth curve",
         "record a reference beside it",
-        "note",
+        _NOTE,
     ),
     "no inertial axis": Told(
         "the readings have no date for which the Earth's rotation is known, so there is no "
         "inertial axis",
         "give times as dates, or install a newer astropy-iers-data",
-        "note",
+        _NOTE,
     ),
     "nonlinear": Told(
         "at {current} A the constant is off by {off} ppm",
@@ -160,7 +163,7 @@ TOLD: Mapping[str, Told] = {
     "even in the current": Told(
         "reversing does not reverse {left} nT at {largest:g} A",
         "look for heating, or iron near the coil; the axis is free of it",
-        "note",
+        _NOTE,
     ),
     "correlated residuals": Told(
         "residuals are correlated over {length} stretches",
@@ -170,6 +173,7 @@ TOLD: Mapping[str, Told] = {
         "the field still changes after each change of the current: the second halves of the "
         "stretches alone give a constant that differs by {by} %",
         "give a longer settle_s in the session, and leave each current on for longer",
+        _WORSE,
     ),
     "large current": Told(
         "the largest current is {largest} A, more than such coils carry",
@@ -197,11 +201,12 @@ TOLD: Mapping[str, Told] = {
     "vertical varies": Told(
         "the vertical field scatters by {by} % of the field between orientations",
         "calibrate the magnetometer first, and keep away from iron",
+        _WORSE,
     ),
     "turn undetermined": Told(
         "{n} orientations do not determine the turn about {axis}",
         "hold it still also nose up, on either side and upside down, and in between",
-        "refuse",
+        _REFUSED,
     ),
     "turn loose": Told(
         "the standard error of the turn about {axis} is {sd}°",
@@ -247,7 +252,7 @@ def tell(name: str, severity: Severity | None = None, /, **values: str | float) 
     }
     return Finding(
         name,
-        severity or told.severity,
+        severity or told.severities[0],
         told.message.format_map(said),
         told.action.format_map(said),
     )
@@ -260,10 +265,10 @@ class _Number(float):
         return super().__format__(spec) if spec else figure(float(self))
 
 
-def write_by_axis(sds: Array, unit: str = "″", between: str = "   ") -> str:
+def write_by_axis(sds: Iterable[float], unit: str = "″", between: str = "   ") -> str:
     """Standard errors (3,) about the axes x, y and z.
 
-    >>> write_by_axis(np.array([1.0, 2.0, 3.25]), "°", ", ")
+    >>> write_by_axis([1.0, 2.0, 3.25], "°", ", ")
     'x 1.0°, y 2.0°, z 3.2°'
     """
     return between.join(
