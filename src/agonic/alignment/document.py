@@ -9,14 +9,14 @@ import numpy as np
 
 from agonic.alignment.coil.fit import METHOD
 from agonic.alignment.coil.result import CoilFit, Direction
-from agonic.alignment.figures import draw_residuals, draw_series
+from agonic.alignment.figures import draw_figure, draw_residuals, draw_series
 from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.remanence import RemanenceFit
 from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
-from agonic.report.markup import Markup, element
+from agonic.report.markup import Markup
 from agonic.report.section import Section, Table, list_inputs
 
 WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
@@ -177,4 +177,4 @@ def describe_remanence(fit: RemanenceFit) -> Document:
 def _draw_remanence(fit: RemanenceFit) -> Markup:
     angles = np.round(fit.angle_deg).astype(np.int64)
     drawn = draw_residuals(fit.field, fit.noise, angles, "angle of the platform, °")
-    return element("figure", drawn, element("figcaption", CAPTION))
+    return draw_figure(drawn, CAPTION)

@@ -44,6 +44,11 @@ def draw_residuals(
     return caption("Residuals along the magnetometer’s axes", drawn, keys)
 
 
+def draw_figure(drawn: Markup, caption: str) -> Markup:
+    """A drawing with what it shows in words below."""
+    return element("figure", drawn, element("figcaption", caption))
+
+
 def draw_settings(values: Array, unit: str) -> Markup:
     """What is left of each setting (k,), a bar each, numbered from one.
 
@@ -52,7 +57,7 @@ def draw_settings(values: Array, unit: str) -> Markup:
     """
     numbers = np.arange(1.0, len(values) + 1)
     x = Axis("setting", 0.5, max(len(values), LEAST_BARS) + 0.5)
-    y = _about_zero(values, unit)
+    y = make_residual_axis(values, unit)
     bars = _bars(x, y, numbers, 0.3, np.zeros(len(values)), values, "bar-x")
     return caption("Residuals", plot(x, y, [bars, level(y, 0.0, "zero")], "Residuals"))
 
@@ -80,7 +85,7 @@ def svg_text(x: float, y: float, text: str, name: str) -> Markup:
 def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: str) -> list[Markup]:
     """Columns of values (n, k) over time, a strip each; without times in their order."""
     x, along = along_rows(time, np.arange(len(values)))
-    y, columns = _about_zero(values, unit), Columns(x, along)
+    y, columns = make_residual_axis(values, unit), Columns(x, along)
     drawn = []
     for name, one in zip(names, values.T, strict=True):
         layers = [level(y, 0.0, "noise"), line(columns, y, columns.mean(one), "mean")]
@@ -88,7 +93,7 @@ def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: s
     return drawn
 
 
-def _about_zero(values: Array, unit: str) -> Axis:
-    """The axis of residuals."""
+def make_residual_axis(values: Array, unit: str) -> Axis:
+    """The axis of residuals, zero in its middle."""
     limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
     return Axis(f"residual, {unit}", -limit, limit)

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_residuals, draw_settings
+from agonic.alignment.figures import draw_residuals, draw_settings, make_residual_axis
 from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
+from agonic.alignment.maths.stretches import average, find_rows
 from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.session.laboratory import SwingRecord
 from agonic.readable import make_record
-from agonic.report.axes import Axis, Columns, along_rows, fit_axis
+from agonic.report.axes import Columns, along_rows, fit_axis
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
@@ -124,8 +125,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
         line(columns, circle, columns.mean(reading), "mean"),
     ]
     left = 3600 * (reading - evaluate_swing_deg(swing.params, record.time_s - record.time_s[0]))
-    limit = 1.1 * max(float(np.abs(left).max()), 1e-9)
-    y = Axis("residual, ″", -limit, limit)
+    y = make_residual_axis(left, "″")
     rest = [
         spread(columns, y, left, "range"),
         level(y, 0.0, "noise"),
@@ -204,16 +204,13 @@ def _sheet_entries(fit: DiFluxFit) -> dict[str, str]:
 def _setting_rows(fit: DiFluxFit) -> list[list[str]]:
     """Each setting of the circles: means of its readings, and what is left."""
     sheet = fit.sheet
-    own_rows = [sheet.setting == number for number in np.unique(sheet.setting)]
+    own = find_rows(sheet.setting, np.unique(sheet.setting))
+    read = np.stack([sheet.horizontal_deg, sheet.zenith_deg, sheet.reading], axis=1)
+    means = np.column_stack([average(read, own), -fit.estimate.residuals])
+    shown = ((4, "°"), (4, "°"), (2, ""), (2, ""))
     return [
-        [
-            str(k),
-            f"{group_digits(float(sheet.horizontal_deg[own].mean()), 4)}°",
-            f"{group_digits(float(sheet.zenith_deg[own].mean()), 4)}°",
-            group_digits(float(sheet.reading[own].mean()), 2),
-            group_digits(float(-left), 2),
-        ]
-        for k, (own, left) in enumerate(zip(own_rows, fit.estimate.residuals, strict=True), 1)
+        [str(k), *(f"{group_digits(v, n)}{unit}" for v, (n, unit) in zip(row, shown, strict=True))]
+        for k, row in enumerate(means.tolist(), start=1)
     ]
 
 

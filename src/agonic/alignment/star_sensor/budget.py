@@ -36,10 +36,6 @@ class Effect:
     treatment: Treatment
     remark: str = ""
 
-    def size_nT(self, magnitude: float) -> float:
-        """What it amounts to in a field of that magnitude."""
-        return self.size_arcsec * ARCSEC_RAD * magnitude
-
 
 def error_budget(fit: AlignmentFit) -> tuple[Effect, ...]:
     """Every effect between the stars and the magnetometer with its size, the corrected ones first.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import partial
@@ -10,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_residuals
+from agonic.alignment.figures import draw_figure, draw_residuals
 from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_axes, draw_dome, draw_sky
 from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.alignment.star_sensor.result import AlignmentFit
-from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
 from agonic.readable import make_record
@@ -139,15 +137,12 @@ def _others(fit: AlignmentFit) -> dict[str, str]:
         "bias": (unknowns.bias, "{} nT"),
         "matrix": (pack_symmetric(unknowns.matrix), "xx yy zz xy xz yz  {}"),
     }
-    return {
-        group.capitalize(): words.format(_with_sds(values, sd[GROUPS[group]]))
-        for group, (values, words) in found.items()
-        if group in fit.solution.groups
-    }
-
-
-def _with_sds(values: Array, sds: Array) -> str:
-    return ", ".join(with_sd(float(v), float(s)) for v, s in zip(values, sds, strict=True))
+    said = {}
+    for group in [one for one in found if one in fit.solution.groups]:
+        values, words = found[group]
+        each = map(with_sd, values.tolist(), sd[GROUPS[group]].tolist())
+        said[group.capitalize()] = words.format(", ".join(each))
+    return said
 
 
 def _describe_alignment(fit: AlignmentFit) -> Section:
@@ -184,7 +179,7 @@ def _describe_alignment(fit: AlignmentFit) -> Section:
             "Standard errors about the magnetometer’s axes: "
             f"{write_by_axis(fit.sd_arcsec, between=', ')}.",
             Table(MATRIX_HEAD, cosines, scrolls=True),
-            lambda: _figure(draw_axes(*map(float, fit.angles_deg)), AXES_CAPTION),
+            lambda: draw_figure(draw_axes(*map(float, fit.angles_deg)), AXES_CAPTION),
             _others(fit),
         ],
     )
@@ -229,15 +224,10 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
     }
 
 
-def _figure(drawn: Markup, caption: str) -> Markup:
-    return element("figure", drawn, element("figcaption", caption))
-
-
 def _list_evidence(fit: AlignmentFit) -> list[Section]:
     """Residuals, the sky, and the error budget."""
-    drawn = partial(
-        draw_residuals, fit.residuals, fit.solution.residuals_sd, fit.observed.orientation
-    )
+    found, numbers = fit.solution, fit.observed.orientation
+    drawn = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
     residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
     budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
     return [
@@ -275,25 +265,26 @@ def _skies(fit: AlignmentFit) -> list[Markup]:
         "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
         "larger the residual"
     )
-    return [_figure(over_site, up), _figure(among_stars, pole)]
+    return [draw_figure(over_site, up), draw_figure(among_stars, pole)]
 
 
 def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
     """The error budget, a row an effect; a size of 0 means that nothing is known of it."""
     rows = []
     for effect in error_budget(fit):
-        sizes = (effect.size_arcsec, effect.size_nT(fit.solution.magnitude))
+        size_nT = effect.size_arcsec * ARCSEC_RAD * fit.solution.magnitude
+        sizes = (effect.size_arcsec, size_nT)
         shown = [significant(size, 3) if size else NOTHING for size in sizes]
         rows.append([effect.name, *shown, effect.treatment, write_minus(effect.remark)])
     return rows
 
 
+KEYS = ("azimuth_deg", "elevation_deg", "roll_deg")
 PLAN_HEAD = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
 ROLL = (
     "Azimuth and elevation are where the star sensor looks, roll turns it about that; with roll 0 "
     "its x axis points to the horizon below."
 )
-UNITS = {"alignment": "″", "reference": "″", "pier": "nT", "bias": "nT", "matrix": ""}
 
 
 def describe_plan(plan: AlignmentPlan) -> Document:
@@ -324,10 +315,7 @@ def describe_plan(plan: AlignmentPlan) -> Document:
             Section("Standard errors to expect", [_describe_expected(plan)], printed=True),
         ],
         values={
-            "orientations": [
-                {"azimuth_deg": azimuth, "elevation_deg": elevation, "roll_deg": roll}
-                for azimuth, elevation, roll in plan.orientations
-            ],
+            "orientations": [dict(zip(KEYS, one, strict=True)) for one in plan.orientations],
             **make_record(plan),
         },
         styles=["alignment.css"],
@@ -336,33 +324,29 @@ def describe_plan(plan: AlignmentPlan) -> Document:
 
 def _plan_rows(plan: AlignmentPlan) -> list[list[str]]:
     """Each orientation in its order, and how well the alignment is known after it."""
-    return [
-        [
-            str(k),
-            *(f"{angle:g}°" for angle in orientation),
-            f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined",
-            "",
-        ]
-        for k, (orientation, sd) in enumerate(
-            zip(plan.orientations, plan.sd_arcsec, strict=True), start=1
-        )
-    ]
+    rows: list[list[str]] = []
+    for orientation, sd in zip(plan.orientations, plan.sd_arcsec, strict=True):
+        known = f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined"
+        rows.append([str(len(rows) + 1), *(f"{angle:g}°" for angle in orientation), known, ""])
+    return rows
 
 
 def _dome(plan: AlignmentPlan) -> Markup:
     boresight, count = rot_cn(*np.array(plan.orientations).T)[:, 2], len(plan.orientations)
     drawn = draw_dome(boresight, np.arange(1, count + 1), np.ones(count))
-    return _figure(drawn, "North is up, east to the right.")
+    return draw_figure(drawn, "North is up, east to the right.")
 
 
 def _describe_expected(plan: AlignmentPlan) -> dict[str, str]:
     """Standard errors of every group that is solved for."""
-    written: dict[str, Callable[[float], str]] = {
-        "″": lambda value: f"{significant(value / ARCSEC_RAD, 2)}″",
-        "nT": lambda value: quantity(value, "nT", 2),
-        "": lambda value: write_minus(f"{value:.1e}"),
-    }
-    return {
-        group: "  ".join(written[UNITS[group]](float(sd)) for sd in plan.sd[GROUPS[group]])
-        for group in plan.solve
-    }
+    said = {}
+    for group in plan.solve:
+        sds = plan.sd[GROUPS[group]].tolist()
+        if group in ("alignment", "reference"):
+            each = [f"{significant(sd / ARCSEC_RAD, 2)}″" for sd in sds]
+        else:
+            each = [quantity(sd, "nT", 2) for sd in sds]
+        if group == "matrix":
+            each = [write_minus(f"{sd:.1e}") for sd in sds]
+        said[group] = "  ".join(each)
+    return said
