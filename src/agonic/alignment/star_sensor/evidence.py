@@ -137,17 +137,14 @@ def _tell_undetermined(fit: AlignmentFit, spoilt: bool) -> Finding:
     more = len(fit.undetermined) - MOST_NAMED
     what = f"{shown}; and {more} more" if more > 0 else shown
     said = f"{fit.n} orientation{'s do' if fit.n > 1 else ' does'} not determine {what}"
-    action = ELSEWHERE if _stuck(fit.solution) else _say_additions(fit.add)
-    name = "alignment undetermined" if spoilt else "unknowns undetermined"
-    return tell(name, what=said, action=action)
-
-
-def _stuck(result: Solution) -> bool:
-    """Whether no orientation could tell what is undetermined."""
+    result = fit.solution
     each = compute_information(result.unknowns, result.measured, list_candidates())
     lost = result.undetermined / find_unit_sizes(result.magnitude)[:, None]
     told = np.einsum("ri,jrs,si->i", lost, each, lost)
-    return bool((told * (UNDETERMINED * result.magnitude) ** 2 < 1.0).any())
+    stuck = (told * (UNDETERMINED * result.magnitude) ** 2 < 1.0).any()  # by any orientation
+    action = ELSEWHERE if stuck else _say_additions(fit.add)
+    name = "alignment undetermined" if spoilt else "unknowns undetermined"
+    return tell(name, what=said, action=action)
 
 
 def _check_misfit(fit: AlignmentFit) -> Finding | None:

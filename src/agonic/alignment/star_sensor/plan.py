@@ -240,8 +240,9 @@ def plan_alignment(
     picked = choose_additions(np.zeros((SIZE, SIZE)), each, chosen, prior, magnitude, enough)
     sds = [compute_turn_sd(covariance(picked[:k])) / ARCSEC_RAD for k in range(1, len(picked) + 1)]
     if sds[-1] > wanted_sd_arcsec:
+        left = "undetermined" if sds[-1] > 36_000 else f"{sds[-1]:.2g}″"
         raise CoverageError(
-            f"{MOST} orientations leave the alignment at {_said(sds[-1])}, not "
+            f"{MOST} orientations leave the alignment at {left}, not "
             f"{wanted_sd_arcsec:g}″; take more readings, a better star sensor or pier difference",
             undetermined=f"the alignment to {wanted_sd_arcsec:g}″",
         )
@@ -254,7 +255,3 @@ def plan_alignment(
         sd_arcsec=np.array([sd if sd < 36_000 else np.inf for sd in sds]),
         sd=np.sqrt(np.diag(covariance(picked))),
     )
-
-
-def _said(sd_arcsec: float) -> str:
-    return "undetermined" if sd_arcsec > 36_000 else f"{sd_arcsec:.2g}″"
