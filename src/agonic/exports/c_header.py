@@ -64,34 +64,20 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,
-            "powers": str(len(table)),
-            "highest": str(len(table) - 1),
-            "numbers": str(table.shape[1]),
-            "table": write_array(table),
-            "scale": write_array([found.centre_C, found.half_range_C]),
-            "range": write_array(found.clamp_C),
-            "tests": str(len(known)),
-            "columns": str(known.shape[1]),
+            "powers": len(table),
+            "highest": len(table) - 1,
+            "numbers": table.shape[1],
+            "table": table,
+            "scale": [found.centre_C, found.half_range_C],
+            "range": found.clamp_C,
+            "tests": len(known),
+            "columns": known.shape[1],
             "known": write_array(known, "    "),
             "tolerance": format_float32(tolerance),
-            **_of_rate(calibration, rate),
+            "rate": rate,
         },
     )
     return text, warnings
-
-
-def _of_rate(calibration: Calibration, rate: bool) -> dict[str, str]:
-    """The pieces of the header that are there where the bias lags behind the temperature."""
-    pieces = {
-        "and_rate": f"; rate (3), {calibration.unit_in} per degree C a second",
-        "minus_rate": " - rate dT/dt",
-        "rate_words": ", and its\n   rate of change, degrees C a second",
-        "rate_argument": ", float rate_C_s",
-        "rate_term": " - value[12 + i] * rate_C_s",
-        "rate_known": ", AGONIC_READ(known[k][4])",
-        "rate_column": ", rate",
-    }
-    return pieces if rate else dict.fromkeys(pieces, "")
 
 
 def _table(found: Polynomials, rate: bool) -> Array:
@@ -184,9 +170,9 @@ def write_c(
             "unit_in": calibration.unit_in,
             "unit_out": calibration.unit_out,
             "frame_in": calibration.frame_in,
-            "b": write_array(bias),
-            "A": write_array(matrix),
-            "known": write_array([*raw, *expected]),
+            "b": bias,
+            "A": matrix,
+            "known": [*raw, *expected],
             "tolerance": format_float32(tolerance),
         },
     )
