@@ -159,10 +159,10 @@ def _tables(plan: Plan) -> dict[str, Any]:
     return values | {
         "rows": rows,
         "columns": columns,
-        "south": grid.south,
-        "west": grid.west,
-        "latitude_step": grid.latitude_step,
-        "longitude_step": grid.longitude_step,
+        "south": float(grid.south),
+        "west": float(grid.west),
+        "latitude_step": float(grid.latitude_step),
+        "longitude_step": float(grid.longitude_step),
         "unit": f"{UNIT:g}",
         "table": write_array(np.stack([grid.north, grid.east]) / UNIT, write=write_integer),
     }
@@ -174,9 +174,9 @@ def _limits(plan: Plan) -> dict[str, Any]:
     return {
         "weakest": find_weakest(plan),
         "less": LESS,
-        "strength_limit": max(plan.setup.magnitude_limit, 1e-12),
+        "strength_limit": float(max(plan.setup.magnitude_limit, 1e-12)),
         "dip": float(np.degrees(plan.dip or 0.0)),
-        "dip_limit": FAR if plan.dip is None else max(plan.setup.dip_limit_deg, 1e-12),
+        "dip_limit": FAR if plan.dip is None else float(max(plan.setup.dip_limit_deg, 1e-12)),
         "strength_words": "horizontal part" if level else "magnitude",
         "strength": "across" if level else "out->magnitude",
         "expected": [size or 0.0 for size in plan.expected],
