@@ -176,7 +176,9 @@ def _piece(
     tilt = attitude.select_tilt(rows)
     field = np.ascontiguousarray(values[-1].T)
     if has_two_axes(compass.calibration):
-        field[2] = np.hypot(field[0], field[1]) * _find_dip_tangent(around, rows)
+        tangent = _find_dip_tangent(around, rows)  # what it has instead of a vertical
+        likely = np.tan(np.radians(LIKELY_DIP_DEG))
+        field[2] = np.hypot(field[0], field[1]) * (likely if tangent is None else tangent)
     elif attitude.source == LEVEL and around.vertical is not None:
         field[2] = select_rows(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
@@ -212,10 +214,10 @@ def find_latency_sd(compass: Compass) -> float:
     return LATENCY_SD_S if compass.latency_sd_s is None else compass.latency_sd_s
 
 
-def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | float:
-    """Of the place, or of a likely one: what a compass of two axes has instead of a vertical."""
+def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | None:
+    """Of the place, where it is known."""
     if around.horizontal is None or around.vertical is None:
-        return float(np.tan(np.radians(LIKELY_DIP_DEG)))
+        return None
     level = np.maximum(select_rows(around.horizontal, rows), 1.0)
     return np.asarray(select_rows(around.vertical, rows) / level)
 
@@ -230,11 +232,9 @@ def _by_tilt(
     """
     roll, pitch = (select_rows(sd, rows) ** 2 for sd in (attitude.roll_sd, attitude.pitch_sd))
     linear = roll * turned.by_roll**2 + pitch * turned.by_pitch**2
-    if around.horizontal is None or around.vertical is None:
+    tangent = _find_dip_tangent(around, rows)
+    if tangent is None:
         return linear
-    tangent = select_rows(around.vertical, rows) / np.maximum(
-        select_rows(around.horizontal, rows), 1.0
-    )
     return np.maximum(linear, select_rows(attitude.variance, rows) * tangent**2)
 
 

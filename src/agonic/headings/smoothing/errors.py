@@ -67,7 +67,11 @@ def follow_axes(axes: Array, moments: Moments, settling_s: float) -> Array:
     if not settling_s:
         return axes
     parts = zip(np.split(axes, moments.cuts), np.split(moments.time, moments.cuts), strict=True)
-    return np.concatenate([_low_pass(own, time, settling_s) for own, time in parts])
+    felt = (
+        low_pass(own, float(np.median(np.diff(time))), settling_s) if len(time) > 3 else own
+        for own, time in parts
+    )
+    return np.concatenate(list(felt))
 
 
 def list_tilt_errors(lean: Array, steep: Array) -> Array:
@@ -85,12 +89,6 @@ def find_lean_sd(attitude: Attitude) -> float:
     """How far the sensor of the tilt leans, rad: as stated or assumed, or as the dip shows."""
     own = attitude.stated_sd or float(np.radians(RECORDED_SD_DEG))
     return min(float(np.sqrt(np.nanmedian(attitude.variance))), own)
-
-
-def _low_pass(values: Array, time: Array, settling_s: float) -> Array:
-    if len(time) < 4:
-        return values
-    return low_pass(values, float(np.median(np.diff(time))), settling_s)
 
 
 def find_sensor_lean(
@@ -144,13 +142,6 @@ def measure_disturbance(
     square = uniform_filter1d(square, width, mode="nearest") / np.maximum(there, 1e-9)
     square = np.where(there > 1e-9, square, 0.0) + LEAST_SEEN**2
     return np.asarray(square / np.mean(square[told > 0]))
-
-
-def count_found(told: int, attitude: Attitude) -> int:
-    """How many of the shared errors are found: the gyro's gain, and the calibration's errors among
-    the first `told` only beside a tilt of our own, whose lasting errors are listed. Those of a
-    recorded tilt last as the filter that made it pleases, and would be taken for the compass's."""
-    return told if attitude.source == "gyro" else GYRO
 
 
 def list_shared_errors(

@@ -36,7 +36,6 @@ from agonic.headings.maths.offset import (
 from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
 from agonic.headings.smoothing.errors import (
     TrustedCompass,
-    count_found,
     find_sensor_lean,
     follow_axes,
     list_shared_errors,
@@ -138,7 +137,9 @@ def smooth_headings(
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
         bias_sd=_find_bias_sd(attitude),
-        found=count_found(shared.shape[1] - 3, attitude),
+        # of the calibration only beside a tilt of our own, whose lasting errors are listed: those
+        # of a recorded tilt last as the filter that made it pleases, and would be taken for them
+        found=shared.shape[1] - 3 if attitude.source == "gyro" else GYRO,
         rest=_find_rest(time, rate - known, force, heading, observed, moments),
     )
     by_tilt = turn_by_tilt(attitude, found_lean, steep)
