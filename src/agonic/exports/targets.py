@@ -17,17 +17,13 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from agonic.atomic import write_atomically
-from agonic.calibration.base import Calibration
+from agonic.calibration.base import Calibration, has_two_axes
 from agonic.errors import AgonicError, check_choice
-from agonic.exports.convert import Export
+from agonic.exports.convert import Export, require_uncorrected
 from agonic.logs.formats import load_installed
-
-if TYPE_CHECKING:
-    from agonic.calibration.base import Calibration
-    from agonic.exports.convert import Export
 
 
 class Target(NamedTuple):
@@ -117,9 +113,6 @@ def write(
     calibration's own, unless given. `voltage_V` is the battery's in the log, for ArduPilot's terms
     of each motor. `name` is what the identifiers of C begin with.
     """
-    from agonic.calibration.base import has_two_axes
-    from agonic.exports.convert import require_uncorrected
-
     into = find_target(target)
     if target in USE:
         require_uncorrected(calibration)

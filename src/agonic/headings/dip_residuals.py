@@ -105,8 +105,7 @@ def compute_dip_residuals(
     """
     n = len(readings.raw)
     rows = np.unique(np.linspace(0, n - 1, min(n, ROWS)).round().astype(np.intp))
-    if readings.missing is not None:
-        rows = rows[~readings.missing[rows]]
+    rows = rows[~readings.missing[rows]]
     readings, steps = readings.subset(rows), list_steps(compass.calibration)
     values = apply_steps(steps, readings.raw, readings.columns)
     tilt = attitude.select_tilt(rows)

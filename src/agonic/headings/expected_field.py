@@ -52,7 +52,14 @@ def find_surroundings(samples: Samples, setup: Setup) -> Surroundings:
     Raises LogError where the declination has to come from the model and the samples lack place or
     date, ValidityError where the date is outside every model.
     """
-    world, notes = _world_if_needed(samples, setup)
+    given = setup.declination_deg is not None and setup.horizontal is not None
+    notes: tuple[str, ...] = ()
+    try:
+        world = None if given else evaluate_world(samples)
+    except ValidityError as error:
+        if setup.declination_deg is None:
+            raise
+        world, notes = None, (f"what the field should be is not known: {error}",)
     around = Surroundings(np.zeros(1), np.zeros(1), None, None) if world is None else world
     if setup.declination_deg is not None:
         declination = np.array([setup.declination_deg])
@@ -64,18 +71,6 @@ def find_surroundings(samples: Samples, setup: Setup) -> Surroundings:
         h, z = np.array([setup.horizontal]), np.array([setup.vertical])
         around = around._replace(horizontal=h, vertical=z)
     return around._replace(notes=notes)
-
-
-def _world_if_needed(samples: Samples, setup: Setup) -> tuple[Surroundings | None, tuple[str, ...]]:
-    """The world model where the setup leaves something open and the samples tell place and date."""
-    if setup.declination_deg is not None and setup.horizontal is not None:
-        return None, ()
-    try:
-        return evaluate_world(samples), ()
-    except ValidityError as error:
-        if setup.declination_deg is None:
-            raise
-        return None, (f"what the field should be is not known: {error}",)
 
 
 def evaluate_world(samples: Samples) -> Surroundings | None:

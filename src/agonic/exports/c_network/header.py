@@ -101,10 +101,10 @@ def _base(parts: Parts) -> dict[str, object]:
     if base is None:
         return dict.fromkeys(("base", "warm"))
     return {
-        "base": write_array(parts.table),
-        "powers": parts.table.shape[0],
-        "highest": parts.table.shape[0] - 1,
-        "count": parts.table.shape[1],
+        "base": write_array(base.table),
+        "powers": base.table.shape[0],
+        "highest": base.table.shape[0] - 1,
+        "count": base.table.shape[1],
         "sources": len(base.signals),
         "source_names": ", ".join(base.signals),
         "source_values": ", ".join(_name_beside(parts, signal) for signal in base.signals),

@@ -94,14 +94,9 @@ def write_about(plan: Plan) -> list[str]:
                 f"Readings are {1e3 * compass.latency_s:.0f} ms late: give the tilt of that long "
                 "before they arrive"
             )
-    return [*lines, "", f"Declination: {write_declination(plan)}"]
-
-
-def write_declination(plan: Plan) -> str:
-    """Whose declination it is, in words."""
-    if isinstance(plan.declination, DeclinationGrid):
-        return plan.declination.source
-    return f"{plan.declination:g} deg everywhere"
+    east = plan.declination
+    whose = east.source if isinstance(east, DeclinationGrid) else f"{east:g} deg everywhere"
+    return [*lines, "", f"Declination: {whose}"]
 
 
 def _common(plan: Plan, name: str) -> dict[str, Any]:
@@ -137,21 +132,24 @@ def _tables(plan: Plan) -> dict[str, Any]:
         "signal_names": ", ".join(names),
         "signal_values": ",\n".join(f"        {_signal(name)}" for name in names),
     }
+    table = plan.powers
     if plan.warm:
-        _, powers, numbers = plan.powers.shape
-        values |= {"powers": powers, "numbers": numbers, "polynomials": plan.powers}
+        _, powers, numbers = table.shape
+        values |= {"powers": powers, "numbers": numbers, "polynomials": table}
         values |= {"ranges": plan.temperatures}
     else:
-        values |= {"bias": plan.bias, "matrix": plan.matrix, "added": plan.coefficients}
+        matrix, added = table[:, 0, 3:12], table[:, 0, 12:]
+        values |= {"bias": table[:, 0, :3], "matrix": matrix.reshape(-1, 3, 3)}
+        values |= {"added": added.reshape(len(table), 3, len(names))}
     if plan.accelerometer is None:
         values["force"] = "    const float *a = in->acceleration;"
     else:
         values["force"] = "    float a[3];\n    specific_force(in, a);"
         values["force_bias"] = plan.accelerometer.bias
         values["force_matrix"] = plan.accelerometer.matrix
-    table = plan.deviations
-    if table is not None:
-        values["deviation"] = table if plan.heeled else table[:, :5]
+    cards = plan.deviations
+    if cards is not None:
+        values["deviation"] = cards if plan.heeled else cards[:, :5]
     grid = plan.declination
     if not isinstance(grid, DeclinationGrid):
         return values | {"declination": grid}

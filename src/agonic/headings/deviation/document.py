@@ -9,19 +9,19 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from agonic.calibration.deviation import PARAMETERS, Deviation, format_east_west, name_heading
+from agonic.calibration.deviation import PARAMETERS, Deviation
 from agonic.errors import check_choice
 from agonic.headings.deviation.card import (
     WITHOUT_STATE,
     card_text,
     describe_power,
-    format_heading,
     judge_size,
     make_coefficient_rows,
     make_rows,
     say_verdict,
+    write_row,
 )
-from agonic.headings.deviation.figures import NARROW, draw_chart, draw_picture, load_style
+from agonic.headings.deviation.figures import NARROW, draw_chart, draw_picture
 from agonic.headings.deviation.fit import DeviationFit
 from agonic.health import figure
 from agonic.readable import make_record
@@ -77,9 +77,8 @@ def card_page(
         header("Compass deviation card", title or card.sensor),
         element("main", *parts, _evidence(result, details or {})),
     )
-    style = (
-        Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + load_style()
-    )
+    style = Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper])
+    style += read_static("card_chart.css")
     return assemble_page(f"Deviation card: {title or card.sensor}", body, style=style)
 
 
@@ -92,22 +91,14 @@ def _state(card: Deviation) -> Markup:
 
 def _tables(card: Deviation, step_deg: float) -> Markup:
     """What a reading means, and what to steer."""
-    made = make_rows(card, step_deg)
+    made = [write_row(row) for row in make_rows(card, step_deg)]
     reads = table(
         ["Compass reads", "Deviation", "± 95 %", "Magnetic"],
-        [
-            [
-                name_heading(r.heading),
-                format_east_west(r.deviation),
-                "" if r.band is None else f"{r.band:.1f}°",
-                format_heading(r.magnetic),
-            ]
-            for r in made
-        ],
+        [[name, off, band and f"{band}°", magnetic] for name, off, band, magnetic, _ in made],
     )
     steer = table(
         ["To make good (magnetic)", "steer (compass)"],
-        [[name_heading(r.heading), format_heading(r.steer)] for r in made],
+        [[name, steered] for name, *_, steered in made],
     )
     return element(
         "div",

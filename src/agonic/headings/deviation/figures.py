@@ -21,7 +21,7 @@ _CIRCLE_DEG = np.arange(0.0, 361.0, 2.0)
 
 @dataclass(frozen=True)
 class Layout:
-    """How a chart is laid out: its pixels, the names of its panels, how many dots and headings.
+    """How a chart is laid out: its pixels, the name of its lower panel, how many dots and headings.
 
     Where there is no margin at the right, the limits are named inside.
     """
@@ -30,32 +30,14 @@ class Layout:
     width: float
     left: float
     right: float
-    titles: tuple[str, str]
+    after: str
     most_dots: int
     step_deg: int
 
 
-WIDE = Layout(
-    "wide",
-    WIDTH,
-    LEFT,
-    RIGHT,
-    (
-        "Before: deviation of the compass",
-        "After: what the card leaves, with the 95 % band of the curve",
-    ),
-    1500,
-    45,
-)
-NARROW = Layout(
-    "narrow",
-    400.0,
-    54.0,
-    20.0,
-    ("Before: deviation of the compass", "After: what is left, and its 95 % band"),
-    500,
-    90,
-)
+LEAVES = "After: what the card leaves, with the 95 % band of the curve"
+WIDE = Layout("wide", WIDTH, LEFT, RIGHT, LEAVES, 1500, 45)
+NARROW = Layout("narrow", 400.0, 54.0, 20.0, "After: what is left, and its 95 % band", 500, 90)
 
 
 class Panel:
@@ -78,7 +60,7 @@ class Panel:
 def draw_chart(
     result: Deviation | DeviationFit, layout: Layout = WIDE, **attributes: str
 ) -> Markup:
-    """The chart as an SVG element; its colours come from `load_style`."""
+    """The chart as an SVG element; its colours come from card_chart.css."""
     card = result.calibration if isinstance(result, DeviationFit) else result
     heading, residuals = _dots(result, layout.most_dots)
     curve = card.at(_CIRCLE_DEG)
@@ -87,12 +69,12 @@ def draw_chart(
     before = Panel(layout, 34.0, 250.0, _largest(curve, measured, cap=180.0))
     after = Panel(layout, 344.0, 150.0, _largest(band, residuals, cap=30.0))
     parts = [
-        *_frame(before, layout.titles[0]),
+        *_frame(before, "Before: deviation of the compass"),
         _band(before, curve - band, curve + band),
         _line(before, curve, "curve"),
         _points(before, heading, measured),
         *_limit_names(before),
-        *_frame(after, layout.titles[1]),
+        *_frame(after, layout.after),
         _band(after, -band, band),
         _points(after, heading, residuals),
         *_limit_names(after),
@@ -116,15 +98,10 @@ def draw_picture(result: Deviation | DeviationFit) -> str:
     True
     """
     drawn = draw_chart(result, width=f"{WIDTH:g}", height="548")
-    style = element("style", Markup(load_style()))
+    style = element("style", Markup(read_static("card_chart.css")))
     ground = element("rect", width="100%", height="100%", class_="paper")
     inside = drawn.partition(">")
     return f'<svg xmlns="http://www.w3.org/2000/svg"{inside[0][4:]}>{style}{ground}{inside[2]}\n'
-
-
-def load_style() -> str:
-    """The style sheet of the chart."""
-    return read_static("card_chart.css")
 
 
 def _dots(result: Deviation | DeviationFit, most: int) -> tuple[Array, Array]:

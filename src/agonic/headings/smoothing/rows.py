@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.setup import Setup
@@ -16,8 +15,7 @@ from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
 from agonic.headings.rates import find_rate_mounting
 from agonic.headings.result import SMOOTHED
-from agonic.headings.rows import CompassRows, RowHeadings
-from agonic.headings.smoothing.errors import TrustedCompass
+from agonic.headings.rows import RowHeadings
 from agonic.headings.smoothing.smooth import SmoothedHeading, find_shown_axes, smooth_headings
 from agonic.health.finding import figure
 from agonic.maths.equation.symmetric import unpack_symmetric
@@ -28,9 +26,6 @@ BETTER = 0.8
 """The tilt by rates without the bias that was found is taken where its sd falls to this share."""
 CORRECTIONS = 2
 """Times that the tilt is found anew."""
-SOUND_S = 5.0
-"""A row is relied on where most of those within this time are as they should be."""
-SOUND_SHARE = 0.8
 _IN_MOTION = ("gyro", "log")
 """Sources of tilt that follow a vehicle in motion."""
 
@@ -109,11 +104,8 @@ def _smooth(
     assert own.time is not None
     assert own.rotation_rate is not None
     settling = setup.settling_s if by_row.tilt.source == "gyro" else 0.0
-    seen = [_rely_on(one, own.time) for one in by_row.compasses]
     rate, force = own.rotation_rate @ turn.T, own.acceleration
-    found = smooth_headings(
-        own.time, rate, by_row.tilt, seen, by_row.used, around, settling, sizes, force
-    )
+    found = smooth_headings(own.time, rate, force, by_row, around, settling, sizes)
     if found is None:
         return None
     # a nose that points up turns its heading by a tilt aside, over cos pitch
@@ -133,16 +125,6 @@ def _by_deviation(by_row: RowHeadings) -> Array:
         known = card is not None and card.covariance is not None
         each.append(card.sd_at(level, zero, zero) ** 2 if card is not None and known else zero)
     return pick_used(by_row.used, each)
-
-
-def _rely_on(one: CompassRows, time: Array) -> TrustedCompass:
-    """The compass with the rows whose field, and that of most rows about, is the expected one."""
-    sound = np.ones(len(time), dtype=bool) if one.distance is None else one.distance <= 1.0
-    if one.readings.missing is not None:
-        sound = sound & ~one.readings.missing
-    width = max(round(SOUND_S / float(np.median(np.diff(time)))), 1)
-    share = uniform_filter1d(sound.astype(np.float64), width, mode="nearest")
-    return TrustedCompass(one.compass, one.readings, one.indicated, sound & (share >= SOUND_SHARE))
 
 
 def _correct_rates(
