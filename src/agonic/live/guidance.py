@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -105,7 +105,7 @@ def make_guidance(
     calibration, coverage = fitted
     findings += [
         *_find_near_metal(state, calibration, coverage),
-        *(find_held_out(state) or _find_scatter(calibration)),
+        *(list(find_held_out(state)) or _find_scatter(calibration)),
         *_find_off_model(params, calibration),
     ]
     if way is not None:
@@ -176,27 +176,30 @@ def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array
     return np.asarray(centres[np.argmax(gains / (SHORT + length))])
 
 
-def _find_stuck(state: LiveState) -> list[Finding]:
+def _find_stuck(state: LiveState) -> Iterator[Finding]:
     still = state.repeats >= STUCK
     if not still.any():
-        return []
+        return
     if still.all():
         what = f"the last {int(state.repeats.min())} readings are all the same"
-        return [Finding("stale", "check", what, "look at the sensor and its cable")]
+        yield Finding("stale", "check", what, "look at the sensor and its cable")
+        return
     axes = " and ".join("xyz"[i] for i in np.flatnonzero(still))
     what = f"axis {axes} is frozen while the others move"
-    return [Finding("frozen axis", "check", what, "look at the sensor")]
+    yield Finding("frozen axis", "check", what, "look at the sensor")
 
 
-def _find_missing(state: LiveState) -> list[Finding]:
+def _find_missing(state: LiveState) -> Iterator[Finding]:
     total = state.n + state.rejected
     if state.rejected < 0.01 * max(total, 1):
-        return []
+        return
     what = f"{state.rejected} of {total} readings are not numbers, or are impossible for a sensor"
-    return [Finding("NaN", "check", what, "look at the sensor and its cable")]
+    yield Finding("NaN", "check", what, "look at the sensor and its cable")
 
 
-def _find_near_metal(state: LiveState, calibration: Affine, coverage: Coverage) -> list[Finding]:
+def _find_near_metal(
+    state: LiveState, calibration: Affine, coverage: Coverage
+) -> Iterator[Finding]:
     """The present readings are off the sphere, all to one side, and the fit knows it there."""
     assert calibration.magnitude is not None
     if abs(float(state.recent[-1, 0]) - state.alarm) < WAIT_S:
@@ -209,20 +212,18 @@ def _find_near_metal(state: LiveState, calibration: Affine, coverage: Coverage) 
         here = cells.find_cells(np.median(field, axis=0)[None])[0]
         unsure = float(coverage.field_sd[here]) / calibration.magnitude
         if abs(off) < max(NEAR_METAL, 4 * spread, 4 * unsure):
-            return []
+            return
     word = "stronger" if off > 0 else "weaker"
-    return [
-        Finding(
-            "near metal",
-            "check",
-            f"the field here is {figure(100 * abs(off))} % {word} than elsewhere: iron, a magnet "
-            "or a current is near",
-            "move away from it and go on turning; if it stays, start again",
-        )
-    ]
+    yield Finding(
+        "near metal",
+        "check",
+        f"the field here is {figure(100 * abs(off))} % {word} than elsewhere: iron, a magnet "
+        "or a current is near",
+        "move away from it and go on turning; if it stays, start again",
+    )
 
 
-def find_held_out(state: LiveState) -> list[Finding]:
+def find_held_out(state: LiveState) -> Iterator[Finding]:
     """Much was kept out, and what is near may as well be what was taken for the rest.
 
     >>> [finding.name for finding in find_held_out(LiveState(n=100, held=40))]
@@ -230,50 +231,46 @@ def find_held_out(state: LiveState) -> list[Finding]:
     """
     share = state.held / max(state.n, 1)
     if share < MUCH:
-        return []
+        return
     what = f"{100 * share:.0f} % of the readings do not fit the others: the field was not the same"
     turns = "move away from steel, magnets and currents and start again"
-    return [Finding("disturbed", "check", what, turns)]
+    yield Finding("disturbed", "check", what, turns)
 
 
-def _find_scatter(calibration: Affine) -> list[Finding]:
+def _find_scatter(calibration: Affine) -> Iterator[Finding]:
     """No sphere fits: the field was not the same all the time."""
     assert calibration.magnitude is not None
     share = (calibration.noise or 0.0) * float(np.trace(calibration.matrix)) / 3
     share /= calibration.magnitude
     if share < SCATTER:
-        return []
-    return [
-        Finding(
-            "disturbed",
-            "check",
-            f"readings scatter by {100 * share:.1f} % of the field about the best sphere: the "
-            "field was not the same all the time",
-            "move away from steel, magnets and currents and start again",
-        )
-    ]
+        return
+    yield Finding(
+        "disturbed",
+        "check",
+        f"readings scatter by {100 * share:.1f} % of the field about the best sphere: the "
+        "field was not the same all the time",
+        "move away from steel, magnets and currents and start again",
+    )
 
 
-def _find_off_model(params: LiveParams, calibration: Affine) -> list[Finding]:
+def _find_off_model(params: LiveParams, calibration: Affine) -> Iterator[Finding]:
     """A mean gain that no sensor has: the whole place is disturbed, or the reference is wrong."""
     if params.magnitude is None or params.unit == "raw":
-        return []
+        return
     gain = float(np.trace(calibration.matrix)) / 3
     off = 1 / gain - 1
     assert calibration.covariance is not None
     sd = np.sqrt(calibration.covariance[3:6, 3:6].sum()) / 3 / gain
     if abs(off) < max(OFF_MODEL, SURE * sd * (1 + off)):
-        return []
+        return
     word = "above" if off > 0 else "below"
-    return [
-        Finding(
-            "off the model",
-            "check",
-            f"the field measured is {figure(100 * abs(off))} % {word} the "
-            f"{params.source.removeprefix('the ')}",
-            "check the place and the unit, or move away from iron",
-        )
-    ]
+    yield Finding(
+        "off the model",
+        "check",
+        f"the field measured is {figure(100 * abs(off))} % {word} the "
+        f"{params.source.removeprefix('the ')}",
+        "check the place and the unit, or move away from iron",
+    )
 
 
 def tell_error(sd_deg: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -38,23 +39,21 @@ class Step(NamedTuple):
     left_by_drift: float
 
 
-def judge_step(fit: InflightFit, problem: Problem) -> list[Finding]:
+def judge_step(fit: InflightFit, problem: Problem) -> Iterator[Finding]:
     """A step that explains the record as well as all the intervals do."""
     if fit.drift.intervals < MANY:
-        return []
+        return
     step = find_step(fit, problem)
     if step.left > min(WORSE, BETTER * step.left_by_drift):
-        return []
-    return [
-        Finding(
-            "bias stepped",
-            "check",
-            f"the bias stepped by {figure(step.size)} nT near t = {step.time:.0f} s, which "
-            f"explains the record as well as the {fit.drift.intervals} intervals of the bias do",
-            "see what was switched, moved or exchanged then, and fit before and after it apart "
-            "(--between)",
-        )
-    ]
+        return
+    yield Finding(
+        "bias stepped",
+        "check",
+        f"the bias stepped by {figure(step.size)} nT near t = {step.time:.0f} s, which "
+        f"explains the record as well as the {fit.drift.intervals} intervals of the bias do",
+        "see what was switched, moved or exchanged then, and fit before and after it apart "
+        "(--between)",
+    )
 
 
 def find_step(fit: InflightFit, problem: Problem) -> Step:

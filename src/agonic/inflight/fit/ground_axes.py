@@ -7,6 +7,7 @@ of the ground with other names of the axes, and far from it without.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,34 +34,31 @@ WORSE = 1.1
 SOME = 1000
 
 
-def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> list[Finding]:
+def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
     """A bias so far from the ground's that the axes, or the sensor, are others."""
     if problem.ground is None:
-        return []
+        return
     moved = float(np.linalg.norm(fit.change.bias))
     if moved < FAR * problem.magnitude:
-        return []
+        return
     what = f"the bias is {figure(moved)} nT from that of the ground"
     names, left, plain = _find_nearest(problem, samples)
     if names and left < min(NEARER * min(moved, plain), FAR * problem.magnitude):
-        return [
-            Finding(
-                "axes of the ground calibration",
-                "refuse",
-                f"{what}, and {figure(left)} nT if since then {names}",
-                "give the readings in the axes in which the sensor was calibrated",
-            )
-        ]
-    if not is_far(fit, problem):
-        return []
-    return [
-        Finding(
+        yield Finding(
             "axes of the ground calibration",
-            "check",
-            f"{what}, {figure(100 * moved / problem.magnitude)} % of the field",
-            "check that the calibration is of this sensor, in these axes and this unit",
+            "refuse",
+            f"{what}, and {figure(left)} nT if since then {names}",
+            "give the readings in the axes in which the sensor was calibrated",
         )
-    ]
+        return
+    if not is_far(fit, problem):
+        return
+    yield Finding(
+        "axes of the ground calibration",
+        "check",
+        f"{what}, {figure(100 * moved / problem.magnitude)} % of the field",
+        "check that the calibration is of this sensor, in these axes and this unit",
+    )
 
 
 def is_far(fit: InflightFit, problem: Problem) -> bool:

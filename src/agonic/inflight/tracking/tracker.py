@@ -186,7 +186,7 @@ class Tracker(Followed, Judged):
     @property
     def findings(self) -> tuple[Finding, ...]:  # type: ignore[override]
         """What the user should know, by name."""
-        return list_findings(self.state)
+        return tuple(list_findings(self.state))
 
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]

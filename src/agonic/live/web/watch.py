@@ -130,7 +130,7 @@ class WatchedSensor:
         """The readings to calibrate from, and what to say of those that were kept out of them."""
         live, note = self.live, ("kept of a live session",)
         whole_way = live.aided is not None and live.aided.chosen
-        doubts = () if whole_way else find_held_out(live.state)
+        doubts = () if whole_way else tuple(find_held_out(live.state))
         return SensorReadings(live.samples.with_columns(frame=self.frame, notes=note), doubts)
 
     def status(self) -> Sensor:

@@ -288,7 +288,7 @@ class Retrainer(Judged):
     @property
     def findings(self) -> tuple[Finding, ...]:  # type: ignore[override]
         """What the user should know, by name."""
-        return list_findings(self.state)
+        return tuple(list_findings(self.state))
 
     @property
     def status(self) -> str:
