@@ -28,11 +28,7 @@ from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, Solve, make_settings, pose_problem
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import add_covariance, compute_residuals_of, find_estimate
-from agonic.inflight.fit.torquers import (
-    Switches,
-    is_on,
-    is_settling,
-)
+from agonic.inflight.fit.torquers import Switches, is_on, is_settling
 from agonic.inflight.maths.residuals import Block, Rows, cut, residual_pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import squares, tukey
@@ -91,19 +87,7 @@ def fit_mission(
     >>> bool(np.abs(fit.change.bias - made.bias[-1]).max() < 5 * fit.sd[:3].max()), fit.n
     (True, 4000)
     """
-    settings = make_settings(
-        ground,
-        solve,
-        drift_knots=drift_knots,
-        latitude_deg=latitude_deg,
-        temperature_degree=temperature_degree,
-        matrix_rate=matrix_rate,
-        sources=sources,
-        gain_sd=gain_sd,
-        soft_iron_sd=soft_iron_sd,
-        robust=robust,
-        seed=seed,
-    )
+    settings = make_settings(locals())
     _check_sources(settings.sources)
     progress = progress or (lambda _name, _rows: None)
     with TemporaryFile() as cache:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -182,19 +183,8 @@ def fit_network(
     >>> fit.comparison.winner, fit.comparison.ratio < 0.5
     ('network', True)
     """
-    settings = Settings(
-        hidden=hidden,
-        inputs=inputs,
-        base=base if start is None else start.base,
-        target=target,
-        stopping=stopping,
-        robust=robust,
-        restarts=restarts,
-        most_epochs=most_epochs,
-        seed=seed,
-    )
-    if start is not None:
-        settings = _settings_of_start(settings, start)
+    given = {**locals(), **({} if start is None else _list_settings(start))}
+    settings = Settings(**{one.name: given[one.name] for one in fields(Settings)})
     problem = pose_problem(samples, reference, settings)
     training = train(problem, np.flatnonzero(problem.rows), start)
     fit = _fit(problem, training)
@@ -203,17 +193,12 @@ def fit_network(
     return examine(fit, samples)
 
 
-def _settings_of_start(settings: Settings, start: Network) -> Settings:
-    """The settings with what a start decides: base, inputs, hidden nodes, target."""
+def _list_settings(start: Network) -> dict[str, Any]:
+    """The settings that a start decides."""
     if start.held:
         raise AgonicError("a network held at a temperature cannot be trained further")
-    return replace(
-        settings,
-        base=start.base,
-        inputs=start.inputs,
-        hidden=start.shape.hidden,
-        target=start.target,
-    )
+    decided = {name: getattr(start, name) for name in ("base", "inputs", "target")}
+    return decided | {"hidden": start.shape.hidden}
 
 
 def _fit(problem: Problem, training: Training) -> NetworkFit:
