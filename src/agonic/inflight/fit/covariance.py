@@ -53,12 +53,10 @@ class Estimate(NamedTuple):
         return np.asarray(np.minimum.reduce(weights))
 
 
-class RobustCovariance(NamedTuple):
-    """A covariance, and by kind how many readings count as one and the correlated errors."""
-
-    covariance: Array
-    correlation: dict[str, float]
-    errors: dict[str, tuple[CorrelatedError, ...]]
+def compute_mean_correlation(noise: dict[str, Noise]) -> float:
+    """One length for all kinds, so that they are weighted by their noise alone: how long errors
+    last is known too poorly to choose between kinds, but each has its own in the covariance."""
+    return float(np.mean([of.correlation for of in noise.values()]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,40 +80,37 @@ class Clock:
 
 def compute_covariance(
     source: Source,
-    params: Array,
-    layout: Layout,
-    noise: dict[str, Noise],
-    sds: dict[str, float],
+    estimate: Estimate,
     information: Array,
-    mean_correlation: float,
     clock: Clock,
-    local: Array,
     *,
     earth_fixed: bool,
     assumed: Sequence[CorrelatedError] = (),
-) -> RobustCovariance:
-    """The covariance at the minimum, one more pass a kind.
+) -> Estimate:
+    """The estimate with its covariance at the minimum, by one more pass a kind, and of each kind
+    how many readings count as one, and the correlated errors.
 
-    Parameters: `sds` as `compute_residuals` takes them; `information` (m, m) the prior's;
-    `mean_correlation`, how many readings counted as one when the data were weighed against it (the
-    effective sample size is n over it); `local` (m, m), which makes columns of the Jacobian zero
-    where they are far from their spline (see `Terms.localise`); `earth_fixed`, whether rows know
-    the direction of the field in Earth-fixed axes; `assumed`, errors of the magnitude that its
-    residuals need not show.
+    Parameters: `information` (m, m) the prior's; `earth_fixed`, whether rows know the direction of
+    the field in Earth-fixed axes; `assumed`, errors of the magnitude that its residuals need not
+    show.
 
-    With D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the scatter of its gradient by noise,
-    which need not be the same everywhere, and E_c by correlated errors:
+    With ν how many readings counted as one when the data were weighed against the prior (the
+    effective sample size is n over it), D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the
+    scatter of its gradient by noise, which need not be the same everywhere, and E_c by correlated
+    errors:
 
         A = Σ D_c/ν + H,   B = Σ (S_c + E_c)/ν² + H,   covariance A⁻¹BA⁻¹.
     """
     bread, white, errors = information.copy(), {}, {}
     extra: dict[str, Array] = {}
+    layout, noise, params = estimate.layout, estimate.noise, estimate.solution.params
+    mean_correlation = compute_mean_correlation(noise)
+    # columns of the Jacobian are zero where they are far from their spline
+    local = estimate.terms.localise(layout.constants, layout.parameters)
     back = np.linalg.inv(local)
     for kind, of in noise.items():
-        sums, normal, squares = _sum_stretches(
-            source, kind, params, layout, of, sds[kind], clock, local,
-            earth_fixed and kind == "magnitude",
-        )  # fmt: skip
+        earth = earth_fixed and kind == "magnitude"
+        sums, normal, squares = _sum_stretches(source, kind, estimate, clock, local, earth)
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
         freedom = normal.total / max(normal.total - len(params), 1)
         bread += normal.information * curved / mean_correlation
@@ -135,7 +130,11 @@ def compute_covariance(
         for kind in noise
     }
     total = np.sum([*plain.values(), *added.values(), inverse @ information @ inverse], axis=0)
-    return RobustCovariance((total + total.T) / 2, correlation, errors)
+    return estimate._replace(
+        solution=estimate.solution._replace(covariance=(total + total.T) / 2),
+        noise={kind: of._replace(correlation=correlation[kind]) for kind, of in noise.items()},
+        errors=errors,
+    )
 
 
 def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[CorrelatedError]:
@@ -149,17 +148,10 @@ def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[Correlate
 
 
 def _sum_stretches(
-    source: Source,
-    kind: str,
-    params: Array,
-    layout: Layout,
-    noise: Noise,
-    sd: float,
-    clock: Clock,
-    local: Array,
-    earth_fixed: bool,
+    source: Source, kind: str, estimate: Estimate, clock: Clock, local: Array, earth_fixed: bool
 ) -> tuple[Sums, leastsq.Normal, Array]:
     """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
+    params, noise = estimate.solution.params, estimate.noise[kind]
     squares = np.zeros((len(params), len(params)))
     magnitude = kind == "magnitude"
     sums = Sums.empty(
@@ -178,6 +170,6 @@ def _sum_stretches(
         squares[:] += onto.T @ (scored.T @ scored) @ onto
         sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions, onto @ local)
 
-    seen = residual_pieces(source, kind, layout, sd, watch)
+    seen = residual_pieces(source, kind, estimate.layout, estimate.sds[kind], watch)
     normal = leastsq.accumulate(seen, params, noise.loss, noise.sd, keep=False)
     return sums, normal, squares

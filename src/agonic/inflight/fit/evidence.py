@@ -142,11 +142,13 @@ def examine(
     gain = find_other_gain(fit, problem)
     gains = list(judge_gains(fit, gain))
     by_gains = bool(gains) and not may_be_heights(gain)
+    step = () if by_gains else tuple(judge_step(fit, problem))
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
         *gains,
-        *([] if by_gains else _judge_bias(fit, problem, samples)),
+        *(() if by_gains else judge_ground_axes(fit, problem, samples)),
+        *(() if by_gains else step or judge_swing_with_orbit(fit, samples)),
         *allowed,
         *filter(None, [check_scale(mean_gain(fit.after.matrix), fit.after.unit_in)]),
         *_axes(samples),
@@ -180,12 +182,6 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator
             f"{what}: much more than errors of models",
             "check times, positions, units and the date; look for currents on board",
         )
-
-
-def _judge_bias(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
-    """What a bias far from that of the ground, or with many intervals, stands in for."""
-    yield from judge_ground_axes(fit, problem, samples)
-    yield from list(judge_step(fit, problem)) or judge_swing_with_orbit(fit, samples)
 
 
 def _axes(samples: Samples) -> Iterator[Finding]:
@@ -252,10 +248,11 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
             "ground"
         )
         if problem.scale_free:
-            gain, gain_sd = _find_scale(fit)
+            by = np.repeat([0.0, 1 / 3, 0.0], 3)
             said.append(
                 "the ground calibration was made without a known magnitude: its scale is found "
-                f"here, {gain:.4f} ± {gain_sd:.4f}"
+                f"here, {mean_gain(fit.change.matrix):.4f} ± "
+                f"{np.sqrt(by @ fit.covariance @ by):.4f}"
             )
         if not states_covariance(problem.ground):
             said.append(
@@ -270,12 +267,6 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
         said.append(f"the field misses its direction by {figure(middle)}° (median)")
     said.append(f"residuals: {figure(fit.noise)} nT{_describe_correlation(fit)}")
     return tuple(said)
-
-
-def _find_scale(fit: InflightFit) -> tuple[float, float]:
-    """The mean gain of what is found on top of the ground calibration, and its standard error."""
-    by = np.repeat([0.0, 1 / 3, 0.0], 3)
-    return mean_gain(fit.change.matrix), float(np.sqrt(by @ fit.covariance @ by))
 
 
 def _describe_correlation(fit: InflightFit) -> str:

@@ -135,7 +135,8 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
     weights[problem.used] = estimate.weight
     channels = _build_channels(problem, estimate)
     magnitude = channels["magnitude"]
-    lasting_nT, lasting_s = _sum_correlated_errors(estimate, magnitude.noise)
+    variance, lasting_s = join_errors(estimate.errors.get("magnitude", ()))
+    size = magnitude.noise / estimate.noise["magnitude"].sd
     return InflightFit(
         calibration=saved.build_calibration(problem, estimate, change, samples),
         change=change,
@@ -165,7 +166,7 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         noise=magnitude.noise,
         correlation=magnitude.correlation,
         correlation_s=magnitude.correlation * float(np.median(np.diff(problem.time))),
-        lasting_nT=lasting_nT,
+        lasting_nT=min(float(np.sqrt(variance)) * size, magnitude.noise),
         lasting_s=lasting_s,
         condition=estimate.solution.condition,
         iterations=estimate.solution.iterations,
@@ -191,13 +192,6 @@ def _build_channels(problem: Problem, estimate: Estimate) -> dict[str, Channel]:
             correlation=noise.correlation,
         )
     return channels
-
-
-def _sum_correlated_errors(estimate: Estimate, noise: float) -> tuple[float, float]:
-    """Standard deviation of the correlated errors of the magnitude, nT, and their time, s."""
-    variance, time_s = join_errors(estimate.errors.get("magnitude", ()))
-    size = noise / estimate.noise["magnitude"].sd
-    return min(float(np.sqrt(variance)) * size, noise), time_s
 
 
 def _direction_error_deg(problem: Problem, field: Array) -> Array | None:

@@ -9,7 +9,13 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
 from agonic.field.worldfield import EXTERNAL_NT, EXTERNAL_S
-from agonic.inflight.fit.covariance import OF_EARTH, Clock, Estimate, compute_covariance
+from agonic.inflight.fit.covariance import (
+    OF_EARTH,
+    Clock,
+    Estimate,
+    compute_covariance,
+    compute_mean_correlation,
+)
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
@@ -51,12 +57,6 @@ def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[s
     return found
 
 
-def compute_mean_correlation(noise: dict[str, Noise]) -> float:
-    """One length for all kinds, so that they are weighted by their noise alone: how long errors
-    last is known too poorly to choose between kinds, but each has its own in the covariance."""
-    return float(np.mean([of.correlation for of in noise.values()]))
-
-
 def _is_settled(before: dict[str, float], now: dict[str, float]) -> bool:
     """Whether residuals are over what they were taken to be over, √(1 + κ²), to two per cent; an
     attitude whose errors do not show has κ = 0."""
@@ -65,15 +65,9 @@ def _is_settled(before: dict[str, float], now: dict[str, float]) -> bool:
     return bool(np.abs(np.array(ratios) - 1).max() < 0.02)
 
 
-def rescale_noise(
-    noise: Noise, kind: str, before: dict[str, float], now: dict[str, float]
-) -> Noise:
-    """The noise of residuals that are now over another √(1 + κ²)."""
-    if kind == "magnitude":
-        return noise
-    return noise._replace(
-        sd=noise.sd * float(np.sqrt((1 + before[kind] ** 2) / (1 + now[kind] ** 2)))
-    )
+def _rescale_noise(noise: Noise, before: float, now: float) -> Noise:
+    """The noise of residuals across the field that are now over another √(1 + κ²)."""
+    return noise._replace(sd=noise.sd * float(np.sqrt((1 + before**2) / (1 + now**2))))
 
 
 FEWEST_STRETCHES = 120
@@ -93,7 +87,8 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     limit = problem.settings.residual_limit
     for _ in range(_ROUNDS if limit is not None else 0):
         assert limit is not None
-        near = _near(problem, estimate, limit)
+        r = compute_residuals_of(problem, estimate, "magnitude")
+        near = problem.used & ~(np.abs(r) * problem.magnitude > limit)
         if (near == problem.used).all():
             break
         require_enough(near)
@@ -123,26 +118,15 @@ def add_covariance(
     gives, as `state_errors` has it; as it is where there are too few to tell the correlation."""
     if clock.count < FEWEST_STRETCHES:
         return estimate
-    params, layout, noise = estimate.solution.params, estimate.layout, estimate.noise
-    _, jacobian = build_prior(problem, estimate.terms, layout)(params)
-    information = jacobian.T @ jacobian
-    found = compute_covariance(
+    prior = build_prior(problem, estimate.terms, estimate.layout)
+    _, jacobian = prior(estimate.solution.params)
+    return compute_covariance(
         source,
-        params,
-        layout,
-        noise,
-        estimate.sds,
-        information,
-        compute_mean_correlation(noise),
+        estimate,
+        jacobian.T @ jacobian,
         clock,
-        estimate.terms.localise(layout.constants, layout.parameters),
         earth_fixed=problem.direction_e is not None,
         assumed=() if alternative else _assume_errors(problem, estimate),
-    )
-    return estimate._replace(
-        solution=estimate.solution._replace(covariance=found.covariance),
-        noise={k: of._replace(correlation=found.correlation[k]) for k, of in noise.items()},
-        errors=found.errors,
     )
 
 
@@ -217,7 +201,8 @@ def refine(
     for _ in range(12):
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         before, sds = sds, compute_spreads(noise, sds)
-        noise = {kind: rescale_noise(of, kind, before, sds) for kind, of in noise.items()}
+        for kind in kinds[1:]:
+            noise[kind] = _rescale_noise(noise[kind], before[kind], sds[kind])
         correlation = compute_mean_correlation(noise)
         channels = [
             leastsq.Channel(
@@ -251,12 +236,6 @@ def rotation_of(estimate: Estimate) -> Array:
     c = estimate.layout.constants
     basis = model_basis("full", estimate.layout.gauge)
     return np.asarray(polar(split(basis @ estimate.solution.params[:c])[1])[0])
-
-
-def _near(problem: Problem, estimate: Estimate, limit: float) -> Mask:
-    """The rows whose residual is within a limit, nT."""
-    far = np.abs(compute_residuals_of(problem, estimate, "magnitude")) * problem.magnitude > limit
-    return np.asarray(problem.used & ~far)
 
 
 def _with_attitude(

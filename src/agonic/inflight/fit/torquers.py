@@ -128,7 +128,9 @@ def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
     3.0
     """
     number = np.floor(since / step_s + 0.5)
-    late = residuals[number >= min(LONGEST, _half(number))]
+    counted = number[np.isfinite(number)]
+    middle = float(np.median(counted)) if len(counted) else 0.0
+    late = residuals[number >= min(LONGEST, middle)]
     if len(late) < FEWEST:
         return 0.0
     squares = np.minimum(np.square(late), np.square(10 * np.median(np.abs(late))))
@@ -140,12 +142,6 @@ def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
             break
         last = k
     return (last + 1) * step_s
-
-
-def _half(number: Array) -> float:
-    """The middle of the readings after switches, counted from the switch."""
-    counted = number[np.isfinite(number)]
-    return float(np.median(counted)) if len(counted) else 0.0
 
 
 def list_torquer_findings(torquers: Torquers) -> Iterator[Finding]:

@@ -135,7 +135,7 @@ def compare_methods(
     """
     problem = pose_problem(samples, reference, Settings(**settings))
     scaled = scale_problem(problem, np.flatnonzero(problem.rows))
-    rows = scaled.problem
+    rows = scaled.between
     if rows.weight is not None:
         rows = rows.subset(rows.weight > 0)._replace(weight=None)
     start = network.draw_weights(np.random.default_rng(problem.settings.seed), rows.shape)
