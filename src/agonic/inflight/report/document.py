@@ -45,12 +45,8 @@ def describe_inflight(
     >>> describe_inflight(fit, made.samples, title="<log>").to_html().count("&lt;log&gt;")
     2
     """
-    used, sd = fit.weights > 0, fit.sd
-    rms = float(np.sqrt(np.mean(fit.residuals[used] ** 2)))
-    bias = "   ".join(
-        f"{axis} {with_sd(float(v), float(s))}"
-        for axis, v, s in zip("xyz", fit.change.bias, sd[:3], strict=True)
-    )
+    sd, rms = fit.sd, float(np.sqrt(np.mean(fit.residuals[fit.weights > 0] ** 2)))
+    bias = join_axes(fit.change.bias, sd[:3])
     document = Document(
         schema="agonic/fit-inflight@1",
         kind="Calibration in flight",
@@ -111,13 +107,9 @@ def _list_bias(found: Affine) -> dict[str, Any]:
 
 def _list_sources(fit: InflightFit) -> dict[str, str]:
     """What a unit of each source adds to a reading, by its name."""
-    names = signals(fit.source_names)
+    names, unit = signals(fit.source_names), unit_label(fit.change.unit_in)
     return {
-        name: "   ".join(
-            f"{axis} {with_sd(float(value), float(sd))}"
-            for axis, value, sd in zip("xyz", values, sds, strict=True)
-        )
-        + f" {unit_label(fit.change.unit_in)} {per_label(name)}"
+        name: f"{join_axes(values, sds)} {unit} {per_label(name)}"
         for name, values, sds in zip(names, fit.sources.T, fit.sources_sd.T, strict=True)
     }
 
@@ -299,14 +291,18 @@ def describe_decomposition(calibration: Affine) -> dict[str, str]:
     """
     found = decompose(calibration)
     return {
-        "Scale": _join("xyz", found.scale_factors, found.scale_factors_sd),
-        "Angles": _join(PAIRS, found.nonorthogonality_deg, found.nonorthogonality_sd_deg) + "°",
+        "Scale": join_axes(found.scale_factors, found.scale_factors_sd, blank=NO_BREAK),
+        "Angles": join_axes(
+            found.nonorthogonality_deg, found.nonorthogonality_sd_deg, PAIRS, blank=NO_BREAK
+        )
+        + "°",
     }
 
 
-def _join(names: Sequence[str], values: Array, sds: Array) -> str:
+def join_axes(values: Array, sds: Array, names: Sequence[str] = "xyz", *, blank: str = " ") -> str:
+    """Numbers of axes with their standard errors, in a line."""
     parts = (
         f"{name} {with_sd(float(v), float(sd))}"
         for name, v, sd in zip(names, values, sds, strict=True)
     )
-    return "   ".join(part.replace(" ", NO_BREAK) for part in parts)
+    return "   ".join(part.replace(" ", blank) for part in parts)

@@ -121,21 +121,15 @@ def compare_numbers(groups: tuple[Numbers, ...]) -> Markup:
     head = ["Number", "Flight"]
     if known:
         head = ["Number", "Ground", "Flight", "Change", "in σ", "change over its standard error"]
-    bodies = (
-        element(
-            "tbody",
-            element("tr", element("th", _heading(group), scope="rowgroup", colspan=len(head))),
-            *(row(_cells(q, known, reach)) for q in group.rows),
-        )
-        for group in groups
-    )
+    bodies = []
+    for group in groups:
+        unit = f", {unit_label(group.unit)}" if group.unit else ""
+        note = f" ({group.note})" if group.note else ""
+        name = element("th", f"{group.name}{unit}{note}", scope="rowgroup", colspan=len(head))
+        cells = (row(_cells(q, known, reach)) for q in group.rows)
+        bodies.append(element("tbody", element("tr", name), *cells))
     columns = element("tr", *(element("th", text, scope="col") for text in head))
     return element("table", element("thead", columns), *bodies, class_="numbers compared")
-
-
-def _heading(group: Numbers) -> str:
-    unit = f", {unit_label(group.unit)}" if group.unit else ""
-    return f"{group.name}{unit}" + (f" ({group.note})" if group.note else "")
 
 
 def _cells(q: Comparison, known: bool, reach: float) -> list[str]:
@@ -201,8 +195,8 @@ def list_left_out(flight: Flight) -> Markup:
     used = int(np.count_nonzero(flight.used))
     part = "are counted on this page" if flight.predicted else "were used for the result"
     said = f"{count(used, 'reading')} of {group_digits(whole)} {part}."
-    if flight.thinned > 1:
-        said += f" Drawn and counted here is every {flight.thinned}th row of the record."
+    if flight.fit is not None and flight.fit.thinned > 1:
+        said += f" Drawn and counted here is every {flight.fit.thinned}th row of the record."
     if not rows:
         return element("p", f"{said} None was left out.")
     drawn = table(["Left out", "Readings", "Share"], rows, class_="numbers reasons")
@@ -211,24 +205,25 @@ def list_left_out(flight: Flight) -> Markup:
 
 def list_held_out(flight: Flight) -> Markup:
     """The error on readings not seen, by the number of intervals tried."""
-    if not flight.held_out:
-        if flight.predicted:
-            text = (
-                "Nothing was chosen by held-out error: each residual on this page is from before "
-                "the reading was used, so all of them are held out."
-            )
-        else:
-            text = "The number of knots was given, so nothing was chosen by held-out error."
-        return element("p", text)
-    least = min(flight.held_out.values())
+    if flight.fit is None:
+        return element(
+            "p",
+            "Nothing was chosen by held-out error: each residual on this page is from before the "
+            "reading was used, so all of them are held out.",
+        )
+    held_out, chosen = flight.fit.held_out, flight.fit.drift.intervals
+    if not held_out:
+        said = "The number of knots was given, so nothing was chosen by held-out error."
+        return element("p", said)
+    least = min(held_out.values())
     rows = [
         [
             "constant" if n == 0 else count(n, "interval"),
             quantity(error, "nT"),
             _above(error / least - 1),
-            "chosen" if n == flight.chosen else "",
+            "chosen" if n == chosen else "",
         ]
-        for n, error in flight.held_out.items()
+        for n, error in held_out.items()
     ]
     said = (
         "Every second block of time was left out of the fit and then predicted. Intervals are "
@@ -281,7 +276,7 @@ def list_causes(shares: list[Share]) -> Markup:
     rows = [
         [
             sentence(share.what)[:-1],
-            _of_variance(share.share),
+            percent(share.share) if share.share >= 0.01 else f"below {percent(0.01)}",
             sentence(share.cause) if share.named else NOTHING,
         ]
         for share in shares
@@ -294,10 +289,6 @@ def list_causes(shares: list[Share]) -> Markup:
     )
     head = ["Goes with", "Share of the variance", "Points to"]
     return Markup(element("p", said) + table(head, rows, class_="causes"))
-
-
-def _of_variance(share: float) -> str:
-    return percent(share) if share >= 0.01 else f"below {percent(0.01)}"
 
 
 def _above(share: float) -> str:
