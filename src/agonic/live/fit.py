@@ -16,16 +16,21 @@ from agonic.ellipsoid.problem import Scale, make_calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding
-from agonic.live.aided import FEWEST, Aided, fit_aided, get_samples, plan_drive
+from agonic.live.aided import (
+    FEWEST,
+    Aided,
+    find_objections,
+    fit_aided,
+    get_samples,
+    plan_drive,
+)
 from agonic.live.files import load_state, save_state
 from agonic.live.guidance import Guidance, make_guidance, make_way
 from agonic.live.level import Level, find_down, see_level
 from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
-from agonic.live.track import Track
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
-from agonic.recording.calibrated import calibrate_as_named
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -181,8 +186,10 @@ class LiveFit:
         the vehicle stays level."""
         track, aided = self.state.track, self.aided
         told = aided is not None and aided.chosen
-        if track is not None and (told or self._keeps_level(track)):
-            return get_samples(self.params, track)
+        if track is not None:
+            level = len(track.slots) >= FEWEST and find_down(track) is not None
+            if told or level:
+                return get_samples(self.params, track)
         kept = np.concatenate([self.state.kept, self.state.waiting])
         kept = kept[np.argsort(kept[:, 0], kind="stable")]
         return Samples(
@@ -192,9 +199,6 @@ class LiveFit:
             name=self.params.name,
             device_id=self.params.device_id,
         )
-
-    def _keeps_level(self, track: Track) -> bool:
-        return len(track.slots) >= FEWEST and find_down(track) is not None
 
     def save(self, path: Path | str, *, origin: str = "") -> Path:
         """Write all that `resume` needs to go on, in one step; `origin` says where readings are
@@ -237,18 +241,9 @@ class LiveFit:
         if aided is not None and aided.chosen:
             return aided.objections
         if self._examined is None or not self._examined[0] <= self.n < 1.1 * self._examined[0]:
-            self._examined = (self.n, self._find_objections())
+            found = find_objections(self.params, self.samples, kind="ellipsoid")
+            self._examined = (self.n, found)
         return self._examined[1]
-
-    def _find_objections(self) -> tuple[Finding, ...]:
-        settings: dict[str, Any] = {"inclination_deg": self.params.inclination_deg}
-        try:
-            made = calibrate_as_named(
-                self.samples, self.params.reference, kind="ellipsoid", **settings
-            )
-        except AgonicError as error:
-            return (Finding("calibration", "check", str(error), "go on turning"),)
-        return made.objections
 
     def _make_result(self) -> tuple[Affine, Coverage]:
         """The last fit in the unit of the readings, and its coverage."""

@@ -18,7 +18,7 @@ from agonic.errors import AgonicError, MissingExtraError
 from agonic.exports.ardupilot import compute_ardupilot_parameters
 from agonic.exports.targets import compass_number
 from agonic.live.streams.clock import Clock
-from agonic.live.streams.device import ANSWER_S, Change
+from agonic.live.streams.device import ANSWER_S, Setting
 from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.live.streams.links import Packet
 from agonic.logs.ardupilot.dataflash_binary import Table
@@ -268,16 +268,16 @@ class Vehicle:
 
     # ---- writing -----------------------------------------------------------------------------
 
-    def changes(self, calibration: Calibration) -> tuple[list[Change], tuple[str, ...]]:
+    def changes(self, calibration: Calibration) -> tuple[list[Setting], tuple[str, ...]]:
         """The parameters that a calibration sets, beside those in the vehicle."""
         number = compass_number(calibration.sensor)
         parameters, warnings = compute_ardupilot_parameters(calibration, compass=number)
         values = self.parameters.values
         wanted = {**parameters, LEARN: 0.0}
-        return [Change(name, values.get(name), new) for name, new in wanted.items()], warnings
+        return [Setting(name, values.get(name), new) for name, new in wanted.items()], warnings
 
     def write(
-        self, changes: Sequence[Change], calibration: Calibration
+        self, changes: Sequence[Setting], calibration: Calibration
     ) -> Mapping[str, float | None]:
         """Set the parameters, and read every one of them back from the vehicle."""
         if self._system is None:

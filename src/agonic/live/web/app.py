@@ -31,7 +31,7 @@ from agonic.live.web.messages import (
     parse_request,
 )
 from agonic.live.web.session import Session
-from agonic.live.web.view import MOST
+from agonic.live.web.watch import MOST
 from agonic.maths.equation.coverage import icosphere
 from agonic.report.digits import group_digits
 from agonic.report.page_file import read_static as of_report
