@@ -84,29 +84,21 @@ EPOCHS = 5000
 class Method:
     """How one method trained a network.
 
-    `mean_square` (k,) the scaled error after every epoch; `seconds` what all of them took; `rms`
-    and `maximum` nT, what is left at the end; `epochs_to_goal` until the mean square error was
-    below 0.001, `epochs_to_least` until it was within 5 % of the least that any method reached;
-    None where it never was.
+    `mean_square` (k,) the scaled error after every epoch, `least` at the end; `seconds` what all
+    of the `epochs` took; `rms` and `maximum` nT, what is left at the end; `epochs_to_goal` until
+    the mean square error was below 0.001, `epochs_to_least` until it was within 5 % of the least
+    that any method reached; None where it never was.
     """
 
-    name: Annotated[str, Shown()]
+    name: Annotated[str, Shown("Trained by")]
+    epochs_to_goal: Annotated[int | None, Shown("epochs to 0.001")]
+    epochs_to_least: Annotated[int | None, Shown("to 5 % of the least")]
+    epochs: Annotated[int, Shown("in all")]
+    seconds: Annotated[float, Shown("time", write="{:.2f} s".format)]
+    least: Annotated[float, Shown("mean square, scaled", write="{:.2g}".format, key="mean_square")]
+    rms: Annotated[float, Shown("rms", "nT", key="rms_nT")]
+    maximum: Annotated[float, Shown("largest", "nT", key="maximum_nT")]
     mean_square: Array
-    seconds: Annotated[float, Shown()]
-    rms: Annotated[float, Shown(key="rms_nT")]
-    maximum: Annotated[float, Shown(key="maximum_nT")]
-    epochs_to_goal: Annotated[int | None, Shown()]
-    epochs_to_least: Annotated[int | None, Shown()]
-
-    @property
-    def epochs(self) -> Annotated[int, Shown()]:
-        """How many epochs it went on."""
-        return len(self.mean_square)
-
-    @property
-    def least(self) -> Annotated[float, Shown(key="mean_square")]:
-        """The scaled error at the end."""
-        return float(self.mean_square[-1])
 
 
 def compare_methods(
@@ -139,11 +131,27 @@ def compare_methods(
     if rows.weight is not None:
         rows = rows.subset(rows.weight > 0)._replace(weight=None)
     start = network.draw_weights(np.random.default_rng(problem.settings.seed), rows.shape)
-    ran = {name: _run(train, rows, start) for name, train in _trainers(epochs).items()}
-    least = min(float(curve[-1]) for _, curve, _ in ran.values())
+    half, ran = scaled.scale.output_half, {}
+    for name, train in _list_trainers(epochs).items():
+        began = time.perf_counter()
+        weights, curve = train(rows, start)
+        seconds = time.perf_counter() - began
+        left = half * (network.forward(network.split(weights, rows.shape), rows.x) - rows.target)
+        ran[name] = curve, seconds, left
+    least = min(float(curve[-1]) for curve, *_ in ran.values())
     return tuple(
-        _judge(name, rows, found, curve, seconds, scaled.scale.output_half, least)
-        for name, (found, curve, seconds) in ran.items()
+        Method(
+            name=name,
+            mean_square=curve,
+            epochs=len(curve),
+            least=float(curve[-1]),
+            seconds=seconds,
+            rms=float(np.sqrt(np.mean(left**2))),
+            maximum=float(np.abs(left).max()),
+            epochs_to_goal=_find_first_below(curve, GOAL),
+            epochs_to_least=_find_first_below(curve, CLOSE * least),
+        )
+        for name, (curve, seconds, left) in ran.items()
     )
 
 
@@ -151,7 +159,7 @@ Trained = tuple[Array, Array]
 Trainer = Callable[[levenberg_marquardt.Problem, Array], Trained]
 
 
-def _trainers(epochs: int) -> dict[str, Trainer]:
+def _list_trainers(epochs: int) -> dict[str, Trainer]:
     def marquardt(rows: levenberg_marquardt.Problem, start: Array) -> Trained:
         found = levenberg_marquardt.train(rows, start, stopping="plain")
         return found.weights, np.array([epoch.mean_square for epoch in found.epochs])
@@ -166,35 +174,6 @@ def _trainers(epochs: int) -> dict[str, Trainer]:
     }
 
 
-def _run(
-    train: Trainer, rows: levenberg_marquardt.Problem, start: Array
-) -> tuple[Array, Array, float]:
-    began = time.perf_counter()
-    weights, curve = train(rows, start)
-    return weights, curve, time.perf_counter() - began
-
-
-def _judge(
-    name: str,
-    rows: levenberg_marquardt.Problem,
-    weights: Array,
-    curve: Array,
-    seconds: float,
-    half: float,
-    least: float,
-) -> Method:
-    left = half * (network.forward(network.split(weights, rows.shape), rows.x) - rows.target)
-    return Method(
-        name=name,
-        mean_square=curve,
-        seconds=seconds,
-        rms=float(np.sqrt(np.mean(left**2))),
-        maximum=float(np.abs(left).max()),
-        epochs_to_goal=_first_below(curve, GOAL),
-        epochs_to_least=_first_below(curve, CLOSE * least),
-    )
-
-
-def _first_below(curve: Array, level: float) -> int | None:
+def _find_first_below(curve: Array, level: float) -> int | None:
     below = np.flatnonzero(curve < level)
     return int(below[0]) + 1 if len(below) else None

@@ -19,8 +19,9 @@ from agonic.readable import make_record
 from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document
+from agonic.report.fields import make_table
 from agonic.report.markup import Markup, element
-from agonic.report.section import Section
+from agonic.report.section import Block, Section
 from agonic.report.strips import caption
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
@@ -97,9 +98,9 @@ def describe_network(
         entries_title="",
         sections=[
             *_compare(fit, samples),
-            *([_choice(choice)] if choice else []),
+            *(_list_choice(choice) if choice else []),
             Section("Training", [lambda: _training(fit)]),
-            *([_methods(fit, methods)] if methods else []),
+            *(_list_methods(fit, methods) if methods else []),
             Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
             *caution(network),
             Section("Where it holds", _guard(network, network, samples)),
@@ -206,24 +207,28 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
     return [Section(name, [*tables.compare_errors(comparison, fit.calibration.target), draw])]
 
 
-def _choice(choice: NetworkChoice) -> Section:
+def _list_choice(choice: NetworkChoice) -> list[Section]:
     said = (
         f"{sentence(choice.sentence)} Unseen: each of four blocks is judged by a network trained "
         "on the other three."
     )
-    return Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)
+    return [Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)]
 
 
-def _methods(fit: NetworkFit, methods: Sequence[Method]) -> Section:
-    """Levenberg–Marquardt beside gradient descent."""
-    keys = {key: method.name for key, method in zip(figures.METHODS, methods, strict=True)}
+def _list_methods(fit: NetworkFit, methods: Sequence[Method]) -> list[Section]:
     note = "All from the same random start, on all readings, without a prior on the weights."
+    blocks = compare(fit, methods, "Error after each epoch, by method", note)
+    return [Section("Methods of training", blocks, printed=True)]
+
+
+def compare(fit: NetworkFit, methods: Sequence[Method], name: str, note: str) -> list[Block]:
+    """Levenberg–Marquardt beside gradient descent: a table, and a figure with its name and note."""
+    keys = {key: method.name for key, method in zip(figures.METHODS, methods, strict=True)}
 
     def draw() -> Markup:
-        drawn = figures.draw_methods(fit, methods)
-        return caption("Error after each epoch, by method", drawn, keys, note)
+        return caption(name, figures.draw_methods(fit, methods), keys, note)
 
-    return Section("Methods of training", [tables.list_methods(methods), draw], printed=True)
+    return [make_table(methods, style="nodes"), draw]
 
 
 def _training(fit: NetworkFit) -> Markup:
