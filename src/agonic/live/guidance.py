@@ -118,8 +118,11 @@ def make_guidance(
     if close and not findings:
         findings += examine()
     done = close and not findings
+    say = "enough: accept the result" if done else next_turn.describe_turn(turn)
+    if not done and np.abs(np.degrees(turn)).max() < next_turn.SMALLEST_DEG:
+        say = "go on turning"  # a hand that is told to hold still would not move again
     return Guidance(
-        say="enough: accept the result" if done else _describe_turn(turn),
+        say=say,
         done=done,
         present=present / np.linalg.norm(present),
         wanted=wanted,
@@ -152,12 +155,6 @@ def _guide_vehicle(
     else:
         say = f"{plan.step.say}: heading error then ±{figure(plan.after_deg)}°"
     return Guidance(say=say, done=done, findings=tuple(findings), level=way.level, plan=plan)
-
-
-def _describe_turn(turn: Array) -> str:
-    """The turn in words; a hand that is told to hold still would not move again."""
-    small = np.abs(np.degrees(turn)).max() < next_turn.SMALLEST_DEG
-    return "go on turning" if small else next_turn.describe_turn(turn)
 
 
 def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.maths.equation.network import Nodes
 from agonic.network.fit import (
     Method,
     NetworkChoice,
@@ -105,7 +106,7 @@ def _choose(made: SimulatedField, seed: int) -> NetworkChoice:
     )
 
 
-PUBLISHED = {7: 0.9999, 6: 0.9999, 5: 0.9999, 4: 0.9999, 3: 0.9999, 2: 0.82121}
+PUBLISHED: dict[Nodes, float] = {7: 0.9999, 6: 0.9999, 5: 0.9999, 4: 0.9999, 3: 0.9999, 2: 0.82121}
 """The regression coefficient by hidden nodes, table 1 of the paper."""
 LIMIT, CHANGED = 10.0, 30.0
 """Largest errors that the paper names, nT: trained, and after the change."""

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from agonic.console.options import (
     Altitude,
     At,
@@ -19,13 +21,13 @@ from agonic.console.options import (
     Scalar,
     SensorChoice,
     WorldModel,
+    list_typed_options,
 )
 from agonic.console.parse import parse_count, parse_numbers
 from agonic.console.sensors import open_sensor
 
 if TYPE_CHECKING:
     from agonic.inflight.fit import InflightFit
-    from agonic.reference import Reference
     from agonic.samples import Samples
 
 
@@ -33,7 +35,12 @@ MOST_ROWS = 2_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
 
 
+_IN_MEMORY = ("--model", "--altitude", "--tle", "--at", "--between", "--within", "--attitude")
+"""Options of a record that is read as a whole."""
+
+
 def inflight(
+    context: typer.Context,
     logs: list[Path],
     out: Out = None,
     ground: Path | None = None,
@@ -77,7 +84,7 @@ def inflight(
     """
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, is_folder
-    from agonic.console.place import set_track
+    from agonic.console.place import find_reference, find_scalar_reference, set_track
     from agonic.errors import AgonicError
     from agonic.files.calibration import load
     from agonic.inflight.fit import fit_inflight
@@ -105,23 +112,15 @@ def inflight(
         "robust": robust,
     }
     if is_long(logs, MOST_ROWS):
-        given = {
-            "--model": model,
-            "--altitude": altitude,
-            "--tle": tle,
-            "--at": at,
-            "--between": between,
-            "--within": within,
-        }
-        given["--attitude"] = None if attitude == "none" else attitude
-        unfit = [name for name, value in given.items() if value is not None]
+        unfit = [name for name in _IN_MEMORY if name in list_typed_options(context)]
         if unfit:
             raise AgonicError(f"a mission is read piece by piece, without {', '.join(unfit)}")
         fit, samples = _mission(logs, which, date, scalar, settings), None
     else:
         more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
         samples = set_track(_samples(logs[0], which, between, date), altitude, tle)
-        reference = _reference(samples, at, date, scalar, model)
+        reference = find_scalar_reference(samples, scalar)
+        reference = reference or find_reference(samples, at, date, None, model)[0]
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
     return finish(document, out=out, report=report, as_json=as_json)
@@ -154,12 +153,3 @@ def _mission(
         scalar = next(mission.pieces()).scalar is not None
     with counting(mission.rows) as progress:
         return fit_mission(mission, scalar=scalar, progress=progress, **settings)
-
-
-def _reference(
-    samples: Samples, at: str | None, date: str | None, scalar: bool | None, model: str | None
-) -> Reference | None:
-    from agonic.console.place import find_reference, find_scalar_reference
-
-    scalar_reference = find_scalar_reference(samples, scalar)
-    return scalar_reference or find_reference(samples, at, date, None, model)[0]

@@ -57,8 +57,7 @@ def simulate_ground(
     low, high = RANGE_C
     temperature = (low + high) / 2 - (high - low) / 2 * np.cos(2 * np.pi * time / SWEEP_S)
     field_m = draw_directions(rng, n) * rng.uniform(*MAGNITUDES, (n, 1))
-    matrix, bias = made.ground.matrix_at(temperature), made.ground.bias_at(temperature)
-    raw = np.linalg.solve(matrix, field_m[..., None])[..., 0] + bias
+    raw = _simulate_readings(made.ground, field_m, temperature)
     samples = Samples(
         time=time,
         field=raw + noise * rng.standard_normal((n, 3)),
@@ -71,6 +70,7 @@ def simulate_ground(
 
 
 POINTINGS = ("nadir", "tumble")
+DIPOLES = ("torquer_x_Am2", "torquer_y_Am2", "torquer_z_Am2")
 DIPOLE_AM2 = 0.2
 """Dipole of a simulated torquer in a pulse."""
 RANGE_C = (-30.0, 50.0)
@@ -199,7 +199,8 @@ def simulate_orbit(
     field_n = _main_field(way, time, epoch) + outside_n
 
     ground = _draw_ground(sensor, rngs.sensor, bias, thermal)
-    truth = _move_bias(ground, moved * draw_directions(rngs.moved, 1)[0])
+    shift = moved * draw_directions(rngs.moved, 1)[0]
+    truth = replace(ground, bias=np.vstack([ground.bias[:1] + shift, ground.bias[1:]]))
     moving = draw_drift(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
     pulsed, on = draw_pulses(rngs.torquer, time, torquer, torquer_share)
@@ -217,7 +218,7 @@ def simulate_orbit(
         temperature=temperature,
         scalar=None if scalar_sd is None else scalar,
         flagged=on.astype(float) if torquer and not told else None,
-        disturbers=_name_dipoles(dipole) if told else {},
+        disturbers=dict(zip(DIPOLES, dipole.T, strict=True)) if told else {},
         notes=("simulated",),
     )
     aside = {**way.columns, **_record_attitude(rngs.star, rot_nb, attitude_sd_deg)}
@@ -233,11 +234,6 @@ def simulate_orbit(
         eclipse=way.eclipse,
         facts=MappingProxyType(facts),
     )
-
-
-def _name_dipoles(dipole: Array) -> dict[str, Array]:
-    """Dipoles (n, 3), A m², as the columns of three torquers."""
-    return {f"torquer_{axis}_Am2": dipole[:, k] for k, axis in enumerate("xyz")}
 
 
 class _Generators(NamedTuple):
@@ -289,18 +285,8 @@ def _draw_ground(
         drift=thermal,
         gain_drift=0.0,
     )
-    return Thermal(
-        bias=drawn.bias,
-        matrix=drawn.matrix,
-        centre_C=drawn.centre_C,
-        half_range_C=drawn.half_range_C,
-        validity=Validity(temperature_C=RANGE_C),
-    )
-
-
-def _move_bias(sensor: Thermal, shift: Array) -> Thermal:
-    """The same calibration with another constant part of its bias."""
-    return replace(sensor, bias=np.vstack([sensor.bias[:1] + shift, sensor.bias[1:]]))
+    made = {name: getattr(drawn, name) for name in ("bias", "matrix", "centre_C", "half_range_C")}
+    return Thermal(**made, validity=Validity(temperature_C=RANGE_C))
 
 
 def _simulate_readings(truth: Thermal, field_m: Array, temperature: Array) -> Array:

@@ -39,7 +39,10 @@ def list_findings(state: TrackerState) -> Iterator[Finding]:
             f"{state.gyro_unused}, so the bias is followed by the magnitude alone",
             "name units and axes of gyro and magnetometer alike, or ask for the gyro",
         )
-    if not state.settled or _is_nonlinear(state):
+    bent = 0.0  # where the standard error of the bias, which is a line's, says little
+    if state.turn is None:
+        bent = compute_nonlinearity(state.estimate, state.magnitude or 0.0)
+    if not state.settled or bent > state.noise:
         yield Finding(
             "not settled",
             "check",
@@ -97,13 +100,6 @@ def _describe_unseen_turn(state: TrackerState) -> Iterator[Finding]:
         "the bias allows for it, but the delay and with it the field may be further off",
         "record readings and rates more often, or turn more slowly",
     )
-
-
-def _is_nonlinear(state: TrackerState) -> bool:
-    """Whether the bias is so uncertain that its standard error, which is a line's, says little."""
-    if state.turn is not None:
-        return False
-    return compute_nonlinearity(state.estimate, state.magnitude or 0.0) > state.noise
 
 
 def _describe_jumps(jumps: tuple[Jump, ...], unit: str) -> Finding:

@@ -165,11 +165,14 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
         return replace(after, estimate=wide, opening=replace(opening, outliers=0, learns=learns))
     wide = widen_for_nonlinearity(estimate, prior, apart * 0, float(rows[-1, 4]), noise)
     after = replace(after, estimate=wide)
+    recent = Recent(before=wide, middle=wide, rows=np.empty((0, 6)))
+    if len(rows) >= STRIDE:  # a jump may hide in the last readings of an opening
+        recent = Recent(before=before, middle=wide, rows=rows[earlier:])
     return replace(
         after,
         opening=None,
         noise_known=True,
-        recent=_keep_recent(before, wide, rows[earlier:]),
+        recent=recent,
         refused=state.refused + int((~fits).sum()),
     )
 
@@ -224,13 +227,6 @@ def date_jump(
     cost += float(new.sum() + away @ away / 2)
     here = float(cost[len(rows) - len(opening.rows)])
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
-
-
-def _keep_recent(before: states.FilterState, now: states.FilterState, rows: Array) -> Recent:
-    """What to go back to after an opening: a jump may hide in its last readings."""
-    if len(rows) < STRIDE:
-        return Recent(before=now, middle=now, rows=np.empty((0, 6)))
-    return Recent(before=before, middle=now, rows=rows)
 
 
 def _has_walked(estimate: states.FilterState, rows: Array, params: TrackerParams) -> bool:
