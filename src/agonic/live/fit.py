@@ -25,7 +25,7 @@ from agonic.live.aided import (
     plan_drive,
 )
 from agonic.live.files import load_state, save_state
-from agonic.live.guidance import Guidance, make_guidance, make_way
+from agonic.live.guidance import Guidance, make_guidance
 from agonic.live.level import Level, find_down, see_level
 from agonic.live.maths.voxels import Voxels
 from agonic.live.state import LiveParams, LiveState
@@ -140,9 +140,8 @@ class LiveFit:
     @property
     def guidance(self) -> Guidance:
         """What to do next, and what is wrong."""
-        aided = self.aided
-        way = make_way(self.params, self.state.track, self.level, aided)
-        return make_guidance(self.params, self.state, self.fitted, self._examine, way)
+        params, state = self.params, self.state
+        return make_guidance(params, state, self.fitted, self._examine, self.level, self.aided)
 
     @property
     def aided(self) -> Aided | None:

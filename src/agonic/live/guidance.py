@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from agonic.live.level import Level, Plan, find_down, list_steps
 from agonic.live.maths import next_turn
 from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
-from agonic.live.track import Track
 from agonic.maths.equation import coverage as cells
 
 NEAR_METAL = 0.05  # of the field's magnitude
@@ -53,30 +51,6 @@ class Guidance:
     plan: Plan | None = None
 
 
-class Way(NamedTuple):
-    """What is known of a vehicle that stays level: headings and tilts, `None` before there is a
-    fit; what to drive next, what `calibrate` objects to, and the finding that nothing tells the
-    field of the place."""
-
-    level: Level | None
-    plan: Plan | None
-    objections: tuple[Finding, ...]
-    missing: tuple[Finding, ...]
-
-
-def make_way(
-    params: LiveParams, track: Track | None, level: Level | None, aided: Aided | None
-) -> Way | None:
-    """What the guidance of a level vehicle goes by; `None` of a sensor that is turned over."""
-    if track is None or find_down(track) is None:
-        return None
-    unknown = params.field_n is None and track.duration_s > LEVEL_S
-    missing = (_PLACE_MISSING,) if unknown else ()
-    plan = None if aided is None else aided.plan
-    objections = aided.objections if aided is not None and aided.chosen else ()
-    return Way(level, plan, objections, missing)
-
-
 _PLACE_MISSING = Finding(
     "place",
     "check",
@@ -91,16 +65,18 @@ def make_guidance(
     state: LiveState,
     fitted: tuple[Affine, Coverage] | None,
     examine: Callable[[], tuple[Finding, ...]] = tuple,
-    way: Way | None = None,
+    level: Level | None = None,
+    aided: Aided | None = None,
 ) -> Guidance:
     """The guidance at a state, and the calibration and coverage there.
 
     `examine` looks at the readings as `agonic calibrate` will; it is asked once all else is well.
-    `way` is that of a vehicle that stays level.
+    `level` are headings and tilts of a vehicle that stays level, `None` before there is a fit.
     """
     findings = [*_find_stuck(state), *_find_missing(state)]
+    stays_level = find_down(state.track) is not None
     if fitted is None or state.found is None:
-        say = BEGIN if way is not None else "turn the sensor slowly about all three axes"
+        say = BEGIN if stays_level else "turn the sensor slowly about all three axes"
         return Guidance(say=say, findings=tuple(findings))
     calibration, coverage = fitted
     findings += [
@@ -108,16 +84,22 @@ def make_guidance(
         *(list(find_held_out(state)) or _find_scatter(calibration)),
         *_find_off_model(params, calibration),
     ]
-    if way is not None:
-        return _guide_vehicle(params, way, coverage, findings, examine)
-    present = state.recent[-5:, 1:].mean(axis=0)
-    present = calibration.correct(present[None])[0]
-    wanted = _choose_direction(params, state.found, present / np.linalg.norm(present))
-    turn = next_turn.find_turn(present, wanted)
+    if stays_level:
+        assert state.track is not None
+        if params.field_n is None and state.track.duration_s > LEVEL_S:
+            findings.append(_PLACE_MISSING)
+        if aided is not None and aided.chosen:
+            findings += aided.objections
     close = coverage.heading_sd_deg <= params.target_deg
     if close and not findings:
         findings += examine()
     done = close and not findings
+    if stays_level:
+        return _guide_vehicle(done, level, aided and aided.plan, tuple(findings))
+    present = state.recent[-5:, 1:].mean(axis=0)
+    present = calibration.correct(present[None])[0]
+    wanted = _choose_direction(params, state.found, present / np.linalg.norm(present))
+    turn = next_turn.find_turn(present, wanted)
     say = "enough: accept the result" if done else next_turn.describe_turn(turn)
     if not done and np.abs(np.degrees(turn)).max() < next_turn.SMALLEST_DEG:
         say = "go on turning"  # a hand that is told to hold still would not move again
@@ -132,29 +114,18 @@ def make_guidance(
 
 
 def _guide_vehicle(
-    params: LiveParams,
-    way: Way,
-    coverage: Coverage,
-    findings: list[Finding],
-    examine: Callable[[], tuple[Finding, ...]],
+    done: bool, level: Level | None, plan: Plan | None, findings: tuple[Finding, ...]
 ) -> Guidance:
     """The guidance of a vehicle that stays level: headings and tilts to add."""
-    close = coverage.heading_sd_deg <= params.target_deg
-    findings = [*findings, *way.missing, *way.objections]
-    if close and not findings:
-        findings += examine()
-    done = close and not findings
-    plan = way.plan
     if done:
         say = "enough: accept the result"
-    elif way.level is None:
+    elif level is None:
         say = BEGIN
     elif plan is None:
-        missing = not way.level.seen.all()
-        say = list_steps(way.level)[0].say if missing else "go on driving circles"
+        say = "go on driving circles" if level.seen.all() else list_steps(level)[0].say
     else:
         say = f"{plan.step.say}: heading error then ±{figure(plan.after_deg)}°"
-    return Guidance(say=say, done=done, findings=tuple(findings), level=way.level, plan=plan)
+    return Guidance(say=say, done=done, findings=findings, level=level, plan=plan)
 
 
 def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array:

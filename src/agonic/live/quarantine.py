@@ -31,20 +31,15 @@ UNSURE = 10.0
 """Standard errors of the fit by which it must: where it has seen little, it is not the judge."""
 
 
-class Alarm(NamedTuple):
-    """The time, s, of the last block that was off, and by how much of the magnitude."""
-
-    time: float
-    off: float
-
-
 class Judgement(NamedTuple):
-    """Rows let in, rows that wait, how many are kept out, and the last alarm."""
+    """Rows let in, rows that wait, how many are kept out; the time, s, of the last block that was
+    off, and by how much of the magnitude."""
 
     let_in: Array
     waiting: Array
     held: int
-    alarm: Alarm
+    alarm: float
+    off: float
 
 
 def compute_deviations(judge: Found | None, blocks: Array) -> Array:
@@ -60,9 +55,10 @@ def compute_deviations(judge: Found | None, blocks: Array) -> Array:
 
 
 def judge_blocks(
-    judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size: int
+    judge: Found | None, alarm: float, last: float, waiting: Array, fresh: Array, size: int
 ) -> Judgement:
-    """Whole blocks of `size` among rows that wait and `fresh` ones (…, 4), one after another.
+    """Whole blocks of `size` among rows that wait and `fresh` ones (…, 4), one after another;
+    `alarm` is the time of the last that was off, by `last`.
 
     The rows that wait have been judged before. What is let in does not depend on how the readings
     were cut in chunks, as long as the judge is the same.
@@ -81,10 +77,10 @@ def judge_blocks(
         if off[k - old]:
             held += 1 + len(queue)
             queue.clear()
-            alarm = Alarm(ends[k], float(off[k - old]))
-        elif abs(begins[k] - alarm.time) < WAIT_S:
+            alarm, last = ends[k], float(off[k - old])
+        elif abs(begins[k] - alarm) < WAIT_S:
             held += 1
         else:
             queue.append(k)
     chosen = blocks[let_in].reshape(-1, 4)
-    return Judgement(chosen, blocks[list(queue)].reshape(-1, 4), held * size, alarm)
+    return Judgement(chosen, blocks[list(queue)].reshape(-1, 4), held * size, alarm, last)

@@ -159,7 +159,7 @@ def fit_rows(problem: Problem, first: Array | Estimate, used: Mask, intervals: i
     bias and matrix (9,), or an estimate whose terms are the first of these."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
-    layout = Layout(gauge, terms.bias_count, terms.matrix_count)
+    layout = Layout(gauge, terms.bias_count, terms.matrix_degree + terms.rate)
     start = _carry(first, layout) if isinstance(first, Estimate) else _start(first, layout)
     return refine(problem, problem.rows(terms).select(used), layout, terms, start)
 

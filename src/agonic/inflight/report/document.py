@@ -260,8 +260,8 @@ def _residuals(flight: Flight) -> list[Markup]:
 
 
 def _map(flight: Flight, limit: float) -> Markup:
-    made = figures.draw_map(flight, limit)
-    full = quantity(made.full, "nT", 2)
+    drawn, highest, cell_sd = figures.draw_map(flight, limit)
+    full = quantity(highest, "nT", 2)
     scale = element(
         "p",
         element("span", f"−{full}"),
@@ -271,9 +271,9 @@ def _map(flight: Flight, limit: float) -> Markup:
     )
     note = (
         "The mean residual of the readings in a cell, which a typical cell knows to "
-        f"±{quantity(made.cell_sd, 'nT', 2)}."
+        f"±{quantity(cell_sd, 'nT', 2)}."
     )
-    return caption("Where the residuals lie", Markup(scale + made.drawn), note=note)
+    return caption("Where the residuals lie", Markup(scale + drawn), note=note)
 
 
 PAIRS = ("xy", "xz", "yz")

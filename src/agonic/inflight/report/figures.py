@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -145,21 +143,10 @@ def draw_bias(course: Course, axis: int) -> Markup:
     return plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlaceMap:
-    """The map as a strip; the mean at which colour is full and how well a typical cell knows its
-    own, nT."""
-
-    drawn: Markup
-    full: float
-    cell_sd: float
-
-
-def draw_map(flight: Flight, limit: float) -> PlaceMap:
-    """The mean residual of each cell of latitude and longitude, outliers clipped.
-
-    Colour is full at the mean that one cell in fifty exceeds.
-    """
+def draw_map(flight: Flight, limit: float) -> tuple[Markup, float, float]:
+    """The mean residual of each cell of latitude and longitude, outliers clipped, as a strip; the
+    mean at which colour is full, which one cell in fifty exceeds, and how well a typical cell knows
+    its own, nT."""
     latitude, longitude = flight.latitude_deg, flight.longitude_deg
     assert latitude is not None
     assert longitude is not None
@@ -179,11 +166,8 @@ def draw_map(flight: Flight, limit: float) -> PlaceMap:
     layers = [_cells(seen[shade == k], int(k)) for k in np.unique(shade)]
     label = "Mean residual of each cell of latitude and longitude"
     alone = float(np.median(counts[seen])) / flight.correlation if len(seen) else 1.0
-    return PlaceMap(
-        drawn=plot(x, y, layers, label, kind="map"),
-        full=full,
-        cell_sd=flight.noise / np.sqrt(max(alone, 1.0)),
-    )
+    drawn = plot(x, y, layers, label, kind="map")
+    return drawn, full, flight.noise / float(np.sqrt(max(alone, 1.0)))
 
 
 def _map_axes(latitude: Array, longitude: Array) -> tuple[Axis, Axis, Array]:

@@ -72,7 +72,12 @@ def retrain(
     }
     spans = {name: span(text) for name, text in (("window", window), ("every", every)) if text}
     if state is not None and state.exists():
-        _require_nothing(given, state)
+        named = [f"--{name}" for name, value in given.items() if value is not None]
+        if named:
+            raise AgonicError(
+                f"{state} holds its settings already; leave out {', '.join(named)}, or name "
+                "another state to start anew"
+            )
         retrainer = Retrainer.resume(state)
         samples = open_sensor(log, *which, preferred=retrainer.state.sensor)
         samples, known = _known(samples, log, reference, which.unit, place)
@@ -80,7 +85,8 @@ def retrain(
         samples = open_sensor(log, *which)
         samples, known = _known(samples, log, reference, which.unit, place)
         retrainer = _start_retrainer(samples, known, given, spans)
-    new, seen = _new(retrainer, samples), None
+    been, seen = retrainer.state, None
+    new = samples.seconds_since(been.epoch, known=been.n > 0) > been.time
     if new.any():
         seen = retrainer.update(samples.select(new), known.select(new))
     files = [retrainer.save(state)] if state is not None and seen is not None else []
@@ -104,15 +110,6 @@ def span(text: str) -> tuple[str, float]:
     if found[2] is None:
         return "n", float(found[1])
     return "s", float(found[1]) * SECONDS[found[2]]
-
-
-def _require_nothing(given: dict[str, Any], state: Path) -> None:
-    named = [f"--{name}" for name, value in given.items() if value is not None]
-    if named:
-        raise AgonicError(
-            f"{state} holds its settings already; leave out {', '.join(named)}, or name another "
-            "state to start anew"
-        )
 
 
 def _start_retrainer(
@@ -151,9 +148,3 @@ def _rows_in(samples: Samples, seconds: float) -> int:
         return LEAST
     step = float(np.median(np.diff(samples.time)))
     return max(int(2 * seconds / step) + 1, LEAST)
-
-
-def _new(retrainer: Retrainer, samples: Samples) -> Any:
-    """The rows that are later than all that was seen."""
-    state = retrainer.state
-    return samples.seconds_since(state.epoch, known=state.n > 0) > state.time

@@ -233,7 +233,7 @@ def train_candidates(
         trained = isinstance(running, Network) and enough and whole
         common = find_common_error(state)
         for weights in (False, True)[: 1 + trained]:
-            made = train_on(
+            made, covariance, steps = train_on(
                 running,
                 describe_prior(running) if state.covariance is None else state.covariance,
                 seen,
@@ -243,7 +243,7 @@ def train_candidates(
                 common=common,
             )
             what = "weights trained" if weights else "an affine step"
-            found.append(Candidate(made.calibration, what, made.iterations, made.covariance))
+            found.append(Candidate(made, what, steps, covariance))
         if isinstance(running, Network):
             return found
     if not enough:

@@ -62,14 +62,15 @@ def _judge_drift(state: RetrainerState) -> Iterator[Finding]:
     if state.running is None or state.onset is not None or len(rows) < FEWEST * BATCHES:
         return
     left = compute_errors(correct(state.running, rows), rows.wanted)
-    means = np.array([np.median(part, axis=0) for part in np.array_split(left, BATCHES)])
+    parts = np.array_split(left, BATCHES)
+    means = np.array([np.median(part, axis=0) for part in parts])
     pace = np.linspace(-0.5, 0.5, BATCHES)
     slope = pace @ means / (pace @ pace)
     rest = means - means.mean(axis=0) - np.outer(pace, slope)
     sd = np.sqrt((rest**2).sum(axis=0) / (BATCHES - 2) / (pace @ pace))
     limit = float(stdtrit(BATCHES - 2, 1.0 - RARE / 2))
     moved = float(np.abs(slope).max())
-    scatter = robust_scale((left - np.repeat(means, _count_rows(len(left)), axis=0)).ravel())
+    scatter = robust_scale((left - np.repeat(means, list(map(len, parts)), axis=0)).ravel())
     if not (np.abs(slope) > limit * sd).any() or moved < LARGE * scatter:
         return
     yield Finding(
@@ -80,11 +81,6 @@ def _judge_drift(state: RetrainerState) -> Iterator[Finding]:
         "train on a shorter window, because a drift is learned as its mean; look for parts "
         "that warm up",
     )
-
-
-def _count_rows(n: int) -> list[int]:
-    """How many rows are in each batch."""
-    return [len(part) for part in np.array_split(np.arange(n), BATCHES)]
 
 
 def _describe_changes(changes: tuple[Retraining, ...]) -> Finding:

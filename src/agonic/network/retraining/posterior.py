@@ -69,14 +69,6 @@ class Sizes(NamedTuple):
         return np.tile([*[self.matrix**2] * 3, self.bias**2], 3)
 
 
-class Trained(NamedTuple):
-    """What is running after a training, and the covariance of its errors θ."""
-
-    calibration: Running
-    covariance: Array
-    iterations: int
-
-
 def describe_prior(running: Running) -> Array:
     """The covariance (k, k) of θ by what a calibration states of itself."""
     base, step = find_base(running), np.empty((0, 0))
@@ -105,8 +97,8 @@ def train_on(
     least: float,
     weights: bool,
     common: float = 0.0,
-) -> Trained:
-    """What is running after some rows.
+) -> tuple[Running, Array, int]:
+    """What is running after some rows, the covariance of its errors θ, and the iterations.
 
     Parameters: `covariance` (k, k) of θ before them; `least` residuals of what ran that counted as
     one, which a fit to a few readings does not show; `weights` whether they are trained too;
@@ -123,12 +115,12 @@ def train_on(
     root = _factor(model.loosen(covariance, sizes))
     r = root.shape[1]
     if not r:  # neither the prior nor the evidence lets anything move
-        return Trained(running, covariance + fixed, 0)
+        return running, covariance + fixed, 0
     solution, noise = _solve(model.pieces, np.hstack([root, shared]), least)
     after = root @ solution.covariance[:r, :r] @ root.T + fixed
     moved = _compose(running, root @ solution.params[:r], model)
     stated = _state_errors(moved, after, sizes, noise.sd)
-    return Trained(stated, after, solution.iterations)
+    return stated, after, solution.iterations
 
 
 def _factor(covariance: Array) -> Array:

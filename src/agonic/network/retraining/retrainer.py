@@ -154,20 +154,15 @@ class Retrainer(Judged):
             return seen.rows, False
         onset = max(state.n - seen.age, state.first)
         if not state.retrainings:  # from then on the correlation is that of unseen readings
-            state = schedule.discount_alarm(state, self._measure_correlation(state, onset))
+            before = onset - state.first
+            rows = state.window.select(slice(0, before if before >= schedule.TELLING else None))
+            left = compute_errors(correct(state.running, rows), rows.wanted)
+            state = schedule.discount_alarm(state, acceptance.estimate_noise(left)[1])
         self.state = state
         alarmed = bool((state.watch.size > params.alarm).any())
         if alarmed:
             self.state = replace(state, onset=onset)
         return seen.rows, alarmed
-
-    @staticmethod
-    def _measure_correlation(state: RetrainerState, onset: int) -> float:
-        """How many residuals in a row counted as one before reading number `onset`."""
-        before = onset - state.first
-        rows = state.window.select(slice(0, before if before >= schedule.TELLING else None))
-        left = compute_errors(correct(state.running, rows), rows.wanted)
-        return acceptance.estimate_noise(left)[1]
 
     def _run_due(self, why: Why) -> list[Retraining]:
         """The retraining that is due, unless an alarm turns out too faint for one."""
@@ -191,13 +186,9 @@ class Retrainer(Judged):
             time=state.time,
             n=state.n,
             why=why,
-            accepted=verdict.accepted,
-            reason=verdict.reason,
+            **verdict._asdict(),
             rows=len(rows),
             what="" if chosen is None else chosen.what,
-            poisoned=verdict.poisoned,
-            running_rms=verdict.running_rms,
-            candidate_rms=verdict.candidate_rms,
             onset=None if state.onset is None else float(rows.time[0]),
             epochs=0 if chosen is None else chosen.epochs,
         )
