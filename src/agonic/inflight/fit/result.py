@@ -124,6 +124,9 @@ class InflightFit(Judged):
         return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))
 
 
+_OF_SOLUTION = ("condition", "iterations", "converged")
+
+
 def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> InflightFit:
     """The fit in nT, before it is examined; `samples` are those before the ground calibration."""
     change = saved.build_change(problem, estimate, samples)
@@ -150,9 +153,7 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         drift=saved.build_drift(estimate, problem.magnitude),
         n=int(problem.used.sum()),
         time=problem.time,
-        epoch=samples.epoch,
-        latitude_deg=samples.latitude_deg,
-        temperature=samples.temperature,
+        **{name: getattr(samples, name) for name in ("epoch", "latitude_deg", "temperature")},
         eclipse=find_eclipse(samples),
         field=field @ rotation_of(estimate),
         residuals=np.linalg.norm(field, axis=1) - problem.wanted * problem.magnitude,
@@ -168,9 +169,7 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         correlation_s=magnitude.correlation * float(np.median(np.diff(problem.time))),
         lasting_nT=min(float(np.sqrt(variance)) * size, magnitude.noise),
         lasting_s=lasting_s,
-        condition=estimate.solution.condition,
-        iterations=estimate.solution.iterations,
-        converged=estimate.solution.converged,
+        **{name: getattr(estimate.solution, name) for name in _OF_SOLUTION},
         solve=problem.settings.solve,
         held_out=estimate.held_out,
     )

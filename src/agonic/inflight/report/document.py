@@ -23,7 +23,7 @@ from agonic.report.document import Document
 from agonic.report.labels import per_label, unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section
-from agonic.report.strips import beyond_words, caption
+from agonic.report.strips import beyond_words, caption, has_enough
 from agonic.samples import Samples
 
 
@@ -227,7 +227,7 @@ def _residuals(flight: Flight) -> list[Markup]:
     limit = figures.residual_limit(flight)
     keys = {"range": "least to largest", "middle": "the middle two thirds", "mean": "median"}
     timed = dict(keys)
-    if not figures.has_enough(len(flight.residuals)):
+    if not has_enough(len(flight.residuals)):
         del timed["middle"]
     if figures.has_shadows(flight):
         timed["shadow"] = "in the Earth’s shadow"

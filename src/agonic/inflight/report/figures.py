@@ -7,20 +7,11 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.flight import Course, Flight
+from agonic.report import strips
 from agonic.report.axes import BINS, Axis, Columns, along_time, right
 from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
-from agonic.report.strips import (
-    arrows,
-    band,
-    level,
-    line,
-    mark_rows,
-    path,
-    plot,
-    robust_limit,
-    spread,
-)
+from agonic.report.strips import arrows, band, line, mark_rows, path, plot, robust_limit
 
 PER_COLUMN = 25
 """Readings that a column needs on average before its quartiles are drawn."""
@@ -45,7 +36,7 @@ def draw_over_time(flight: Flight, limit: float) -> Markup:
     columns = Columns(x, along)
     layers = [
         *draw_shadows(flight, x, along),
-        *_residuals(flight.residuals, columns, limit),
+        *strips.residuals(columns, _axis(limit), flight.residuals),
         mark_rows(columns, ~flight.used, "left-out"),
     ]
     signs = arrows(columns, _axis(limit), flight.residuals)
@@ -65,30 +56,13 @@ def draw_along(flight: Flight, values: Array, label: str, limit: float) -> Marku
     x = Axis(label, low, high if high > low else low + 1.0)
     most = int(np.clip(len(values) // PER_COLUMN, 8, 180))
     columns = Columns(x, values, most)
-    layers = _residuals(residuals, columns, limit)
+    layers = strips.residuals(columns, _axis(limit), residuals)
     signs = arrows(columns, _axis(limit), residuals)
     return plot(x, _axis(limit), layers, f"Residuals along {label}", signs)
 
 
 def _axis(limit: float) -> Axis:
     return Axis("residual, nT", -limit, limit)
-
-
-def _residuals(values: Array, columns: Columns, limit: float) -> list[Markup]:
-    """Least to largest, the middle two thirds where there are enough readings, and the median."""
-    y = _axis(limit)
-    low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
-    return [
-        spread(columns, y, values, "range"),
-        *([band(columns, y, low, high, "middle")] if has_enough(len(values), columns.most) else []),
-        level(y, 0.0, "zero"),
-        line(columns, y, middle, "mean"),
-    ]
-
-
-def has_enough(readings: int, columns: int = BINS) -> bool:
-    """Whether the columns hold so many readings that the middle two thirds mean something."""
-    return readings >= 5 * columns
 
 
 def draw_shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:

@@ -189,19 +189,25 @@ class WatchedSensor:
             centre=centre.tolist(),
             shape=shape.ravel().tolist(),
             cells=[] if coverage is None else coverage.cells.tolist(),
-            heading_sd_deg=None if coverage is None else _make_finite(coverage.heading_sd_deg),
+            heading_sd_deg=_make_finite(None if coverage is None else coverage.heading_sd_deg),
             magnitude=None if calibration is None else calibration.magnitude,
             present=None if guidance.present is None else guidance.present.tolist(),
             wanted=None if guidance.wanted is None else guidance.wanted.tolist(),
             problems=[Problem(f.name, f.sentence) for f in guidance.findings],
             numbers=[] if calibration is None else self._numbers(calibration),
-            before="" if self.before is None else _describe(self.before),
+            before=self._describe_before(),
             course=list(self._course),
             left_out=self._describe_left_out(),
             method="ellipsoid" if aided is None else aided.method,
             vehicle_sd_deg=_make_finite(aided.vehicle_sd_deg) if aided and aided.chosen else None,
             rose=None if guidance.level is None else _draw_rose(guidance.level, guidance.plan),
         )
+
+    def _describe_before(self) -> str:
+        if self.before is None:
+            return ""
+        created = str(getattr(self.before.provenance, "created", "") or "")
+        return f"the calibration before{f', of {created[:10]}' if created else ''}"
 
     def _note(self) -> None:
         """Note the heading's standard error, ever more seldom."""
@@ -242,14 +248,8 @@ class WatchedSensor:
             Number("spread of |field|", "%", self._spread(calibration.correct), None, old_spread),
             Number("uncorrected", "%", self._spread(lambda raw: raw)),
             *(
-                Number(
-                    name.replace("_", " "),
-                    unit,
-                    _make_finite(value),
-                    None if error is None else _make_finite(error),
-                    None if was is None else _make_finite(was),
-                )
-                for name, unit, value, error, was in rows
+                Number(name.replace("_", " "), unit, *map(_make_finite, values))
+                for name, unit, *values in rows
             ),
         ]
 
@@ -299,10 +299,5 @@ def find_calibration_before(folder: Path, name: str, given: dict[str, Affine]) -
     return found if isinstance(found, Affine) else None
 
 
-def _describe(calibration: Affine) -> str:
-    created = str(getattr(calibration.provenance, "created", "") or "")
-    return f"the calibration before{f', of {created[:10]}' if created else ''}"
-
-
-def _make_finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _make_finite(value: float | None) -> float | None:
+    return float(value) if value is not None and np.isfinite(value) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -86,7 +86,7 @@ def _centre_and_scale(values: Array, trouble: str) -> tuple[Array, Array, float]
 
 def _invert(
     solution: leastsq.Solution, centre: Array, size: float, middle: Array, strength: float
-) -> dict[str, Array]:
+) -> dict[str, Any]:
     """Bias and matrix from the response, with their covariance.
 
     Unscaled: A = size/strength A', c = centre + size c' − A middle; then W = A⁻¹ and

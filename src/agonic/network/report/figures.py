@@ -10,11 +10,11 @@ from agonic.arrays import Array
 from agonic.calibration.retraining import Retraining
 from agonic.network.fit import Comparison, Method, NetworkFit
 from agonic.network.fit.methods import GOAL
+from agonic.report import strips
 from agonic.report.axes import BINS, Axis, Columns, along_rows, along_time, down, right
 from agonic.report.markup import Markup
 from agonic.report.strips import (
     arrows,
-    band,
     level,
     line,
     mark_rows,
@@ -33,8 +33,6 @@ BLOCKS = 120
 """Stretches of time whose rms error is drawn."""
 DOTS = 400
 """Readings of a regression that are drawn."""
-MIDDLE = 5.0
-"""Readings in a column from which on its middle two thirds mean something."""
 
 
 def draw_training(fit: NetworkFit) -> Markup:
@@ -151,24 +149,11 @@ def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining
     limit = max(robust_limit(values, 1e-9), 1.05 * float(np.percentile(np.abs(values), 99.9)))
     y = Axis("residual, nT", -limit, limit)
     columns = Columns(x, along, BINS)
-    low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
-    layers = [spread(columns, y, values, "range")]
-    if has_middle(residual):
-        layers.append(band(columns, y, low, high, "middle"))
-    layers += [level(y, 0.0, "zero"), line(columns, y, middle, "mean")]
-    _, places = along_time(
-        np.array([one.time for one in retrainings]), float(time[0]), float(time[-1])
-    )
-    for one, place in zip(retrainings, right(x, places), strict=True):
-        layers.append(path(f"M{place:.1f} 0V1000", "accepted" if one.accepted else "rejected"))
-    onsets = np.array([one.onset for one in retrainings if one.onset is not None])
-    if len(onsets):
-        _, begun = along_time(onsets, float(time[0]), float(time[-1]))
-        layers += [path(f"M{place:.1f} 0V1000", "onset") for place in right(x, begun)]
+    layers = strips.residuals(columns, y, values)
+    marks = [(one.time, "accepted" if one.accepted else "rejected") for one in retrainings]
+    marks += [(one.onset, "onset") for one in retrainings if one.onset is not None]
+    _, at = along_time(np.array([when for when, _ in marks]), float(time[0]), float(time[-1]))
+    for (_, name), place in zip(marks, right(x, at), strict=True):
+        layers.append(path(f"M{place:.1f} 0V1000", name))
     signs = arrows(columns, y, values)
     return plot(x, y, layers, "Residual over time with the retrainings", signs)
-
-
-def has_middle(residual: Array) -> bool:
-    """Whether the middle two thirds of residuals (n, o) mean something in each column."""
-    return int(np.isfinite(residual).sum()) > MIDDLE * BINS
