@@ -57,22 +57,24 @@ def track(
     settings = {
         "solve": solve, "walk": walk, "noise": noise, "external_sd": external, "gyro": gyro
     }  # fmt: skip
-    if state.exists():
-        tracker = Tracker.resume(state)
-        other = _others(tracker, ground, settings)
-        if other:
-            raise AgonicError(
-                f"{state} was started with another {', '.join(other)}; leave that out, or name "
-                "another state to start anew"
-            )
-        rows, samples = _usable(open_sensor(log, *which, preferred=tracker.state.base.sensor))
-        beside_gyro = tracker.state.turn is not None
-        reference = _reference(samples, place, scalar, needed=not beside_gyro)
-    else:
-        rows, samples = _usable(open_sensor(log, *which))
-        turning = gyro is not False and samples.rotation_rate is not None
-        reference = _reference(samples, place, scalar, needed=not turning)
-        tracker = _start_tracker(samples, reference, ground, settings)
+    resumed = Tracker.resume(state) if state.exists() else None
+    other = [] if resumed is None else _others(resumed, ground, settings)
+    if other:
+        raise AgonicError(
+            f"{state} was started with another {', '.join(other)}; leave that out, or name "
+            "another state to start anew"
+        )
+    preferred = "" if resumed is None else resumed.state.base.sensor
+    samples = open_sensor(log, *which, preferred=preferred)
+    rows = len(samples)
+    if samples.flagged is not None:
+        if samples.flagged.all():
+            raise AgonicError(f"all {rows} readings are flagged; there is nothing to follow")
+        samples = samples.select(samples.flagged == 0)
+    turning = gyro is not False and samples.rotation_rate is not None
+    beside_gyro = turning if resumed is None else resumed.state.turn is not None
+    reference = _reference(samples, place, scalar, needed=not beside_gyro)
+    tracker = resumed or _start_tracker(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
     found = None
     if new.any():
@@ -111,16 +113,6 @@ def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> 
         ):
             other.append("ground")
     return [name.removesuffix("_sd") for name in other]
-
-
-def _usable(samples: Samples) -> tuple[int, Samples]:
-    """How many rows there are, and those that are not flagged."""
-    rows = len(samples)
-    if samples.flagged is not None:
-        if samples.flagged.all():
-            raise AgonicError(f"all {rows} readings are flagged; there is nothing to follow")
-        samples = samples.select(samples.flagged == 0)
-    return rows, samples
 
 
 def _reference(

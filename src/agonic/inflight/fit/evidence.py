@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
-from agonic.inflight.fit.bias_step import MANY, judge_step
-from agonic.inflight.fit.ground_axes import judge_ground_axes
+from agonic.inflight.fit.bias_doubts import MANY, judge_ground_axes, judge_step
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.likely_causes import (
     EARTH_RADIUS_M,

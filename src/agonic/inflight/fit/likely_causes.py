@@ -12,7 +12,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.field.place import field_along
 from agonic.health import figure
-from agonic.inflight.fit.ground_axes import is_far
+from agonic.inflight.fit.bias_doubts import is_far
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
 from agonic.maths.estimation.loss import cauchy, tukey

@@ -109,10 +109,8 @@ def step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
 ) -> tuple[TrackerState, kalman.Predictions]:
     """The state after a few readings (n, 9), and what was predicted of them."""
-    before, opening = state.turn, state.opening
-    assert before is not None, "the caller asks for a gyro"
-    model = _find_model(state, params)
-    estimate, seen, jumped = kalman.advance(before, model, rows, compiled=fast)
+    opening, model = state.opening, _find_model(state, params)
+    estimate, seen, jumped = kalman.advance(state.estimate, model, rows, compiled=fast)
     taken = rows[: len(seen.used)]
     after = state.moved(
         estimate=estimate,
@@ -130,7 +128,7 @@ def step(
     if not after.noise_known:
         opening = replace(opening, rows=np.concatenate([opening.rows, taken]))
         after = replace(after, opening=opening)
-    return (after if after.n % _LOOK else _look(after, params, fast)), seen
+    return (after if after.n % _LOOK else _look(after, params, opening, fast)), seen
 
 
 def _find_model(state: TrackerState, params: TrackerParams) -> Model:
@@ -153,8 +151,7 @@ def _measure_matrix_sd(state: TrackerState, covariance: Array) -> float:
 
 def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: float) -> TrackerState:
     """The state after a jump was seen; the same jump as the last one if that has not ended."""
-    estimate, recent, jumps = state.turn, state.recent, list(state.jumps)
-    assert estimate is not None, "the caller has a gyro"
+    estimate, recent, jumps = state.estimate, state.recent, list(state.jumps)
     size = max(params.jump_sd, 2.0 * size)
     if state.opening is not None:  # nothing that was known has jumped
         gain = float(np.mean(estimate.matrix[:3]))
@@ -176,9 +173,8 @@ def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: flo
 
 def _keep_watch(state: TrackerState, before: FilterState) -> TrackerState:
     """The state with what its filter watched, but for the jump test."""
-    estimate = state.turn
-    assert estimate is not None, "the caller has a gyro"
-    return replace(state, estimate=forget_sums(estimate._replace(watched=before.watched)))
+    watching = state.estimate._replace(watched=before.watched)
+    return replace(state, estimate=forget_sums(watching))
 
 
 def _measure_jump(state: TrackerState) -> TrackerState:
@@ -195,21 +191,19 @@ def _measure_jump(state: TrackerState) -> TrackerState:
     return replace(state, recent=None, jumps=(*state.jumps[:-1], last))
 
 
-def _look(state: TrackerState, params: TrackerParams, fast: bool) -> TrackerState:
+def _look(state: TrackerState, params: TrackerParams, opening: Opening, fast: bool) -> TrackerState:
     """The state with the noise that an opening shows, and closed where the bias has settled."""
-    opening = state.opening
-    assert opening is not None, "the caller has one"
     if not state.noise_known:
         if len(opening.rows) < OPENING:
             return state
-        state = _repeat(state, params, fast)
-    return replace(state, opening=None) if opening.learns else _release(state)
+        state = _repeat(state, params, opening, fast)
+    return replace(state, opening=None) if opening.learns else _release(state, opening)
 
 
-def _repeat(state: TrackerState, params: TrackerParams, fast: bool) -> TrackerState:
+def _repeat(
+    state: TrackerState, params: TrackerParams, opening: Opening, fast: bool
+) -> TrackerState:
     """The first readings once more, with the noise that they show."""
-    opening = state.opening
-    assert opening is not None, "the caller has one"
     noise = _find_noise(opening.rows, state)
     prior = opening.prior if opening.learns else _fix_all_but_bias(opening.prior)
     model = _find_model(replace(state, noise=noise), params)._replace(jump_level=0.0)
@@ -224,14 +218,12 @@ def _repeat(state: TrackerState, params: TrackerParams, fast: bool) -> TrackerSt
     )
 
 
-def _release(state: TrackerState) -> TrackerState:
+def _release(state: TrackerState, opening: Opening) -> TrackerState:
     """The state with all that is asked for estimated, where field and bias alone are settled.
 
     What is known from before is taken as a guess, for it was found without the rest.
     """
-    opening, found = state.opening, state.turn
-    assert opening is not None, "the caller has one"
-    assert found is not None, "it was begun beside a gyro"
+    found = state.estimate
     gain = float(np.mean(found.matrix[:3]))
     size = float(np.sqrt((found.field**2).sum())) / gain
     sd = float(np.sqrt(np.diag(found.covariance)[3:6].max()))

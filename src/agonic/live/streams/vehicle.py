@@ -17,9 +17,8 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.exports.ardupilot import compute_ardupilot_parameters
 from agonic.exports.targets import compass_number
-from agonic.live.streams.clock import Clock
 from agonic.live.streams.device import ANSWER_S, Setting
-from agonic.live.streams.events import Chunk, Event, Notice
+from agonic.live.streams.events import Chunk, Clock, Event, Notice
 from agonic.live.streams.links import Packet
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.mavlink import INERTIAL, Columns

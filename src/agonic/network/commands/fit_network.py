@@ -63,8 +63,8 @@ def network(
     from agonic.console.finish import finish
     from agonic.console.progress import progress
     from agonic.network.fit import choose_network, compare_methods, fit_network
-    from agonic.network.report.chart import draw_chart
     from agonic.network.report.document import describe_network
+    from agonic.network.report.figures import draw_chart
 
     samples = open_sensor(log, *which, between)
     samples, known = _known(samples, log, reference, which.unit, place)
