@@ -39,8 +39,8 @@ def list_findings(state: TrackerState) -> Iterator[Finding]:
             f"{state.gyro_unused}, so the bias is followed by the magnitude alone",
             "name units and axes of gyro and magnetometer alike, or ask for the gyro",
         )
-    bent = 0.0  # where the standard error of the bias, which is a line's, says little
-    if state.turn is None:
+    bent = 0.0  # the standard error of the bias, which is a line's, says little where it is large
+    if state.settled and state.turn is None:
         bent = compute_nonlinearity(state.estimate, state.magnitude or 0.0)
     if not state.settled or bent > state.noise:
         yield Finding(
