@@ -10,13 +10,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.inflight.fit.terms import Terms
-from agonic.inflight.maths.correlated_errors import (
-    STRETCHES,
-    CorrelatedError,
-    Sums,
-    compute_scatter,
-    find_correlated_errors,
-)
+from agonic.inflight.maths import correlated_errors
 from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces, turn_directions
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import Noise
@@ -40,7 +34,7 @@ class Estimate(NamedTuple):
     noise: dict[str, Noise]
     sds: dict[str, float]
     residuals: dict[str, Array]
-    errors: dict[str, tuple[CorrelatedError, ...]]
+    errors: dict[str, tuple[correlated_errors.CorrelatedError, ...]]
     held_out: dict[int, float]
 
     @property
@@ -70,7 +64,7 @@ class Clock:
     @classmethod
     def of(cls, start: float, stop: float, step_s: float) -> Clock:
         """At most `STRETCHES` of at least `step_s`."""
-        step = max((stop - start) / STRETCHES, step_s)
+        step = max((stop - start) / correlated_errors.STRETCHES, step_s)
         return cls(start=start, step_s=step, count=int((stop - start) / step) + 2)
 
     def stretch(self, time: Array) -> Index:
@@ -85,7 +79,7 @@ def compute_covariance(
     clock: Clock,
     *,
     earth_fixed: bool,
-    assumed: Sequence[CorrelatedError] = (),
+    assumed: Sequence[correlated_errors.CorrelatedError] = (),
 ) -> Estimate:
     """The estimate with its covariance at the minimum, by one more pass a kind, and of each kind
     how many readings count as one, and the correlated errors.
@@ -115,11 +109,11 @@ def compute_covariance(
         freedom = normal.total / max(normal.total - len(params), 1)
         bread += normal.information * curved / mean_correlation
         white[kind] = freedom * squares / of.sd**4
-        errors[kind] = find_correlated_errors(
+        errors[kind] = correlated_errors.find_correlated_errors(
             sums, of.sd**2, clock.step_s, () if kind == "magnitude" else (TURN,)
         )
         scattering = [*_share_turns(errors[kind], kind), *(assumed if kind == "magnitude" else ())]
-        scatter = compute_scatter(sums, scattering, clock.step_s)
+        scatter = correlated_errors.compute_scatter(sums, scattering, clock.step_s)
         extra[kind] = back.T @ scatter @ back / of.sd**4
     inverse = leastsq.inverse(bread)
     plain = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in white.items()}
@@ -137,7 +131,9 @@ def compute_covariance(
     )
 
 
-def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[CorrelatedError]:
+def _share_turns(
+    errors: Sequence[correlated_errors.CorrelatedError], kind: str
+) -> list[correlated_errors.CorrelatedError]:
     """The errors as they scatter both kinds across the field together.
 
     A turn of the attitude is one and the same in azimuth and dip. The scatter of a sum of two is at
@@ -149,12 +145,12 @@ def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[Correlate
 
 def _sum_stretches(
     source: Source, kind: str, estimate: Estimate, clock: Clock, local: Array, earth_fixed: bool
-) -> tuple[Sums, leastsq.Normal, Array]:
+) -> tuple[correlated_errors.Sums, leastsq.Normal, Array]:
     """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
     params, noise = estimate.solution.params, estimate.noise[kind]
     squares = np.zeros((len(params), len(params)))
     magnitude = kind == "magnitude"
-    sums = Sums.empty(
+    sums = correlated_errors.Sums.empty(
         clock.count, len(params), (1, 3, 3) if earth_fixed or not magnitude else (1, 3)
     )
 

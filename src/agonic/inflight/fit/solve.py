@@ -20,17 +20,8 @@ from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
 from agonic.inflight.fit.terms import DEGREE, Terms
+from agonic.inflight.maths import residuals
 from agonic.inflight.maths.correlated_errors import CorrelatedError
-from agonic.inflight.maths.residuals import (
-    KINDS,
-    Layout,
-    Rows,
-    Source,
-    correct,
-    cut,
-    find_residuals,
-    residual_pieces,
-)
 from agonic.maths.equation import maximum_likelihood
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.equation.channels import Problem as Known
@@ -106,13 +97,18 @@ def state_errors(problem: Problem, estimate: Estimate, *, alternative: bool = Fa
     show: what the world model may lack besides would let a change pass for it.
     """
     rows = problem.rows(estimate.terms).select(problem.used)
-    time, blocks = rows.time, list(cut(rows, estimate.layout))
+    time, blocks = rows.time, list(residuals.cut(rows, estimate.layout))
     clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
     return add_covariance(problem, estimate, lambda: blocks, clock, alternative=alternative)
 
 
 def add_covariance(
-    problem: Problem, estimate: Estimate, source: Source, clock: Clock, *, alternative: bool = False
+    problem: Problem,
+    estimate: Estimate,
+    source: residuals.Source,
+    clock: Clock,
+    *,
+    alternative: bool = False,
 ) -> Estimate:
     """The estimate with the covariance under correlated errors, by all readings that a source
     gives, as `state_errors` has it; as it is where there are too few to tell the correlation."""
@@ -140,7 +136,7 @@ def _assume_errors(problem: Problem, estimate: Estimate) -> tuple[CorrelatedErro
 def find_start(problem: Problem) -> Array:
     """Bias and matrix, nine numbers, to start from."""
     if problem.ground is not None:
-        return Layout(SYMMETRIC, 0, 0).start
+        return residuals.Layout(SYMMETRIC, 0, 0).start
     rows = np.flatnonzero(problem.used)
     if len(rows) > _ENOUGH:
         chosen = np.random.default_rng(problem.settings.seed).choice(
@@ -159,12 +155,12 @@ def fit_rows(problem: Problem, first: Array | Estimate, used: Mask, intervals: i
     bias and matrix (9,), or an estimate whose terms are the first of these."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
-    layout = Layout(gauge, terms.bias_count, terms.matrix_degree + terms.rate)
+    layout = residuals.Layout(gauge, terms.bias_count, terms.matrix_degree + terms.rate)
     start = _carry(first, layout) if isinstance(first, Estimate) else _start(first, layout)
     return refine(problem, problem.rows(terms).select(used), layout, terms, start)
 
 
-def _start(nine: Array, layout: Layout) -> Array:
+def _start(nine: Array, layout: residuals.Layout) -> Array:
     """Parameters of a layout from bias and symmetric matrix, terms at zero."""
     params = layout.start
     params[:9] = nine[:9]
@@ -173,7 +169,7 @@ def _start(nine: Array, layout: Layout) -> Array:
     return params
 
 
-def _carry(before: Estimate, layout: Layout) -> Array:
+def _carry(before: Estimate, layout: residuals.Layout) -> Array:
     """Parameters of a layout from an estimate's: bias, the symmetric part of M = R S, its terms."""
     old, found = before.layout, before.solution.params
     bias, matrix = split(model_basis("full", old.gauge) @ found[: old.constants])
@@ -187,16 +183,16 @@ def _carry(before: Estimate, layout: Layout) -> Array:
 
 def refine(
     problem: Problem,
-    rows: Rows,
-    layout: Layout,
+    rows: residuals.Rows,
+    layout: residuals.Layout,
     terms: Terms,
     params: Array,
 ) -> Estimate:
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
-    kinds = KINDS if problem.direction is not None else KINDS[:1]
-    prior, blocks = build_prior(problem, terms, layout), list(cut(rows, layout))
-    seen = {kind: find_residuals(rows, kind, params, layout) for kind in kinds}
+    kinds = residuals.KINDS if problem.direction is not None else residuals.KINDS[:1]
+    prior, blocks = build_prior(problem, terms, layout), list(residuals.cut(rows, layout))
+    seen = {kind: residuals.find_residuals(rows, kind, params, layout) for kind in kinds}
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
@@ -206,7 +202,7 @@ def refine(
         correlation = compute_mean_correlation(noise)
         channels = [
             leastsq.Channel(
-                residual_pieces(lambda: blocks, kind, layout, sds[kind]),
+                residuals.residual_pieces(lambda: blocks, kind, layout, sds[kind]),
                 of.sd,
                 of.loss,
                 correlation,
@@ -228,7 +224,7 @@ def compute_residuals_of(problem: Problem, estimate: Estimate, kind: str) -> Arr
     """The residuals of every row, (n,)."""
     rows = problem.rows(estimate.terms)
     sd = 0.0 if kind == "magnitude" else estimate.sds[kind]
-    return find_residuals(rows, kind, estimate.solution.params, estimate.layout, sd)
+    return residuals.find_residuals(rows, kind, estimate.solution.params, estimate.layout, sd)
 
 
 def rotation_of(estimate: Estimate) -> Array:
@@ -248,7 +244,7 @@ def _with_attitude(
     """
     assert problem.direction is not None
     rows = problem.rows(estimate.terms).select(problem.used)
-    field = correct(rows, estimate.solution.params, estimate.layout)
+    field = residuals.correct(rows, estimate.solution.params, estimate.layout)
     seen = field / np.linalg.norm(field, axis=1)[:, None]
     aim = problem.direction.aim[problem.used]
     rotation = find_best_rotation(seen, aim, estimate.weight)

@@ -18,17 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model
-from agonic.inflight.simulation.aboard import (
-    Pointing,
-    Way,
-    draw_attitude_nb,
-    draw_drift,
-    draw_external_n,
-    draw_pulses,
-    find_way,
-    follow_temperature,
-    settle,
-)
+from agonic.inflight.simulation import aboard
 from agonic.inflight.simulation.kepler import Orbit
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.readable import Readable
@@ -111,7 +101,7 @@ def simulate_orbit(
     rate_Hz: float = 1.0,
     orbit: Orbit | None = None,
     epoch: datetime = datetime(2026, 5, 1, tzinfo=UTC),
-    pointing: Pointing = "nadir",
+    pointing: aboard.Pointing = "nadir",
     pace_s: float = 300.0,
     noise: float = 100.0,
     step: float = 0.0,
@@ -191,22 +181,24 @@ def simulate_orbit(
     _check(facts)
     rngs = _Generators(*np.random.default_rng(seed).spawn(len(_Generators._fields)))
     time = np.arange(n) / rate_Hz
-    way = find_way(orbit or Orbit(), time, epoch)
-    rot_nb = draw_attitude_nb(rngs.attitude, time, way, pointing, pace_s)
+    way = aboard.find_way(orbit or Orbit(), time, epoch)
+    rot_nb = aboard.draw_attitude_nb(rngs.attitude, time, way, pointing, pace_s)
     rot_bm = Rotation.from_rotvec(np.radians(mounting_deg) * draw_directions(rngs.mounting, 1)[0])
-    temperature = follow_temperature(way, time, equilibrium_C, settling_s)
-    outside_n = draw_external_n(rngs.external, time, way, external, correlation_s)
+    temperature = aboard.follow_temperature(way, time, equilibrium_C, settling_s)
+    outside_n = aboard.draw_external_n(rngs.external, time, way, external, correlation_s)
     field_n = _main_field(way, time, epoch) + outside_n
 
     ground = _draw_ground(sensor, rngs.sensor, bias, thermal)
     shift = moved * draw_directions(rngs.moved, 1)[0]
     truth = replace(ground, bias=np.vstack([ground.bias[:1] + shift, ground.bias[1:]]))
-    moving = draw_drift(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
+    moving = aboard.draw_drift(
+        rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at
+    )
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
-    pulsed, on = draw_pulses(rngs.torquer, time, torquer, torquer_share)
+    pulsed, on = aboard.draw_pulses(rngs.torquer, time, torquer, torquer_share)
     dipole = pulsed * (DIPOLE_AM2 / (torquer or 1.0))
     told = torquer > 0 and torquer_settling_s is not None
-    pulsed = settle(pulsed, time, torquer_settling_s or 0.0)
+    pulsed = aboard.settle(pulsed, time, torquer_settling_s or 0.0)
     raw = _simulate_readings(truth, field_m, temperature) + moving + pulsed
     raw = raw + noise * rngs.noise.standard_normal((n, 3))
     scalar = np.linalg.norm(field_n, axis=1) + (scalar_sd or 0) * rngs.scalar.standard_normal(n)
@@ -295,7 +287,7 @@ def _simulate_readings(truth: Thermal, field_m: Array, temperature: Array) -> Ar
     return np.asarray(seen + truth.bias_at(temperature))
 
 
-def _main_field(way: Way, time: Array, epoch: datetime) -> Array:
+def _main_field(way: aboard.Way, time: Array, epoch: datetime) -> Array:
     """The world model along the way (n, 3), north-east-down, nT."""
     track = Samples(field=np.zeros((len(time), 3)), time=time, epoch=epoch)
     model = choose_model(float(decimal_year(epoch)))

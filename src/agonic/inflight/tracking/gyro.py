@@ -22,15 +22,7 @@ from agonic.calibration.tracking import (
     TrackerState,
 )
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
-from agonic.maths.estimation.filters import kalman
-from agonic.maths.estimation.filters.states import (
-    BESIDE_GYRO,
-    FilterState,
-    Model,
-    forget_sums,
-    start_filter,
-    widen_for_jump,
-)
+from agonic.maths.estimation.filters import kalman, states
 from agonic.maths.estimation.noise.residuals import robust_scale
 
 OPENING = 128
@@ -58,7 +50,7 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
 
     Also once more, from nothing but the calibration, where all was lost on the way.
     """
-    m = BESIDE_GYRO.sizes[params.solve]
+    m = states.BESIDE_GYRO.sizes[params.solve]
     symmetric = state.turned.rotation.T @ state.base.matrix
     gain = float(np.mean(np.diag(symmetric)))
     size = max(float(row[7]) / gain or float(np.sqrt((row[1:4] ** 2).sum())), 1e-6)
@@ -75,9 +67,9 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
         covariance -= np.outer(along, along) / max(along[10:13].sum(), 1e-300)
     bias = state.bias if lost else state.base.bias
     known = np.concatenate([np.zeros(3), bias, np.zeros(4), pack_symmetric(symmetric)])
-    prior = start_filter(known, covariance[:m, :m], float(row[0]))
+    prior = states.start_filter(known, covariance[:m, :m], float(row[0]))
     learns = bool(np.sqrt(covariance.diagonal()[3:6].max()) < SETTLED * size)
-    opened = Opening(prior=prior, rows=np.empty((0, BESIDE_GYRO.row)), learns=learns)
+    opened = Opening(prior=prior, rows=np.empty((0, states.BESIDE_GYRO.row)), learns=learns)
     return replace(
         state,
         estimate=prior if learns else _fix_all_but_bias(prior),
@@ -88,11 +80,11 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
     )
 
 
-def _fix_all_but_bias(prior: FilterState) -> FilterState:
+def _fix_all_but_bias(prior: states.FilterState) -> states.FilterState:
     """A filter of field and bias alone, which are linear."""
     covariance = prior.covariance
     covariance[6:] = covariance[:, 6:] = 0.0
-    return start_filter(prior.state, covariance, prior.time)
+    return states.start_filter(prior.state, covariance, prior.time)
 
 
 def count_at_once(state: TrackerState, times: Array) -> int:
@@ -131,7 +123,7 @@ def step(
     return (after if after.n % _LOOK else _look(after, params, opening, fast)), seen
 
 
-def _find_model(state: TrackerState, params: TrackerParams) -> Model:
+def _find_model(state: TrackerState, params: TrackerParams) -> states.Model:
     """The noise model; in an opening what is not estimated yet is noise of gyro and readings."""
     model, opening = params.model(state.noise), state.opening
     if opening is None:
@@ -155,11 +147,13 @@ def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: flo
     size = max(params.jump_sd, 2.0 * size)
     if state.opening is not None:  # nothing that was known has jumped
         gain = float(np.mean(estimate.matrix[:3]))
-        return replace(state, estimate=widen_for_jump(estimate, size, gain * size))
+        return replace(state, estimate=states.widen_for_jump(estimate, size, gain * size))
     if recent is None and not state.settled:
         return _keep_watch(begin(state, params, row), estimate)
     if recent is None:
-        recent = Recent(before=estimate, middle=estimate, rows=np.empty((0, BESIDE_GYRO.row)))
+        recent = Recent(
+            before=estimate, middle=estimate, rows=np.empty((0, states.BESIDE_GYRO.row))
+        )
         began, unknown = estimate.time - estimate.lost_s, np.full(3, params.jump_sd)
         jumps.append(Jump(time=began, seen=began, shift=np.zeros(3), shift_sd=unknown))
     jumps[-1] = replace(jumps[-1], seen=estimate.time)
@@ -167,14 +161,14 @@ def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: flo
         last = replace(jumps[-1], shift=estimate.bias - recent.before.bias)
         state = replace(state, jumps=(*jumps[:-1], last))
         return _keep_watch(begin(state, params, row), estimate)
-    wide = widen_for_jump(estimate, size)
+    wide = states.widen_for_jump(estimate, size)
     return replace(state, estimate=wide, recent=recent, jumps=tuple(jumps))
 
 
-def _keep_watch(state: TrackerState, before: FilterState) -> TrackerState:
+def _keep_watch(state: TrackerState, before: states.FilterState) -> TrackerState:
     """The state with what its filter watched, but for the jump test."""
     watching = state.estimate._replace(watched=before.watched)
-    return replace(state, estimate=forget_sums(watching))
+    return replace(state, estimate=states.forget_sums(watching))
 
 
 def _measure_jump(state: TrackerState) -> TrackerState:
@@ -235,7 +229,7 @@ def _release(state: TrackerState, opening: Opening) -> TrackerState:
     covariance[:6] = covariance[:, :6] = 0.0
     covariance[range(6), range(6)] = [(gain * loose) ** 2] * 3 + [loose**2] * 3
     state_now = np.concatenate([found.state[:6], opening.prior.state[6:]])
-    begun = start_filter(state_now, covariance, found.time)
+    begun = states.start_filter(state_now, covariance, found.time)
     return _keep_watch(replace(state, estimate=begun, opening=None), found)
 
 

@@ -45,10 +45,9 @@ def correlate_axes(found: Array, known: Array) -> list[float]:
 def draw_axes(found: Array, known: Array) -> list[Markup]:
     """The network's field over the known one, a figure an axis, as the paper draws it."""
     names = ("x", "y", "z") if known.shape[1] == 3 else ("the field",)
-    together = zip(names, found.T, known.T, correlate_axes(found, known), strict=True)
     return [
-        caption(f"Along {name}: R = {r:.5f}", figures.draw_regression(b, a, name))
-        for name, a, b, r in together
+        caption(f"Along {name}: R = {correlate(a, b):.5f}", figures.draw_regression(b, a, name))
+        for name, a, b in zip(names, found.T, known.T, strict=True)
     ]
 
 
@@ -255,9 +254,7 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> list
     keys = {"range": "least to largest", "mean": "mean"}
     if (share < 0.5).any():
         keys["guarded"] = "mostly outside"
-    drawn = caption(
-        "Where it was trained: 1, far away: 0", figures.draw_guard(share, samples.time), keys
-    )
+    drawn = figures.draw_guard(share, samples.time)
     if network.base is None:
         said = "trained on that its field is a guess: there is no base to fall back to."
     else:
@@ -265,7 +262,7 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> list
             "trained on that half of its correction or more is taken back; far away the base alone "
             f"corrects. {percent(float((share > 0.999).mean()))} get all of it."
         )
-    return [of + said, drawn]
+    return [of + said, caption("Where it was trained: 1, far away: 0", drawn, keys)]
 
 
 def _numbers(network: Network) -> list[Section]:

@@ -16,17 +16,6 @@ from agonic.network.fit.methods import GOAL
 from agonic.report import strips
 from agonic.report.axes import BINS, Axis, Columns, along_rows, along_time, down, right
 from agonic.report.markup import Markup
-from agonic.report.strips import (
-    arrows,
-    level,
-    line,
-    mark_rows,
-    path,
-    plot,
-    points,
-    robust_limit,
-    spread,
-)
 
 METHODS = ("training", "descent", "adaptive")
 """Classes of the curves, in the order of `compare_methods`."""
@@ -51,9 +40,9 @@ def draw_training(fit: NetworkFit) -> Markup:
     seen = np.concatenate([*curves.values(), [limit or np.nan]])
     x = Axis("epoch", 1.0, float(max(len(fit.epochs), 2)))
     y = _decade(seen, "rms error, nT")
-    layers = [level(y, limit, "limit")] if limit else []
+    layers = [strips.level(y, limit, "limit")] if limit else []
     layers += [_curve(x, y, values, name) for name, values in curves.items()]
-    return plot(x, y, layers, "Rms error after every epoch of the training")
+    return strips.plot(x, y, layers, "Rms error after every epoch of the training")
 
 
 def draw_methods(fit: NetworkFit, methods: Sequence[Method]) -> Markup:
@@ -62,7 +51,7 @@ def draw_methods(fit: NetworkFit, methods: Sequence[Method]) -> Markup:
     x = Axis("epoch", 1.0, float(max(2, *map(len, curves))), logarithmic=True)
     y = _decade(np.concatenate(curves), "rms error, nT")
     layers = [_curve(x, y, values, name) for values, name in zip(curves, METHODS, strict=True)]
-    return plot(x, y, layers, "Rms error after every epoch, by method of training")
+    return strips.plot(x, y, layers, "Rms error after every epoch, by method of training")
 
 
 def compute_rms(fit: NetworkFit, mean_square: Sequence[float] | Array) -> Array:
@@ -85,8 +74,10 @@ def _curve(x: Axis, y: Axis, values: Array, name: str) -> Markup:
         even = np.geomspace if x.logarithmic else np.linspace
         known = known[np.unique(even(1, len(known), POINTS).astype(int)) - 1]
     if len(known) < 2:
-        return path("", name)
-    return path(f"M{points(right(x, known + np.ones(len(known))), down(y, values[known]))}", name)
+        return strips.path("", name)
+    return strips.path(
+        f"M{strips.points(right(x, known + np.ones(len(known))), down(y, values[known]))}", name
+    )
 
 
 def draw_regression(known: Array, found: Array, axis: str) -> Markup:
@@ -97,8 +88,8 @@ def draw_regression(known: Array, found: Array, axis: str) -> Markup:
     y = Axis("by the network, nT", x.low, x.high)
     places = zip(right(x, known[rows]), down(y, found[rows]), strict=True)
     dots = "".join(f"M{across:.1f} {below:.1f}h0" for across, below in places)
-    layers = [path("M0 1000L1000 0", "zero"), path(dots, "dots")]
-    return plot(x, y, layers, f"The network's field over the known one along {axis}")
+    layers = [strips.path("M0 1000L1000 0", "zero"), strips.path(dots, "dots")]
+    return strips.plot(x, y, layers, f"The network's field over the known one along {axis}")
 
 
 def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
@@ -113,8 +104,8 @@ def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
     }
     high = 1.1 * max(float(values.max()) for values in curves.values())
     y = Axis("rms error, nT", 0.0, high or 1.0)
-    layers = [line(columns, y, values, name) for name, values in curves.items()]
-    return plot(x, y, layers, "Rms error of unseen readings over time, base and network")
+    layers = [strips.line(columns, y, values, name) for name, values in curves.items()]
+    return strips.plot(x, y, layers, "Rms error of unseen readings over time, base and network")
 
 
 def draw_errors(curves: Mapping[str, tuple[Array, Array]], levels: Sequence[float]) -> Markup:
@@ -123,12 +114,12 @@ def draw_errors(curves: Mapping[str, tuple[Array, Array]], levels: Sequence[floa
     end = max(float(time[-1]) for time, _ in curves.values())
     highest = max(float(values.max()) for _, values in curves.values())
     y = Axis("largest component of the error, nT", 0.0, 1.1 * max(highest, *levels))
-    layers = [level(y, at, "limit") for at in levels]
+    layers = [strips.level(y, at, "limit") for at in levels]
     for name, (time, values) in curves.items():
         x, along = along_time(time, begin, end)
         columns = Columns(x, along)
-        layers.append(line(columns, y, columns.largest(values), name))
-    return plot(x, y, layers, "Largest component of the error over time")
+        layers.append(strips.line(columns, y, columns.largest(values), name))
+    return strips.plot(x, y, layers, "Largest component of the error over time")
 
 
 def draw_guard(inside: Array, time: Array | None) -> Markup:
@@ -137,11 +128,13 @@ def draw_guard(inside: Array, time: Array | None) -> Markup:
     columns = Columns(x, along, BINS)
     y = Axis("share g", 0.0, 1.05)
     layers = [
-        spread(columns, y, inside, "range"),
-        line(columns, y, columns.mean(inside), "mean"),
-        mark_rows(columns, inside < 0.5, "guarded"),
+        strips.spread(columns, y, inside, "range"),
+        strips.line(columns, y, columns.mean(inside), "mean"),
+        strips.mark_rows(columns, inside < 0.5, "guarded"),
     ]
-    return plot(x, y, layers, "How near the readings are to the training, over time", kind="short")
+    return strips.plot(
+        x, y, layers, "How near the readings are to the training, over time", kind="short"
+    )
 
 
 def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining]) -> Markup:
@@ -149,7 +142,9 @@ def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining
     known = np.isfinite(residual[:, 0])
     values, at = residual[known].ravel(), np.repeat(time[known], residual.shape[1])
     x, along = along_time(at, float(time[0]), float(time[-1]))
-    limit = max(robust_limit(values, 1e-9), 1.05 * float(np.percentile(np.abs(values), 99.9)))
+    limit = max(
+        strips.robust_limit(values, 1e-9), 1.05 * float(np.percentile(np.abs(values), 99.9))
+    )
     y = Axis("residual, nT", -limit, limit)
     columns = Columns(x, along, BINS)
     layers = strips.residuals(columns, y, values)
@@ -157,9 +152,9 @@ def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining
     marks += [(one.onset, "onset") for one in retrainings if one.onset is not None]
     _, at = along_time(np.array([when for when, _ in marks]), float(time[0]), float(time[-1]))
     for (_, name), place in zip(marks, right(x, at), strict=True):
-        layers.append(path(f"M{place:.1f} 0V1000", name))
-    signs = arrows(columns, y, values)
-    return plot(x, y, layers, "Residual over time with the retrainings", signs)
+        layers.append(strips.path(f"M{place:.1f} 0V1000", name))
+    signs = strips.arrows(columns, y, values)
+    return strips.plot(x, y, layers, "Residual over time with the retrainings", signs)
 
 
 SIZE_IN = (7.5, 3.75)
