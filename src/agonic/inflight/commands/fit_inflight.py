@@ -8,21 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from agonic.console.options import (
-    Altitude,
-    At,
-    Between,
-    Date,
-    Elements,
-    Json,
-    Out,
-    Report,
-    Robust,
-    Scalar,
-    SensorChoice,
-    WorldModel,
-    list_typed_options,
-)
+from agonic.console import options
 from agonic.console.parse import parse_count, parse_numbers
 from agonic.console.sensors import open_sensor
 
@@ -42,28 +28,28 @@ _IN_MEMORY = ("--model", "--altitude", "--tle", "--at", "--between", "--within",
 def inflight(
     context: typer.Context,
     logs: list[Path],
-    out: Out = None,
+    out: options.Out = None,
     ground: Path | None = None,
     solve: str | None = None,
     knots: str = "auto",
     latitudes: str | None = None,
-    scalar: Scalar = None,
+    scalar: options.Scalar = None,
     attitude: str = "none",
     temperature: int = 0,
     matrix_rate: bool = False,
     sources: str = "",
     within: float | None = None,
-    which: SensorChoice = SensorChoice(),
-    at: At = None,
-    date: Date = None,
-    model: WorldModel = None,
-    altitude: Altitude = None,
-    tle: Elements = None,
+    which: options.SensorChoice = options.SensorChoice(),
+    at: options.At = None,
+    date: options.Date = None,
+    model: options.WorldModel = None,
+    altitude: options.Altitude = None,
+    tle: options.Elements = None,
     gain_sd: float = 0.01,
-    robust: Robust = True,
-    between: Between = None,
-    report: Report = None,
-    as_json: Json = False,
+    robust: options.Robust = True,
+    between: options.Between = None,
+    report: options.Report = None,
+    as_json: options.Json = False,
 ) -> int:
     """Bias, gains or all nine numbers from the known field along the track.
 
@@ -112,7 +98,7 @@ def inflight(
         "robust": robust,
     }
     if is_long(logs, MOST_ROWS):
-        unfit = [name for name in _IN_MEMORY if name in list_typed_options(context)]
+        unfit = [name for name in _IN_MEMORY if name in options.list_typed_options(context)]
         if unfit:
             raise AgonicError(f"a mission is read piece by piece, without {', '.join(unfit)}")
         fit, samples = _mission(logs, which, date, scalar, settings), None
@@ -126,7 +112,9 @@ def inflight(
     return finish(document, out=out, report=report, as_json=as_json)
 
 
-def _samples(log: Path, which: SensorChoice, between: str | None, date: str | None) -> Samples:
+def _samples(
+    log: Path, which: options.SensorChoice, between: str | None, date: str | None
+) -> Samples:
     """The readings of one recording, with the date that was given where it has none."""
     from agonic.field.decimal_year import parse_date
 
@@ -138,7 +126,7 @@ def _samples(log: Path, which: SensorChoice, between: str | None, date: str | No
 
 def _mission(
     logs: list[Path],
-    which: SensorChoice,
+    which: options.SensorChoice,
     date: str | None,
     scalar: bool | None,
     settings: dict[str, Any],

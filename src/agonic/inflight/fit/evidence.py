@@ -9,14 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
+from agonic.inflight.fit import likely_causes
 from agonic.inflight.fit.bias_doubts import MANY, judge_ground_axes, judge_step
 from agonic.inflight.fit.ground_errors import states_covariance
-from agonic.inflight.fit.likely_causes import (
-    EARTH_RADIUS_M,
-    LOWEST_ORBIT_M,
-    find_impossible_track,
-    find_likely_cause,
-)
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import find_start, fit_rows
 from agonic.inflight.fit.terms import DEGREE
@@ -64,9 +59,9 @@ def find_period_s(samples: Samples) -> float | None:
     >>> round(find_period_s(at_500_km))
     5668
     """
-    if samples.altitude_m is None or np.median(samples.altitude_m) < LOWEST_ORBIT_M:
+    if samples.altitude_m is None or np.median(samples.altitude_m) < likely_causes.LOWEST_ORBIT_M:
         return None
-    radius = EARTH_RADIUS_M + float(np.median(samples.altitude_m))
+    radius = likely_causes.EARTH_RADIUS_M + float(np.median(samples.altitude_m))
     return float(2 * np.pi * np.sqrt(radius**3 / GRAVITY_M3_S2))
 
 
@@ -162,7 +157,7 @@ def examine(
 
 def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
     """A track that cannot be, or a residual that a common mistake would explain."""
-    impossible = find_impossible_track(samples)
+    impossible = likely_causes.find_impossible_track(samples)
     if impossible is not None:
         yield Finding("track", "refuse", *impossible)
         return
@@ -170,7 +165,7 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator
     small = fit.noise < SUSPICIOUS * problem.magnitude
     if small and not mostly_lasting and not swings_with_orbit(fit, samples):
         return
-    cause = find_likely_cause(fit, problem, samples)
+    cause = likely_causes.find_likely_cause(fit, problem, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"
     if cause is not None:
         yield Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)

@@ -9,14 +9,9 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, LogError
 from agonic.inflight.fit.problem import Attitude, ExpectedDirection
+from agonic.maths.earth import geodesy
 from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.eclipse import find_eclipsed
-from agonic.maths.earth.geodesy import (
-    directions,
-    earth_fixed,
-    earth_fixed_position,
-    north_east_down,
-)
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -86,7 +81,7 @@ def local_vertical_nb(samples: Samples) -> Array:
         raise LogError(f"{samples.name}: positions repeat, so they give no direction of flight")
     right /= size
     axes = [np.cross(right, down, axis=0), right, down]
-    columns = [north_east_down(rotate_about_third(axis, sidereal), where) for axis in axes]
+    columns = [geodesy.north_east_down(rotate_about_third(axis, sidereal), where) for axis in axes]
     return np.moveaxis(np.stack(columns, axis=1), -1, 0)
 
 
@@ -97,8 +92,8 @@ def find_direction_e(samples: Samples, reference: Reference) -> Array | None:
     if samples.latitude_deg is None or samples.longitude_deg is None:
         return None
     unit_n = reference.values / np.linalg.norm(reference.values, axis=1)[:, None]
-    where = directions(samples.latitude_deg, samples.longitude_deg)
-    return earth_fixed(np.broadcast_to(unit_n, (len(samples), 3)).T, where).T
+    where = geodesy.directions(samples.latitude_deg, samples.longitude_deg)
+    return geodesy.earth_fixed(np.broadcast_to(unit_n, (len(samples), 3)).T, where).T
 
 
 def find_eclipse(samples: Samples) -> Mask | None:
@@ -125,8 +120,8 @@ def _position_i(samples: Samples) -> tuple[Array, Array, Array, Array] | None:
     if track is None:
         return None
     latitude, longitude, altitude, unix = track
-    where, sidereal = directions(latitude, longitude), sidereal_rad(unix)
-    position_e = earth_fixed_position(where, altitude)
+    where, sidereal = geodesy.directions(latitude, longitude), sidereal_rad(unix)
+    position_e = geodesy.earth_fixed_position(where, altitude)
     return rotate_about_third(position_e, -sidereal), sidereal, where, unix
 
 

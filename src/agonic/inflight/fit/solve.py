@@ -9,13 +9,7 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
 from agonic.field.worldfield import EXTERNAL_NT, EXTERNAL_S
-from agonic.inflight.fit.covariance import (
-    OF_EARTH,
-    Clock,
-    Estimate,
-    compute_covariance,
-    compute_mean_correlation,
-)
+from agonic.inflight.fit import covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
@@ -67,7 +61,7 @@ _ROTATED_RAD = 1e-6
 _ROUNDS = 5
 
 
-def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
+def find_estimate(problem: Problem) -> tuple[Problem, covariance.Estimate]:
     """The estimate, and the problem with the rows and the rotation that were settled on the way."""
     first = find_start(problem)
     plain = replace(problem, direction=None)
@@ -90,7 +84,9 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     return problem, state_errors(problem, estimate)._replace(held_out=held_out)
 
 
-def state_errors(problem: Problem, estimate: Estimate, *, alternative: bool = False) -> Estimate:
+def state_errors(
+    problem: Problem, estimate: covariance.Estimate, *, alternative: bool = False
+) -> covariance.Estimate:
     """The estimate with the covariance under correlated errors, by the rows that it is from.
 
     An `alternative`, which asks whether the bias changes at all, is held against what readings
@@ -98,25 +94,25 @@ def state_errors(problem: Problem, estimate: Estimate, *, alternative: bool = Fa
     """
     rows = problem.rows(estimate.terms).select(problem.used)
     time, blocks = rows.time, list(residuals.cut(rows, estimate.layout))
-    clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
+    clock = covariance.Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
     return add_covariance(problem, estimate, lambda: blocks, clock, alternative=alternative)
 
 
 def add_covariance(
     problem: Problem,
-    estimate: Estimate,
+    estimate: covariance.Estimate,
     source: residuals.Source,
-    clock: Clock,
+    clock: covariance.Clock,
     *,
     alternative: bool = False,
-) -> Estimate:
+) -> covariance.Estimate:
     """The estimate with the covariance under correlated errors, by all readings that a source
     gives, as `state_errors` has it; as it is where there are too few to tell the correlation."""
     if clock.count < FEWEST_STRETCHES:
         return estimate
     prior = build_prior(problem, estimate.terms, estimate.layout)
     _, jacobian = prior(estimate.solution.params)
-    return compute_covariance(
+    return covariance.compute_covariance(
         source,
         estimate,
         jacobian.T @ jacobian,
@@ -126,11 +122,13 @@ def add_covariance(
     )
 
 
-def _assume_errors(problem: Problem, estimate: Estimate) -> tuple[CorrelatedError, ...]:
+def _assume_errors(problem: Problem, estimate: covariance.Estimate) -> tuple[CorrelatedError, ...]:
     """What the world model lacks for hours, where a spline of the bias takes it up unseen."""
     if problem.direction_e is None or not estimate.terms.splines:
         return ()
-    return (CorrelatedError((EXTERNAL_NT / problem.magnitude) ** 2, EXTERNAL_S, OF_EARTH),)
+    return (
+        CorrelatedError((EXTERNAL_NT / problem.magnitude) ** 2, EXTERNAL_S, covariance.OF_EARTH),
+    )
 
 
 def find_start(problem: Problem) -> Array:
@@ -150,13 +148,17 @@ def find_start(problem: Problem) -> Array:
     return found.solution.params
 
 
-def fit_rows(problem: Problem, first: Array | Estimate, used: Mask, intervals: int) -> Estimate:
+def fit_rows(
+    problem: Problem, first: Array | covariance.Estimate, used: Mask, intervals: int
+) -> covariance.Estimate:
     """The estimate from some of the rows with so many intervals of the bias in time, from `first`:
     bias and matrix (9,), or an estimate whose terms are the first of these."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
     layout = residuals.Layout(gauge, terms.bias_count, terms.matrix_degree + terms.rate)
-    start = _carry(first, layout) if isinstance(first, Estimate) else _start(first, layout)
+    start = (
+        _carry(first, layout) if isinstance(first, covariance.Estimate) else _start(first, layout)
+    )
     return refine(problem, problem.rows(terms).select(used), layout, terms, start)
 
 
@@ -169,7 +171,7 @@ def _start(nine: Array, layout: residuals.Layout) -> Array:
     return params
 
 
-def _carry(before: Estimate, layout: residuals.Layout) -> Array:
+def _carry(before: covariance.Estimate, layout: residuals.Layout) -> Array:
     """Parameters of a layout from an estimate's: bias, the symmetric part of M = R S, its terms."""
     old, found = before.layout, before.solution.params
     bias, matrix = split(model_basis("full", old.gauge) @ found[: old.constants])
@@ -187,7 +189,7 @@ def refine(
     layout: residuals.Layout,
     terms: Terms,
     params: Array,
-) -> Estimate:
+) -> covariance.Estimate:
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
     kinds = residuals.KINDS if problem.direction is not None else residuals.KINDS[:1]
@@ -199,7 +201,7 @@ def refine(
         before, sds = sds, compute_spreads(noise, sds)
         for kind in kinds[1:]:
             noise[kind] = _rescale_noise(noise[kind], before[kind], sds[kind])
-        correlation = compute_mean_correlation(noise)
+        correlation = covariance.compute_mean_correlation(noise)
         channels = [
             leastsq.Channel(
                 residuals.residual_pieces(lambda: blocks, kind, layout, sds[kind]),
@@ -217,17 +219,17 @@ def refine(
         again = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         if _is_settled(sds, compute_spreads(again, sds)):
             break
-    return Estimate(solution, layout, terms, noise, sds, seen, {}, {})
+    return covariance.Estimate(solution, layout, terms, noise, sds, seen, {}, {})
 
 
-def compute_residuals_of(problem: Problem, estimate: Estimate, kind: str) -> Array:
+def compute_residuals_of(problem: Problem, estimate: covariance.Estimate, kind: str) -> Array:
     """The residuals of every row, (n,)."""
     rows = problem.rows(estimate.terms)
     sd = 0.0 if kind == "magnitude" else estimate.sds[kind]
     return residuals.find_residuals(rows, kind, estimate.solution.params, estimate.layout, sd)
 
 
-def rotation_of(estimate: Estimate) -> Array:
+def rotation_of(estimate: covariance.Estimate) -> Array:
     """The rotation (3, 3) in a free matrix, M = R S."""
     c = estimate.layout.constants
     basis = model_basis("full", estimate.layout.gauge)
@@ -235,8 +237,8 @@ def rotation_of(estimate: Estimate) -> Array:
 
 
 def _with_attitude(
-    problem: Problem, estimate: Estimate, intervals: int
-) -> tuple[Problem, Estimate]:
+    problem: Problem, estimate: covariance.Estimate, intervals: int
+) -> tuple[Problem, covariance.Estimate]:
     """The rotation from sensor to attitude by Wahba, then all three kinds of residual together.
 
     The rotation found is taken into the directions until none is left, so that what remains of it

@@ -96,13 +96,9 @@ _CONSTANT = element("p", "It was taken as constant over the record: see its numb
 def _list_bias(found: Affine) -> dict[str, Any]:
     """The whole bias at the end of the record, in the unit of the readings and, where it is, nT."""
     sd = None if found.sd is None else found.sd[:3]
-    known = found.unit_in == "nT"
-    return {
-        "bias": found.bias,
-        "bias_sd": sd,
-        "bias_nT": found.bias if known else None,
-        "bias_sd_nT": sd if known else None,
-    }
+    in_nT = (found.bias, sd) if found.unit_in == "nT" else (None, None)
+    names = ("bias", "bias_sd", "bias_nT", "bias_sd_nT")
+    return dict(zip(names, (found.bias, sd, *in_nT), strict=True))
 
 
 def _list_sources(fit: InflightFit) -> dict[str, str]:
@@ -164,24 +160,14 @@ def add_figures(document: Document, flight: Flight) -> Document:
 def _key_figures(flight: Flight) -> list[tuple[str, str, str]]:
     """The four numbers to look at first."""
     course, used = flight.course, flight.used
-    n = int(np.count_nonzero(used))
+    n, of = int(np.count_nonzero(used)), "rms, before each was used" if flight.predicted else "rms"
     rms = float(np.sqrt(np.mean(flight.residuals[used] ** 2))) if used.any() else np.nan
+    sd = quantity(float(course.sd[-1].max()), unit_label(course.unit), 2)
+    size = group_digits(float(f"{n / max(flight.correlation, 1.0):.2g}"))
     return [
-        (
-            "Residual",
-            quantity(rms, "nT"),
-            "rms, before each was used" if flight.predicted else "rms",
-        ),
-        (
-            "Bias standard error",
-            quantity(float(course.sd[-1].max()), unit_label(course.unit), 2),
-            "of the worst axis",
-        ),
-        (
-            "Effective sample size",
-            group_digits(float(f"{n / max(flight.correlation, 1.0):.2g}")),
-            f"independent readings of {group_digits(n)}",
-        ),
+        ("Residual", quantity(rms, "nT"), of),
+        ("Bias standard error", sd, "of the worst axis"),
+        ("Effective sample size", size, f"independent readings of {group_digits(n)}"),
         ("Readings", group_digits(n), f"of {count(len(used), 'reading')}"),
     ]
 
@@ -236,14 +222,12 @@ def _residuals(flight: Flight) -> list[Markup]:
     beyond = beyond_words(flight.residuals, limit, "nT")
     parts = [caption("Over time", figures.draw_over_time(flight, limit), timed, beyond)]
     missing = []
-    for name, values, label in (
-        ("latitude", flight.latitude_deg, "latitude, °"),
-        ("temperature", flight.temperature, "temperature, °C"),
-    ):
+    for unit, name in (("°", "latitude"), ("°C", "temperature")):
+        values = flight.latitude_deg if name == "latitude" else flight.temperature
         if values is None:
             missing.append(name)
         else:
-            drawn = figures.draw_along(flight, values, label, limit)
+            drawn = figures.draw_along(flight, values, f"{name}, {unit}", limit)
             parts.append(caption(f"Along {name}", drawn, keys))
     if flight.eclipse is None:
         missing.append("sunlight and shadow (position and date)")
@@ -262,13 +246,8 @@ def _residuals(flight: Flight) -> list[Markup]:
 def _map(flight: Flight, limit: float) -> Markup:
     drawn, highest, cell_sd = figures.draw_map(flight, limit)
     full = quantity(highest, "nT", 2)
-    scale = element(
-        "p",
-        element("span", f"−{full}"),
-        element("i", class_="ramp through"),
-        element("span", f"+{full}"),
-        class_="legend",
-    )
+    least, most = (element("span", f"{sign}{full}") for sign in "−+")
+    scale = element("p", least, element("i", class_="ramp through"), most, class_="legend")
     note = (
         "The mean residual of the readings in a cell, which a typical cell knows to "
         f"±{quantity(cell_sd, 'nT', 2)}."

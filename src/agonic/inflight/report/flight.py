@@ -15,12 +15,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump
 from agonic.inflight.fit import InflightFit, prior
 from agonic.inflight.fit.pointing import find_eclipse
-from agonic.inflight.maths.correlated_errors import (
-    STRETCHES,
-    Sums,
-    find_correlated_errors,
-    join_errors,
-)
+from agonic.inflight.maths import correlated_errors
 from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.rotations.polar import split_rotation
@@ -276,13 +271,15 @@ def measure_correlated_errors(time: Array, residuals: Array, used: Mask) -> tupl
     (0.0, 0.0)
     """
     n = len(residuals)
-    k = min(n, STRETCHES)
+    k = min(n, correlated_errors.STRETCHES)
     weights, ones = used.astype(np.float64), np.ones((n, 1))
-    sums = Sums.empty(k, 1, [1])
+    sums = correlated_errors.Sums.empty(k, 1, [1])
     sums.add(np.arange(n) * k // n, weights, residuals, ones, [ones])
     white = float(np.average(residuals**2, weights=weights)) if used.any() else 0.0
     step_s = float(time[-1] - time[0]) / k
-    variance, time_s = join_errors(find_correlated_errors(sums, white, step_s))
+    variance, time_s = correlated_errors.join_errors(
+        correlated_errors.find_correlated_errors(sums, white, step_s)
+    )
     return float(np.sqrt(min(variance, white))), time_s
 
 

@@ -163,15 +163,9 @@ def compare_sunlight(flight: Flight) -> Markup:
         error = scatter * float(np.sqrt(flight.correlation / len(values)))
         means.append(float(values.mean()))
         errors.append(error)
-        rows.append(
-            [
-                name,
-                group_digits(len(values)),
-                with_sd(means[-1], error),
-                quantity(float(np.median(values)), "nT", 2),
-                quantity(scatter, "nT", 2),
-            ]
-        )
+        middle = quantity(float(np.median(values)), "nT", 2)
+        n, mean = group_digits(len(values)), with_sd(means[-1], error)
+        rows.append([name, n, mean, middle, quantity(scatter, "nT", 2)])
     drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
     if len(means) < 2:
         said = "The whole record lies in sunlight, or the whole of it in the shadow."
@@ -216,15 +210,10 @@ def list_held_out(flight: Flight) -> Markup:
         said = "The number of knots was given, so nothing was chosen by held-out error."
         return element("p", said)
     least = min(held_out.values())
-    rows = [
-        [
-            "constant" if n == 0 else count(n, "interval"),
-            quantity(error, "nT"),
-            _above(error / least - 1),
-            "chosen" if n == chosen else "",
-        ]
-        for n, error in held_out.items()
-    ]
+    rows = []
+    for n, error in held_out.items():
+        name, choice = count(n, "interval") if n else "constant", "chosen" if n == chosen else ""
+        rows.append([name, quantity(error, "nT"), _above(error / least - 1), choice])
     said = (
         "Every second block of time was left out of the fit and then predicted. Intervals are "
         "doubled until unseen readings fit clearly better, then as long as they fit no worse."
@@ -273,14 +262,11 @@ def list_causes(shares: list[Share]) -> Markup:
     if not shares:
         return element("p", "Too few readings to find what the residuals follow.")
     named = [share for share in shares if share.named]
-    rows = [
-        [
-            sentence(share.what)[:-1],
-            percent(share.share) if share.share >= 0.01 else f"below {percent(0.01)}",
-            sentence(share.cause) if share.named else NOTHING,
-        ]
-        for share in shares
-    ]
+    rows = []
+    for one in shares:
+        of = percent(one.share) if one.share >= 0.01 else f"below {percent(0.01)}"
+        cause = sentence(one.cause) if one.named else NOTHING
+        rows.append([sentence(one.what)[:-1], of, cause])
     said = (
         "What the residuals follow is their likely cause."
         if named

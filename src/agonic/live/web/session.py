@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.live.fit import GROWTH
 from agonic.live.streams import Chunk, Notice, Source
@@ -29,22 +28,6 @@ class DeviceOffer(NamedTuple):
     sensor: str = ""
     settings: Sequence[Setting] = ()
     says: str = ""
-
-
-def make_offer(sensor: str, device: Device, calibration: Calibration) -> DeviceOffer:
-    """What would be written to a device."""
-    changes, warnings = device.changes(calibration)
-    return DeviceOffer(sensor, changes, ". ".join(warnings))
-
-
-def write_offer(offer: DeviceOffer, device: Device, calibration: Calibration) -> DeviceOffer:
-    """The offer with what the device keeps after writing, or why it was not written."""
-    try:
-        read = device.write(offer.settings, calibration)
-    except (AgonicError, OSError) as error:
-        return offer._replace(says=f"not written: {error}")
-    listed = [replace(one, read_back=read.get(one.name)) for one in offer.settings]
-    return DeviceOffer(offer.sensor, listed, describe_read_back(listed))
 
 
 DIGEST_S = 0.2  # between two fits, and two statuses
@@ -134,7 +117,8 @@ class Session:
         try:
             if sensor:
                 calibration = self._find_result(sensor).fit.calibration
-                offered = make_offer(sensor, self._device(), calibration)
+                changes, warnings = self._device().changes(calibration)
+                offered = DeviceOffer(sensor, changes, ". ".join(warnings))
             trouble = ""
         except AgonicError as error:
             trouble = str(error)
@@ -152,8 +136,10 @@ class Session:
             self._changed()
         try:
             calibration = self._find_result(sensor).fit.calibration
-            offered = write_offer(offered, self._device(), calibration)
-        except AgonicError as error:
+            read = self._device().write(offered.settings, calibration)
+            listed = [replace(one, read_back=read.get(one.name)) for one in offered.settings]
+            offered = DeviceOffer(sensor, listed, describe_read_back(listed))
+        except (AgonicError, OSError) as error:
             offered = offered._replace(says=f"not written: {error}")
         with self._lock:
             self._offer, self._busy = offered, False

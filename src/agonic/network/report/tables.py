@@ -49,19 +49,14 @@ def compare_errors(comparison: Comparison, target: str) -> list[Block]:
 def list_nodes(choice: NetworkChoice) -> Table:
     """R, largest and rms error by hidden nodes, of all readings and of unseen ones."""
     chosen = choice.fit.calibration.shape.hidden
-    rows = [
-        [
-            f"{row.hidden}",
-            f"{row.regression:.5f}",
-            group_digits(row.maximum, 2),
-            group_digits(row.rms, 2),
-            f"{row.unseen_regression:.5f}",
-            group_digits(row.unseen_maximum, 2),
-            group_digits(row.unseen_rms, 2),
-            "chosen" if row.hidden == chosen else "",
-        ]
-        for row in choice.table
-    ]
+    rows = []
+    for row in choice.table:
+        cells = [f"{row.hidden}"]
+        for of in ("", "unseen_"):
+            errors = (getattr(row, f"{of}{name}") for name in ("maximum", "rms"))
+            regression = getattr(row, f"{of}regression")
+            cells += [f"{regression:.5f}", *(group_digits(error, 2) for error in errors)]
+        rows.append([*cells, "chosen" if row.hidden == chosen else ""])
     if choice.base_rms is not None and choice.base_maximum is not None:
         both = [group_digits(choice.base_maximum, 2), group_digits(choice.base_rms, 2)]
         rows.append(["base", *[NOTHING] * 4, *both, ""])
