@@ -14,7 +14,6 @@ from agonic.console.sensors import open_sensor
 
 if TYPE_CHECKING:
     from agonic.inflight.fit import InflightFit
-    from agonic.samples import Samples
 
 
 MOST_ROWS = 2_000_000
@@ -72,6 +71,7 @@ def inflight(
     from agonic.console.finish import finish, is_folder
     from agonic.console.place import find_reference, find_scalar_reference, set_track
     from agonic.errors import AgonicError
+    from agonic.field.decimal_year import parse_date
     from agonic.files.calibration import load
     from agonic.inflight.fit import fit_inflight
     from agonic.inflight.report.document import describe_inflight
@@ -104,24 +104,15 @@ def inflight(
         fit, samples = _mission(logs, which, date, scalar, settings), None
     else:
         more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
-        samples = set_track(_samples(logs[0], which, between, date), altitude, tle)
+        samples = open_sensor(logs[0], *which, between)
+        if date is not None and samples.epoch is None:
+            samples = samples.with_columns(epoch=parse_date(date))
+        samples = set_track(samples, altitude, tle)
         reference = find_scalar_reference(samples, scalar)
         reference = reference or find_reference(samples, at, date, None, model)[0]
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
     return finish(document, out=out, report=report, as_json=as_json)
-
-
-def _samples(
-    log: Path, which: options.SensorChoice, between: str | None, date: str | None
-) -> Samples:
-    """The readings of one recording, with the date that was given where it has none."""
-    from agonic.field.decimal_year import parse_date
-
-    samples = open_sensor(log, *which, between)
-    if date is None or samples.epoch is not None:
-        return samples
-    return samples.with_columns(epoch=parse_date(date))
 
 
 def _mission(

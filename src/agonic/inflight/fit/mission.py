@@ -80,7 +80,12 @@ def fit_mission(
     (True, 4000)
     """
     settings = make_settings(locals())
-    _check_sources(settings.sources)
+    if timed := find_timing(settings.sources):
+        raise AgonicError(
+            f"{', '.join(timed)}: a record that is read piece by piece has no delays and time "
+            "constants of sources; name them as they are (readings while torquers settle are left "
+            "out), or give one file that fits in memory"
+        )
     progress = progress or (lambda _name, _rows: None)
     with TemporaryFile() as cache:
         scan = large_scan.scan_recording(recording, cache, scalar, settings, progress)
@@ -100,16 +105,6 @@ def fit_mission(
             problem, thinned = find_estimate(settled)
         estimate, n = _solve_whole(recording, cache, scan, problem, thinned, progress)
     return replace(_build_result(scan, problem, estimate), n=n)
-
-
-def _check_sources(sources: tuple[str, ...]) -> None:
-    """Raise `AgonicError` for what a record in pieces cannot tell."""
-    if timed := find_timing(sources):
-        raise AgonicError(
-            f"{', '.join(timed)}: a record that is read piece by piece has no delays and time "
-            "constants of sources; name them as they are (readings while torquers settle are left "
-            "out), or give one file that fits in memory"
-        )
 
 
 def _solve_whole(

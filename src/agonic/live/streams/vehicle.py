@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -142,7 +143,8 @@ class Vehicle:
 
     def begin(self, write: Callable[[bytes], None]) -> None:
         """A new connection: the vehicle is met anew."""
-        self._link = self._dialect.MAVLink(_Wire(write), *GROUND)
+        wire = SimpleNamespace(write=lambda data: write(bytes(data)))
+        self._link = self._dialect.MAVLink(wire, *GROUND)
         self._link.robust_parsing = True
         self._system: tuple[int, int] | None = None
         self._autopilot = NO_AUTOPILOT
@@ -305,16 +307,6 @@ class Vehicle:
         finally:
             self._writing = False
         return {name: values.get(name) for name in names}
-
-
-class _Wire:
-    """What pymavlink writes to."""
-
-    def __init__(self, write: Callable[[bytes], None]) -> None:
-        self._write = write
-
-    def write(self, data: bytes) -> None:
-        self._write(bytes(data))
 
 
 def _get_motion(message: Any, columns: Columns) -> list[float]:

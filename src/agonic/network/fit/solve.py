@@ -138,7 +138,9 @@ def scale_problem(problem: Problem, rows: Index, start: Network | None = None) -
     base = problem.fit_base(rows) if start is None else BaseFit(start.base)
     field = problem.apply_base(base.calibration, rows)
     target = -compute_errors(field, problem.wanted[rows])
-    used = _select_near(target, settings.robust)
+    size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
+    # a network bends to what an affine leaves, but not to anything
+    used = size <= (_GROSS * max(robust_scale(size), 1e-300) if settings.robust else np.inf)
     scale = _find_scale(problem, rows[used], target[used]) if start is None else Scale.of(start)
     between = levenberg_marquardt.Problem(
         x=(problem.inputs[rows] - scale.input_middle) / scale.input_half,
@@ -169,14 +171,6 @@ def train(problem: Problem, rows: Index, start: Network | None = None) -> Traini
         weights=weights,
         regression=correlate(outputs[weights > 0], last.target[weights > 0]),
     )
-
-
-def _select_near(target: Array, robust: bool) -> Mask:
-    """Rows that are not gross: a network bends to what an affine leaves, but not to anything."""
-    size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
-    if not robust:
-        return np.ones(len(target), dtype=bool)
-    return np.asarray(size <= _GROSS * max(robust_scale(size), 1e-300))
 
 
 def _find_scale(problem: Problem, rows: Index, target: Array) -> Scale:
