@@ -96,11 +96,6 @@ def find_other_gain(fit: InflightFit, problem: Problem) -> float:
     return float(np.mean(constant.solution.params[3:6]))
 
 
-def may_be_heights(gain: float) -> bool:
-    """Whether heights that are off by tens of kilometres would do the same: F falls with r³."""
-    return abs(gain - 1) < HEIGHTS
-
-
 def judge_gains(fit: InflightFit, gain: float) -> Iterator[Finding]:
     """That the gains are other than on the ground, by how much."""
     if abs(gain - 1) < LEAST:
@@ -135,7 +130,8 @@ def examine(
     """
     gain = find_other_gain(fit, problem)
     gains = list(judge_gains(fit, gain))
-    by_gains = bool(gains) and not may_be_heights(gain)
+    # heights that are off by tens of kilometres would do the same: F falls with r³
+    by_gains = bool(gains) and abs(gain - 1) >= HEIGHTS
     step = () if by_gains else tuple(judge_step(fit, problem))
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),

@@ -80,21 +80,19 @@ def compare(before: Affine | None, after: Affine, note: str = "") -> tuple[Numbe
     flight, flight_sd = _nine(after)
     ground, ground_sd = (None, None) if before is None else _nine(before)
 
-    def rows(names: tuple[str, ...], first: int) -> tuple[Comparison, ...]:
-        return tuple(
-            Comparison(
-                name=name,
-                ground=None if ground is None else float(ground[k]),
-                ground_sd=None if ground_sd is None else float(ground_sd[k]),
-                flight=float(flight[k]),
-                flight_sd=0.0 if flight_sd is None else float(flight_sd[k]),
-            )
-            for k, name in enumerate(names, start=first)
+    rows = tuple(
+        Comparison(
+            name=name,
+            ground=None if ground is None else float(ground[k]),
+            ground_sd=None if ground_sd is None else float(ground_sd[k]),
+            flight=float(flight[k]),
+            flight_sd=0.0 if flight_sd is None else float(flight_sd[k]),
         )
-
+        for k, name in enumerate((*_AXES, *_ENTRIES))
+    )
     return (
-        Numbers(name="Bias", unit=after.unit_in, rows=rows(_AXES, 0), note=note),
-        Numbers(name="Matrix", unit="", rows=rows(_ENTRIES, 3)),
+        Numbers(name="Bias", unit=after.unit_in, rows=rows[:3], note=note),
+        Numbers(name="Matrix", unit="", rows=rows[3:]),
     )
 
 

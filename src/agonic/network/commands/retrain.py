@@ -71,6 +71,7 @@ def retrain(
         "alarm": alarm,
     }
     spans = {name: span(text) for name, text in (("window", window), ("every", every)) if text}
+    resumed = None
     if state is not None and state.exists():
         named = [f"--{name}" for name, value in given.items() if value is not None]
         if named:
@@ -78,13 +79,10 @@ def retrain(
                 f"{state} holds its settings already; leave out {', '.join(named)}, or name "
                 "another state to start anew"
             )
-        retrainer = Retrainer.resume(state)
-        samples = open_sensor(log, *which, preferred=retrainer.state.sensor)
-        samples, known = _known(samples, log, reference, which.unit, place)
-    else:
-        samples = open_sensor(log, *which)
-        samples, known = _known(samples, log, reference, which.unit, place)
-        retrainer = _start_retrainer(samples, known, given, spans)
+        resumed = Retrainer.resume(state)
+    samples = open_sensor(log, *which, preferred=resumed.state.sensor if resumed else "")
+    samples, known = _known(samples, log, reference, which.unit, place)
+    retrainer = resumed or _start_retrainer(samples, known, given, spans)
     been, seen = retrainer.state, None
     new = samples.seconds_since(been.epoch, known=been.n > 0) > been.time
     if new.any():
@@ -129,12 +127,9 @@ def _start_retrainer(
         settings[f"{name}_{unit}"] = length if unit == "s" else int(length)
     if "window_s" in settings:
         settings["window_n"] = _rows_in(samples, settings["window_s"])
-    if given["inputs"] is not None:
-        settings["inputs"] = parse_names(given["inputs"])
-    if given["hidden"] is not None:
-        settings["hidden"] = parse_nodes(given["hidden"])
-    if given["alarm"] is not None:
-        settings["alarm"] = given["alarm"]
+    for name, parse in (("inputs", parse_names), ("hidden", parse_nodes), ("alarm", float)):
+        if given[name] is not None:
+            settings[name] = parse(given[name])
     return Retrainer(calibration, RetrainerParams(**settings))
 
 

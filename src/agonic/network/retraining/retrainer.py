@@ -164,7 +164,8 @@ class Retrainer(Judged):
             since = compute_errors(candidates.correct(state.running, rows), rows.wanted)
             if acceptance.has_changed(since, state.noise, self.params):
                 return [self._retrain(rows, why)]
-            self.state = state = schedule.bring_forward(state)
+            # too faint for a change: trained again once the window is full
+            self.state = state = replace(state, onset=None, early=True)
             if not schedule.is_full(state, self.params):
                 return []
         fresh = max(state.learned - state.first, 0)
