@@ -28,7 +28,7 @@ from agonic.live.files import load_state, save_state
 from agonic.live.guidance import Guidance, make_guidance
 from agonic.live.level import Level, find_down, see_level
 from agonic.live.maths.voxels import Voxels
-from agonic.live.state import LiveParams, LiveState
+from agonic.live.state import OF_FIT, LiveParams, LiveState
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
 from agonic.samples import Samples
@@ -250,14 +250,7 @@ class LiveFit:
         assert found is not None
         assert boxes is not None
         known = None if reference is None else float(reference.magnitudes(1)[0])
-        solved = Solved(
-            "full",
-            found.bias,
-            found.matrix,
-            found.covariance,
-            found.noise,
-            condition=found.condition,
-        )
+        solved = Solved("full", **{name: getattr(found, name) for name in OF_FIT})
         scale = Scale(found.centre, found.size, known, self.params.magnitude_sd)
         largest = float(np.abs(boxes.middles).max())
         made = replace(

@@ -11,7 +11,7 @@ from agonic.live.maths import voxels
 from agonic.live.maths.voxels import Voxels
 from agonic.live.plausible import find_plausible, find_stray
 from agonic.live.quarantine import judge_blocks
-from agonic.live.state import Found, LiveParams, LiveState
+from agonic.live.state import OF_FIT, Found, LiveParams, LiveState
 from agonic.live.track import extend_track
 from agonic.maths.equation import moment_fit, moments
 
@@ -150,14 +150,5 @@ def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) 
     made = moment_fit.estimate(sums, params.soft_iron_sd, start)
     if made is None:
         return None
-    return Found(
-        n,
-        centre,
-        size,
-        made.bias,
-        made.matrix,
-        made.covariance,
-        made.noise,
-        made.condition,
-        left_out,
-    )
+    of_fit = {name: getattr(made, name) for name in OF_FIT}
+    return Found(n, centre, size, **of_fit, left_out=left_out)

@@ -7,7 +7,7 @@ import select
 import socket
 import sys
 from contextlib import suppress
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from agonic.errors import AgonicError, MissingExtraError
 
@@ -32,18 +32,6 @@ def list_ports() -> list[tuple[str, str]]:
     except ImportError:
         raise MissingExtraError("reading a serial port", "live") from None
     return sorted((port.device, port.description or "") for port in comports())
-
-
-class Link(Protocol):
-    """A wire: `open` and `read` raise `OSError` where it is cut."""
-
-    name: str
-    hint: str
-
-    def open(self) -> None: ...
-    def read(self) -> Packet | None: ...
-    def write(self, data: bytes) -> None: ...
-    def close(self) -> None: ...
 
 
 class SerialLink:
@@ -184,3 +172,7 @@ class TcpLink(_SocketLink):
         """Send bytes."""
         if self._socket is not None:
             self._socket.sendall(data)
+
+
+Link = SerialLink | StandardInput | UdpLink | TcpLink
+"""A wire: `open` and `read` raise `OSError` where it is cut."""

@@ -260,12 +260,9 @@ def _fit(state: RetrainerState, params: RetrainerParams, rows: Window, base: Any
     fit = fit_network(
         samples,
         reference,
-        hidden=params.hidden,
-        inputs=params.inputs,
+        **{name: getattr(params, name) for name in ("hidden", "inputs", "target", "seed")},
         base=base,
-        target=params.target,
         compared=False,
-        seed=params.seed,
     )
     if fit.verdict == "refused":
         raise AgonicError(fit.status)
