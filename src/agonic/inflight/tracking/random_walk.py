@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
@@ -43,7 +43,7 @@ class WalkChoice:
 def choose_walk(
     samples: Samples,
     reference: Reference,
-    candidates: ArrayLike | None = None,
+    candidates: Sequence[float] | None = None,
     *,
     calibration: Affine | Thermal | None = None,
     params: TrackerParams | None = None,
@@ -81,11 +81,11 @@ def choose_walk(
     first = begun.ground or begun.aboard
     columns = {} if first is None else select_columns(first, samples)
     raw = begun.at_middle(samples.field, **columns)
+    tried = np.asarray(candidates, dtype=np.float64)
     if candidates is None:  # from none to the noise in every reading
         gain = float(np.cbrt(abs(np.linalg.det(begun.base.matrix))))
         noise = begun.noise if begun.noise_known else 1e-2 * float(np.mean(magnitude)) / gain
-        candidates = noise * _STEPS / np.sqrt(np.median(np.diff(samples.time)))
-    tried = np.asarray(candidates, dtype=np.float64)
+        tried = noise * _STEPS / np.sqrt(np.median(np.diff(samples.time)))
     later = slice(len(samples) // _PASSED_OVER, None)
     residuals, known = [], []
     external = reference.sd if settings.external_sd is None else settings.external_sd
