@@ -9,8 +9,7 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.live.maths import voxels
 from agonic.live.maths.voxels import Voxels
-from agonic.live.plausible import find_plausible, find_stray
-from agonic.live.quarantine import judge_blocks
+from agonic.live.quarantine import find_plausible, find_stray, judge_blocks
 from agonic.live.state import OF_FIT, Found, LiveParams, LiveState
 from agonic.live.track import extend_track
 from agonic.maths.equation import moment_fit, moments

@@ -16,7 +16,7 @@ from agonic.health import Finding
 from agonic.live.fit import LiveFit
 from agonic.live.guidance import find_held_out
 from agonic.live.level import Level, Plan
-from agonic.live.plausible import find_plausible
+from agonic.live.quarantine import find_plausible
 from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Rose, Sensor

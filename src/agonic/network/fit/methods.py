@@ -14,7 +14,6 @@ from agonic.maths.equation import network
 from agonic.network.fit.problem import Settings, pose_problem
 from agonic.network.fit.solve import scale_problem
 from agonic.network.maths import levenberg_marquardt
-from agonic.network.maths.levenberg_marquardt import Problem
 from agonic.readable import Shown
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -33,7 +32,7 @@ class Descent(NamedTuple):
 
 
 def descend(
-    problem: Problem,
+    problem: levenberg_marquardt.Problem,
     start: Array,
     *,
     epochs: int,
@@ -68,7 +67,7 @@ def descend(
     return Descent(weights, found)
 
 
-def _evaluate(problem: Problem, weights: Array) -> tuple[float, Array]:
+def _evaluate(problem: levenberg_marquardt.Problem, weights: Array) -> tuple[float, Array]:
     layers = network.split(weights, problem.shape)
     return network.sum_gradient(layers, problem.x, problem.target)
 
@@ -155,14 +154,13 @@ def compare_methods(
     )
 
 
-Trained = tuple[Array, Array]
-Trainer = Callable[[levenberg_marquardt.Problem, Array], Trained]
+Trainer = Callable[[levenberg_marquardt.Problem, Array], Descent]
 
 
 def _list_trainers(epochs: int) -> dict[str, Trainer]:
-    def marquardt(rows: levenberg_marquardt.Problem, start: Array) -> Trained:
+    def marquardt(rows: levenberg_marquardt.Problem, start: Array) -> Descent:
         found = levenberg_marquardt.train(rows, start, stopping="plain")
-        return found.weights, np.array([epoch.mean_square for epoch in found.epochs])
+        return Descent(found.weights, np.array([epoch.mean_square for epoch in found.epochs]))
 
     def descent(adaptive: bool) -> Trainer:
         return lambda rows, start: descend(rows, start, epochs=epochs, adaptive=adaptive)
