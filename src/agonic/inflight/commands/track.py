@@ -52,18 +52,11 @@ def track(
     from agonic.atomic import write_atomically
     from agonic.console.output import print_json, say
     from agonic.inflight.report.tracking_document import describe_tracking
-    from agonic.inflight.tracking import Tracker
 
     settings = {
         "solve": solve, "walk": walk, "noise": noise, "external_sd": external, "gyro": gyro
     }  # fmt: skip
-    resumed = Tracker.resume(state) if state.exists() else None
-    other = [] if resumed is None else _others(resumed, ground, settings)
-    if other:
-        raise AgonicError(
-            f"{state} was started with another {', '.join(other)}; leave that out, or name "
-            "another state to start anew"
-        )
+    resumed = _resume(state, ground, settings) if state.exists() else None
     preferred = "" if resumed is None else resumed.state.base.sensor
     samples = open_sensor(log, *which, preferred=preferred)
     rows = len(samples)
@@ -94,13 +87,14 @@ def track(
     return 0 if document.good else 1
 
 
-def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> list[str]:
-    """What is asked for and is not what the tracker was started with."""
+def _resume(state: Path, ground: Path | None, settings: dict[str, Any]) -> Tracker:
+    """The tracker of a state, unless something else is asked for than it was started with."""
     import numpy as np
 
     from agonic.files.calibration import load
-    from agonic.inflight.tracking import start
+    from agonic.inflight.tracking import Tracker, start
 
+    tracker = Tracker.resume(state)
     asked = {name: value for name, value in settings.items() if value is not None}
     walk = asked.pop("walk", AUTO)
     if walk != AUTO:
@@ -112,7 +106,13 @@ def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> 
             np.array_equal(begun.bias, base.bias) and np.array_equal(begun.matrix, base.matrix)
         ):
             other.append("ground")
-    return [name.removesuffix("_sd") for name in other]
+    if other:
+        named = ", ".join(name.removesuffix("_sd") for name in other)
+        raise AgonicError(
+            f"{state} was started with another {named}; leave that out, or name another state to "
+            "start anew"
+        )
+    return tracker
 
 
 def _reference(

@@ -255,9 +255,6 @@ def _map(flight: Flight, limit: float) -> Markup:
     return caption("Where the residuals lie", Markup(scale + drawn), note=note)
 
 
-PAIRS = ("xy", "xz", "yz")
-
-
 def describe_decomposition(calibration: Affine) -> dict[str, str]:
     """The sensitivity of each axis and how far the axes are from square, with standard errors.
 
@@ -272,7 +269,10 @@ def describe_decomposition(calibration: Affine) -> dict[str, str]:
     return {
         "Scale": join_axes(found.scale_factors, found.scale_factors_sd, blank=NO_BREAK),
         "Angles": join_axes(
-            found.nonorthogonality_deg, found.nonorthogonality_sd_deg, PAIRS, blank=NO_BREAK
+            found.nonorthogonality_deg,
+            found.nonorthogonality_sd_deg,
+            ("xy", "xz", "yz"),
+            blank=NO_BREAK,
         )
         + "°",
     }

@@ -71,7 +71,8 @@ class Sizes(NamedTuple):
 
 def describe_prior(running: Running) -> Array:
     """The covariance (k, k) of θ by what a calibration states of itself."""
-    base, step = find_base(running), np.empty((0, 0))
+    base = running.base if isinstance(running, Network) else running
+    step = np.empty((0, 0))
     if base is not None:
         own = _own(base)
         step = own.onto @ own.covariance @ own.onto.T
@@ -80,12 +81,6 @@ def describe_prior(running: Running) -> Array:
     stated = running.covariance
     stated = np.eye(running.shape.size) if stated is None else stated
     return block_diag(running.base_sd_ratio**2 * step, stated)
-
-
-def find_base(running: Running) -> Base | None:
-    """The affine or thermal calibration that takes the step; None of a network that stands alone,
-    whose hidden weights take it."""
-    return running.base if isinstance(running, Network) else running
 
 
 def train_on(
@@ -188,8 +183,9 @@ class _Model:
     """The residuals of some rows as a function of θ, and the part of θ (k, 12) that a step is."""
 
     def __init__(self, running: Running, rows: Window) -> None:
-        self.rows, base = rows, find_base(running)
-        self.network = running if isinstance(running, Network) else None
+        self.rows, self.network = rows, running if isinstance(running, Network) else None
+        # what takes the step; of a network that stands alone its hidden weights do
+        base = running.base if isinstance(running, Network) else running
         self.base, self.own = np.zeros((len(rows), 3)), 0
         if base is not None:
             self.own = STEP
