@@ -11,8 +11,8 @@ from agonic.console.options import Between, Json, Report, Seed, Unit
 from agonic.errors import AgonicError, UnitError
 
 if TYPE_CHECKING:
-    from agonic.placement.mix import Mix
     from agonic.report.document import Document
+    from agonic.samples import Samples
 
 
 def placement(
@@ -61,7 +61,7 @@ def placement(
     from agonic.console.finish import finish
     from agonic.logs.contents import read_bytes
     from agonic.placement import document
-    from agonic.placement.mix import rank_places, read_places
+    from agonic.placement.mix import judge_recording, rank_places, read_places
 
     if source is None:
         return _show_example(out, as_json)
@@ -81,9 +81,11 @@ def placement(
     elif calibrated:
         raise AgonicError(f"--calibrated goes with a list of parts, and {source} is none (.toml)")
     elif b"place" in read_bytes(source).split(b"\n", 1)[0]:
-        made = document.describe_places(rank_places(read_places(source), noise or 200.0), level)
+        ranked = rank_places(read_places(source), noise or 200.0, level)
+        made = document.describe_places(ranked)
     else:
-        made = document.describe_placement(_judge(source, first, unit, between), level)
+        samples = _pair_sensors(source, first, unit, between)
+        made = document.describe_placement(judge_recording(samples, level))
     return finish(made, report=report, as_json=as_json)
 
 
@@ -119,10 +121,11 @@ def _plan(source: Path, calibrated: bool, seed: int) -> Document:
     return describe_plan(plan_placement(layout, calibrated=calibrated, seed=seed), read)
 
 
-def _judge(source: Path, first: str | None, unit: str | None, between: str | None) -> Mix:
-    """The mix of the two magnetometers of a recording."""
+def _pair_sensors(
+    source: Path, first: str | None, unit: str | None, between: str | None
+) -> Samples:
+    """The readings of the two magnetometers of a recording."""
     from agonic.console.sensors import open_sensors
-    from agonic.placement.mix import judge_recording
 
     sensors = open_sensors(source, None, unit, between)[1]
     if len(sensors) < 2:
@@ -133,4 +136,4 @@ def _judge(source: Path, first: str | None, unit: str | None, between: str | Non
     if first is not None and first not in names:
         raise AgonicError(f"{source} holds {', '.join(names)}, and not {first}")
     own = sensors[0 if first is None else names.index(first)]
-    return judge_recording(own.with_second(next(one for one in sensors if one is not own)))
+    return own.with_second(next(one for one in sensors if one is not own))
