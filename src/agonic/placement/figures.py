@@ -10,17 +10,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.placement.layout import Region
 from agonic.placement.plan import Placement
-from agonic.report.contours import (
-    draw_contours,
-    draw_dots,
-    draw_lines,
-    fit_axes,
-    label,
-    list_nodes,
-    locate,
-)
+from agonic.report.contours import draw_map, fit_axes, list_nodes
 from agonic.report.markup import Markup
-from agonic.report.strips import caption, plot
 
 View = Literal["above", "right"]
 _AXES = {"above": ("y: right, m", "x: forward, m"), "right": ("x: forward, m", "z: up, m")}
@@ -40,27 +31,33 @@ def draw_view(plan: Placement, view: View) -> Markup:
     wires = [np.stack([w.points_m[:-1], w.points_m[1:]], axis=1) for w in layout.wires]
     parts = np.reshape([part.position_m for part in layout.parts], (-1, 3))
     chosen = np.stack([plan.first, plan.second])
-    lines = np.concatenate([regions, *wires])
-    x, y = fit_axes(_AXES[view], _turn(np.concatenate([lines.reshape(-1, 3), parts]), view))
-    nodes, shape = list_nodes(x, y)
+    marks = [
+        ("allowed", regions),
+        *(("lead", wire) for wire in wires),
+        ("dots", parts),
+        ("dots chosen", chosen),
+    ]
+    names = [
+        *((part.name, at, "part") for part, at in zip(layout.parts, parts, strict=True)),
+        *((name, at, "chosen") for name, at in zip("12", chosen, strict=True)),
+    ]
+    shown = np.concatenate([*(one.reshape(-1, 3) for one in (regions, *wires)), parts])
+    axes = fit_axes(_AXES[view], _turn(shown, view))
+    nodes, shape = list_nodes(*axes)
     error = plan.map_error_deg(_into_plane(nodes, view, plan.first)).reshape(shape)
     levels = 2.0 ** np.arange(-5, 6)
-    wanted = levels[levels > max(float(np.percentile(error, 5)), levels[0])][:5]
-    layers, labels = draw_contours(error, wanted.tolist(), "°")
-    layers += [
-        draw_lines(locate(x, y, _turn(regions, view)), "allowed"),
-        *(draw_lines(locate(x, y, _turn(one, view)), "lead") for one in wires),
-        draw_dots(locate(x, y, _turn(parts, view)), "dots"),
-        draw_dots(locate(x, y, _turn(chosen, view)), "dots chosen"),
-    ]
-    for part, at in zip(layout.parts, _turn(parts, view), strict=True):
-        labels.append(label(part.name, locate(x, y, at), "part"))
-    for name, at in zip("12", _turn(chosen, view), strict=True):
-        labels.append(label(name, locate(x, y, at), "chosen"))
     title = "From above" if view == "above" else "From the right side"
-    words = KEYS if view == "above" else KEYS | {"contour": "the same, in the plane of the first"}
-    drawn = plot(x, y, layers, f"{title}: parts, regions and magnetometers", labels, "contours")
-    return caption(title, drawn, words)
+    return draw_map(
+        axes,
+        error,
+        levels[levels > max(float(np.percentile(error, 5)), levels[0])][:5],
+        "°",
+        title=title,
+        keys=KEYS if view == "above" else KEYS | {"contour": "the same, in the plane of the first"},
+        marks=[(name, _turn(at, view)) for name, at in marks],
+        names=[(text, _turn(at, view), name) for text, at, name in names],
+        said=f"{title}: parts, regions and magnetometers",
+    )
 
 
 def _list_edges(region: Region) -> Array:

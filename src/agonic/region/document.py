@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.provenance import Input
-from agonic.region.figures import draw_map
+from agonic.region.figures import draw_region
 from agonic.region.fit import CITATIONS
 from agonic.region.result import FieldMap
 from agonic.report.digits import group_digits, quantity, significant, with_sd
@@ -58,7 +58,7 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
             "Noise": f"{with_sd(found.noise, found.noise_sd)} nT of a reading on an axis",
         },
         sections=[
-            Section("From above", [lambda: draw_map(found)]),
+            Section("From above", [lambda: draw_region(found)]),
             Section(
                 "Measure next",
                 [Table(("Place", "x, m", "y, m", "z, m", "Standard error now"), rows)],
