@@ -15,6 +15,8 @@ from agonic.report.markup import Markup
 
 View = Literal["above", "right"]
 _AXES = {"above": ("y: right, m", "x: forward, m"), "right": ("x: forward, m", "z: up, m")}
+_TURNS = {"above": ([1, 0], [1.0, 1.0]), "right": ([0, 2], [1.0, -1.0])}
+"""Which axis of the vehicle goes across and which up, and their signs."""
 KEYS = {
     "contour": "heading error of one alone, at the depth of the first",
     "allowed": "allowed regions",
@@ -42,9 +44,16 @@ def draw_view(plan: Placement, view: View) -> Markup:
         *((name, at, "chosen") for name, at in zip("12", chosen, strict=True)),
     ]
     shown = np.concatenate([*(one.reshape(-1, 3) for one in (regions, *wires)), parts])
-    axes = fit_axes(_AXES[view], _turn(shown, view))
+    columns, signs = _TURNS[view]
+
+    def turn(at: Array) -> Array:
+        return np.asarray(at[..., columns] * signs)
+
+    axes = fit_axes(_AXES[view], turn(shown))
     nodes, shape = list_nodes(*axes)
-    error = plan.map_error_deg(_into_plane(nodes, view, plan.first)).reshape(shape)
+    here = np.tile(plan.first, (len(nodes), 1))
+    here[:, columns] = nodes * signs
+    error = plan.map_error_deg(here).reshape(shape)
     levels = 2.0 ** np.arange(-5, 6)
     title = "From above" if view == "above" else "From the right side"
     return draw_map(
@@ -54,8 +63,8 @@ def draw_view(plan: Placement, view: View) -> Markup:
         "°",
         title=title,
         keys=KEYS if view == "above" else KEYS | {"contour": "the same, in the plane of the first"},
-        marks=[(name, _turn(at, view)) for name, at in marks],
-        names=[(text, _turn(at, view), name) for text, at, name in names],
+        marks=[(name, turn(at)) for name, at in marks],
+        names=[(text, turn(at), name) for text, at, name in names],
         said=f"{title}: parts, regions and magnetometers",
     )
 
@@ -65,19 +74,3 @@ def _list_edges(region: Region) -> Array:
     corners = np.array(list(product((0.0, 1.0), repeat=len(region.edges_m))))
     pairs = [(a, b) for a in corners for b in corners if (b >= a).all() and (b - a).sum() == 1]
     return np.asarray(region.corner_m + np.array(pairs) @ np.array(region.edges_m))
-
-
-def _turn(at: Array, view: View) -> Array:
-    """Places (…, 3) of the vehicle across and up a view."""
-    x, y, z = np.moveaxis(at, -1, 0)
-    return np.stack([y, x] if view == "above" else [x, -z], axis=-1)
-
-
-def _into_plane(nodes: Array, view: View, through: Array) -> Array:
-    """Places (n, 3) of points (n, 2) of a view, in the plane through one place."""
-    across, up = nodes.T
-    here = np.tile(through, (len(nodes), 1))
-    columns = ((1, across), (0, up)) if view == "above" else ((0, across), (2, -up))
-    for axis, values in columns:
-        here[:, axis] = values
-    return here

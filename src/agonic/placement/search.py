@@ -182,13 +182,10 @@ def _keep_clear(layout: Layout, candidates: Array) -> Array:
 
 def measure_clearance(layout: Layout, at: Array) -> Array:
     """Distances (p,) of places (p, 3) from the nearest part or wire, m."""
-    nearest = np.full(len(at), np.inf)
-    for part in layout.parts:
-        nearest = np.minimum(nearest, np.linalg.norm(at - np.array(part.position_m), axis=1))
-    for wire in layout.wires:
-        start, piece = np.array(wire.points_m)[:-1], np.diff(wire.points_m, axis=0)
-        away = at[:, None] - start
-        share = np.einsum("psi,si->ps", away, piece) / np.maximum((piece**2).sum(axis=1), 1e-30)
-        foot = away - np.clip(share, 0.0, 1.0)[..., None] * piece
-        nearest = np.minimum(nearest, np.linalg.norm(foot, axis=2).min(axis=1))
-    return nearest
+    lines = [*([part.position_m] * 2 for part in layout.parts), *(w.points_m for w in layout.wires)]
+    start = np.concatenate([line[:-1] for line in lines])
+    piece = np.concatenate([np.diff(line, axis=0) for line in lines])
+    away = at[:, None] - start
+    share = np.einsum("psi,si->ps", away, piece) / np.maximum((piece**2).sum(axis=1), 1e-30)
+    foot = away - np.clip(share, 0.0, 1.0)[..., None] * piece
+    return np.asarray(np.linalg.norm(foot, axis=2).min(axis=1))
