@@ -35,13 +35,13 @@ def score(ensemble: Ensemble, at: Array) -> tuple[Array, Array]:
     layout, east = ensemble.layout, ensemble.service.rot_nb[:, 1]
     x = np.einsum("ki,kpj->kpij", east, ensemble.disturb(at)).reshape(len(east), -1)
     noise = np.full(len(at), layout.sensor.noise_nT)
-    square, mixes = combine(x.T @ x / len(east), east.T @ east / len(east), noise)
+    square, mixes = combine(x.T @ x / len(east), east.T @ east / len(east), noise, ridge=1e-9)
     apart = np.linalg.norm(at[:, None] - at, axis=2)
     square[(apart < layout.sensor.separation_m) & ~np.eye(len(at), dtype=bool)] = np.inf
     return np.degrees(np.sqrt(square) / layout.horizontal), mixes
 
 
-def combine(moments: Array, east: Array, noise: Array) -> tuple[Array, Array]:
+def combine(moments: Array, east: Array, noise: Array, ridge: float = 0.0) -> tuple[Array, Array]:
     """The mix of every pair of places (p) that leaves the least error along a direction.
 
     The mix u = d₁ − G (d₂ − d₁) keeps the field. With n the direction, as magnetic east in the axes
@@ -54,9 +54,9 @@ def combine(moments: Array, east: Array, noise: Array) -> tuple[Array, Array]:
     (Gauss–Markov). Opposite and equal disturbances have G = −½, the mean of the two, at 0.71 of the
     noise; where both see the same, nothing cancels.
 
-    Parameters: `moments` E[x xᵀ] (9p, 9p), nT²; `east` E[n nᵀ] (3, 3); `noise` (p,) of an axis, nT.
-    Returns E (n·u)² (p, p), nT², of one alone on the diagonal, and G (p, p, 3, 3) for first (row)
-    and second (column).
+    Parameters: `moments` E[x xᵀ] (9p, 9p), nT²; `east` E[n nᵀ] (3, 3); `noise` (p,) of an axis, nT;
+    a `ridge`, of the noise's variance, leaves G at 0 along what no n has. Returns E (n·u)² (p, p),
+    nT², of one alone on the diagonal, and G (p, p, 3, 3) for first (row) and second (column).
 
     >>> opposite = np.kron([[1.0, -1.0], [-1.0, 1.0]], 1e6 * np.eye(9) / 3)
     >>> square, mixes = combine(opposite, np.eye(3) / 3, np.array([100.0, 100.0]))
@@ -69,8 +69,8 @@ def combine(moments: Array, east: Array, noise: Array) -> tuple[Array, Array]:
     own = blocks[range(p), range(p)] + noises
     one, two = np.triu_indices(p, 1)
     across = blocks[one, two].swapaxes(1, 2)
-    ridge = (1e-9 * np.trace(noises[0]) + np.finfo(float).tiny) * np.eye(9)
-    apart = own[one] + own[two] - across - across.swapaxes(1, 2) + ridge
+    apart = own[one] + own[two] - across - across.swapaxes(1, 2)
+    apart = apart + (ridge * np.trace(noises[0]) + np.finfo(float).tiny) * np.eye(9)
     pull = (own[one] - across) @ whole
     g = -np.linalg.solve(apart, pull[..., None])[..., 0]
     square = np.diag(own @ whole @ whole)

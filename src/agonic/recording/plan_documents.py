@@ -139,9 +139,8 @@ def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
 
 def _list_moves(lacking: Sequence[JudgedDisturber]) -> list[str]:
     """What to add, a sentence each; those that move together in one."""
-    together = {frozenset((one.source, *one.along)) for one in lacking if one.along}
-    alone = [f"{one.source}: {one.move}." for one in lacking if not one.along]
-    sets = sorted(sorted(group) for group in together)
+    together = {tuple(sorted({one.source, *one.along})) for one in lacking if one.along}
     return [
-        f"{name_sources(group)} move together: switch each by itself." for group in sets
-    ] + alone
+        *(f"{name_sources(n)} move together: switch each by itself." for n in sorted(together)),
+        *(f"{one.source}: {one.move}." for one in lacking if not one.along),
+    ]
