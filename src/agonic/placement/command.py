@@ -107,7 +107,8 @@ def _show_example(out: Path | None, as_json: bool) -> int:
         print_json("agonic/plan-placement-example@1", {"example": text, "file": file})
         return 0
     say(text if file is None else f"Written   {file}, an example: put your own parts into it")
-    say(f"Next      agonic plan placement {file or 'parts.toml'} -o places")
+    comment = "" if file else "# "  # what is printed may be sent into a file as it is
+    say(f"{comment}Next      agonic plan placement {file or 'parts.toml'} -o places")
     return 0
 
 
