@@ -86,11 +86,11 @@ from agonic.version import __version__ as __version__
 
 # isort: split
 # Not listed: at home in a group, and here too, so that fits and exports are found by their verb.
-from agonic.alignment.coil import fit_coil as fit_coil
+from agonic.alignment.coil.fit import fit_coil as fit_coil
 from agonic.alignment.gravity import fit_gravity as fit_gravity
-from agonic.alignment.north import fit_di_flux as fit_di_flux
-from agonic.alignment.north import fit_north as fit_north
-from agonic.alignment.star_sensor import fit_alignment as fit_alignment
+from agonic.alignment.north.di_flux import fit_di_flux as fit_di_flux
+from agonic.alignment.north.fit import fit_north as fit_north
+from agonic.alignment.star_sensor.fit import fit_alignment as fit_alignment
 from agonic.exports.ardupilot import write_ardupilot as write_ardupilot
 from agonic.exports.c_header import write_c as write_c
 from agonic.exports.csv import write_sensors as write_sensors

@@ -7,8 +7,8 @@ from datetime import timedelta
 
 import numpy as np
 
-from agonic.alignment.session import Session
-from agonic.alignment.star_sensor import AlignmentFit
+from agonic.alignment.session.session import Session
+from agonic.alignment.star_sensor.result import AlignmentFit
 
 MATRIX = np.eye(3) + 1e-3 * np.array([[1.0, 2, 3], [2, -4, 5], [3, 5, 6]])
 

@@ -9,10 +9,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import Pier, load_earth_rotation, observe
+from agonic.alignment.session.earth import load_earth_rotation
+from agonic.alignment.session.observed import observe
+from agonic.alignment.session.session import Pier
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session
-from agonic.alignment.star_sensor import AlignmentFit, error_budget, fit_alignment, plan_alignment
+from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_axes
+from agonic.alignment.star_sensor.fit import fit_alignment
+from agonic.alignment.star_sensor.plan import plan_alignment
+from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.errors import AgonicError, CoverageError, UnitError, ValidityError
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, from_323_deg

@@ -10,7 +10,7 @@ import pytest
 
 import agonic as ag
 from agonic.alignment.explanations import find_explanations
-from agonic.alignment.session import Session
+from agonic.alignment.session.session import Session
 from agonic.alignment.simulation.session import simulate_session
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD

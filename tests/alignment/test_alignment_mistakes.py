@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import Pier, Session, Site, load_earth_rotation
+from agonic.alignment.session.earth import load_earth_rotation
+from agonic.alignment.session.session import Pier, Session, Site
 from agonic.alignment.simulation.session import simulate_session
-from agonic.alignment.star_sensor import fit_alignment
+from agonic.alignment.star_sensor.fit import fit_alignment
 from tests.alignment.nights import MATRIX, at_other_times, names
 
 

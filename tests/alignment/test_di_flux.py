@@ -8,7 +8,7 @@ import pytest
 from agonic.alignment.files.read import read_coil, read_north
 from agonic.alignment.files.read_di_flux import read_di_flux
 from agonic.alignment.files.write import write_coil, write_north
-from agonic.alignment.north import fit_di_flux
+from agonic.alignment.north.di_flux import fit_di_flux
 from agonic.alignment.simulation.laboratory import simulate_coil
 from agonic.alignment.simulation.north import simulate_north
 from agonic.errors import AgonicError, LogError

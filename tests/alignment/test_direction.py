@@ -12,9 +12,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.alignment.direction import FieldDirection, field_direction, follow_direction
-from agonic.alignment.session import Session, StarReadings, load_earth_rotation
-from agonic.alignment.session.session import compute_unix_s
+from agonic.alignment.direction.compute import field_direction
+from agonic.alignment.direction.follow import follow_direction
+from agonic.alignment.direction.result import FieldDirection
+from agonic.alignment.session.earth import load_earth_rotation
+from agonic.alignment.session.session import Session, StarReadings, compute_unix_s
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session
 from agonic.errors import AgonicError, FrameError
 from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg

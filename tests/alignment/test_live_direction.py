@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.alignment.direction import FieldDirection, Follower
-from agonic.alignment.session import Site, StarReadings, load_earth_rotation
+from agonic.alignment.direction.follow import Follower
+from agonic.alignment.direction.result import FieldDirection
+from agonic.alignment.session.earth import load_earth_rotation
+from agonic.alignment.session.session import Site, StarReadings
 from agonic.cli import run
 from tests.command_line import complaint
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import di_flux as kernel
-from agonic.alignment.north import fit_di_flux, fit_north
+from agonic.alignment.north.di_flux import fit_di_flux
+from agonic.alignment.north.fit import fit_north
 from agonic.alignment.session.laboratory import NorthSession, Sighting
 from agonic.alignment.simulation.laboratory import simulate_di_flux
 from agonic.alignment.simulation.north import READINGS, simulate_north

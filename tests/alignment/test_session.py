@@ -13,7 +13,7 @@ from agonic.alignment.files.read import read_session
 from agonic.alignment.files.tables import read_stars
 from agonic.alignment.files.write import write_session
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session
-from agonic.alignment.star_sensor import fit_alignment
+from agonic.alignment.star_sensor.fit import fit_alignment
 from agonic.calibration.affine import Affine
 from agonic.errors import AgonicError, LogError
 from agonic.files.calibration import save

@@ -17,7 +17,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from agonic.live.web import messages
-from agonic.live.web.view import RecentReadings
+from agonic.live.web.watch import RecentReadings
 
 
 def run(work):

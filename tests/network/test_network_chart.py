@@ -3,7 +3,7 @@
 from xml.etree import ElementTree
 
 from agonic.network.fit import choose_network, fit_network
-from agonic.network.report.chart import draw_chart
+from agonic.network.report.figures import draw_chart
 from agonic.network.simulate import simulate_paper
 
 

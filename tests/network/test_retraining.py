@@ -32,7 +32,7 @@ def move(running, rows: Window, *, bias_sd: float, matrix_sd: float):
     """What is running after a step of the base alone."""
     params = replace(PARAMS, bias_sd=bias_sd, matrix_sd=matrix_sd)
     prior = describe_prior(running)
-    return train_on(running, prior, rows, params, least=1.0, weights=False).calibration
+    return train_on(running, prior, rows, params, least=1.0, weights=False)[0]
 
 
 def directions(rng: np.random.Generator, n: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.placement.mix import find_mix, judge_recording, rank_places, read_places
+from agonic.placement.mix import judge_recording, list_mixes, rank_places, read_places
 from agonic.samples import Samples
 from tests.command_line import answer
 
@@ -30,8 +30,8 @@ def strapped(second: np.ndarray, seed: int = 0, n: int = 3000) -> tuple[Samples,
 def test_no_other_mix_leaves_less() -> None:
     rng = np.random.default_rng(1)
     d1, d2 = rng.normal(size=(2, 3, 3)) * 1000
-    moments = (d1.T @ d1, d1.T @ d2, d2.T @ d2)
-    best = find_mix("a", "b", moments, (100.0, 150.0))
+    both = np.concatenate([d1, d2], axis=1)
+    best = list_mixes("ab", both.T @ both, np.array([100.0, 150.0]), 2e4)[0, 1]
 
     def cost(g: np.ndarray) -> float:
         left = d1 - (d2 - d1) @ g.T

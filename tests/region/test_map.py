@@ -240,7 +240,7 @@ def test_what_cannot_be_mapped_is_said() -> None:
         ag.fit_map(room.position[:5], room.field[:5])
     with pytest.raises(AgonicError, match=r"both need \(n, 3\)"):
         ag.fit_map(room.position, room.field[:, 0])
-    with pytest.raises(AgonicError, match="no number"):
+    with pytest.raises(AgonicError, match="not numbers"):
         ag.fit_map(room.position, np.where(room.field > 4.4e4, np.nan, room.field))
     made = ag.fit_map(room.position, room.field)
     with pytest.raises(ValidityError, match="measure there first") as caught:

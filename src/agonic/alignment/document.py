@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from agonic.alignment.coil.fit import METHOD
 from agonic.alignment.coil.result import CoilFit, Direction
-from agonic.alignment.figures import draw_residuals, draw_series
-from agonic.alignment.findings import judge
+from agonic.alignment.figures import draw_figure, draw_residuals, draw_series
+from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.remanence import RemanenceFit
 from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
-from agonic.report.markup import Markup, element
+from agonic.report.markup import Markup
 from agonic.report.section import Section, Table, list_inputs
 
 WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
 CAPTION = "What is read at each angle of the platform beside the mean"
-
-
 FRAMES = {
     "m": "magnetometer",
     "b": "platform",
@@ -43,7 +40,7 @@ LEVEL_HEAD = ("Current, A", "Constant, nT/A", "Standard error", "Departure", "De
 def describe_coil(fit: CoilFit) -> Document:
     """The axis in every frame, the constant at each current, and what was objected to.
 
-    >>> from agonic.alignment.coil import fit_coil
+    >>> from agonic.alignment.coil.fit import fit_coil
     >>> from agonic.alignment.simulation.laboratory import simulate_coil
     >>> made = describe_coil(fit_coil(simulate_coil(levels=(1.0, 0.5)).session))
     >>> made.to_html().count("<h2>"), len(made.values["levels"])
@@ -66,7 +63,12 @@ def describe_coil(fit: CoilFit) -> Document:
             *([] if refused else [Section("Residuals of the stretches", [drawn])]),
             list_inputs(session.magnetometer.origin, reference, method=METHOD),
         ],
-        values=_record_coil(fit),
+        values={
+            "coil": session.coil,
+            **make_record(fit),
+            "even_nT_A2": fit.estimate.even,
+            "noise_nT": fit.estimate.noise,
+        },
         styles=["alignment.css"],
     )
 
@@ -110,13 +112,6 @@ def _tabulate_coil(fit: CoilFit) -> Section:
     return Section("Linearity", [Table(LEVEL_HEAD, rows, "numbers small")], printed=True)
 
 
-def _record_coil(fit: CoilFit) -> dict[str, Any]:
-    estimate = fit.estimate
-    return {"coil": fit.session.coil, **make_record(fit), "even_nT_A2": estimate.even} | {
-        "noise_nT": estimate.noise
-    }
-
-
 def describe_gravity(fit: GravityFit, sensor: str) -> Document:
     """The rotation from the magnetometer of a name to the accelerometer; a refused one has none.
 
@@ -126,34 +121,24 @@ def describe_gravity(fit: GravityFit, sensor: str) -> Document:
     >>> print(made.to_text().splitlines()[0])
     ✓ mag: good (against the accelerometer, 24 orientations at rest)
     """
-    refused = fit.verdict == "refused"
+    refused, estimate = fit.verdict == "refused", fit.estimate
+    found = {**make_record(fit), "bias": estimate.bias, "residuals": estimate.residuals}
+    rows = (" ".join(group_digits(float(v), 6) for v in row) for row in fit.rot_bm)
     return Document(
         schema="agonic/fit-gravity@1",
         kind="Alignment with an accelerometer",
         name=sensor,
         method=f"against the accelerometer, {fit.n} orientations at rest",
         **judge(fit),
-        entries=_list_turn(fit),
-        values={"sensor": sensor, "n": fit.n, **({} if refused else _record_turn(fit))},
+        entries={
+            "Turn": quantity(fit.angle_deg, "°", 4),
+            "Error": f"about the accelerometer's {write_by_axis(fit.sd_deg, '°')}",
+            "Matrix": "; ".join(rows),
+            "Dip": f"{group_digits(fit.inclination_deg, 2)}°",
+        },
+        values={"sensor": sensor, "n": fit.n, **({} if refused else found)},
         calibration=None if refused else fit.calibration,
     )
-
-
-def _list_turn(fit: GravityFit) -> dict[str, str]:
-    sd = "   ".join(
-        f"{a} {significant(float(s), 2)}°" for a, s in zip("xyz", fit.sd_deg, strict=True)
-    )
-    return {
-        "Turn": quantity(fit.angle_deg, "°", 4),
-        "Error": f"about the accelerometer's {sd}",
-        "Matrix": "; ".join(" ".join(group_digits(float(v), 6) for v in row) for row in fit.rot_bm),
-        "Dip": f"{group_digits(fit.inclination_deg, 2)}°",
-    }
-
-
-def _record_turn(fit: GravityFit) -> dict[str, Any]:
-    estimate = fit.estimate
-    return {**make_record(fit), "bias": estimate.bias, "residuals": estimate.residuals}
 
 
 def describe_remanence(fit: RemanenceFit) -> Document:
@@ -170,6 +155,8 @@ def describe_remanence(fit: RemanenceFit) -> Document:
     if fit.induced is not None:
         entries["Induced"] = f"{with_sd(fit.induced, fit.induced_sd)} nT, twice in a turn"
     read = [one.origin for one in (fit.samples, fit.reference) if one is not None]
+    cosine, sine = fit.harmonics.once[:2]
+    found = {"sensor": fit.samples.name, "cosine_nT": cosine, "sine_nT": sine}
     return Document(
         schema="agonic/fit-remanence@1",
         kind="Remanence of a platform",
@@ -182,7 +169,7 @@ def describe_remanence(fit: RemanenceFit) -> Document:
             Section("At each angle of the platform", [lambda: _draw_remanence(fit)]),
             list_inputs(*read, method=METHOD),
         ],
-        values=_record_remanence(fit),
+        values={**found, **make_record(fit)},
         styles=["alignment.css"],
     )
 
@@ -190,10 +177,4 @@ def describe_remanence(fit: RemanenceFit) -> Document:
 def _draw_remanence(fit: RemanenceFit) -> Markup:
     angles = np.round(fit.angle_deg).astype(np.int64)
     drawn = draw_residuals(fit.field, fit.noise, angles, "angle of the platform, °")
-    return element("figure", drawn, element("figcaption", CAPTION))
-
-
-def _record_remanence(fit: RemanenceFit) -> dict[str, Any]:
-    cosine, sine = fit.harmonics.once[:2]
-    found = {"sensor": fit.samples.name, "cosine_nT": cosine, "sine_nT": sine}
-    return {**found, **make_record(fit)}
+    return draw_figure(drawn, CAPTION)

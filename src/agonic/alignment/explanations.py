@@ -18,8 +18,8 @@ from agonic.alignment.findings import tell
 from agonic.alignment.maths import two_frames as kernel
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
-from agonic.alignment.session import Site
 from agonic.alignment.session.earth import ARCSEC_PER_S
+from agonic.alignment.session.session import Site
 from agonic.arrays import Array
 from agonic.health import Finding, figure
 from agonic.maths.estimation import leastsq

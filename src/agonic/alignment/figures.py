@@ -44,16 +44,20 @@ def draw_residuals(
     return caption("Residuals along the magnetometer’s axes", drawn, keys)
 
 
+def draw_figure(drawn: Markup, caption: str) -> Markup:
+    """A drawing with what it shows in words below."""
+    return element("figure", drawn, element("figcaption", caption))
+
+
 def draw_settings(values: Array, unit: str) -> Markup:
     """What is left of each setting (k,), a bar each, numbered from one.
 
     >>> draw_settings(np.array([1.0, -2.0]), "nT").count('class="bar-x"')
     1
     """
-    limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
     numbers = np.arange(1.0, len(values) + 1)
     x = Axis("setting", 0.5, max(len(values), LEAST_BARS) + 0.5)
-    y = Axis(f"residual, {unit}", -limit, limit)
+    y = make_residual_axis(values, unit)
     bars = _bars(x, y, numbers, 0.3, np.zeros(len(values)), values, "bar-x")
     return caption("Residuals", plot(x, y, [bars, level(y, 0.0, "zero")], "Residuals"))
 
@@ -81,12 +85,15 @@ def svg_text(x: float, y: float, text: str, name: str) -> Markup:
 def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: str) -> list[Markup]:
     """Columns of values (n, k) over time, a strip each; without times in their order."""
     x, along = along_rows(time, np.arange(len(values)))
+    y, columns = make_residual_axis(values, unit), Columns(x, along)
+    drawn = []
+    for name, one in zip(names, values.T, strict=True):
+        layers = [level(y, 0.0, "noise"), line(columns, y, columns.mean(one), "mean")]
+        drawn.append(caption(name, plot(x, y, layers, f"Residuals {name}")))
+    return drawn
+
+
+def make_residual_axis(values: Array, unit: str) -> Axis:
+    """The axis of residuals, zero in its middle."""
     limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
-    y, columns = Axis(f"residual, {unit}", -limit, limit), Columns(x, along)
-    strips = (
-        [level(y, 0.0, "noise"), line(columns, y, columns.mean(one), "mean")] for one in values.T
-    )
-    return [
-        caption(name, plot(x, y, layers, f"Residuals {name}"))
-        for name, layers in zip(names, strips, strict=True)
-    ]
+    return Axis(f"residual, {unit}", -limit, limit)

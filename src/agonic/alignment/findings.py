@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from agonic.health import Finding, Judged, figure
 from agonic.health.finding import Severity
+from agonic.report.digits import significant
 
 
 class Told(NamedTuple):
@@ -262,6 +263,17 @@ class _Number(float):
 
     def __format__(self, spec: str) -> str:
         return super().__format__(spec) if spec else figure(float(self))
+
+
+def write_by_axis(sds: Iterable[float], unit: str = "″", between: str = "   ") -> str:
+    """Standard errors (3,) about the axes x, y and z.
+
+    >>> write_by_axis([1.0, 2.0, 3.25], "°", ", ")
+    'x 1.0°, y 2.0°, z 3.2°'
+    """
+    return between.join(
+        f"{a} {significant(float(sd), 2)}{unit}" for a, sd in zip("xyz", sds, strict=True)
+    )
 
 
 def judge(fit: Judged) -> dict[str, Any]:

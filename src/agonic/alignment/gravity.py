@@ -43,7 +43,8 @@ from agonic.samples import Samples
 VERTICAL = GROUPS["pier"].stop - 1
 """Place of Z among the unknowns of vectors in two frames."""
 STARTS = 4
-"""Right angles that are started from: of 120 random turns the first or second led to the best."""
+"""Right angles that are started from, those by which the vertical field varies least: of 120
+random turns the first or second led to the best."""
 NOISE = 1e-3
 """Share of the field by which steps are weighed; the residuals tell the noise itself."""
 
@@ -70,16 +71,20 @@ def estimate(
     covariance is widened by Student's t of the residuals' freedom.
     """
     size = float(np.linalg.norm(field, axis=1).mean())
-    measured = _measure(down, field / size)
+    # of the field's attitude only down is known, and only along it is the field told
+    attitude, none = np.zeros((len(down), 3, 3)), np.zeros(len(down))
+    attitude[:, :, 2] = down
+    told = Measured(
+        field / size, np.zeros_like(field), attitude, 0 * attitude, none + NOISE, none, down
+    )
     prior = make_prior({"alignment", *(("bias",) if bias else ())})
     prior[VERTICAL] = 0.0
-    found = min(
-        (
-            solve(measured, prior, (0.0, 0.0, z), rot_bm.T)
-            for rot_bm, z in _starts(down, field / size)
-        ),
-        key=lambda one: one.chi2,
+    vertical = (down @ right_angles() * field / size).sum(axis=-1)
+    tried = (
+        solve(told, prior, (0.0, 0.0, float(vertical[k].mean())), right_angles()[k].T)
+        for k in np.argsort(vertical.var(axis=1))[:STARTS]
     )
+    found = min(tried, key=lambda one: one.chi2)
     at, rotation = found.unknowns, found.unknowns.rot_mc.T
     residuals = (down * ((field / size - at.bias) @ at.rot_mc)).sum(axis=1) - at.offset[2]
     variance = float(residuals @ residuals) / found.freedom if found.freedom > 0 else np.nan
@@ -99,23 +104,6 @@ def estimate(
         residuals * size,
         found.freedom,
     )
-
-
-def _measure(down: Array, field: Array) -> Measured:
-    """Vectors in two frames, of the field's attitude only down known, and only along it read."""
-    attitude = np.zeros((len(down), 3, 3))
-    attitude[:, :, 2] = down
-    none = np.zeros(len(down))
-    return Measured(
-        field, np.zeros_like(field), attitude, np.zeros_like(attitude), none + NOISE, none, down
-    )
-
-
-def _starts(down: Array, field: Array) -> list[tuple[Array, float]]:
-    """The right angles by which the vertical field varies least, and what it is by them."""
-    vertical = (down @ right_angles() * field).sum(axis=-1)
-    best = np.argsort(vertical.var(axis=1))[:STARTS]
-    return [(right_angles()[k], float(vertical[k].mean())) for k in best]
 
 
 def _scatter_of_sizes(field: Array, vertical: float, gravity: Array | None) -> float:

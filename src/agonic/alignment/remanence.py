@@ -109,7 +109,6 @@ def fit_remanence(
     if samples.unit == RAW:
         raise UnitError("name the unit of the readings: the field of the platform is given in nT")
     visits, angle = _visit(samples)
-    _check_circle(angle, len(visits))
     seen = average_beside(visits, samples, samples.field, reference)
     drift = PARABOLA if samples.time is not None and seen.beside is None else 0
     ambient = 3 if seen.beside is not None else drift
@@ -141,7 +140,7 @@ def fit_remanence(
 
 
 def _visit(samples: Samples) -> tuple[list[Index], Array]:
-    """The rows of each setting of the platform in order, and its angle."""
+    """The rows of each setting of the platform in order, all round, and its angle."""
     if samples.heading_deg is None:
         raise LogError(
             f"{samples.name} has no angle of the platform; add a column heading_deg with the angle "
@@ -151,19 +150,15 @@ def _visit(samples: Samples) -> tuple[list[Index], Array]:
     moved = np.abs(np.degrees(np.angle(np.exp(1j * np.diff(heading))))) > SAME_DEG
     visits = split(moved)
     angle = [np.degrees(np.angle(np.exp(1j * heading[rows]).mean())) % 360 for rows in visits]
-    return visits, np.array(angle)
-
-
-def _check_circle(angle_deg: Array, count: int) -> None:
-    """Enough settings, all round."""
-    apart = np.unique(np.round(angle_deg, 1))
+    apart = np.unique(np.round(angle, 1))
     gaps = np.diff(np.append(apart, apart[0] + 360.0))
-    if count < FEWEST or len(apart) < 4 or gaps.max() > WIDEST_GAP_DEG:
+    if len(visits) < FEWEST or len(apart) < 4 or gaps.max() > WIDEST_GAP_DEG:
         raise LogError(
-            f"{count} settings of the platform at {len(apart)} angles leave "
+            f"{len(visits)} settings of the platform at {len(apart)} angles leave "
             f"{gaps.max():.0f}° of the circle empty; turn it in steps of 45° or less all round, "
             "and leave the magnetometer where it is"
         )
+    return visits, np.array(angle)
 
 
 def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:

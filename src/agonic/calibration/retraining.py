@@ -189,9 +189,9 @@ class RetrainerState:
     reservoir: Window
     watch: cusum.Sums
     wait: int
-    noise: float | None = None
+    noise: Annotated[float | None, Shown(key="noise_nT")] = None
     correlation: float = 1.0
-    n: int = 0
+    n: Annotated[int, Shown()] = 0
     time: float = -inf
     epoch: datetime | None = None
     onset: int | None = None
@@ -204,9 +204,9 @@ class RetrainerState:
     covariance: Array | None = None
     learned: int = 0
     retrainings: tuple[Retraining, ...] = ()
-    accepted: int = 0
-    rejected: int = 0
-    sensor: str = "mag"
+    accepted: Annotated[int, Shown()] = 0
+    rejected: Annotated[int, Shown()] = 0
+    sensor: Annotated[str, Shown()] = "mag"
     reference_sd: float = 0.0
     source: str = ""
     unit: str = "nT"

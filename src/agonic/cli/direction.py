@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,9 +13,8 @@ from agonic.console.options import At, Json, Report, SensorChoice
 from agonic.errors import AgonicError, check_choice
 
 if TYPE_CHECKING:
-    from agonic.alignment.direction import Follower
-    from agonic.alignment.session import Site, StarReadings
-    from agonic.samples import Samples
+    from agonic.alignment.direction.follow import Follower
+    from agonic.alignment.session.session import Site, StarReadings
 
 Effect = Annotated[
     str, typer.Option(metavar="EFFECT", help="In the attitudes: present or removed.")
@@ -61,22 +61,30 @@ def direction(
     wait S : How long a reading waits for late attitudes; default: as --gap.
     noise NT : Noise of one reading on one axis.
     """
-    from agonic.alignment.direction import Follower, field_direction
+    from agonic.alignment.direction.compute import field_direction
     from agonic.alignment.direction.document import describe_direction
+    from agonic.alignment.direction.follow import Follower
     from agonic.alignment.files.read import SESSION, read_session
-    from agonic.alignment.files.tables import write_direction
+    from agonic.alignment.files.tables import read_stars, state_errors, write_direction
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, require_table
     from agonic.console.sensors import open_sensor
     from agonic.files.calibration import load
 
     known = require_calibration(load(alignment))
+
+    def complete(read: StarReadings) -> StarReadings:
+        return replace(state_errors(read, across, about), **starlight)
+
     starlight: dict[str, Any] = {"refraction": refraction, "aberration": aberration}
+    check_choice("turns", turns, ("ci", "ic"))
+    if (across is None) != (about is None):
+        raise AgonicError("--across and --about go together")
     if live is not None:
         if log is not None or out is not None or report is not None:
             raise AgonicError("--live writes lines of JSON: leave LOG, -o and --report out")
         follower = Follower(known, _make_site(at), noise=noise, gap_s=gap, wait_s=wait)
-        return _follow(follower, live, stars, turns, (across, about), starlight, which)
+        return _follow(follower, live, stars, turns, complete, which)
     if log is None or out is None:
         raise AgonicError("needed are LOG and -o OUT, or --live SOURCE")
     require_table(out)
@@ -87,9 +95,11 @@ def direction(
         noise = session.noise if noise is None else noise
     else:
         samples, site = open_sensor(log, *which), _make_site(at)
-        table = None if stars is None else Path(stars)
-        attitudes = _read_attitudes(table, turns, (across, about), samples)
-        attitudes = replace(attitudes, **starlight)
+        if stars is None:
+            raise AgonicError(
+                f"{samples.name} has no attitudes of a star sensor: give its table with --stars"
+            )
+        attitudes = complete(read_stars(Path(stars), turns, numbered=False))  # type: ignore[arg-type]
     found = field_direction(known, samples, attitudes, site, noise=noise, gap_s=gap)
     files = [write_direction(found, out)]
     made = describe_direction(found, (samples.source, *known.provenance.inputs))
@@ -98,7 +108,7 @@ def direction(
 
 def _make_site(at: str | None) -> Site | None:
     """The place on the command line, its coordinates along the plumb line."""
-    from agonic.alignment.session import Site
+    from agonic.alignment.session.session import Site
     from agonic.console.parse import parse_position
 
     if at is None:
@@ -107,53 +117,18 @@ def _make_site(at: str | None) -> Site | None:
     return Site(latitude_deg=latitude, longitude_deg=longitude)
 
 
-def _read_attitudes(
-    table: Path | None, turns: str, sds: tuple[float | None, float | None], samples: Samples
-) -> StarReadings:
-    """The star sensor's attitudes, with the errors that its table or the command line states."""
-    from agonic.alignment.files.tables import read_stars
-
-    if table is None:
-        raise AgonicError(
-            f"{samples.name} has no attitudes of a star sensor: give its table with --stars"
-        )
-    check_choice("turns", turns, ("ci", "ic"))
-    return _state_errors(read_stars(table, turns, numbered=False), sds)  # type: ignore[arg-type]
-
-
-def _state_errors(read: StarReadings, sds: tuple[float | None, float | None]) -> StarReadings:
-    """Attitudes with the errors of the command line, where their table states none."""
-    import numpy as np
-
-    from agonic.alignment.files.tables import make_diagonal
-
-    across, about = sds
-    if (across is None) != (about is None):
-        raise AgonicError("--across and --about go together")
-    if read.covariance is not None or across is None or about is None:
-        return read
-    ones = np.ones(len(read))
-    return replace(read, covariance=make_diagonal(across * ones, about * ones))
-
-
 def _follow(
     follower: Follower,
     live: str,
     stars: str | None,
     turns: str,
-    sds: tuple[float | None, float | None],
-    starlight: dict[str, Any],
+    complete: Callable[[StarReadings], StarReadings],
     which: SensorChoice,
 ) -> int:
     """The direction of readings as they come; attitudes from there, or a source of their own."""
     from agonic.alignment.files.tables import read_stars
     from agonic.cli.live_direction import MARK, StarLines, follow_live
     from agonic.live.streams import open_source
-
-    check_choice("turns", turns, ("ci", "ic"))
-
-    def complete(read: StarReadings) -> StarReadings:
-        return replace(_state_errors(read, sds), **starlight)
 
     sources = [open_source(live, unit=which.unit, mark=MARK if stars is None else None)]
     if stars is not None and Path(stars).is_file():

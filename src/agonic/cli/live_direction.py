@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agonic.alignment.direction import FieldDirection, Follower
+from agonic.alignment.direction.follow import Follower
+from agonic.alignment.direction.result import FieldDirection
 from agonic.alignment.files.tables import QUATERNION, SDS, TIMES, Table, Turns, parse_stars
-from agonic.alignment.session import StarReadings
+from agonic.alignment.session.session import StarReadings
 from agonic.errors import AgonicError
 from agonic.live.streams import Chunk, Notice, Source, Words
 from agonic.samples import Samples

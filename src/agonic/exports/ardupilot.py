@@ -29,9 +29,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
-from agonic.calibration.chain import Chain
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import parse_source
 from agonic.calibration.steps import steps_of
@@ -43,7 +41,9 @@ from agonic.exports.convert import (
     find_turn_inside,
     find_turns,
     hold_sources,
+    join_steps,
     take_symmetric,
+    write_rows,
 )
 from agonic.exports.temperature import hold_temperature
 from agonic.logs.ardupilot.parameters import LARGEST_SCALE
@@ -104,9 +104,8 @@ def find_motor_terms(
             added[number] = added.get(number, np.zeros(3)) + into @ column
     typical = np.zeros(len(sources)) if step.typical is None else step.typical
     still = step.at(np.where(motors, 0.0, typical))
-    rest = tuple(still if one is step else one for one in steps)
-    whole_rest = rest[0] if len(rest) == 1 else Chain(steps=rest)
-    return MotorTerms(added, powers.pop(), whole_rest, held)
+    rest = join_steps(still if one is step else one for one in steps)
+    return MotorTerms(added, powers.pop(), rest, held)
 
 
 def about_motors(terms: MotorTerms) -> tuple[str, ...]:
@@ -198,10 +197,8 @@ def write_ardupilot(
         "Set COMPASS_LEARN 0, else the vehicle replaces these offsets by its own.",
         _tell_orientation(parameters),
     )
-    lines = [f"# {note}" for note in notes]
-    lines += [f"{name},{format_float32(value)}" for name, value in parameters.items()]
-    written = write_atomically(path, "\n".join(lines) + "\n")
-    return Export(path=written, target="ardupilot", warnings=warnings)
+    rows = (f"{name},{format_float32(value)}" for name, value in parameters.items())
+    return write_rows("ardupilot", path, notes, rows, warnings)
 
 
 def compute_ardupilot_parameters(
@@ -273,25 +270,34 @@ def ardupilot_names(compass: int) -> list[str]:
     """OFS x y z, DIA x y z, ODI x y z (= xy, xz, yz), SCALE; the first compass has no number."""
     if compass not in (1, 2, 3):
         raise AgonicError(f"compass is 1, 2 or 3 in ArduPilot, not {compass}")
-    number = "" if compass == 1 else str(compass)
-    vectors = [f"COMPASS_{kind}{number}_{axis}" for kind in ("OFS", "DIA", "ODI") for axis in "XYZ"]
-    return [*vectors, f"COMPASS_SCALE{number}"]
+    kinds = ("OFS", "DIA", "ODI")
+    return [
+        *(n for kind in kinds for n in _name_vector(kind, compass)),
+        f"COMPASS_SCALE{_number(compass)}",
+    ]
+
+
+def _number(compass: int) -> str:
+    return "" if compass == 1 else str(compass)
+
+
+def _name_vector(kind: str, compass: int) -> list[str]:
+    return [f"COMPASS_{kind}{_number(compass)}_{axis}" for axis in "XYZ"]
 
 
 def _orient(angles: Array, compass: int) -> dict[str, float]:
     """The parameters of a compass that sits at any angle: roll, pitch and yaw (3,), degrees."""
     rotation, slot = CUSTOM[compass]
-    number = "" if compass == 1 else str(compass)
     named = zip(("ROLL", "PITCH", "YAW"), angles.tolist(), strict=True)
     return {
-        f"COMPASS_ORIENT{number}": float(rotation),
+        f"COMPASS_ORIENT{_number(compass)}": float(rotation),
         "CUST_ROT_ENABLE": 1.0,
         **{f"CUST_ROT{slot}_{name}": angle for name, angle in named},
     }
 
 
 def motor_names(compass: int) -> list[str]:
-    return [f"COMPASS_MOT{'' if compass == 1 else compass}_{axis}" for axis in "XYZ"]
+    return _name_vector("MOT", compass)
 
 
 def _remarks(offset: Array, six: Array) -> list[str]:

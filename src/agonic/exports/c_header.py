@@ -35,6 +35,7 @@ from agonic.exports.temperature import (
     changes_with_temperature,
     fit_polynomials,
     hold_temperature,
+    require_temperature,
 )
 
 TESTS = 7
@@ -48,7 +49,9 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
     middle = calibration.at((found.low_C + found.high_C) / 2)  # type: ignore[attr-defined]
     reduce(middle)  # refuses what no header can hold
     rate = RATE in found.signals
-    table = _table(found, rate)
+    table = found.table[:, :12]
+    if rate:
+        table = np.hstack([table, found.coefficients[:, :, found.signals.index(RATE)]])
     known, tolerance = _known(calibration, found, table)
     formula = (
         f"field = A (raw - b{' - rate dT/dt' if rate else ''}), float32, polynomials of order "
@@ -56,51 +59,21 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
         f"beyond {found.clamp_C[0]:g} to {found.clamp_C[1]:g} C that of the nearest edge"
     )
     warnings = list_left_out(middle)
-    text = fill_template(
-        "headers/thermal.h.in",
-        {
-            "name": name,
-            "about": write_comment(write_banner(calibration, formula, warnings)),
-            "unit_in": calibration.unit_in,
-            "unit_out": calibration.unit_out,
-            "frame_in": calibration.frame_in,
-            "powers": str(len(table)),
-            "highest": str(len(table) - 1),
-            "numbers": str(table.shape[1]),
-            "table": write_array(table),
-            "scale": write_array([found.centre_C, found.half_range_C]),
-            "range": write_array(found.clamp_C),
-            "tests": str(len(known)),
-            "columns": str(known.shape[1]),
-            "known": write_array(known, "    "),
-            "tolerance": format_float32(tolerance),
-            **_of_rate(calibration, rate),
-        },
-    )
-    return text, warnings
-
-
-def _of_rate(calibration: Calibration, rate: bool) -> dict[str, str]:
-    """The pieces of the header that are there where the bias lags behind the temperature."""
-    pieces = {
-        "and_rate": f"; rate (3), {calibration.unit_in} per degree C a second",
-        "minus_rate": " - rate dT/dt",
-        "rate_words": ", and its\n   rate of change, degrees C a second",
-        "rate_argument": ", float rate_C_s",
-        "rate_term": " - value[12 + i] * rate_C_s",
-        "rate_known": ", AGONIC_READ(known[k][4])",
-        "rate_column": ", rate",
+    values = {
+        **_describe(calibration, name, formula, warnings),
+        "powers": len(table),
+        "highest": len(table) - 1,
+        "numbers": table.shape[1],
+        "table": table,
+        "scale": [found.centre_C, found.half_range_C],
+        "range": found.clamp_C,
+        "tests": len(known),
+        "columns": known.shape[1],
+        "known": write_array(known, "    "),
+        "tolerance": format_float32(tolerance),
+        "rate": rate,
     }
-    return pieces if rate else dict.fromkeys(pieces, "")
-
-
-def _table(found: Polynomials, rate: bool) -> Array:
-    """(p, 12) or with the rate (p, 15): a row a power, as the C holds it."""
-    p = len(found.bias)
-    columns = [found.bias, found.matrix.reshape(p, 9)]
-    if rate:
-        columns.append(found.coefficients[:, :, found.signals.index(RATE)])
-    return np.concatenate(columns, axis=1)
+    return fill_template("headers/thermal.h.in", values), warnings
 
 
 def _known(calibration: Calibration, found: Polynomials, table: Array) -> tuple[Array, float]:
@@ -162,35 +135,48 @@ def write_c(
     name = make_c_name(calibration.sensor) if name is None else require_identifier(name)
     if find_step(calibration, Network) is not None:
         from agonic.exports.c_network.header import make_network_header
-        from agonic.exports.c_network.parts import hold_network
 
         if temperature_C is not None:
-            calibration = hold_network(calibration, temperature_C)
+            require_temperature("temperature" in calibration.needs, calibration)
+            calibration = calibration.at(temperature_C)  # type: ignore[attr-defined]
         text, warnings = make_network_header(calibration, name)
-        return Export(path=write_atomically(path, text), target="c", warnings=warnings)
-    if changes_with_temperature(calibration) and temperature_C is None:
+    elif changes_with_temperature(calibration) and temperature_C is None:
         text, warnings = make_thermal_header(calibration, name)
-        return Export(path=write_atomically(path, text), target="c", warnings=warnings)
+    else:
+        text, warnings = _make_affine_header(calibration, name, temperature_C)
+    return Export(path=write_atomically(path, text), target="c", warnings=warnings)
+
+
+def _make_affine_header(
+    calibration: Calibration, name: str, temperature_C: float | None
+) -> tuple[str, tuple[str, ...]]:
+    """The text of the header, and warnings."""
     one, lost = hold_temperature(calibration, temperature_C)
     one, held = hold_sources(one)
     bias, matrix = reduce(one)
     raw, expected, tolerance = _example(one, bias, matrix)
     formula, warnings = "field = A (raw - b), float32", (*lost, *held)
-    text = fill_template(
-        "headers/affine.h.in",
-        {
-            "name": name,
-            "about": write_comment(write_banner(calibration, formula, warnings)),
-            "unit_in": calibration.unit_in,
-            "unit_out": calibration.unit_out,
-            "frame_in": calibration.frame_in,
-            "b": write_array(bias),
-            "A": write_array(matrix),
-            "known": write_array([*raw, *expected]),
-            "tolerance": format_float32(tolerance),
-        },
-    )
-    return Export(path=write_atomically(path, text), target="c", warnings=warnings)
+    values = {
+        **_describe(calibration, name, formula, warnings),
+        "b": bias,
+        "A": matrix,
+        "known": [*raw, *expected],
+        "tolerance": format_float32(tolerance),
+    }
+    return fill_template("headers/affine.h.in", values), warnings
+
+
+def _describe(
+    calibration: Calibration, name: str, formula: str, warnings: tuple[str, ...]
+) -> dict[str, str]:
+    """What every header says of its calibration."""
+    return {
+        "name": name,
+        "about": write_comment(write_banner(calibration, formula, warnings)),
+        "unit_in": calibration.unit_in,
+        "unit_out": calibration.unit_out,
+        "frame_in": calibration.frame_in,
+    }
 
 
 def _example(calibration: Calibration, bias: Array, matrix: Array) -> tuple[Array, Array, float]:

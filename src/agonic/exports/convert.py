@@ -6,7 +6,7 @@ here bring a calibration to that form and say in warnings what could not be kept
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
 from agonic.arrays import Array
+from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
@@ -45,6 +46,18 @@ class Export:
     path: Path
     target: str
     warnings: tuple[str, ...] = ()
+
+
+def write_rows(
+    target: str,
+    path: Path | str,
+    notes: Iterable[str],
+    rows: Iterable[str],
+    warnings: tuple[str, ...],
+) -> Export:
+    """Write rows of text below # comments."""
+    text = "\n".join([*(f"# {note}" for note in notes), *rows]) + "\n"
+    return Export(path=write_atomically(path, text), target=target, warnings=warnings)
 
 
 CORRECTED = "readings"
@@ -157,9 +170,15 @@ def hold_sources(
     """
     steps = steps_of(calibration)
     sources = [n for step in steps if isinstance(step, Interference) for n in step.sources]
-    if len(sources) == 1 and (plain := _find_untimed(sources[0])) in kept:
+    untimed = (parse_source(one)._replace(late_s=0.0, time_constant_s=0.0) for one in sources)
+    plain = spell_source(next(untimed)) if len(sources) == 1 else ""
+    if plain in kept and plain not in sources:
         said = f"the target uses {plain} as recorded, without removing its delay or filter"
-        return _take_as_recorded(steps, plain), (said,)
+        recorded = (
+            replace(one, sources=(plain,), timing_sd_s={}) if isinstance(one, Interference) else one
+            for one in steps
+        )
+        return join_steps(recorded), (said,)
     if not sources or "second" in sources or (len(sources) == 1 and sources[0] in kept):
         return calibration, ()
     if any(isinstance(step, Interference) and step.typical is None for step in steps):
@@ -179,22 +198,13 @@ def hold_sources(
         f"the target has no terms for {name_sources(sources)}: held at their average in the log, "
         "and their changes about it stay in the field. Export the setup to c to keep the terms"
     )
-    return held[0] if len(held) == 1 else Chain(steps=tuple(held)), (warning,)
+    return join_steps(held), (warning,)
 
 
-def _find_untimed(source: str) -> str:
-    """The source without its delay or time constant; "" where it has none."""
-    plain = spell_source(parse_source(source)._replace(late_s=0.0, time_constant_s=0.0))
-    return "" if plain == source else plain
-
-
-def _take_as_recorded(steps: Sequence[Any], source: str) -> Calibration:
-    """The steps, with the source of the one that has any replaced."""
-    taken = tuple(
-        replace(one, sources=(source,), timing_sd_s={}) if isinstance(one, Interference) else one
-        for one in steps
-    )
-    return taken[0] if len(taken) == 1 else Chain(steps=taken)
+def join_steps(steps: Iterable[Any]) -> Calibration:
+    """A chain of steps, or the one that there is."""
+    one, *others = steps
+    return Chain(steps=(one, *others)) if others else one
 
 
 def find_source_term(

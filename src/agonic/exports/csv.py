@@ -88,7 +88,9 @@ def make_table(samples: Samples) -> Table:
             for axis, component in zip("xyz", values.T, strict=True):
                 table[canonical_header(column, axis, samples.unit)] = component.tolist()
         else:
-            table[_header(column, samples)] = values.tolist()
+            estimated = column == "heading_deg" and samples.heading_estimated
+            header = column if column in samples.disturbers else canonical_header(column)
+            table["yaw_deg" if estimated else header] = values.tolist()
     if samples.epoch is not None:
         utc = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
         table[canonical_header("epoch")] = [utc.timestamp()] * len(samples)
@@ -115,11 +117,3 @@ def write_table(table: Mapping[str, Sequence[object]], path: Path | str) -> Path
     writer.writerow(table)
     writer.writerows(zip(*table.values(), strict=True))
     return write_atomically(path, stream.getvalue())
-
-
-def _header(column: str, samples: Samples) -> str:
-    """The name of a column; a heading that a filter estimated is called its yaw."""
-    if column in samples.disturbers:
-        return column
-    estimated = column == "heading_deg" and samples.heading_estimated
-    return "yaw_deg" if estimated else canonical_header(column)

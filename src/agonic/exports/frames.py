@@ -83,17 +83,12 @@ def apply(calibration: Calibration, samples: Any) -> Any:
     array([[2., 0., 4.]])
     """
     if not isinstance(samples, Samples) and hasattr(calibration, "correct"):
-        if not (hasattr(samples, "columns") and hasattr(samples, "index")):
-            return _apply_to_another_form(calibration, samples)
-        return _apply_to_frame(calibration, samples)
+        if hasattr(samples, "columns") and hasattr(samples, "index"):
+            return _apply_to_frame(calibration, samples)
+        if isinstance(samples, np.ndarray | Sequence) and not isinstance(samples, str):
+            return calibration.correct(samples)
+        samples = as_samples(samples)
     return apply_to_samples(calibration, samples)
-
-
-def _apply_to_another_form(calibration: Calibration, given: Any) -> Any:
-    """The samples of a recording or of a table corrected, or an array of readings."""
-    if isinstance(given, np.ndarray | Sequence) and not isinstance(given, str):
-        return calibration.correct(given)
-    return apply_to_samples(calibration, as_samples(given))
 
 
 def _apply_to_frame(calibration: Calibration, samples: Any) -> Any:

@@ -28,7 +28,6 @@ from numpy.polynomial.chebyshev import chebpts1
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.exports.banner import format_float32, write_banner
@@ -39,6 +38,7 @@ from agonic.exports.convert import (
     find_turns,
     hold_sources,
     take_symmetric,
+    write_rows,
 )
 from agonic.exports.temperature import (
     LEVELS,
@@ -56,15 +56,6 @@ THERMAL = "TC_M_ENABLE"
 STEP_C = 1.0
 """PX4 renews the offset where the temperature has changed by more than this."""
 ORDERS = np.array([[1.0], [2.0], [3.0]])
-
-
-def choose_reference_C(calibration: Calibration, temperature_C: float | None) -> float:
-    """TREF: the temperature given, or the middle of the range."""
-    low, high = find_range_C(calibration)
-    if temperature_C is None:
-        return float(np.clip(round((low + high) / 2, 1), low, high))
-    require_within(calibration, temperature_C)
-    return float(temperature_C)
 
 
 def compute_thermal_parameters(
@@ -198,10 +189,7 @@ def write_px4(
         *write_banner(calibration, formula, warnings),
         "Vehicle-Id Component-Id Name Value Type",
     )
-    lines = [f"# {note}" for note in notes]
-    lines += [_row(name, value) for name, value in parameters.items()]
-    written = write_atomically(path, "\n".join(lines) + "\n")
-    return Export(path=written, target="px4", warnings=warnings)
+    return write_rows("px4", path, notes, (_row(*one) for one in parameters.items()), warnings)
 
 
 def compute_px4_parameters(
@@ -231,9 +219,14 @@ def compute_px4_parameters(
     thermal: dict[str, float | int] = {}
     lost: tuple[str, ...] = ()
     if changes_with_temperature(calibration):
-        temperature_C = choose_reference_C(calibration, temperature_C)
+        if temperature_C is None:  # the middle of the range
+            low, high = find_range_C(calibration)
+            temperature_C = float(np.clip(round((low + high) / 2, 1), low, high))
+        require_within(calibration, temperature_C)
         into, _, _ = find_turns(calibration, "m", rotation_bm)
-        thermal, lost = compute_thermal_parameters(calibration, temperature_C, into, slot=slot)
+        thermal, lost = compute_thermal_parameters(
+            calibration, float(temperature_C), into, slot=slot
+        )
     calibration, _ = hold_temperature(calibration, temperature_C)
     calibration, held = hold_sources(calibration, POWER_KIND)
     bias, six, warnings = take_symmetric(calibration, "m", unit="gauss", rotation_bm=rotation_bm)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agonic.atomic import write_atomically
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.exports.banner import write_banner
@@ -24,6 +23,7 @@ from agonic.exports.convert import (
     find_rotation_inside,
     hold_sources,
     turn_into_frame,
+    write_rows,
 )
 from agonic.exports.temperature import hold_temperature
 from agonic.units import NANOTESLA_PER
@@ -73,10 +73,8 @@ def write_ros(
     heading = ["/**:", "  ros__parameters:"] if ros == 2 else []
     indent = "    " if ros == 2 else ""
     formula = f"field = {MATRIX} (field - bias), tesla, axes of the message, row by row"
-    notes = [f"# {note}" for note in write_banner(calibration, formula, warnings)]
-    notes += [f"# {note}" for note in command]
-    text = "\n".join([*notes, *heading, *(indent + row for row in rows)]) + "\n"
-    return Export(path=write_atomically(path, text), target="ros", warnings=warnings)
+    notes = (*write_banner(calibration, formula, warnings), *command)
+    return write_rows("ros", path, notes, [*heading, *(indent + row for row in rows)], warnings)
 
 
 def _describe_transform(turn_bm: Rotation, ros: int) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -10,21 +10,18 @@ firmware has this form.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.atomic import write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.steps import compute_composed_covariance
 from agonic.calibration.thermal import Thermal
 from agonic.exports.banner import write_banner
-from agonic.exports.convert import Export, hold_sources, list_left_out, reduce
+from agonic.exports.convert import Export, hold_sources, list_left_out, reduce, write_rows
 from agonic.exports.temperature import (
     RATE,
     changes_with_temperature,
@@ -65,18 +62,19 @@ def write_table(
         one, lost = hold_temperature(calibration, temperature_C)
         one, held = hold_sources(one)
         rows, warnings = _plain(one), (*lost, *held)
-    text = format_rows(write_banner(calibration, formula, warnings), rows)
-    return Export(path=write_atomically(path, text), target="table", warnings=warnings)
+    return _write("table", path, write_banner(calibration, formula, warnings), rows, warnings)
 
 
-def format_rows(banner: Iterable[str], rows: Iterable[Row]) -> str:
+def _write(
+    target: str,
+    path: Path | str,
+    banner: Iterable[str],
+    rows: Iterable[Row],
+    warnings: tuple[str, ...],
+) -> Export:
     """Numbers with their standard errors and units as CSV, below lines of # comments."""
-    stream = StringIO()
-    stream.writelines(f"# {line}\n" for line in banner)
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow(COLUMNS)
-    table.writerows(rows)
-    return stream.getvalue()
+    lines = (",".join("" if one is None else str(one) for one in row) for row in (COLUMNS, *rows))
+    return write_rows(target, path, banner, lines, warnings)
 
 
 def _plain(calibration: Calibration) -> list[Row]:
@@ -92,8 +90,7 @@ def _over_temperature(calibration: Calibration) -> tuple[list[Row], tuple[str, .
     middle = calibration.at((found.low_C + found.high_C) / 2)  # type: ignore[attr-defined]
     reduce(middle)  # refuses a mix of two magnetometers
     units = _units(calibration)
-    p = len(found.bias)
-    numbers = np.concatenate([found.bias, found.matrix.reshape(p, 9)], axis=1)
+    p, numbers = len(found.bias), found.table
     errors, of_rate = _errors_of_powers(calibration, p)
     rows: list[Row] = [
         (f"{name}_{k}", float(numbers[k, j]), errors[k][j], units[j])
@@ -187,8 +184,7 @@ def write_mr(
     units = (one.unit_out, *(f"{one.unit_out}/{one.unit_in}",) * 3) * 3
     formula = "field_i = MR_i0 + MR_i1 raw_x + MR_i2 raw_y + MR_i3 raw_z"
     rows = zip(MR_NAMES, numbers.tolist(), errors, units, strict=True)
-    text = format_rows(write_banner(calibration, formula, warnings), rows)
-    return Export(path=write_atomically(path, text), target="mr", warnings=warnings)
+    return _write("mr", path, write_banner(calibration, formula, warnings), rows, warnings)
 
 
 def _find_errors(calibration: Calibration, bias: Array, matrix: Array) -> list[float | None]:

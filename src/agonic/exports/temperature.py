@@ -66,6 +66,12 @@ class Polynomials:
     high_C: float
 
     @property
+    def table(self) -> Array:
+        """(p, 12 + 3 k): bias, matrix and coefficients, a row a power."""
+        parts = (self.bias, self.matrix, self.coefficients)
+        return np.concatenate([part.reshape(len(self.bias), -1) for part in parts], axis=1)
+
+    @property
     def clamp_C(self) -> tuple[float, float]:
         """Where a controller stops following the temperature."""
         return self.low_C - MARGIN_C, self.high_C + MARGIN_C
@@ -170,7 +176,9 @@ def fit_polynomials(calibration: Calibration) -> Polynomials:
     nodes = (low + high) / 2 + reach * chebpts1(4 * HIGHEST)
     values = evaluate_affine(calibration, nodes)
     table = np.concatenate([part.reshape(len(nodes), -1) for part in values], axis=1)
-    largest = np.concatenate([_largest(part) for part in values])
+    # the size that the rounding of each number is measured by: the largest of its kind
+    sizes = [max(float(np.abs(part).max(initial=0.0)), 1e-12) for part in values]
+    largest = np.repeat(sizes, [part[0].size for part in values])
     x = polynomial.scale(nodes, centre, half)
     for degree in range(HIGHEST + 1):
         powers = polynomial.powers(x, degree)
@@ -215,12 +223,6 @@ def _scale(calibration: Calibration, low: float, high: float) -> tuple[float, fl
     if len(thermal) == 1:
         return thermal[0].centre_C, thermal[0].half_range_C
     return (low + high) / 2, max((high - low) / 2, MARGIN_C)
-
-
-def _largest(values: Array) -> Array:
-    """For each number, the size that its rounding is measured by: the largest of its kind."""
-    count = int(np.prod(values.shape[1:]))
-    return np.full(count, max(float(np.abs(values).max(initial=0.0)), 1e-12))
 
 
 LEVELS = 121
@@ -310,11 +312,7 @@ def hold_temperature(
     """
     known = require_calibration(calibration)
     if not changes_with_temperature(known):
-        if temperature_C is not None:
-            raise AgonicError(
-                f"the calibration of {known.sensor} does not change with temperature; leave the "
-                "temperature out"
-            )
+        require_temperature(temperature_C is None, known)
         return known, ()
     low, high = find_range_C(known)
     within = f"{low:.4g} to {high:.4g} °C"
@@ -328,6 +326,15 @@ def hold_temperature(
     require_within(known, temperature_C)
     lost = f"held at {temperature_C:.4g} C: {compute_remainder(known, temperature_C)}"
     return known.at(temperature_C), (lost, *describe_lag(known))  # type: ignore[union-attr]
+
+
+def require_temperature(meant: bool, calibration: Calibration) -> None:
+    """Raise `AgonicError` where a temperature was given that means nothing to a calibration."""
+    if not meant:
+        raise AgonicError(
+            f"the calibration of {calibration.sensor} does not change with temperature; leave the "
+            "temperature out"
+        )
 
 
 def require_within(calibration: Calibration, temperature_C: float) -> None:

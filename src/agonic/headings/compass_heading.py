@@ -48,16 +48,16 @@ class Readings(NamedTuple):
 
     raw: Array
     columns: Mapping[str, Array]
+    missing: Mask
     averaged: Array | None = None
-    missing: Mask | None = None
     change: Array | None = None
     tilt: Array | None = None
 
     def subset(self, rows: slice | Index) -> Readings:
         """Some of the rows."""
         columns = {name: values[rows] for name, values in self.columns.items()}
-        rest: list[Any] = [None if one is None else one[rows] for one in self[2:]]
-        return Readings(self.raw[rows], columns, *rest)
+        rest: list[Any] = [None if one is None else one[rows] for one in self[3:]]
+        return Readings(self.raw[rows], columns, self.missing[rows], *rest)
 
 
 class Indication(NamedTuple):
@@ -83,7 +83,7 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
     fresh = find_fresh(samples.field) if samples.time is not None else np.ones(1, dtype=bool)
     if time is samples.time and compass.latency_s == 0.0 and fresh.all():
         change = None if time is None else compute_change(time, samples.field)
-        return Readings(samples.field, columns, change=change)
+        return Readings(samples.field, columns, np.zeros(len(samples), dtype=bool), change=change)
     if samples.time is None or time is None:
         raise LogError(
             f"readings of {samples.name} have to be brought to other times and have none of their "
@@ -110,7 +110,7 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
     outside = (late < own[0] - 1e-6) | (late > samples.time[-1] + 1e-6)
     missing = outside | ((width > LONGEST_BRIDGE * period) & (share * (1 - share) > 1e-9))
     averaged = share**2 + (1 - share) ** 2
-    return Readings(field, moved, averaged, missing, compute_change(time, field))
+    return Readings(field, moved, missing, averaged, compute_change(time, field))
 
 
 def compute_change(time: Array, values: Array) -> Array | None:
@@ -157,9 +157,8 @@ def compute_indication(
             result, _piece(readings, rows, steps, compass, attitude, around), strict=True
         ):
             whole[rows] = part
-    if readings.missing is not None:
-        result.compass_deg[readings.missing] = np.nan
-        result.magnetic_deg[readings.missing] = np.nan
+    result.compass_deg[readings.missing] = np.nan
+    result.magnetic_deg[readings.missing] = np.nan
     return result, tuple(notes)
 
 
@@ -176,7 +175,9 @@ def _piece(
     tilt = attitude.select_tilt(rows)
     field = np.ascontiguousarray(values[-1].T)
     if has_two_axes(compass.calibration):
-        field[2] = np.hypot(field[0], field[1]) * _find_dip_tangent(around, rows)
+        tangent = _find_dip_tangent(around, rows)  # what it has instead of a vertical
+        likely = np.tan(np.radians(LIKELY_DIP_DEG))
+        field[2] = np.hypot(field[0], field[1]) * (likely if tangent is None else tangent)
     elif attitude.source == LEVEL and around.vertical is not None:
         field[2] = select_rows(around.vertical, rows)
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
@@ -212,10 +213,10 @@ def find_latency_sd(compass: Compass) -> float:
     return LATENCY_SD_S if compass.latency_sd_s is None else compass.latency_sd_s
 
 
-def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | float:
-    """Of the place, or of a likely one: what a compass of two axes has instead of a vertical."""
+def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | None:
+    """Of the place, where it is known."""
     if around.horizontal is None or around.vertical is None:
-        return float(np.tan(np.radians(LIKELY_DIP_DEG)))
+        return None
     level = np.maximum(select_rows(around.horizontal, rows), 1.0)
     return np.asarray(select_rows(around.vertical, rows) / level)
 
@@ -230,11 +231,9 @@ def _by_tilt(
     """
     roll, pitch = (select_rows(sd, rows) ** 2 for sd in (attitude.roll_sd, attitude.pitch_sd))
     linear = roll * turned.by_roll**2 + pitch * turned.by_pitch**2
-    if around.horizontal is None or around.vertical is None:
+    tangent = _find_dip_tangent(around, rows)
+    if tangent is None:
         return linear
-    tangent = select_rows(around.vertical, rows) / np.maximum(
-        select_rows(around.horizontal, rows), 1.0
-    )
     return np.maximum(linear, select_rows(attitude.variance, rows) * tangent**2)
 
 

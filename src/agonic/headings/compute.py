@@ -9,11 +9,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from agonic.arrays import Index, Mask
+from agonic.arrays import Mask
 from agonic.attitude.delay import bring_forward
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicWarning, LogError
-from agonic.headings.attitude import Attitude
 from agonic.headings.compass_heading import (
     UNKNOWN_SD_DEG,
     Indication,
@@ -26,7 +25,7 @@ from agonic.headings.expected_field import Surroundings, find_surroundings
 from agonic.headings.monitor.pair import watch_pair
 from agonic.headings.rates import mend_unit
 from agonic.headings.result import EACH_ROW, FLAGS, SMOOTHED, Heading
-from agonic.headings.rows import CompassRows, RowHeadings, find_row_headings
+from agonic.headings.rows import RowHeadings, find_row_headings
 from agonic.headings.smoothing.rows import bridge, smooth_rows
 from agonic.headings.smoothing.smooth import SmoothedHeading
 from agonic.maths.rotations import tilt as kernel
@@ -87,7 +86,8 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     pairs, unknown = _undo_late_attitude(pairs)
     first = pairs[0][1]
     read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
-    read = [_leave_out(readings, unknown) for readings in read]
+    if unknown is not None:  # rows whose attitude is not known
+        read = [readings._replace(missing=readings.missing | unknown) for readings in read]
     read = [_add_tilt(readings, own, first) for readings, (_, own) in zip(read, pairs, strict=True)]
     around = find_surroundings(first, setup)
     first, said = mend_unit(first, setup, pairs[0][0].calibration, smooth=smooth)
@@ -104,7 +104,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
             warnings.simplefilter("ignore", AgonicWarning)  # the rows have said it by themselves
             by_row, smoothed, why = smooth_rows(first, by_row, find, setup, around)
     found = _make_heading(first, setup, by_row, around, smoothed)
-    faults = watch_pair(first.time, by_row.compasses, by_row.tilt, setup, around)
+    faults = watch_pair(first.time, by_row, setup, around)
     notes = (*(fault.sentence for fault in faults), *said, *found.notes, *why)
     return replace(found, faults=faults, notes=notes)
 
@@ -133,14 +133,6 @@ def _undo_late_attitude(pairs: _Pairs) -> tuple[_Pairs, Mask | None]:
     own = [replace(compass, latency_s=compass.latency_s + late_s) for compass, _ in pairs]
     moved = [samples for samples, _ in forward]
     return tuple(zip(own, moved, strict=True)), forward[0][1]
-
-
-def _leave_out(readings: Readings, unknown: Mask | None) -> Readings:
-    """The readings without rows (n,) whose attitude is not known."""
-    if unknown is None or not unknown.any():
-        return readings
-    missing = unknown if readings.missing is None else readings.missing | unknown
-    return readings._replace(missing=missing)
 
 
 def _add_tilt(readings: Readings, own: Samples, first: Samples) -> Readings:
@@ -179,7 +171,7 @@ def _make_heading(
     total = found.systematic + found.random + around.declination_sd_deg**2
     sd, random_sd = (np.fmin(np.sqrt(v), UNKNOWN_SD_DEG) for v in (total, found.random))
     magnetic = found.magnetic_deg
-    flags = _flags(setup, tilt, compasses, used, found)
+    flags = _flags(setup, by_row, found)
     notes = (*tilt.notes, *around.notes, *by_row.notes)
     if smoothed is not None:
         magnetic = smoothed.magnetic_deg
@@ -213,23 +205,15 @@ def _make_heading(
     )
 
 
-def _flags(
-    setup: Setup,
-    tilt: Attitude,
-    compasses: Sequence[CompassRows],
-    used: Index,
-    found: Indication,
-) -> Mapping[str, Mask]:
+def _flags(setup: Setup, by_row: RowHeadings, found: Indication) -> Mapping[str, Mask]:
     """The rows that each of `FLAGS` marks."""
+    tilt, compasses, used = by_row.tilt, by_row.compasses, by_row.used
     nowhere = np.zeros(len(used), dtype=bool)
-    unread = [
-        nowhere if one.readings.missing is None else one.readings.missing for one in compasses
-    ]
     far = [nowhere if one.distance is None else one.distance > 1.0 for one in compasses]
     scaled = [np.full(len(used), one.compass.calibration.unit_out != RAW) for one in compasses]
     upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
     marked = (
-        pick_used(used, unread),
+        pick_used(used, [one.readings.missing for one in compasses]),
         tilt.missing,
         upright < np.cos(np.radians(setup.tilt_limit_deg)),
         (found.horizontal < WEAKEST_HORIZONTAL) & pick_used(used, scaled),

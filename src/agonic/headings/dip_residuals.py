@@ -105,8 +105,7 @@ def compute_dip_residuals(
     """
     n = len(readings.raw)
     rows = np.unique(np.linspace(0, n - 1, min(n, ROWS)).round().astype(np.intp))
-    if readings.missing is not None:
-        rows = rows[~readings.missing[rows]]
+    rows = rows[~readings.missing[rows]]
     readings, steps = readings.subset(rows), list_steps(compass.calibration)
     values = apply_steps(steps, readings.raw, readings.columns)
     tilt = attitude.select_tilt(rows)
@@ -158,9 +157,10 @@ def _follow(
     tilt = select_rows(attitude.variance, seen.rows)
     total = tilt + seen.noise + seen.calibration + 1e-12
     z = seen.residual / np.sqrt(total)
-    square = np.minimum(z**2, (CLIP * MAD_TO_SD * np.median(np.abs(z))) ** 2)
+    clipped = _clip(z)
+    square = clipped**2
     mean, count = _average_over(seen, time, width_s)
-    independent = count / (len(z) / _count_independent(z))
+    independent = count / correlation_length(clipped, np.ones(len(z)))
     more = (PRIOR + independent * mean(square)) / (PRIOR + independent)
     share = mean(tilt / total)
     less = np.maximum(mean(z**2 - seen.noise / total), 0.0) / np.maximum(share, 1e-9)
@@ -202,13 +202,12 @@ def _average_over(
     return mean, count
 
 
+def _clip(values: Array) -> Array:
+    """Values of which those beyond `CLIP` robust standard deviations are clipped."""
+    limit = CLIP * MAD_TO_SD * float(np.median(np.abs(values)))
+    return np.clip(values, -limit, limit)
+
+
 def _scatter(values: Array) -> float:
-    """Root mean square about zero, values beyond `CLIP` robust standard deviations clipped."""
-    limit = CLIP * MAD_TO_SD * float(np.median(np.abs(values)))
-    return float(np.sqrt(np.mean(np.minimum(values**2, limit**2))))
-
-
-def _count_independent(values: Array) -> float:
-    """How many independent residuals these stand for."""
-    limit = CLIP * MAD_TO_SD * float(np.median(np.abs(values)))
-    return len(values) / correlation_length(np.clip(values, -limit, limit), np.ones(len(values)))
+    """Root mean square about zero of values as they are clipped."""
+    return float(np.sqrt(np.mean(_clip(values) ** 2)))

@@ -117,7 +117,7 @@ def _over(difference: Array, limit: float) -> Array:
     return np.abs(difference) / max(limit, 1e-12)
 
 
-def choose_compass(distances: list[Array | None], missing: list[Mask | None], n: int) -> Index:
+def choose_compass(distances: list[Array | None], missing: list[Mask], n: int) -> Index:
     """Which compass each row is taken from, (n,).
 
     The first that was read and is not disturbed; where all are, the one nearest to the expected
@@ -130,8 +130,7 @@ def choose_compass(distances: list[Array | None], missing: list[Mask | None], n:
         far = np.zeros(n) if distance is None else distance
         row[:] = np.where(far <= 1.0, -1.0 + 1e-6 * k, far)
         row[~np.isfinite(row)] = np.inf
-        if gone is not None:
-            row[gone] = np.inf
+        row[gone] = np.inf
     return np.asarray(np.argmin(score, axis=0))
 
 

@@ -46,53 +46,34 @@ class Surroundings(NamedTuple):
         return size / np.hypot(level, below), dip - np.arctan2(below, level)
 
 
-_GIVEN = {"position": "the place (--at LAT,LON)", "date": "the date (--date 2026-05-01)"}
-
-
-class World(NamedTuple):
-    """What the world model says along a track, (n,) each."""
-
-    declination_deg: Array
-    declination_sd_deg: Array
-    horizontal: Array
-    vertical: Array
-
-
 def find_surroundings(samples: Samples, setup: Setup) -> Surroundings:
     """Declination and intensities: the setup's own, else those of the world model on the track.
 
     Raises LogError where the declination has to come from the model and the samples lack place or
     date, ValidityError where the date is outside every model.
     """
-    world, notes = _world_if_needed(samples, setup)
-    if setup.declination_deg is not None:
-        declination = np.array([setup.declination_deg])
-        sd = np.array([setup.declination_sd_deg or 0.0])
-    elif world is not None:
-        declination, sd = world.declination_deg, world.declination_sd_deg
-    else:
-        raise LogError(_what_is_missing(samples))
-    if setup.horizontal is not None and setup.vertical is not None:
-        h, z = np.array([setup.horizontal]), np.array([setup.vertical])
-        return Surroundings(declination, sd, h, z, notes)
-    if world is not None:
-        return Surroundings(declination, sd, world.horizontal, world.vertical, notes)
-    return Surroundings(declination, sd, None, None, notes)
-
-
-def _world_if_needed(samples: Samples, setup: Setup) -> tuple[World | None, tuple[str, ...]]:
-    """The world model where the setup leaves something open and the samples tell place and date."""
-    if setup.declination_deg is not None and setup.horizontal is not None:
-        return None, ()
+    given = setup.declination_deg is not None and setup.horizontal is not None
+    notes: tuple[str, ...] = ()
     try:
-        return evaluate_world(samples), ()
+        world = None if given else evaluate_world(samples)
     except ValidityError as error:
         if setup.declination_deg is None:
             raise
-        return None, (f"what the field should be is not known: {error}",)
+        world, notes = None, (f"what the field should be is not known: {error}",)
+    around = Surroundings(np.zeros(1), np.zeros(1), None, None) if world is None else world
+    if setup.declination_deg is not None:
+        declination = np.array([setup.declination_deg])
+        sd = np.array([setup.declination_sd_deg or 0.0])
+        around = around._replace(declination_deg=declination, declination_sd_deg=sd)
+    elif world is None:
+        raise LogError(_what_is_missing(samples))
+    if setup.horizontal is not None and setup.vertical is not None:
+        h, z = np.array([setup.horizontal]), np.array([setup.vertical])
+        around = around._replace(horizontal=h, vertical=z)
+    return around._replace(notes=notes)
 
 
-def evaluate_world(samples: Samples) -> World | None:
+def evaluate_world(samples: Samples) -> Surroundings | None:
     """The world model along the track of the samples; `None` where they lack place or date."""
     latitude, longitude, epoch = samples.latitude_deg, samples.longitude_deg, samples.epoch
     if latitude is None or longitude is None or epoch is None:
@@ -110,13 +91,10 @@ def evaluate_world(samples: Samples) -> World | None:
         latitude[rows], longitude[rows], altitude[rows], years
     )
     where = np.arange(n) if samples.time is None else time
-    nodes = (
-        np.unwrap(there.declination_deg, period=360.0),
-        there.declination_sd_deg,
-        there.horizontal,
-        there.down,
-    )
-    return World(*(np.interp(where, where[rows], values) for values in nodes))
+    declination = np.unwrap(there.declination_deg, period=360.0)
+    nodes = (declination, there.declination_sd_deg, there.horizontal, there.down)
+    east, sd, level, below = (np.interp(where, where[rows], values) for values in nodes)
+    return Surroundings(east, sd, level, below)
 
 
 def _jumps(latitude_deg: Array, longitude_deg: Array) -> Index:
@@ -128,17 +106,13 @@ def _jumps(latitude_deg: Array, longitude_deg: Array) -> Index:
 
 
 def _what_is_missing(samples: Samples) -> str:
-    missing = [
-        what
-        for what, value in (
-            ("position", samples.latitude_deg if samples.longitude_deg is not None else None),
-            ("date", samples.epoch),
-        )
-        if value is None
-    ]
-    move = " and ".join(_GIVEN[what] for what in missing)
+    lacking = {}
+    if samples.latitude_deg is None or samples.longitude_deg is None:
+        lacking["position"] = "the place (--at LAT,LON)"
+    if samples.epoch is None:
+        lacking["date"] = "the date (--date 2026-05-01)"
     return (
         f"true heading needs the declination, and the samples of {samples.name} have no "
-        f"{' and no '.join(missing)} to take it from: give {move}, or a declination in the setup "
-        "(0 for headings from magnetic north)"
+        f"{' and no '.join(lacking)} to take it from: give {' and '.join(lacking.values())}, or a "
+        "declination in the setup (0 for headings from magnetic north)"
     )

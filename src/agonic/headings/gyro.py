@@ -93,7 +93,9 @@ def filter_down(
     if speed.taken and shown < AGREES * speed.taken:
         speed = speed._replace(trusted=False)
     if not speed.taken:
-        speed = _limit(speed, shown, shown_sd)
+        # it does not stand out: no larger than the left-over acceleration allows
+        limited = Speed(shown**2, (ALLOWED * shown_sd) ** 2, speed.gravity, trusted=False)
+        speed = min(speed, limited, key=lambda one: one.doubt)
     if speed.taken:
         force = force - speed.taken * compute_turn_axis(rotation_rate)
         ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
@@ -145,12 +147,6 @@ def _regress_speed(ran: list[Stretch], settling_s: float) -> tuple[float, float]
     independent = sum(len(one.time) * one.step for one in ran) / (2 * SMOOTHED_S)
     scatter = float(((y - speed * x) ** 2).mean()) * len(y) / max(independent, 1.0)
     return speed, float(np.sqrt(scatter / square))
-
-
-def _limit(speed: Speed, shown: float, sd: float) -> Speed:
-    """A speed that does not stand out, no larger than the left-over acceleration allows."""
-    limited = Speed(shown**2, (ALLOWED * sd) ** 2, speed.gravity, trusted=False)
-    return limited if limited.doubt < speed.doubt else speed
 
 
 def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Array]:

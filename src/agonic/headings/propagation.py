@@ -47,7 +47,7 @@ def _known(step: Calibration) -> Affine | Thermal | Alignment:
 
 
 def _root(step: Affine | Thermal | Alignment) -> Array | None:
-    """L with L Lᵀ the covariance of what `_row` multiplies: local numbers, or the turn."""
+    """L with L Lᵀ the covariance of what the rows multiply: local numbers, or the turn."""
     known = step.covariance
     if known is None:
         return None
@@ -104,7 +104,12 @@ def propagate_parts(
         calibration, root = step
         before = _carry_back(calibration, columns, gradient)
         if root is not None:
-            row = _row(calibration, given, made, columns, gradient, before)
+            if isinstance(calibration, Alignment):
+                row = np.cross(made.T, gradient, axis=0)  # ∂(g · R f)/∂(rotation vector) = R f × g
+            elif isinstance(calibration, Thermal):
+                row = _thermal_row(calibration, given, columns, gradient, before)
+            else:
+                row = _affine_row(calibration, given, columns, gradient, before)
             found.append(root.T @ row)
         gradient = before
     return found, gradient
@@ -119,22 +124,6 @@ def _carry_back(
         return np.asarray(np.einsum("nji,jn->in", matrix, gradient))
     back = step.rotation.as_matrix() if isinstance(step, Alignment) else step.matrix
     return np.asarray(back.T @ gradient)
-
-
-def _row(
-    step: Affine | Thermal | Alignment,
-    given: Array,
-    made: Array,
-    columns: Mapping[str, Array],
-    gradient: Array,
-    before: Array,
-) -> Array:
-    """∂(g · field)/∂parameters of a step, (p, n)."""
-    if isinstance(step, Alignment):
-        return np.cross(made.T, gradient, axis=0)  # ∂(g · R f)/∂(rotation vector) = R f × g
-    if isinstance(step, Thermal):
-        return _thermal_row(step, given, columns, gradient, before)
-    return _affine_row(step, given, columns, gradient, before)
 
 
 def _thermal_row(

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from agonic.arrays import Array
 from agonic.calibration.base import Calibration, correct_field, has_two_axes
 from agonic.calibration.setup import Setup
 from agonic.errors import LogError
-from agonic.headings.tilt_source import find_mounting
+from agonic.headings.tilt_source import find_axes, find_mounting
 from agonic.health.inertial_unit import check_clipping, find_faults
 from agonic.new_rows import find_fresh
 from agonic.samples import Samples
@@ -19,8 +17,7 @@ _COLUMNS = ("rotation_rate", "acceleration")
 def find_rate_mounting(samples: Samples, setup: Setup, calibration: Calibration) -> Array:
     """The turn (3, 3) from the axes of the rates to those of the body."""
     if setup.accelerometer is not None and samples.acceleration is not None:
-        left, _, right = np.linalg.svd(setup.accelerometer.matrix)
-        return np.asarray(left @ right)
+        return find_axes(setup.accelerometer)
     return find_mounting(calibration)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 import numpy as np
+from scipy.linalg import polar
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
@@ -51,30 +52,24 @@ def find_felt_tilt(
     the accelerometer's calibration do.
     """
     force = require_column(samples, "acceleration", source) @ turn.T
+    speed = AT_REST
     if source == "gyro":
         time = require_column(samples, "time", source)
         rate = require_column(samples, "rotation_rate", source) @ turn.T
         speed = _measure_speed(samples, force, rate)
-        followed, speed = filter_down(time, force, rate, setup.settling_s, speed)
+        found, speed = filter_down(time, force, rate, setup.settling_s, speed)
         if speed.taken:
             reckoned = f"the speed in turns is taken as {figure(speed.taken)} m/s"
             track = "" if samples.latitude_deg is None else ", and the track"
             why = (*why, f"{reckoned}, from the accelerometer in them{track}")
-        return _make_attitude(followed, setup, source, speed, why, felt)
-    if are_shots(samples, setup):
+    elif samples.time is None and setup.accelerometer is not None:  # calibrated by such shots
         still = np.zeros(len(force))
         found = FilteredDown(kernel.down_from_force(force), still, still)
         why = (*why, "each row is taken as a shot at rest")
-        return _make_attitude(found, setup, source, AT_REST, why, felt)
-    speed, sds = _measure_shaking(samples, setup, force, turn)
-    found = FilteredDown(kernel.down_from_force(force), *sds)
+    else:
+        speed, sds = _measure_shaking(samples, setup, force, turn)
+        found = FilteredDown(kernel.down_from_force(force), *sds)
     return _make_attitude(found, setup, source, speed, why, felt)
-
-
-def are_shots(samples: Samples, setup: Setup) -> bool:
-    """Whether the rows are attitudes at rest: without times, from an instrument whose accelerometer
-    was calibrated by such shots."""
-    return samples.time is None and setup.accelerometer is not None
 
 
 def calibrate_acceleration(
@@ -88,8 +83,7 @@ def calibrate_acceleration(
     force = accelerometer.correct(raw)
     changed = {"acceleration": force}
     if samples.rotation_rate is not None:
-        left, _, right = np.linalg.svd(accelerometer.matrix)
-        changed["rotation_rate"] = samples.rotation_rate @ (left @ right).T
+        changed["rotation_rate"] = samples.rotation_rate @ find_axes(accelerometer).T
     if accelerometer.covariance is None:
         return samples.with_columns(**changed), None
     size = np.linalg.norm(force, axis=1, keepdims=True)
@@ -101,6 +95,11 @@ def calibrate_acceleration(
     axes = right_axis, np.cross(right_axis, down)
     about = tuple(np.einsum("ni,nij,nj->n", axis, spread, axis) for axis in axes)
     return samples.with_columns(**changed), (about[0], about[1])
+
+
+def find_axes(accelerometer: Affine) -> Array:
+    """The turn (3, 3) from the axes of an accelerometer to those that it is calibrated into."""
+    return np.asarray(polar(accelerometer.matrix)[0])
 
 
 def _make_attitude(

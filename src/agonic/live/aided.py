@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from agonic.attitude.mounted_heading import compute_mounted_heading
 from agonic.calibration.affine import Affine
@@ -77,7 +77,7 @@ def fit_aided(params: LiveParams, track: Track | None) -> Aided | None:
         calibration,
         replace(coverage, heading_sd_deg=own),
         coverage.heading_sd_deg,
-        _find_objections(params, samples) if enough else _list_refusals(choice.fit, track),
+        find_objections(params, samples) if enough else _list_refusals(choice.fit, track),
     )
 
 
@@ -105,10 +105,11 @@ def _list_refusals(fit: Fit, track: Track) -> tuple[Finding, ...]:
     return tuple(finding for finding in refused if finding.name not in TURNING)
 
 
-def _find_objections(params: LiveParams, samples: Samples) -> tuple[Finding, ...]:
-    """What `agonic calibrate` would object to."""
+def find_objections(params: LiveParams, samples: Samples, **named: Any) -> tuple[Finding, ...]:
+    """What `agonic calibrate` would object to; `named` what it is told besides, as the `kind`."""
+    named["inclination_deg"] = params.inclination_deg
     try:
-        made = calibrate_as_named(samples, params.reference, inclination_deg=params.inclination_deg)
+        made = calibrate_as_named(samples, params.reference, **named)
     except AgonicError as error:
         return (Finding("calibration", "check", str(error), "go on turning"),)
     return made.objections

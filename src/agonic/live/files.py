@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
-from agonic.live.plausible import find_plausible
+from agonic.live.quarantine import find_plausible
 from agonic.live.state import LiveParams, LiveState
 from agonic.live.track import COLUMNS
 from agonic.logs.contents import read_bytes

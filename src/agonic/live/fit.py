@@ -16,16 +16,21 @@ from agonic.ellipsoid.problem import Scale, make_calibration
 from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding
-from agonic.live.aided import FEWEST, Aided, fit_aided, get_samples, plan_drive
+from agonic.live.aided import (
+    FEWEST,
+    Aided,
+    find_objections,
+    fit_aided,
+    get_samples,
+    plan_drive,
+)
 from agonic.live.files import load_state, save_state
-from agonic.live.guidance import Guidance, make_guidance, make_way
+from agonic.live.guidance import Guidance, make_guidance
 from agonic.live.level import Level, find_down, see_level
 from agonic.live.maths.voxels import Voxels
-from agonic.live.state import LiveParams, LiveState
-from agonic.live.track import Track
+from agonic.live.state import OF_FIT, LiveParams, LiveState
 from agonic.live.update import collect_boxes, update_state
 from agonic.maths.equation import coverage as cells
-from agonic.recording.calibrated import calibrate_as_named
 from agonic.samples import Samples
 from agonic.units import RAW, nanotesla_per
 
@@ -135,9 +140,8 @@ class LiveFit:
     @property
     def guidance(self) -> Guidance:
         """What to do next, and what is wrong."""
-        aided = self.aided
-        way = make_way(self.params, self.state.track, self.level, aided)
-        return make_guidance(self.params, self.state, self.fitted, self._examine, way)
+        params, state = self.params, self.state
+        return make_guidance(params, state, self.fitted, self._examine, self.level, self.aided)
 
     @property
     def aided(self) -> Aided | None:
@@ -181,8 +185,10 @@ class LiveFit:
         the vehicle stays level."""
         track, aided = self.state.track, self.aided
         told = aided is not None and aided.chosen
-        if track is not None and (told or self._keeps_level(track)):
-            return get_samples(self.params, track)
+        if track is not None:
+            level = len(track.slots) >= FEWEST and find_down(track) is not None
+            if told or level:
+                return get_samples(self.params, track)
         kept = np.concatenate([self.state.kept, self.state.waiting])
         kept = kept[np.argsort(kept[:, 0], kind="stable")]
         return Samples(
@@ -192,9 +198,6 @@ class LiveFit:
             name=self.params.name,
             device_id=self.params.device_id,
         )
-
-    def _keeps_level(self, track: Track) -> bool:
-        return len(track.slots) >= FEWEST and find_down(track) is not None
 
     def save(self, path: Path | str, *, origin: str = "") -> Path:
         """Write all that `resume` needs to go on, in one step; `origin` says where readings are
@@ -237,18 +240,9 @@ class LiveFit:
         if aided is not None and aided.chosen:
             return aided.objections
         if self._examined is None or not self._examined[0] <= self.n < 1.1 * self._examined[0]:
-            self._examined = (self.n, self._find_objections())
+            found = find_objections(self.params, self.samples, kind="ellipsoid")
+            self._examined = (self.n, found)
         return self._examined[1]
-
-    def _find_objections(self) -> tuple[Finding, ...]:
-        settings: dict[str, Any] = {"inclination_deg": self.params.inclination_deg}
-        try:
-            made = calibrate_as_named(
-                self.samples, self.params.reference, kind="ellipsoid", **settings
-            )
-        except AgonicError as error:
-            return (Finding("calibration", "check", str(error), "go on turning"),)
-        return made.objections
 
     def _make_result(self) -> tuple[Affine, Coverage]:
         """The last fit in the unit of the readings, and its coverage."""
@@ -256,14 +250,7 @@ class LiveFit:
         assert found is not None
         assert boxes is not None
         known = None if reference is None else float(reference.magnitudes(1)[0])
-        solved = Solved(
-            "full",
-            found.bias,
-            found.matrix,
-            found.covariance,
-            found.noise,
-            condition=found.condition,
-        )
+        solved = Solved("full", **{name: getattr(found, name) for name in OF_FIT})
         scale = Scale(found.centre, found.size, known, self.params.magnitude_sd)
         largest = float(np.abs(boxes.middles).max())
         made = replace(

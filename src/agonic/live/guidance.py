@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from agonic.live.level import Level, Plan, find_down, list_steps
 from agonic.live.maths import next_turn
 from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
-from agonic.live.track import Track
 from agonic.maths.equation import coverage as cells
 
 NEAR_METAL = 0.05  # of the field's magnitude
@@ -53,30 +51,6 @@ class Guidance:
     plan: Plan | None = None
 
 
-class Way(NamedTuple):
-    """What is known of a vehicle that stays level: headings and tilts, `None` before there is a
-    fit; what to drive next, what `calibrate` objects to, and the finding that nothing tells the
-    field of the place."""
-
-    level: Level | None
-    plan: Plan | None
-    objections: tuple[Finding, ...]
-    missing: tuple[Finding, ...]
-
-
-def make_way(
-    params: LiveParams, track: Track | None, level: Level | None, aided: Aided | None
-) -> Way | None:
-    """What the guidance of a level vehicle goes by; `None` of a sensor that is turned over."""
-    if track is None or find_down(track) is None:
-        return None
-    unknown = params.field_n is None and track.duration_s > LEVEL_S
-    missing = (_PLACE_MISSING,) if unknown else ()
-    plan = None if aided is None else aided.plan
-    objections = aided.objections if aided is not None and aided.chosen else ()
-    return Way(level, plan, objections, missing)
-
-
 _PLACE_MISSING = Finding(
     "place",
     "check",
@@ -91,35 +65,46 @@ def make_guidance(
     state: LiveState,
     fitted: tuple[Affine, Coverage] | None,
     examine: Callable[[], tuple[Finding, ...]] = tuple,
-    way: Way | None = None,
+    level: Level | None = None,
+    aided: Aided | None = None,
 ) -> Guidance:
     """The guidance at a state, and the calibration and coverage there.
 
     `examine` looks at the readings as `agonic calibrate` will; it is asked once all else is well.
-    `way` is that of a vehicle that stays level.
+    `level` are headings and tilts of a vehicle that stays level, `None` before there is a fit.
     """
     findings = [*_find_stuck(state), *_find_missing(state)]
+    stays_level = find_down(state.track) is not None
     if fitted is None or state.found is None:
-        say = BEGIN if way is not None else "turn the sensor slowly about all three axes"
+        say = BEGIN if stays_level else "turn the sensor slowly about all three axes"
         return Guidance(say=say, findings=tuple(findings))
     calibration, coverage = fitted
     findings += [
         *_find_near_metal(state, calibration, coverage),
-        *(find_held_out(state) or _find_scatter(calibration)),
+        *(list(find_held_out(state)) or _find_scatter(calibration)),
         *_find_off_model(params, calibration),
     ]
-    if way is not None:
-        return _guide_vehicle(params, way, coverage, findings, examine)
-    present = state.recent[-5:, 1:].mean(axis=0)
-    present = calibration.correct(present[None])[0]
-    wanted = _choose_direction(params, state.found, present / np.linalg.norm(present))
-    turn = next_turn.find_turn(present, wanted)
+    if stays_level:
+        assert state.track is not None
+        if params.field_n is None and state.track.duration_s > LEVEL_S:
+            findings.append(_PLACE_MISSING)
+        if aided is not None and aided.chosen:
+            findings += aided.objections
     close = coverage.heading_sd_deg <= params.target_deg
     if close and not findings:
         findings += examine()
     done = close and not findings
+    if stays_level:
+        return _guide_vehicle(done, level, aided and aided.plan, tuple(findings))
+    present = state.recent[-5:, 1:].mean(axis=0)
+    present = calibration.correct(present[None])[0]
+    wanted = _choose_direction(params, state.found, present / np.linalg.norm(present))
+    turn = next_turn.find_turn(present, wanted)
+    say = "enough: accept the result" if done else next_turn.describe_turn(turn)
+    if not done and np.abs(np.degrees(turn)).max() < next_turn.SMALLEST_DEG:
+        say = "go on turning"  # a hand that is told to hold still would not move again
     return Guidance(
-        say="enough: accept the result" if done else _describe_turn(turn),
+        say=say,
         done=done,
         present=present / np.linalg.norm(present),
         wanted=wanted,
@@ -129,35 +114,18 @@ def make_guidance(
 
 
 def _guide_vehicle(
-    params: LiveParams,
-    way: Way,
-    coverage: Coverage,
-    findings: list[Finding],
-    examine: Callable[[], tuple[Finding, ...]],
+    done: bool, level: Level | None, plan: Plan | None, findings: tuple[Finding, ...]
 ) -> Guidance:
     """The guidance of a vehicle that stays level: headings and tilts to add."""
-    close = coverage.heading_sd_deg <= params.target_deg
-    findings = [*findings, *way.missing, *way.objections]
-    if close and not findings:
-        findings += examine()
-    done = close and not findings
-    plan = way.plan
     if done:
         say = "enough: accept the result"
-    elif way.level is None:
+    elif level is None:
         say = BEGIN
     elif plan is None:
-        missing = not way.level.seen.all()
-        say = list_steps(way.level)[0].say if missing else "go on driving circles"
+        say = "go on driving circles" if level.seen.all() else list_steps(level)[0].say
     else:
         say = f"{plan.step.say}: heading error then ±{figure(plan.after_deg)}°"
-    return Guidance(say=say, done=done, findings=tuple(findings), level=way.level, plan=plan)
-
-
-def _describe_turn(turn: Array) -> str:
-    """The turn in words; a hand that is told to hold still would not move again."""
-    small = np.abs(np.degrees(turn)).max() < next_turn.SMALLEST_DEG
-    return "go on turning" if small else next_turn.describe_turn(turn)
+    return Guidance(say=say, done=done, findings=findings, level=level, plan=plan)
 
 
 def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array:
@@ -176,27 +144,30 @@ def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array
     return np.asarray(centres[np.argmax(gains / (SHORT + length))])
 
 
-def _find_stuck(state: LiveState) -> list[Finding]:
+def _find_stuck(state: LiveState) -> Iterator[Finding]:
     still = state.repeats >= STUCK
     if not still.any():
-        return []
+        return
     if still.all():
         what = f"the last {int(state.repeats.min())} readings are all the same"
-        return [Finding("stale", "check", what, "look at the sensor and its cable")]
+        yield Finding("stale", "check", what, "look at the sensor and its cable")
+        return
     axes = " and ".join("xyz"[i] for i in np.flatnonzero(still))
     what = f"axis {axes} is frozen while the others move"
-    return [Finding("frozen axis", "check", what, "look at the sensor")]
+    yield Finding("frozen axis", "check", what, "look at the sensor")
 
 
-def _find_missing(state: LiveState) -> list[Finding]:
+def _find_missing(state: LiveState) -> Iterator[Finding]:
     total = state.n + state.rejected
     if state.rejected < 0.01 * max(total, 1):
-        return []
+        return
     what = f"{state.rejected} of {total} readings are not numbers, or are impossible for a sensor"
-    return [Finding("NaN", "check", what, "look at the sensor and its cable")]
+    yield Finding("NaN", "check", what, "look at the sensor and its cable")
 
 
-def _find_near_metal(state: LiveState, calibration: Affine, coverage: Coverage) -> list[Finding]:
+def _find_near_metal(
+    state: LiveState, calibration: Affine, coverage: Coverage
+) -> Iterator[Finding]:
     """The present readings are off the sphere, all to one side, and the fit knows it there."""
     assert calibration.magnitude is not None
     if abs(float(state.recent[-1, 0]) - state.alarm) < WAIT_S:
@@ -209,20 +180,18 @@ def _find_near_metal(state: LiveState, calibration: Affine, coverage: Coverage) 
         here = cells.find_cells(np.median(field, axis=0)[None])[0]
         unsure = float(coverage.field_sd[here]) / calibration.magnitude
         if abs(off) < max(NEAR_METAL, 4 * spread, 4 * unsure):
-            return []
+            return
     word = "stronger" if off > 0 else "weaker"
-    return [
-        Finding(
-            "near metal",
-            "check",
-            f"the field here is {figure(100 * abs(off))} % {word} than elsewhere: iron, a magnet "
-            "or a current is near",
-            "move away from it and go on turning; if it stays, start again",
-        )
-    ]
+    yield Finding(
+        "near metal",
+        "check",
+        f"the field here is {figure(100 * abs(off))} % {word} than elsewhere: iron, a magnet "
+        "or a current is near",
+        "move away from it and go on turning; if it stays, start again",
+    )
 
 
-def find_held_out(state: LiveState) -> list[Finding]:
+def find_held_out(state: LiveState) -> Iterator[Finding]:
     """Much was kept out, and what is near may as well be what was taken for the rest.
 
     >>> [finding.name for finding in find_held_out(LiveState(n=100, held=40))]
@@ -230,50 +199,46 @@ def find_held_out(state: LiveState) -> list[Finding]:
     """
     share = state.held / max(state.n, 1)
     if share < MUCH:
-        return []
+        return
     what = f"{100 * share:.0f} % of the readings do not fit the others: the field was not the same"
     turns = "move away from steel, magnets and currents and start again"
-    return [Finding("disturbed", "check", what, turns)]
+    yield Finding("disturbed", "check", what, turns)
 
 
-def _find_scatter(calibration: Affine) -> list[Finding]:
+def _find_scatter(calibration: Affine) -> Iterator[Finding]:
     """No sphere fits: the field was not the same all the time."""
     assert calibration.magnitude is not None
     share = (calibration.noise or 0.0) * float(np.trace(calibration.matrix)) / 3
     share /= calibration.magnitude
     if share < SCATTER:
-        return []
-    return [
-        Finding(
-            "disturbed",
-            "check",
-            f"readings scatter by {100 * share:.1f} % of the field about the best sphere: the "
-            "field was not the same all the time",
-            "move away from steel, magnets and currents and start again",
-        )
-    ]
+        return
+    yield Finding(
+        "disturbed",
+        "check",
+        f"readings scatter by {100 * share:.1f} % of the field about the best sphere: the "
+        "field was not the same all the time",
+        "move away from steel, magnets and currents and start again",
+    )
 
 
-def _find_off_model(params: LiveParams, calibration: Affine) -> list[Finding]:
+def _find_off_model(params: LiveParams, calibration: Affine) -> Iterator[Finding]:
     """A mean gain that no sensor has: the whole place is disturbed, or the reference is wrong."""
     if params.magnitude is None or params.unit == "raw":
-        return []
+        return
     gain = float(np.trace(calibration.matrix)) / 3
     off = 1 / gain - 1
     assert calibration.covariance is not None
     sd = np.sqrt(calibration.covariance[3:6, 3:6].sum()) / 3 / gain
     if abs(off) < max(OFF_MODEL, SURE * sd * (1 + off)):
-        return []
+        return
     word = "above" if off > 0 else "below"
-    return [
-        Finding(
-            "off the model",
-            "check",
-            f"the field measured is {figure(100 * abs(off))} % {word} the "
-            f"{params.source.removeprefix('the ')}",
-            "check the place and the unit, or move away from iron",
-        )
-    ]
+    yield Finding(
+        "off the model",
+        "check",
+        f"the field measured is {figure(100 * abs(off))} % {word} the "
+        f"{params.source.removeprefix('the ')}",
+        "check the place and the unit, or move away from iron",
+    )
 
 
 def tell_error(sd_deg: float | None) -> str:

@@ -1,5 +1,7 @@
-"""Readings wait before they are let in: near iron is noticed only when it is already near.
+"""Readings that do not count: those that no magnetometer gives, and those made near iron.
 
+The former are left out at the door, before they can spoil a sum. The others wait before they are
+let in, for near iron is noticed only when it is already near.
 Blocks of readings are compared with the fit to those before them. A block that is off it is kept
 out, and so is all that came within `WAIT_S` before and after it, when the iron was further off.
 """
@@ -11,9 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.live.state import Found
 from agonic.maths.equation import moment_fit
+from agonic.units import RAW
 
 WAIT_S = 1.5
 """How long readings wait, and for how long after a disturbance none are let in."""
@@ -31,20 +34,15 @@ UNSURE = 10.0
 """Standard errors of the fit by which it must: where it has seen little, it is not the judge."""
 
 
-class Alarm(NamedTuple):
-    """The time, s, of the last block that was off, and by how much of the magnitude."""
-
-    time: float
-    off: float
-
-
 class Judgement(NamedTuple):
-    """Rows let in, rows that wait, how many are kept out, and the last alarm."""
+    """Rows let in, rows that wait, how many are kept out; the time, s, of the last block that was
+    off, and by how much of the magnitude."""
 
     let_in: Array
     waiting: Array
     held: int
-    alarm: Alarm
+    alarm: float
+    off: float
 
 
 def compute_deviations(judge: Found | None, blocks: Array) -> Array:
@@ -60,9 +58,10 @@ def compute_deviations(judge: Found | None, blocks: Array) -> Array:
 
 
 def judge_blocks(
-    judge: Found | None, alarm: Alarm, waiting: Array, fresh: Array, size: int
+    judge: Found | None, alarm: float, last: float, waiting: Array, fresh: Array, size: int
 ) -> Judgement:
-    """Whole blocks of `size` among rows that wait and `fresh` ones (…, 4), one after another.
+    """Whole blocks of `size` among rows that wait and `fresh` ones (…, 4), one after another;
+    `alarm` is the time of the last that was off, by `last`.
 
     The rows that wait have been judged before. What is let in does not depend on how the readings
     were cut in chunks, as long as the judge is the same.
@@ -81,10 +80,53 @@ def judge_blocks(
         if off[k - old]:
             held += 1 + len(queue)
             queue.clear()
-            alarm = Alarm(ends[k], float(off[k - old]))
-        elif abs(begins[k] - alarm.time) < WAIT_S:
+            alarm, last = ends[k], float(off[k - old])
+        elif abs(begins[k] - alarm) < WAIT_S:
             held += 1
         else:
             queue.append(k)
     chosen = blocks[let_in].reshape(-1, 4)
-    return Judgement(chosen, blocks[list(queue)].reshape(-1, 4), held * size, alarm)
+    return Judgement(chosen, blocks[list(queue)].reshape(-1, 4), held * size, alarm, last)
+
+
+LARGEST_nT = 1e8
+"""0.1 T: beyond the range of every magnetometer, Hall sensors included."""
+
+LARGEST_COUNT = 2.0**31
+"""Of a converter of 32 bits."""
+
+FAR = 3.0
+"""Times the usual distance from the midst of all boxes; a whole sphere is at one, an arc below
+two."""
+
+FEW = 0.02
+"""Of the readings: more that lie far off are no stray ones."""
+
+
+def find_plausible(field: Array, unit: str) -> Mask:
+    """Which readings (n, 3), in nT or raw counts, a sensor can have given: finite, within what any
+    measures, and not exactly zero on all axes, which is a sensor that has not begun.
+
+    >>> find_plausible(np.array([[2e4, 0, 4e4], [4.5e15, 12, 3], [0, 0, 0]]), "nT")
+    array([ True, False, False])
+    """
+    largest = LARGEST_COUNT if unit == RAW else LARGEST_nT
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.abs(field) < largest).all(axis=1) & (field != 0).any(axis=1))
+
+
+def find_stray(middles: Array, counts: Array) -> Mask:
+    """Which boxes (k,) lie far from all others and hold few readings: garbled numbers and spikes.
+
+    A fit by moments begins at the best sphere through all of them, which a single reading ten
+    times as far as the others would carry away.
+
+    >>> circle = np.linspace(0, 6, 40)[:, None]
+    >>> boxes = np.column_stack([np.cos(circle), np.sin(circle), 0 * circle])
+    >>> find_stray(np.vstack([boxes, [[6.0, 0, 0]]]), np.ones(41)).nonzero()
+    (array([40]),)
+    """
+    distance = np.linalg.norm(middles - np.median(middles, axis=0), axis=1)
+    far = distance > FAR * np.median(distance)
+    few = counts[far].sum() <= max(FEW * counts.sum(), 2)
+    return np.asarray(far & few)

@@ -76,6 +76,10 @@ class LiveParams:
         return Reference.constant(self.magnitude, sd=sd, source=source)
 
 
+OF_FIT = ("bias", "matrix", "covariance", "noise", "condition")
+"""What every fit by moments or to points has under these names."""
+
+
 class Found(NamedTuple):
     """The last fit: centre and size of the points it was made on, and what came out there.
 

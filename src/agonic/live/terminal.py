@@ -6,14 +6,14 @@ import re
 import sys
 import time
 from dataclasses import replace
-from typing import Any, TextIO
+from typing import TextIO
 
 from msgspec import to_builtins
 
 from agonic.console.finish import finish
 from agonic.errors import AgonicError
 from agonic.live.guidance import tell_error
-from agonic.live.web.messages import Sensor, Status
+from agonic.live.web.messages import Status
 from agonic.live.web.session import Session
 from agonic.recording.document import describe_recording
 
@@ -50,15 +50,12 @@ def run_in_terminal(session: Session, as_json: bool) -> int:
     document = describe_recording(
         session.results, written=session.written, failures=failures, schema="agonic/live@1"
     )
-    guidance = [_record_guidance(one) for one in session.status.sensors]
+    names = ("name", "method", "heading_sd_deg", "say", "done", "rose")
+    guidance = [
+        {name: to_builtins(getattr(one, name)) for name in names} for one in session.status.sensors
+    ]
     document = replace(document, values={**(document.values or {}), "guidance": guidance})
     return finish(document, page=session.plan.folder / "report.html", as_json=as_json)
-
-
-def _record_guidance(sensor: Sensor) -> dict[str, Any]:
-    """What was last said, and of a vehicle that stays level the headings seen."""
-    names = ("name", "method", "heading_sd_deg", "say", "done", "rose")
-    return {name: to_builtins(getattr(sensor, name)) for name in names}
 
 
 class Lines:

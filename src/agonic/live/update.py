@@ -9,9 +9,8 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.live.maths import voxels
 from agonic.live.maths.voxels import Voxels
-from agonic.live.plausible import find_plausible, find_stray
-from agonic.live.quarantine import Alarm, judge_blocks
-from agonic.live.state import Found, LiveParams, LiveState
+from agonic.live.quarantine import find_plausible, find_stray, judge_blocks
+from agonic.live.state import OF_FIT, Found, LiveParams, LiveState
 from agonic.live.track import extend_track
 from agonic.maths.equation import moment_fit, moments
 
@@ -102,7 +101,7 @@ def _take(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
     judged, fresh = np.split(state.waiting, [len(state.waiting) - partial])
     fresh = np.concatenate([fresh, rows])
     fresh, partly = np.split(fresh, [len(fresh) - len(fresh) % params.every])
-    made = judge_blocks(state.judge, Alarm(state.alarm, state.off), judged, fresh, params.every)
+    made = judge_blocks(state.judge, state.alarm, state.off, judged, fresh, params.every)
     boxes, memorable = _put_in_boxes(state.voxels, made.let_in, params.every)
     return replace(
         state,
@@ -113,8 +112,8 @@ def _take(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
         kept=np.concatenate([state.kept, made.let_in[memorable]]),
         waiting=np.concatenate([made.waiting, partly]),
         held=state.held + made.held,
-        alarm=made.alarm.time,
-        off=made.alarm.off,
+        alarm=made.alarm,
+        off=made.off,
     )
 
 
@@ -150,14 +149,5 @@ def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) 
     made = moment_fit.estimate(sums, params.soft_iron_sd, start)
     if made is None:
         return None
-    return Found(
-        n,
-        centre,
-        size,
-        made.bias,
-        made.matrix,
-        made.covariance,
-        made.noise,
-        made.condition,
-        left_out,
-    )
+    of_fit = {name: getattr(made, name) for name in OF_FIT}
+    return Found(n, centre, size, **of_fit, left_out=left_out)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from agonic.arrays import Array, Mask
+from agonic.maths.equation.network import Nodes
 from agonic.network.fit import (
     Method,
     NetworkChoice,
@@ -17,8 +18,8 @@ from agonic.network.fit import (
     fit_network,
 )
 from agonic.network.fit.selection import NODES
-from agonic.network.report import figures, tables
-from agonic.network.report.document import correlate_axes, draw_axes, evaluate_fit
+from agonic.network.report import figures
+from agonic.network.report.document import compare, correlate_axes, draw_axes, evaluate_fit
 from agonic.network.simulate import CHANGE_S, SimulatedField, simulate_paper
 from agonic.readable import make_record
 from agonic.report.digits import quantity
@@ -53,21 +54,12 @@ class Reproduction:
         assert self.made.samples.time is not None
         return np.asarray(self.made.samples.time >= CHANGE_S)
 
-    @property
-    def early(self) -> Mask:
-        """The rows before it."""
-        return ~self.late
-
     def errors(self, fit: NetworkFit, rows: Mask) -> tuple[Array, Array]:
         """Times (k,), s, of some rows, and the largest component of the error (k,) of each, nT."""
         part = self.made.select(rows)
         assert part.samples.time is not None
         field, _ = fit.calibration.evaluated(part.samples.field, {})
         return part.samples.time, np.asarray(np.abs(field - part.field).max(axis=1))
-
-    def largest(self, fit: NetworkFit, rows: Mask) -> float:
-        """The largest error of a component among some rows, nT."""
-        return float(self.errors(fit, rows)[1].max())
 
 
 def reproduce_paper(*, noise: float = 2.0, seed: int = 0) -> Reproduction:
@@ -114,7 +106,7 @@ def _choose(made: SimulatedField, seed: int) -> NetworkChoice:
     )
 
 
-PUBLISHED = {7: 0.9999, 6: 0.9999, 5: 0.9999, 4: 0.9999, 3: 0.9999, 2: 0.82121}
+PUBLISHED: dict[Nodes, float] = {7: 0.9999, 6: 0.9999, 5: 0.9999, 4: 0.9999, 3: 0.9999, 2: 0.82121}
 """The regression coefficient by hidden nodes, table 1 of the paper."""
 LIMIT, CHANGED = 10.0, 30.0
 """Largest errors that the paper names, nT: trained, and after the change."""
@@ -122,7 +114,7 @@ LIMIT, CHANGED = 10.0, 30.0
 
 def describe_paper(found: Reproduction) -> Document:
     """The reproduction of the paper as page, text and JSON."""
-    early = found.made.select(found.early)
+    early = found.made.select(~found.late)
     fields = evaluate_fit(found.ground, early.samples)
     values = _measure(found) | {"regression_of_axes": correlate_axes(*fields)}
     return Document(
@@ -133,7 +125,7 @@ def describe_paper(found: Reproduction) -> Document:
         about="As published in J. Comput. Commun. 8, 31–41, doi:10.4236/jcc.2020.86004.",
         sections=[
             Section("Beside the paper", [_compare(values)], printed=True),
-            Section("Mean square error", [tables.list_methods(found.methods), _train(found)]),
+            Section("Mean square error", compare(found.ground, found.methods, *_TRAINED)),
             Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
             Section("Calibrated on the ground", [lambda: _draw_ground(found)]),
             Section("After the change, and retrained", [lambda: _draw_change(found)]),
@@ -146,6 +138,7 @@ def describe_paper(found: Reproduction) -> Document:
     )
 
 
+_TRAINED = ("Error after each epoch", "From the same random start.")
 PLANE = (
     "The printed field never leaves a plane, for which two nodes are enough; the table that was "
     "published comes out where directions fill space, of which two nodes span a plane: R = √(2/3)."
@@ -160,9 +153,9 @@ def _measure(found: Reproduction) -> dict[str, Any]:
         "epochs": marquardt.epochs_to_goal,
         "epochs_of_descent": descent.epochs_to_goal,
         "epochs_of_adaptive_descent": adaptive.epochs_to_goal,
-        "ground_max_nT": found.largest(found.ground, found.early),
-        "changed_max_nT": found.largest(found.ground, found.late),
-        "retrained_max_nT": found.largest(found.again, found.late),
+        "ground_max_nT": float(found.errors(found.ground, ~found.late)[1].max()),
+        "changed_max_nT": float(found.errors(found.ground, found.late)[1].max()),
+        "retrained_max_nT": float(found.errors(found.again, found.late)[1].max()),
         "regression": found.ground.regression,
         "regression_in_space": {row.hidden: row.regression for row in found.space.table},
         "regression_in_the_plane": {row.hidden: row.regression for row in found.plane.table},
@@ -171,12 +164,10 @@ def _measure(found: Reproduction) -> dict[str, Any]:
 
 
 def _compare(values: dict[str, Any]) -> Table:
-    def epochs(number: int | None) -> str:
-        return "never" if number is None else str(number)
-
+    epochs, descent = (values[name] or "never" for name in ("epochs", "epochs_of_descent"))
     rows = [
-        ["epochs to a mean square error of 0.001", "26", epochs(values["epochs"])],
-        ["the same by gradient descent", "–", epochs(values["epochs_of_descent"])],
+        ["epochs to a mean square error of 0.001", "26", f"{epochs}"],
+        ["the same by gradient descent", "–", f"{descent}"],
         ["largest error on the ground", "< 10 nT", quantity(values["ground_max_nT"], "nT")],
         ["largest error after the change", "30 nT", quantity(values["changed_max_nT"], "nT")],
         ["largest error, retrained", "< 10 nT", quantity(values["retrained_max_nT"], "nT")],
@@ -185,35 +176,16 @@ def _compare(values: dict[str, Any]) -> Table:
 
 
 def _list_nodes(found: Reproduction) -> Table:
-    rows = [
-        [
-            str(space.hidden),
-            f"{published:.5f}",
-            f"{space.regression:.5f}",
-            f"{plane.regression:.5f}",
-        ]
-        for published, space, plane in zip(
-            PUBLISHED.values(), found.space.table, found.plane.table, strict=True
-        )
-    ]
-    return Table(
-        ["Nodes", "R published", "directions in space", "the printed plane"], rows, "nodes"
-    )
-
-
-def _train(found: Reproduction) -> Any:
-    names = [method.name for method in found.methods]
-
-    def draw() -> Markup:
-        drawn = figures.draw_methods(found.ground, found.methods)
-        keys = dict(zip(figures.METHODS, names, strict=True))
-        return caption("Error after each epoch", drawn, keys, "From the same random start.")
-
-    return draw
+    rows = []
+    for space, plane in zip(found.space.table, found.plane.table, strict=True):
+        of = (PUBLISHED[space.hidden], space.regression, plane.regression)
+        rows.append([str(space.hidden), *(f"{r:.5f}" for r in of)])
+    head = ["Nodes", "R published", "directions in space", "the printed plane"]
+    return Table(head, rows, "nodes")
 
 
 def _draw_ground(found: Reproduction) -> Markup:
-    drawn = figures.draw_errors({"training": found.errors(found.ground, found.early)}, [LIMIT])
+    drawn = figures.draw_errors({"training": found.errors(found.ground, ~found.late)}, [LIMIT])
     keys = {"training": "trained on the ground", "limit": "10 nT"}
     return caption("Largest component of the error", drawn, keys)
 

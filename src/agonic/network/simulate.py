@@ -79,6 +79,8 @@ def simulate_paper(
     >>> bool(np.allclose(made.samples.field[0], GROUND_BIAS + GROUND_RESPONSE @ made.field[0]))
     True
     """
+    settings = {"kind": "paper", **locals()}
+    del settings["duration_s"]
     check_choice("directions", directions, ("planar", "space"))
     n = round(duration_s * rate_Hz)
     if n < 1:
@@ -97,7 +99,7 @@ def simulate_paper(
     return SimulatedField(
         samples=Samples(time=time, field=raw, unit="nT", name="paper", notes=("simulated",)),
         field=field,
-        facts=_note("paper", n=n, rate_Hz=rate_Hz, directions=directions, noise=noise, seed=seed),
+        facts=MappingProxyType(settings | {"n": n}),
     )
 
 
@@ -132,7 +134,7 @@ def simulate_nonaffine(
     >>> made.samples.field.shape, round(float(np.linalg.norm(made.field[0])))
     ((500, 3), 50000)
     """
-    settings = dict(locals())
+    settings = {"kind": "nonaffine", **locals()}
     made = simulate("tumble", n=n, rate_Hz=rate_Hz, magnitude=magnitude, noise=0.0, seed=seed)
     bias, matrix = made.truth.bias, made.truth.matrix
     u = np.linalg.solve(matrix, made.field_b.T).T
@@ -147,12 +149,8 @@ def simulate_nonaffine(
     return SimulatedField(
         samples=made.samples.with_columns(field=raw, temperature=temperature, name="bent"),
         field=made.field_b,
-        facts=_note("nonaffine", **settings),
+        facts=MappingProxyType(settings),
     )
-
-
-def _note(kind: str, **settings: Any) -> Mapping[str, Any]:
-    return MappingProxyType({"kind": kind, **settings})
 
 
 def _swing(time: Array, rate_Hz: float, phase: float) -> tuple[Array, Array]:

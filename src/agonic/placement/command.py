@@ -11,8 +11,7 @@ from agonic.console.options import Between, Json, Report, Seed, Unit
 from agonic.errors import AgonicError, UnitError
 
 if TYPE_CHECKING:
-    from agonic.placement.mix import Mix
-    from agonic.report.document import Document
+    from agonic.samples import Samples
 
 
 def placement(
@@ -61,15 +60,15 @@ def placement(
     from agonic.console.finish import finish
     from agonic.logs.contents import read_bytes
     from agonic.placement import document
-    from agonic.placement.mix import rank_places, read_places
+    from agonic.placement.layout import read_layout
+    from agonic.placement.mix import judge_recording, rank_places, read_places
+    from agonic.placement.plan import plan_placement
+    from agonic.provenance import Input, hash_file
 
     if source is None:
         return _show_example(out, as_json)
-    if out is not None:
-        if out.suffix or report is not None:
-            raise AgonicError(f"-o {out} is the folder for report.html; a file goes with --report")
-        out.mkdir(parents=True, exist_ok=True)
-        report = out / "report.html"
+    if out is not None and (out.suffix or report is not None):
+        raise AgonicError(f"-o {out} is the folder for report.html; a file goes with --report")
     level = horizontal or 20_000.0
     if source.suffix.lower() == ".toml":
         if any(given is not None for given in (horizontal, noise, first, unit, between)):
@@ -77,14 +76,20 @@ def placement(
                 f"{source.name} says itself where it is used and how noisy sensors are: [field], "
                 "[sensor]; only --calibrated and --seed go with a list of parts"
             )
-        made = _plan(source, calibrated, seed)
+        layout = read_layout(source)
+        count = len(layout.parts) + len(layout.wires)
+        read = Input(name=source.name, sha256=hash_file(source), count=count)
+        plan = plan_placement(layout, calibrated=calibrated, seed=seed)
+        made = document.describe_plan(plan, read)
     elif calibrated:
         raise AgonicError(f"--calibrated goes with a list of parts, and {source} is none (.toml)")
     elif b"place" in read_bytes(source).split(b"\n", 1)[0]:
-        made = document.describe_places(rank_places(read_places(source), noise or 200.0), level)
+        ranked = rank_places(read_places(source), noise or 200.0, level)
+        made = document.describe_places(ranked)
     else:
-        made = document.describe_placement(_judge(source, first, unit, between), level)
-    return finish(made, report=report, as_json=as_json)
+        samples = _pair_sensors(source, first, unit, between)
+        made = document.describe_placement(judge_recording(samples, level))
+    return finish(made, out=out, report=report, as_json=as_json)
 
 
 def _show_example(out: Path | None, as_json: bool) -> int:
@@ -102,27 +107,16 @@ def _show_example(out: Path | None, as_json: bool) -> int:
         print_json("agonic/plan-placement-example@1", {"example": text, "file": file})
         return 0
     say(text if file is None else f"Written   {file}, an example: put your own parts into it")
-    say(f"Next      agonic plan placement {file or 'parts.toml'} -o places")
+    comment = "" if file else "# "  # what is printed may be sent into a file as it is
+    say(f"{comment}Next      agonic plan placement {file or 'parts.toml'} -o places")
     return 0
 
 
-def _plan(source: Path, calibrated: bool, seed: int) -> Document:
-    """What a list of parts lets expect."""
-    from agonic.placement.document import describe_plan
-    from agonic.placement.layout import read_layout
-    from agonic.placement.plan import plan_placement
-    from agonic.provenance import Input, hash_file
-
-    layout = read_layout(source)
-    count = len(layout.parts) + len(layout.wires)
-    read = Input(name=source.name, sha256=hash_file(source), count=count)
-    return describe_plan(plan_placement(layout, calibrated=calibrated, seed=seed), read)
-
-
-def _judge(source: Path, first: str | None, unit: str | None, between: str | None) -> Mix:
-    """The mix of the two magnetometers of a recording."""
+def _pair_sensors(
+    source: Path, first: str | None, unit: str | None, between: str | None
+) -> Samples:
+    """The readings of the two magnetometers of a recording."""
     from agonic.console.sensors import open_sensors
-    from agonic.placement.mix import judge_recording
 
     sensors = open_sensors(source, None, unit, between)[1]
     if len(sensors) < 2:
@@ -133,4 +127,4 @@ def _judge(source: Path, first: str | None, unit: str | None, between: str | Non
     if first is not None and first not in names:
         raise AgonicError(f"{source} holds {', '.join(names)}, and not {first}")
     own = sensors[0 if first is None else names.index(first)]
-    return judge_recording(own.with_second(next(one for one in sensors if one is not own)))
+    return own.with_second(next(one for one in sensors if one is not own))

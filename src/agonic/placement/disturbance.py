@@ -36,18 +36,18 @@ class Vehicles(NamedTuple):
 
 class Disturbance(NamedTuple):
     """At places (p) in vehicles (k): `hard` (k, p, 3), nT; `soft` (k, p, 3, 3); `per_ampere`
-    (k, p, c, 3) of the currents in the order of `Layout.currents`, nT/A."""
+    (k, p, c, 3) of the currents in the order of `Layout.currents`, nT/A; of one place without p."""
 
     hard: Array
     soft: Array
     per_ampere: Array
 
     def add_up(self, field_b: Array, currents: Array) -> Array:
-        """What is added (k, p, 3), nT, in a field (k, 3) and with currents (k, c), A."""
-        induced = np.einsum("kpij,kj->kpi", self.soft, field_b)
-        return np.asarray(
-            self.hard + induced + np.einsum("kpci,kc->kpi", self.per_ampere, currents)
-        )
+        """What is added, nT, in a field (k, 3) and with currents (k, c), A: (k, p, 3) at places;
+        at one place in each of these fields (n, 3) and with each of the currents, (n, k, 3)."""
+        induced = np.einsum("...ij,...j->...i", self.soft, field_b[:, None])
+        driven = np.einsum("...ci,...c->...i", self.per_ampere, currents[:, None])
+        return np.asarray(self.hard + induced + driven)
 
 
 class Service(NamedTuple):
@@ -89,13 +89,22 @@ def draw_service(
     strata = np.tile((np.arange(n) + 0.5) / n, (2 + len(low), 1))  # a Latin hypercube
     shares = rng.permuted(strata, axis=1)
     roll, pitch = layout.service.tilt_deg * (2 * shares[:2] - 1)
-    turn = rot_nb(roll, pitch, 360.0 * strata[0])
     currents = low + shares[2:].T * (high - low) - calibrated * (low + high) / 2
+    return steer(layout, (roll, pitch, 360.0 * strata[0]), currents)
+
+
+def steer(layout: Layout, attitude: tuple[Array, Array, Array], currents: Array) -> Service:
+    """Moments at roll, pitch and heading (k), degrees, in the field of a list."""
+    turn = rot_nb(*attitude)
     return Service(turn, np.einsum("kij,i->kj", turn, layout.field_n), currents)
 
 
-def disturb(layout: Layout, vehicles: Vehicles, places: Array) -> Disturbance:
-    """What the parts do at places (p, 3), or (k, p, 3) of each vehicle, m."""
+def disturb(
+    layout: Layout, vehicles: Vehicles, places: Array, calibrated: bool = False
+) -> Disturbance:
+    """What the parts do at places (p, 3), or (k, p, 3) of each vehicle, m; of `calibrated`
+    magnetometers nothing of hard and soft iron is left, nor of the currents' mean, which
+    `draw_service` takes off."""
     places = np.broadcast_to(places, (len(vehicles.positions), *np.shape(places)[-2:]))
     tensors = dipole_tensor(places[:, :, None] - vehicles.positions[:, None])
     hard = NT_M_A * np.einsum("kpqij,kqj->kpi", tensors, vehicles.moments)
@@ -107,13 +116,8 @@ def disturb(layout: Layout, vehicles: Vehicles, places: Array) -> Disturbance:
         per_ampere[:, :, names.index(wire.name)] += wire.turns * wire_field(
             np.array(wire.points_m), moved
         )
-    return Disturbance(hard, soft, per_ampere)
-
-
-def remove_constant(made: Disturbance, calibrated: bool) -> Disturbance:
-    """What calibrations leave: nothing of hard and soft iron, nor of the currents' mean, which
-    `draw_service` takes off; all of it where they are not `calibrated`."""
-    return Disturbance(0 * made.hard, 0 * made.soft, made.per_ampere) if calibrated else made
+    iron = 0.0 if calibrated else 1.0
+    return Disturbance(iron * hard, iron * soft, per_ampere)
 
 
 def deviate(service: Service, added: Array, horizontal: float) -> Array:

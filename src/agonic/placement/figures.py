@@ -10,20 +10,13 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.placement.layout import Region
 from agonic.placement.plan import Placement
-from agonic.report.contours import (
-    draw_contours,
-    draw_dots,
-    draw_lines,
-    fit_axes,
-    label,
-    list_nodes,
-    locate,
-)
+from agonic.report.contours import draw_map, fit_axes, list_nodes
 from agonic.report.markup import Markup
-from agonic.report.strips import caption, plot
 
 View = Literal["above", "right"]
 _AXES = {"above": ("y: right, m", "x: forward, m"), "right": ("x: forward, m", "z: up, m")}
+_TURNS = {"above": ([1, 0], [1.0, 1.0]), "right": ([0, 2], [1.0, -1.0])}
+"""Which axis of the vehicle goes across and which up, and their signs."""
 KEYS = {
     "contour": "heading error of one alone, at the depth of the first",
     "allowed": "allowed regions",
@@ -40,27 +33,40 @@ def draw_view(plan: Placement, view: View) -> Markup:
     wires = [np.stack([w.points_m[:-1], w.points_m[1:]], axis=1) for w in layout.wires]
     parts = np.reshape([part.position_m for part in layout.parts], (-1, 3))
     chosen = np.stack([plan.first, plan.second])
-    lines = np.concatenate([regions, *wires])
-    x, y = fit_axes(_AXES[view], _turn(np.concatenate([lines.reshape(-1, 3), parts]), view))
-    nodes, shape = list_nodes(x, y)
-    error = plan.map_error_deg(_into_plane(nodes, view, plan.first)).reshape(shape)
-    levels = 2.0 ** np.arange(-5, 6)
-    wanted = levels[levels > max(float(np.percentile(error, 5)), levels[0])][:5]
-    layers, labels = draw_contours(error, wanted.tolist(), "°")
-    layers += [
-        draw_lines(locate(x, y, _turn(regions, view)), "allowed"),
-        *(draw_lines(locate(x, y, _turn(one, view)), "lead") for one in wires),
-        draw_dots(locate(x, y, _turn(parts, view)), "dots"),
-        draw_dots(locate(x, y, _turn(chosen, view)), "dots chosen"),
+    marks = [
+        ("allowed", regions),
+        *(("lead", wire) for wire in wires),
+        ("dots", parts),
+        ("dots chosen", chosen),
     ]
-    for part, at in zip(layout.parts, _turn(parts, view), strict=True):
-        labels.append(label(part.name, locate(x, y, at), "part"))
-    for name, at in zip("12", _turn(chosen, view), strict=True):
-        labels.append(label(name, locate(x, y, at), "chosen"))
+    names = [
+        *((part.name, at, "part") for part, at in zip(layout.parts, parts, strict=True)),
+        *((name, at, "chosen") for name, at in zip("12", chosen, strict=True)),
+    ]
+    shown = np.concatenate([*(one.reshape(-1, 3) for one in (regions, *wires)), parts])
+    columns, signs = _TURNS[view]
+
+    def turn(at: Array) -> Array:
+        return np.asarray(at[..., columns] * signs)
+
+    axes = fit_axes(_AXES[view], turn(shown))
+    nodes, shape = list_nodes(*axes)
+    here = np.tile(plan.first, (len(nodes), 1))
+    here[:, columns] = nodes * signs
+    error = plan.map_error_deg(here).reshape(shape)
+    levels = 2.0 ** np.arange(-5, 6)
     title = "From above" if view == "above" else "From the right side"
-    words = KEYS if view == "above" else KEYS | {"contour": "the same, in the plane of the first"}
-    drawn = plot(x, y, layers, f"{title}: parts, regions and magnetometers", labels, "contours")
-    return caption(title, drawn, words)
+    return draw_map(
+        axes,
+        error,
+        levels[levels > max(float(np.percentile(error, 5)), levels[0])][:5],
+        "°",
+        title=title,
+        keys=KEYS if view == "above" else KEYS | {"contour": "the same, in the plane of the first"},
+        marks=[(name, turn(at)) for name, at in marks],
+        names=[(text, turn(at), name) for text, at, name in names],
+        said=f"{title}: parts, regions and magnetometers",
+    )
 
 
 def _list_edges(region: Region) -> Array:
@@ -68,19 +74,3 @@ def _list_edges(region: Region) -> Array:
     corners = np.array(list(product((0.0, 1.0), repeat=len(region.edges_m))))
     pairs = [(a, b) for a in corners for b in corners if (b >= a).all() and (b - a).sum() == 1]
     return np.asarray(region.corner_m + np.array(pairs) @ np.array(region.edges_m))
-
-
-def _turn(at: Array, view: View) -> Array:
-    """Places (…, 3) of the vehicle across and up a view."""
-    x, y, z = np.moveaxis(at, -1, 0)
-    return np.stack([y, x] if view == "above" else [x, -z], axis=-1)
-
-
-def _into_plane(nodes: Array, view: View, through: Array) -> Array:
-    """Places (n, 3) of points (n, 2) of a view, in the plane through one place."""
-    across, up = nodes.T
-    here = np.tile(through, (len(nodes), 1))
-    columns = ((1, across), (0, up)) if view == "above" else ((0, across), (2, -up))
-    for axis, values in columns:
-        here[:, axis] = values
-    return here

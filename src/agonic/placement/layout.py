@@ -69,30 +69,31 @@ class Part(_Strict, frozen=True):
     induced_sd_m3: NotNegative = 0.0
 
 
-class Wire(_Strict, frozen=True):
-    """A current from corner to corner; `position_sd_m` is of the wire as a whole."""
+class _Conductor(_Strict, frozen=True, kw_only=True):
+    """A current, least and most; `position_sd_m` is of the conductor as a whole."""
 
     name: str
-    points_m: Annotated[list[Three], Meta(min_length=2)]
     current_A: tuple[float, float]
     turns: float = 1.0
     position_sd_m: NotNegative = 0.0
+
+
+class Wire(_Conductor, frozen=True, kw_only=True):
+    """A current from corner to corner."""
+
+    points_m: Annotated[list[Three], Meta(min_length=2)]
 
     def __post_init__(self) -> None:
         if self.current_A[0] > self.current_A[1]:
             raise ValueError("current_A is [least, most]")
 
 
-class Loop(_Strict, frozen=True):
+class Loop(_Conductor, frozen=True, kw_only=True):
     """A circular current, clockwise as seen along its axis."""
 
-    name: str
     position_m: Three
     axis: Three
     radius_m: Positive
-    current_A: tuple[float, float]
-    turns: float = 1.0
-    position_sd_m: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         if not any(self.axis):
@@ -101,13 +102,8 @@ class Loop(_Strict, frozen=True):
     def as_wire(self) -> Wire:
         """The same as a polygon."""
         corners = list_circle(np.array(self.position_m), np.array(self.axis), self.radius_m)
-        return Wire(
-            name=self.name,
-            points_m=[(x, y, z) for x, y, z in corners.tolist()],
-            current_A=self.current_A,
-            turns=self.turns,
-            position_sd_m=self.position_sd_m,
-        )
+        shared = {name: getattr(self, name) for name in _Conductor.__struct_fields__}
+        return Wire(**shared, points_m=[(x, y, z) for x, y, z in corners.tolist()])
 
 
 class Layout(_Strict, frozen=True):

@@ -1,12 +1,12 @@
-"""Where a second magnetometer should sit: the mix of two that cancels best, and what it costs."""
+"""What was measured of two magnetometers, or at places in a table: the mixes that cancel best."""
 
 from __future__ import annotations
 
 import csv
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from io import StringIO
-from itertools import combinations
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +15,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import read_bytes
+from agonic.placement.search import combine
 from agonic.readable import Shown
 from agonic.samples import Samples
 
@@ -30,20 +31,23 @@ class Mix:
 
     Parameters
     ----------
-    first, second : the places; `second` empty for one alone. matrix : G (3, 3).
+    first, second : the places; `second` None for one alone. matrix : G (3, 3).
     before, left : what disturbs at the first place and in the mix, nT rms of an axis.
     noise, noise_before : of one reading of the mix and of the first alone on an axis, nT.
     share : of the first's disturbance at the second, along itself: −1 is opposite and equal.
+    horizontal : the field by which a heading is found, nT.
     """
 
+    name: Annotated[str, Shown("Magnetometers", key="")]
     first: Annotated[str, Shown()]
-    second: str
+    second: Annotated[str | None, Shown()]
     matrix: Array
     before: Annotated[float, Shown(key="disturbance_nT")]
-    left: Annotated[float, Shown(key="left_nT")]
+    left: Annotated[float, Shown("Disturbance left", "nT", 2, key="left_nT")]
     noise: Annotated[float, Shown(key="noise_nT")]
     noise_before: float
-    share: Annotated[float, Shown()] = 0.0
+    share: Annotated[float, Shown()]
+    horizontal: float
 
     @property
     def total(self) -> float:
@@ -51,57 +55,54 @@ class Mix:
         return float(np.hypot(self.left, self.noise))
 
     @property
-    def noise_factor(self) -> Annotated[float, Shown()]:
+    def noise_factor(self) -> Annotated[float, Shown("Noise", "×", 2)]:
         """How many times the noise of the first alone."""
         return self.noise / self.noise_before
 
-    def heading_deg(self, horizontal: float) -> float:
-        """What disturbance and noise make of a heading, degrees, by the horizontal field, nT."""
-        return float(np.degrees(self.total / horizontal))
+    @property
+    def heading_deg(self) -> Annotated[float, Shown("Heading, one reading", "°", 2)]:
+        """What disturbance and noise make of a heading, degrees."""
+        return float(np.degrees(self.total / self.horizontal))
 
 
-def find_mix(
-    first: str, second: str, moments: tuple[Array, Array, Array], noise: tuple[float, float]
-) -> Mix:
-    """The mix that leaves least of disturbance and noise together, and keeps the field.
+def list_mixes(
+    names: Sequence[str], moments: Array, noise: Array, horizontal: float
+) -> dict[tuple[int, int], Mix]:
+    """Every place (p) alone and every pair with the mix of least disturbance and noise together.
 
-    With d₁ and d₂ what disturbs at the two places, e = d₂ − d₁ and σ₁, σ₂ the noise of an axis,
-
-        G = (E[d₁eᵀ] − σ₁² 1) (E[eeᵀ] + (σ₁² + σ₂²) 1)⁻¹
-
-    makes E|d₁ − G e|² + σ₁² |1 + G|² + σ₂² |G|² least. Opposite and equal disturbances have
-    G = −½: the mean, at 0.71 of the noise. Where both see the same, nothing cancels.
-
-    Parameters: `moments` E[d₁d₁ᵀ], E[d₁d₂ᵀ], E[d₂d₂ᵀ], (3, 3) each, nT²; `noise` of an axis, nT.
-
-    Source: the best linear unbiased combination (Gauss–Markov), with the field as what is kept.
-
-    >>> opposite = 1e6 * np.eye(3)
-    >>> made = find_mix("bow", "mast", (opposite, -opposite, opposite), (100.0, 100.0))
-    >>> float(made.matrix[0, 0].round(2)), round(made.noise_factor, 2), round(made.left)
-    (-0.5, 0.71, 0)
+    Parameters: `moments` E[d dᵀ] (3p, 3p) of what disturbs, nT²; `noise` (p,) of an axis, nT; the
+    `horizontal` field, nT.
     """
-    own, across, other = moments
-    one = np.eye(3)
-    apart = own + other - across - across.T
-    toward = across - own
-    s1, s2 = np.square(noise)
-    g = np.linalg.solve((apart + (s1 + s2) * one).T, (toward - s1 * one).T).T
-    left = np.trace(own - g @ toward.T - toward @ g.T + g @ apart @ g.T)
-    spread = s1 * np.square(one + g).sum() + s2 * np.square(g).sum()
-    return Mix(
-        first=first,
-        second=second,
-        matrix=g,
-        before=float(np.sqrt(max(np.trace(own), 0.0) / 3)),
-        left=float(np.sqrt(max(left, 0.0) / 3)),
-        noise=float(np.sqrt(spread / 3)),
-        noise_before=float(noise[0]),
-        share=float(np.trace(across) / max(np.trace(own), 1e-12)),
-    )
+    p, even = len(names), np.eye(3) / 3  # all directions count alike
+    d = moments.reshape(p, 3, p, 3)
+    of_products = np.einsum("ik,pjql->pijqkl", even, d).reshape(9 * p, 9 * p)
+    _, mixes = combine(of_products, even, noise)
+
+    def judge(one: int, two: int) -> Mix:
+        g = mixes[one, two]
+        weights = np.concatenate([np.eye(3) + g, -g], axis=1)
+        both = d[np.ix_([one, two], range(3), [one, two], range(3))].reshape(6, 6)
+        variance = np.repeat(noise[[one, two]] ** 2, 3)
+        own = max(both[:3, :3].trace(), 0.0)
+        left = max((weights @ both @ weights.T).trace(), 0.0)
+        alone = one == two
+        return Mix(
+            name=f"{names[one]} alone" if alone else f"{names[one]} with {names[two]}",
+            first=names[one],
+            second=None if alone else names[two],
+            matrix=g,
+            before=float(np.sqrt(own / 3)),
+            left=float(np.sqrt(left / 3)),
+            noise=float(np.sqrt((weights**2 @ variance).sum() / 3)),
+            noise_before=float(noise[one]),
+            share=0.0 if alone else float(both[:3, 3:].trace() / max(own, 1e-12)),
+            horizontal=horizontal,
+        )
+
+    return {(one, two): judge(one, two) for one in range(p) for two in range(one, p)}
 
 
-def judge_recording(samples: Samples) -> Mix:
+def judge_recording(samples: Samples, horizontal: float = 20_000.0) -> Mix:
     """The best mix of the two sensors of a recording of a vehicle that stands strapped down.
 
     Parameters: samples in nT with `second`, while everything on board is switched. Raises
@@ -122,14 +123,9 @@ def judge_recording(samples: Samples) -> Mix:
     both = np.concatenate([samples.field, samples.second], axis=1)
     steps = np.diff(both, axis=0)
     sd = np.median(np.abs(steps - np.median(steps, axis=0)), axis=0) / 0.6745 / np.sqrt(2)
-    noise = tuple(float(np.sqrt(np.mean(np.square(part)))) for part in (sd[:3], sd[3:]))
-    moments = np.cov(both.T) - np.diag(np.square(sd))
-    mix = find_mix(
-        samples.name,
-        samples.second_sensor or "second",
-        (moments[:3, :3], moments[:3, 3:], moments[3:, 3:]),
-        (max(noise[0], 1e-3), max(noise[1], 1e-3)),
-    )
+    noise = np.maximum(np.sqrt(np.square(sd).reshape(2, 3).mean(axis=1)), 1e-3)
+    names = (samples.name, samples.second_sensor or "second")
+    mix = list_mixes(names, np.cov(both.T) - np.diag(np.square(sd)), noise, horizontal)[0, 1]
     return replace(mix, left=max(mix.left, mix.noise / float(np.sqrt(len(samples)))))
 
 
@@ -144,12 +140,12 @@ def read_places(path: Path | str) -> dict[str, Array]:
     missing = [name for name in COLUMNS if name not in (table.fieldnames or ())]
     if missing:
         raise LogError(f"has no column {', '.join(missing)}", path=path)
-    found: dict[str, dict[str, Array]] = defaultdict(dict)
+    found: dict[str, dict[str, list[float]]] = defaultdict(dict)
     for number, row in enumerate(table, start=2):
         try:
-            added = np.array([float(row[name]) for name in COLUMNS[1:]])
+            added = [float(row[name]) for name in COLUMNS[1:]]
         except (TypeError, ValueError):
-            raise LogError("what is added is not three numbers", path=path, row=number) from None
+            added = [np.nan]
         if not np.isfinite(added).all():
             raise LogError("what is added is not three numbers", path=path, row=number)
         found[row["place"].strip()][(row.get("source") or "all").strip()] = added
@@ -163,7 +159,7 @@ def read_places(path: Path | str) -> dict[str, Array]:
     return {place: np.array([own[name] for name in sources]) for place, own in found.items()}
 
 
-def rank_places(places: dict[str, Array], noise: float) -> list[Mix]:
+def rank_places(places: dict[str, Array], noise: float, horizontal: float = 20_000.0) -> list[Mix]:
     """Every place alone and every pair, the best first; sources are taken to switch by themselves.
 
     >>> here = {"bow": np.array([[900.0, 0, 0]]), "mast": np.array([[-900.0, 0, 0]])}
@@ -171,22 +167,7 @@ def rank_places(places: dict[str, Array], noise: float) -> list[Mix]:
     >>> sorted((best.first, best.second)), round(best.left) < 50
     (['bow', 'mast'], True)
     """
-    made = [
-        Mix(
-            first=name,
-            second="",
-            matrix=np.zeros((3, 3)),
-            before=float(np.sqrt(np.square(added).sum() / 3)),
-            left=float(np.sqrt(np.square(added).sum() / 3)),
-            noise=noise,
-            noise_before=noise,
-        )
-        for name, added in places.items()
-    ]
-    quiet_first = sorted(places, key=lambda name: float(np.square(places[name]).sum()))
-    for first, second in combinations(quiet_first, 2):
-        one, two = places[first], places[second]
-        made.append(
-            find_mix(first, second, (one.T @ one, one.T @ two, two.T @ two), (noise, noise))
-        )
-    return sorted(made, key=lambda mix: mix.total)
+    names = sorted(places, key=lambda name: float(np.square(places[name]).sum()))
+    added = np.concatenate([places[name] for name in names], axis=1)
+    made = list_mixes(names, added.T @ added, np.full(len(names), noise), horizontal)
+    return sorted(made.values(), key=lambda mix: mix.total)

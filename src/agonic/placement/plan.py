@@ -10,7 +10,6 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.maths.rotations import deviation
-from agonic.maths.rotations.attitude import rot_nb
 from agonic.placement.disturbance import (
     Disturbance,
     Service,
@@ -18,10 +17,10 @@ from agonic.placement.disturbance import (
     disturb,
     draw_service,
     draw_vehicles,
-    remove_constant,
+    steer,
 )
 from agonic.placement.layout import Layout
-from agonic.placement.search import Ensemble, search
+from agonic.placement.search import Ensemble, score, search
 from agonic.readable import Shown
 
 SWING = tuple(product((0.0, 10.0, -10.0), repeat=2))
@@ -76,14 +75,8 @@ class Placement:
 
     def map_error_deg(self, at: Array) -> Array:
         """Heading error of one magnetometer alone at places (p, 3), m; rms in service, degrees."""
-        layout, east = self.layout, self.ensemble.service.rot_nb[:, 1]
-        across = (
-            np.einsum("ki,kpi->kp", east, self.ensemble.disturb(part))
-            for part in np.array_split(at, max(len(at) // 50, 1))
-        )
-        square = np.concatenate([np.square(one).mean(axis=0) for one in across])
-        square += layout.sensor.noise_nT**2
-        return np.asarray(np.degrees(np.sqrt(square) / layout.horizontal))
+        parts = np.array_split(at, max(len(at) // 10, 1))
+        return np.concatenate([np.diag(score(self.ensemble, part)[0]) for part in parts])
 
 
 def plan_placement(
@@ -113,7 +106,7 @@ def plan_placement(
     service = draw_service(layout, 720, rng, calibrated)  # an rms is good to 1/√(2 · 720)
 
     def expect(name: str, at: Array, mix: Array) -> ExpectedCompass:
-        made = remove_constant(disturb(layout, built, at + built.mounting), calibrated)
+        made = disturb(layout, built, at + built.mounting, calibrated)
         middle = np.mean(layout.current_limits, axis=0) * (not calibrated)
         return expect_compass(name, layout, mix_places(made, mix), service, mix, middle)
 
@@ -156,8 +149,8 @@ def expect_compass(
     horizontal = layout.horizontal
     low, high = layout.current_limits
     coefficients = swing(layout, made, middle)
-    error = deviate(service, _add(made, service, service.currents), horizontal)
-    changed = error - deviate(service, _add(made, service, middle[None]), horizontal)
+    error = deviate(service, made.add_up(*service[1:]), horizontal)
+    changed = error - deviate(service, made.add_up(service.field_b, middle[None]), horizontal)
     east = service.rot_nb[:, 1]
     gains = np.square(east @ (np.eye(3) + mix)).sum(axis=1) + np.square(east @ mix).sum(axis=1)
     noise_deg = np.degrees(layout.sensor.noise_nT * np.sqrt(gains.mean()) / horizontal)
@@ -182,16 +175,9 @@ def swing(layout: Layout, made: Disturbance, currents: Array) -> Array:
     tilts = np.array(SWING)
     heading = np.tile(np.arange(0.0, 360.0, 15.0), len(tilts))
     roll, pitch = np.repeat(tilts, len(heading) // len(tilts), axis=0).T
-    turn = rot_nb(roll, pitch, heading)
-    steered = Service(turn, np.einsum("kij,i->kj", turn, layout.field_n), currents[None])
-    error = deviate(steered, _add(made, steered, currents[None]), layout.horizontal)
+    steered = steer(layout, (roll, pitch, heading), currents[None])
+    error = deviate(steered, made.add_up(*steered[1:]), layout.horizontal)
     rows = deviation.basis(heading - error.T, roll, pitch)
     normal = np.einsum("kni,knj->kij", rows, rows)
     pull = np.einsum("kni,nk->ki", rows, error)
     return np.asarray(np.linalg.solve(normal, pull[..., None])[..., 0])
-
-
-def _add(made: Disturbance, service: Service, currents: Array) -> Array:
-    """What is added at moments (n) of vehicles (k), nT (n, k, 3), with currents (n or 1, c)."""
-    induced = np.einsum("kij,nj->nki", made.soft, service.field_b)
-    return np.asarray(made.hard + induced + np.einsum("kci,nc->nki", made.per_ampere, currents))

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.errors import AgonicError
-from agonic.placement.disturbance import Service, Vehicles, disturb, remove_constant
+from agonic.placement.disturbance import Service, Vehicles, disturb
 from agonic.placement.layout import Layout
 
 
@@ -24,63 +24,62 @@ class Ensemble(NamedTuple):
 
     def disturb(self, at: Array) -> Array:
         """What is added to the field at places (p, 3), nT (k, p, 3)."""
-        made = disturb(self.layout, self.vehicles, at)
-        return remove_constant(made, self.calibrated).add_up(*self.service[1:])
+        made = disturb(self.layout, self.vehicles, at, self.calibrated)
+        return made.add_up(*self.service[1:])
 
 
-class Places(NamedTuple):
-    """Candidates (p): the `region` of each, its coordinates there (p, 3), 0…1, and `at` (p, 3)."""
-
-    region: Index
-    inside: Array
-    at: Array
-
-    def take(self, rows: Index) -> Places:
-        return Places(self.region[rows], self.inside[rows], self.at[rows])
-
-
-class Scores(NamedTuple):
-    """Of candidates (p): `error_deg` (p, p) the expected heading error, rms, of the best mix of a
-    pair, of one alone on the diagonal, infinite where the two are too close; `mixes` (p, p, 3, 3)
-    its G for first (row) and second (column)."""
-
-    error_deg: Array
-    mixes: Array
+def score(ensemble: Ensemble, at: Array) -> tuple[Array, Array]:
+    """Of places (p, 3) the expected heading error, rms, degrees, of the best mix of every pair
+    (p, p), of one alone on the diagonal, infinite where the two are too close; and the mixes
+    (p, p, 3, 3) of first (row) and second (column)."""
+    layout, east = ensemble.layout, ensemble.service.rot_nb[:, 1]
+    x = np.einsum("ki,kpj->kpij", east, ensemble.disturb(at)).reshape(len(east), -1)
+    noise = np.full(len(at), layout.sensor.noise_nT)
+    square, mixes = combine(x.T @ x / len(east), east.T @ east / len(east), noise, ridge=1e-9)
+    apart = np.linalg.norm(at[:, None] - at, axis=2)
+    square[(apart < layout.sensor.separation_m) & ~np.eye(len(at), dtype=bool)] = np.inf
+    return np.degrees(np.sqrt(square) / layout.horizontal), mixes
 
 
-def score(ensemble: Ensemble, at: Array) -> Scores:
-    """The mix of every pair of places (p, 3) that leaves the least error of a heading.
+def combine(moments: Array, east: Array, noise: Array, ridge: float = 0.0) -> tuple[Array, Array]:
+    """The mix of every pair of places (p) that leaves the least error along a direction.
 
-    The mix u = d₁ − G (d₂ − d₁) keeps the field. With n the direction of magnetic east in the axes
-    of the vehicle, the heading's error is n·u over the level field, linear in G: with x = n ⊗ d,
-    g = vec G, i = vec 1 and M the mean of x xᵀ, the noise σ² n nᵀ ⊗ 1 of each among it,
+    The mix u = d₁ − G (d₂ − d₁) keeps the field. With n the direction, as magnetic east in the axes
+    of the vehicle, the error is n·u, linear in G: with x = n ⊗ d, g = vec G, i = vec 1 and M the
+    mean of x xᵀ, the noise σ² n nᵀ ⊗ 1 of each among it,
 
         E (n·u)² = (i + g)ᵀ M₁₁ (i + g) − 2 (i + g)ᵀ M₁₂ g + gᵀ M₂₂ g
 
     is least where (M₁₁ + M₂₂ − M₁₂ − M₂₁) g = −(M₁₁ − M₂₁) i: the best linear unbiased combination
-    (Gauss–Markov) for a heading. Opposite and equal disturbances have G = −½, the mean of the two.
+    (Gauss–Markov). Opposite and equal disturbances have G = −½, the mean of the two, at 0.71 of the
+    noise; where both see the same, nothing cancels.
+
+    Parameters: `moments` E[x xᵀ] (9p, 9p), nT²; `east` E[n nᵀ] (3, 3); `noise` (p,) of an axis, nT;
+    a `ridge`, of the noise's variance, leaves G at 0 along what no n has. Returns E (n·u)² (p, p),
+    nT², of one alone on the diagonal, and G (p, p, 3, 3) for first (row) and second (column).
+
+    >>> opposite = np.kron([[1.0, -1.0], [-1.0, 1.0]], 1e6 * np.eye(9) / 3)
+    >>> square, mixes = combine(opposite, np.eye(3) / 3, np.array([100.0, 100.0]))
+    >>> float(mixes[0, 1, 0, 0].round(2)), float(np.sqrt(square[0, 1]).round())
+    (-0.5, 71.0)
     """
-    layout, added = ensemble.layout, ensemble.disturb(at)
-    east, p = ensemble.service.rot_nb[:, 1], len(at)
-    x = np.einsum("ki,kpj->kpij", east, added).reshape(len(east), -1)
-    moments = (x.T @ x / len(east)).reshape(p, 9, p, 9).swapaxes(1, 2)
-    noise = layout.sensor.noise_nT**2 * np.kron(east.T @ east / len(east), np.eye(3))
-    own = moments[range(p), range(p)] + noise
+    p, whole = len(noise), np.eye(3).ravel()
+    blocks = moments.reshape(p, 9, p, 9).swapaxes(1, 2)
+    noises = np.multiply.outer(noise**2, np.kron(east, np.eye(3)))
+    own = blocks[range(p), range(p)] + noises
     one, two = np.triu_indices(p, 1)
-    across = moments[one, two]
-    ridge = 1e-9 * np.trace(noise) * np.eye(9) + np.finfo(float).tiny * np.eye(9)
-    apart = own[one] + own[two] - across - across.swapaxes(1, 2) + ridge
-    whole = np.eye(3).ravel()
-    pull = (own[one] - across.swapaxes(1, 2)) @ whole
+    across = blocks[one, two].swapaxes(1, 2)
+    apart = own[one] + own[two] - across - across.swapaxes(1, 2)
+    apart = apart + (ridge * np.trace(noises[0]) + np.finfo(float).tiny) * np.eye(9)
+    pull = (own[one] - across) @ whole
     g = -np.linalg.solve(apart, pull[..., None])[..., 0]
+    square = np.diag(own @ whole @ whole)
     left = own[one] @ whole @ whole + np.einsum("pi,pi->p", pull, g)
-    left[np.linalg.norm(at[one] - at[two], axis=1) < layout.sensor.separation_m] = np.inf
-    square = np.diag(np.einsum("i,pij,j->p", whole, own, whole))
     square[one, two] = square[two, one] = np.maximum(left, 0.0)
     mixes = np.zeros((p, p, 3, 3))
     mixes[one, two] = g.reshape(-1, 3, 3)
     mixes[two, one] = -np.eye(3) - mixes[one, two]
-    return Scores(np.degrees(np.sqrt(square) / layout.horizontal), mixes)
+    return square, mixes
 
 
 def search(ensemble: Ensemble, *, most: int = 240, starts: int = 4) -> tuple[Array, Array, Array]:
@@ -94,112 +93,99 @@ def search(ensemble: Ensemble, *, most: int = 240, starts: int = 4) -> tuple[Arr
     """
     layout = ensemble.layout
     grid, steps = lay_grid(layout, most)
-    first = score(ensemble, grid.at)
-    if (
-        len(grid.at) < 2
-        or not np.isfinite(first.error_deg[~np.eye(len(grid.at), dtype=bool)]).any()
-    ):
+    at = locate(layout, grid)
+    error_deg, _ = score(ensemble, at)
+    pairs = _list_starts(error_deg, at, starts)
+    if not pairs:
         raise AgonicError(
             f"no two allowed places are {layout.sensor.separation_m:g} m apart; widen a "
             "[[region]], or lower separation_m"
         )
-    alone = grid.at[int(np.argmin(np.diag(first.error_deg)))]
-    found = []
-    for pair in _list_starts(first.error_deg, grid.at, starts):
-        found.append(_refine(ensemble, grid.take(np.array(pair)), steps))
-    return alone, *min(found, key=lambda one: one[0])[1:]
+    found = [_refine(ensemble, grid[pair], steps) for pair in pairs]
+    return at[np.diag(error_deg).argmin()], *min(found, key=lambda one: one[0])[1:]
 
 
-def _list_starts(error_deg: Array, at: Array, most: int) -> list[tuple[int, int]]:
+def _list_starts(error_deg: Array, at: Array, most: int) -> list[list[int]]:
     """The best pairs, each with a place that those before do not have nearby."""
     one, two = np.triu_indices(len(at), 1)
-    order = np.argsort(error_deg[one, two], kind="stable")
+    allowed = np.isfinite(error_deg[one, two])
+    order = np.argsort(error_deg[one, two], kind="stable")[: allowed.sum()]
     size = np.ptp(at, axis=0).max() / 8
-    chosen: list[tuple[int, int]] = []
-    for k in order:
-        pair = (int(one[k]), int(two[k]))
-        if not np.isfinite(error_deg[pair]) or len(chosen) == most:
-            break
-        near = (np.abs(at[list(pair)] - at[list(other)]).max() < size for other in chosen)
-        if not any(near):
+    chosen: list[list[int]] = []
+    for pair in np.stack([one, two], axis=1)[order].tolist():
+        if all(np.abs(at[pair] - at[other]).max() >= size for other in chosen):
             chosen.append(pair)
+        if len(chosen) == most:
+            break
     return chosen
 
 
-def _refine(ensemble: Ensemble, pair: Places, steps: Array) -> tuple[float, Array, Array]:
+def _refine(ensemble: Ensemble, pair: Array, steps: Array) -> tuple[float, Array, Array]:
     """The error, the places (2, 3) and the mix of the best pair near one, by finer grids."""
-    steps = steps.copy()
+    layout = ensemble.layout
+    moves = np.array(list(product((0.0, -1.0, 1.0), repeat=3)))
     while True:
-        near = [_list_near(ensemble.layout, pair.take(np.array([k])), steps) for k in (0, 1)]
-        scores, split = score(ensemble, _join(*near).at), len(near[0].at)
-        across = scores.error_deg[:split, split:]
+        near = []
+        for region, *inside in pair.tolist():
+            moved = np.clip(inside + moves * steps[int(region)], 0.0, 1.0)
+            near.append(_keep_clear(layout, np.insert(np.unique(moved, axis=0), 0, region, axis=1)))
+        tried, split = np.concatenate(near), len(near[0])
+        error_deg, mixes = score(ensemble, locate(layout, tried))
+        across = error_deg[:split, split:]
         one, two = np.unravel_index(int(np.argmin(across)), across.shape)
-        pair = _join(near[0].take(np.array([one])), near[1].take(np.array([two])))
+        pair = tried[[one, split + two]]
         if steps.max() < 1e-3:
-            return float(across[one, two]), pair.at, scores.mixes[one, split + two]
-        steps /= 2
+            return float(across[one, two]), locate(layout, pair), mixes[one, split + two]
+        steps = steps / 2
 
 
-def _join(one: Places, two: Places) -> Places:
-    """The candidates of both, one after the other."""
-    region = np.concatenate([one.region, two.region])
-    return Places(region, *(np.concatenate([a, b]) for a, b in zip(one[1:], two[1:], strict=True)))
-
-
-def lay_grid(layout: Layout, most: int) -> tuple[Places, Array]:
-    """At most so many allowed places evenly over all regions, and the step (r, 3) in each, 0…1.
+def lay_grid(layout: Layout, most: int) -> tuple[Array, Array]:
+    """At most so many allowed candidates (p, 4) evenly over all regions, and the step (r, 3) in
+    each, 0…1. A candidate is the number of its region and its coordinates there, 0…1.
 
     Raises `AgonicError` where no place is far enough from parts and wires.
     """
-    sizes = [np.linalg.norm(region.edges_m, axis=1) for region in layout.regions]
-    step = max((size.max(initial=0.0) for size in sizes), default=0.0) or 1.0
-    while sum(np.prod(np.ceil(size / step) + 1) for size in sizes) <= most and step > 1e-3:
+    sizes = np.linalg.norm(_pad_edges(layout), axis=2)
+    step = sizes.max() or 1.0
+    while np.prod(np.ceil(sizes / step) + 1, axis=1).sum() <= most and step > 1e-3:
         step /= 1.1
-    counts = [np.ceil(size / (1.1 * step)).astype(int) + 1 for size in sizes]
-    inside = [
-        np.array(list(product(*(np.linspace(0, 1, n) for n in many)))).reshape(-1, len(many))
-        for many in counts
-    ]
-    region = np.repeat(range(len(sizes)), [len(one) for one in inside])
-    flat = np.concatenate([np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in inside])
-    steps = np.zeros((len(sizes), 3))
-    for k, many in enumerate(counts):
-        steps[k, : len(many)] = 0.5 / (many - 1)
-    places = _place(layout, region, flat)
-    if not len(places.at):
+    counts = np.ceil(sizes / (1.1 * step)).astype(int) + 1
+    grids = (product([k], *(np.linspace(0, 1, n) for n in many)) for k, many in enumerate(counts))
+    places = _keep_clear(layout, np.array([row for grid in grids for row in grid]))
+    if not len(places):
         raise AgonicError(
             f"no place in {', '.join(r.name for r in layout.regions)} is "
             f"{layout.sensor.clearance_m:g} m from all parts and wires; move a [[region]], "
             "or lower clearance_m"
         )
-    return places, steps
+    return places, np.where(counts > 1, 0.5 / np.maximum(counts - 1, 1), 0.0)
 
 
-def _list_near(layout: Layout, one: Places, steps: Array) -> Places:
-    """A place and those a step to each side of it, within its region."""
-    moves = np.array(list(product((0.0, -1.0, 1.0), repeat=3))) * steps[one.region[0]]
-    inside = np.unique(np.clip(one.inside + moves, 0.0, 1.0), axis=0)
-    return _place(layout, np.repeat(one.region, len(inside)), inside)
-
-
-def _place(layout: Layout, region: Index, inside: Array) -> Places:
-    """Candidates by their coordinates in regions, without those that are too close to a part."""
-    edges = np.array([np.pad(r.edges_m, ((0, 3 - len(r.edges_m)), (0, 0))) for r in layout.regions])
+def locate(layout: Layout, candidates: Array) -> Array:
+    """The places (p, 3), m, of candidates (p, 4)."""
+    region = candidates[:, 0].astype(int)
     corners = np.array([r.corner_m for r in layout.regions])
-    at = corners[region] + np.einsum("pe,pei->pi", inside, edges[region])
-    clear = measure_clearance(layout, at) >= layout.sensor.clearance_m
-    return Places(region, inside, at).take(np.flatnonzero(clear))
+    inside = np.einsum("pe,pei->pi", candidates[:, 1:], _pad_edges(layout)[region])
+    return np.asarray(corners[region] + inside)
+
+
+def _pad_edges(layout: Layout) -> Array:
+    """The edges of all regions as (r, 3, 3), those that a line or a plate lacks without length."""
+    return np.array([np.pad(r.edges_m, ((0, 3 - len(r.edges_m)), (0, 0))) for r in layout.regions])
+
+
+def _keep_clear(layout: Layout, candidates: Array) -> Array:
+    """The candidates that are not too close to a part."""
+    clearance = measure_clearance(layout, locate(layout, candidates))
+    return candidates[clearance >= layout.sensor.clearance_m]
 
 
 def measure_clearance(layout: Layout, at: Array) -> Array:
     """Distances (p,) of places (p, 3) from the nearest part or wire, m."""
-    nearest = np.full(len(at), np.inf)
-    for part in layout.parts:
-        nearest = np.minimum(nearest, np.linalg.norm(at - np.array(part.position_m), axis=1))
-    for wire in layout.wires:
-        start, piece = np.array(wire.points_m)[:-1], np.diff(wire.points_m, axis=0)
-        away = at[:, None] - start
-        share = np.einsum("psi,si->ps", away, piece) / np.maximum((piece**2).sum(axis=1), 1e-30)
-        foot = away - np.clip(share, 0.0, 1.0)[..., None] * piece
-        nearest = np.minimum(nearest, np.linalg.norm(foot, axis=2).min(axis=1))
-    return nearest
+    lines = [*([part.position_m] * 2 for part in layout.parts), *(w.points_m for w in layout.wires)]
+    start = np.concatenate([line[:-1] for line in lines])
+    piece = np.concatenate([np.diff(line, axis=0) for line in lines])
+    away = at[:, None] - start
+    share = np.einsum("psi,si->ps", away, piece) / np.maximum((piece**2).sum(axis=1), 1e-30)
+    foot = away - np.clip(share, 0.0, 1.0)[..., None] * piece
+    return np.asarray(np.linalg.norm(foot, axis=2).min(axis=1))

@@ -28,12 +28,23 @@ def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = Non
     'Turn in steps of 30°: 36 positions, 2 readings at each, 0.49° of heading.'
     """
     chosen = choose_sets(sets, wanted_deg)
+    rows = [
+        [
+            f"{one.step_deg:g}°",
+            str(one.positions),
+            str(one.positions * one.readings),
+            ", ".join(group_digits(sd) if sd < _UNKNOWN else "?" for sd in one.bias_sd.tolist())
+            + " nT",
+            f"{significant(one.heading_sd_deg, 2)}°" if one.determined else "not determined",
+        ]
+        for one in sets
+    ]
     return Document(
         schema="agonic/plan-calibration@1",
         kind="Plan of a calibration",
         name="Three sets about three axes",
         status=_advise_step(chosen),
-        sections=[Section("Errors to expect", [Table(ERRORS, _rows(sets))], printed=True)],
+        sections=[Section("Errors to expect", [Table(ERRORS, rows)], printed=True)],
         values={
             "sets": [make_record(one) for one in sets],
             "chosen_step_deg": None if chosen is None else chosen.step_deg,
@@ -63,20 +74,6 @@ def _advise_step(chosen: PlannedSets | None) -> str:
         f"Turn in steps of {chosen.step_deg:g}°: {chosen.positions} positions, {each}, "
         f"{significant(chosen.heading_sd_deg, 2)}° of heading."
     )
-
-
-def _rows(sets: Sequence[PlannedSets]) -> list[list[str]]:
-    return [
-        [
-            f"{one.step_deg:g}°",
-            str(one.positions),
-            str(one.positions * one.readings),
-            ", ".join(group_digits(float(sd), 0) if sd < _UNKNOWN else "?" for sd in one.bias_sd)
-            + " nT",
-            f"{significant(one.heading_sd_deg, 2)}°" if one.determined else "not determined",
-        ]
-        for one in sets
-    ]
 
 
 STEP_S = 10
@@ -142,9 +139,8 @@ def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
 
 def _list_moves(lacking: Sequence[JudgedDisturber]) -> list[str]:
     """What to add, a sentence each; those that move together in one."""
-    together = {frozenset((one.source, *one.along)) for one in lacking if one.along}
-    alone = [f"{one.source}: {one.move}." for one in lacking if not one.along]
-    sets = sorted(sorted(group) for group in together)
+    together = {tuple(sorted({one.source, *one.along})) for one in lacking if one.along}
     return [
-        f"{name_sources(group)} move together: switch each by itself." for group in sets
-    ] + alone
+        *(f"{name_sources(n)} move together: switch each by itself." for n in sorted(together)),
+        *(f"{one.source}: {one.move}." for one in lacking if not one.along),
+    ]

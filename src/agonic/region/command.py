@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -43,31 +42,26 @@ def map_region(
     Direction, strength and gradient with standard errors, without curl and divergence: for a region
     in which nothing magnetic stands, whatever stands around it.
     """
-    import numpy as np
-
     from agonic.console.finish import finish
     from agonic.region.document import describe_map
-    from agonic.region.files import read_region, write_map
+    from agonic.region.files import read_region, turn_level, write_map
     from agonic.region.fit import fit_map
 
     if out is not None and out.suffix:
         raise AgonicError(f"-o {out} is the folder for report.html and map.csv; name one")
-    read = read_region(readings, unit)
+    position, samples = read_region(readings, unit)
+    turned = turn_level(samples)
     found = fit_map(
-        read.position,
-        read.field,
+        position,
+        samples.field if turned is None else turned,
         noise=noise,
         position_sd_m=position_sd,
         measure_next=measure_next,
         name=readings.stem,
     )
-    made = describe_map(found, read.turned, read.source)
+    made = describe_map(found, turned is not None, samples.origin)
     if out is None:
         return finish(made, as_json=as_json)
     out.mkdir(parents=True, exist_ok=True)
-    axes = [
-        np.linspace(a, b, 9 if b > a else 1) for a, b in zip(found.low, found.high, strict=True)
-    ]
-    grid = np.array(list(product(*axes)))
-    files = [write_map(out / "map.csv", grid, found.at(grid))]
+    files = [write_map(out / "map.csv", found)]
     return finish(made, files=files, report=out / "report.html", as_json=as_json)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from agonic.provenance import Input
-from agonic.region.figures import draw_map
+from agonic.readable import make_record
+from agonic.region.figures import draw_region
 from agonic.region.fit import CITATIONS
 from agonic.region.result import FieldMap
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
+from agonic.report.fields import write_field
 from agonic.report.section import Section, Table, list_inputs
 
 
@@ -23,15 +25,17 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
     >>> made.verdict, len(made.values["next_m"])
     ('good', 5)
     """
-    middle = (found.low + found.high) / 2
-    here = found.at(np.concatenate([middle[None], found.next_places]))
+    here = found.at((found.low + found.high) / 2)
     at_readings = found.at(found.readings.position)
-    sd = np.sqrt(np.square(at_readings.sd).sum(axis=1))
-    then = here.sd[1:]
+    sd = np.linalg.norm(at_readings.sd, axis=1)
+    then = np.linalg.norm(found.at(found.next_places).sd, axis=1)
     rows = [
-        [f"{k}", *(f"{v:.2f}" for v in place), quantity(float(np.linalg.norm(one)), "nT", 2)]
-        for k, (place, one) in enumerate(zip(found.next_places, then, strict=True), start=1)
+        [f"{k}", *(f"{v:.2f}" for v in place), quantity(one, "nT", 2)]
+        for k, (place, one) in enumerate(
+            zip(found.next_places, then.tolist(), strict=True), start=1
+        )
     ]
+    middle = zip(here.field[0].tolist(), here.sd[0].tolist(), strict=True)
     return Document(
         schema="agonic/map@1",
         kind="Map of a region",
@@ -45,20 +49,17 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
             if turned
             else "those of the readings, as they are",
             "Region": " × ".join(f"{side:.2f}" for side in found.high - found.low) + " m",
-            "Middle": ", ".join(
-                f"{with_sd(float(f), float(s))}"
-                for f, s in zip(here.field[0], here.sd[0], strict=True)
-            )
+            "Middle": ", ".join(with_sd(f, s) for f, s in middle)
             + f" nT, strength {with_sd(float(here.magnitude[0]), float(here.magnitude_sd[0]))} nT, "
             f"direction to {significant(float(here.direction_sd_deg[0]), 2)}°",
             "Strength": f"{group_digits(float(at_readings.magnitude.min()))} to "
             f"{group_digits(float(at_readings.magnitude.max()))} nT at the readings, the vector "
             f"there to {quantity(float(np.median(sd)), 'nT', 2)} in the median",
             "Gradient": f"up to {quantity(float(np.abs(at_readings.gradient).max()), 'nT/m', 2)}",
-            "Noise": f"{with_sd(found.noise, found.noise_sd)} nT of a reading on an axis",
+            "Noise": write_field(found, "noise"),
         },
         sections=[
-            Section("From above", [lambda: draw_map(found)]),
+            Section("From above", [lambda: draw_region(found)]),
             Section(
                 "Measure next",
                 [Table(("Place", "x, m", "y, m", "z, m", "Standard error now"), rows)],
@@ -67,19 +68,14 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
             list_inputs(source, method=CITATIONS, equation="f(x) = u + Σⱼ T(x − sⱼ) wⱼ"),
         ],
         styles=["contours.css"],
-        values={
+        values=make_record(found)
+        | {
             "n": len(found.left_out),
             "left_out": np.flatnonzero(found.left_out),
-            "low_m": found.low,
-            "high_m": found.high,
             "middle_nT": here.field[0],
             "middle_sd_nT": here.sd[0],
             "gradient_nT_m": here.gradient[0],
             "gradient_sd_nT_m": here.gradient_sd[0],
-            "noise_nT": found.noise,
-            "noise_sd_nT": found.noise_sd,
-            "source_distance_m": found.distance,
-            "next_m": found.next_places,
-            "next_sd_nT": np.linalg.norm(then, axis=1),
+            "next_sd_nT": then,
         },
     )

@@ -2,40 +2,28 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.atomic import write_atomically
 from agonic.errors import LogError, UnitError
+from agonic.exports.csv import write_table
 from agonic.logs.read import read
 from agonic.logs.rows.auxiliary import to_numbers
 from agonic.logs.text.csv_text import read_table
 from agonic.maths.rotations.attitude import rot_nb
-from agonic.provenance import Input
-from agonic.region.result import FieldAt
+from agonic.region.result import FieldMap
+from agonic.samples import Samples
 
 PLACE = ("x_m", "y_m", "z_m")
 
 
-class RegionReadings(NamedTuple):
-    """Readings `field` (n, 3), nT, at `position` (n, 3), m, and whether an attitude turned them
-    from the sensor's axes into those of the region."""
+def read_region(path: Path, unit: str | None = None) -> tuple[Array, Samples]:
+    """Places (n, 3), m, and readings of a table with columns x_m, y_m, z_m and a calibrated field.
 
-    position: Array
-    field: Array
-    turned: bool
-    source: Input
-
-
-def read_region(path: Path, unit: str | None = None) -> RegionReadings:
-    """The readings of a table with columns x_m, y_m, z_m and a calibrated field.
-
-    With roll_deg, pitch_deg and heading_deg they are turned from the sensor's axes into those of
-    the region: x where the heading is 0, y to the right of it, z down. Raises `LogError` where a
-    column is missing or a row is not whole, `UnitError` without a unit.
+    Raises `LogError` where a column is missing or a row is not whole, `UnitError` without a unit.
     """
     samples = read(path, unit=unit)
     if samples.unit != "nT":
@@ -55,16 +43,23 @@ def read_region(path: Path, unit: str | None = None) -> RegionReadings:
             f"{int(np.isfinite(position).all(axis=1).sum())} places; leave out what is not whole",
             path=path,
         )
-    angles = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
-    if any(angle is None for angle in angles):
-        return RegionReadings(position, samples.field, False, samples.origin)
-    roll, pitch, heading = (np.asarray(angle) for angle in angles)
-    turned = np.einsum("nij,nj->ni", rot_nb(roll, pitch, heading), samples.field)
-    return RegionReadings(position, turned, True, samples.origin)
+    return position, samples
 
 
-def write_map(path: Path, at: Array, found: FieldAt) -> Path:
-    """Write the field, its gradient and their standard errors at places (n, 3) as a table."""
+def turn_level(samples: Samples) -> Array | None:
+    """Readings (n, 3) that the roll, pitch and heading beside them turn from the sensor's axes into
+    those of the region: x where the heading is 0, y to the right of it, z down."""
+    roll, pitch, heading = samples.roll_deg, samples.pitch_deg, samples.heading_deg
+    if roll is None or pitch is None or heading is None:
+        return None
+    return np.asarray(np.einsum("nij,nj->ni", rot_nb(roll, pitch, heading), samples.field))
+
+
+def write_map(path: Path, region: FieldMap) -> Path:
+    """Write the field, its gradient and their standard errors on a grid of 9 × 9 × 9 as a table."""
+    ends = zip(region.low, region.high, strict=True)
+    at = np.array(list(product(*(np.linspace(a, b, 9 if b > a else 1) for a, b in ends))))
+    found = region.at(at)
     pairs = [(i, k) for i in range(3) for k in range(3)]
     columns = {
         **{name: at[:, k] for k, name in enumerate(PLACE)},
@@ -73,6 +68,4 @@ def write_map(path: Path, at: Array, found: FieldAt) -> Path:
         **{f"gradient_{'xyz'[i]}{'xyz'[k]}_nT_m": found.gradient[:, i, k] for i, k in pairs},
         **{f"gradient_{'xyz'[i]}{'xyz'[k]}_sd_nT_m": found.gradient_sd[:, i, k] for i, k in pairs},
     }
-    rows = np.stack(list(columns.values()), axis=1)
-    lines = [",".join(columns), *(",".join(f"{v:.7g}" for v in row) for row in rows.tolist())]
-    return write_atomically(path, "\n".join(lines) + "\n")
+    return write_table({k: [f"{v:.7g}" for v in one] for k, one in columns.items()}, path)

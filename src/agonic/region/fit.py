@@ -13,12 +13,13 @@ from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding, figure
 from agonic.region.maths.equivalent_sources import (
+    KNOWN_TO,
     Process,
     Readings,
     fit_process,
     make_features,
     predict,
-    predict_gradient,
+    project,
 )
 from agonic.region.result import FieldMap
 
@@ -32,8 +33,6 @@ FEWEST = 8
 """Readings: 24 numbers for uniform field and gradient, 8 unknowns, noise, distance, amplitude."""
 MOST = 500
 """Readings that are fitted as they are; of more, those that lie together are averaged."""
-KNOWN_TO = 0.2
-"""Of itself, how well a stated noise is thought to be known: a factor of two is objected to."""
 BY_CHANCE = 0.003
 """Chance that a reading is left out of a map whose readings are all right: 3 σ of a normal one."""
 TAIL = 6.0
@@ -104,7 +103,7 @@ def fit_map(
         said = _object_to_noise(best.noise**0.5, noise_sd, noise)
     elif worst is not None:
         said = "more than a tenth of the readings contradict the others"
-    low, high = readings.position.min(axis=0), readings.position.max(axis=0)
+    low, high = readings.box
     return FieldMap(
         name=name,
         readings=readings,
@@ -116,7 +115,7 @@ def fit_map(
         noise_sd=noise_sd,
         distance=best.distance,
         left_out=~kept,
-        next_places=choose_next(best, (low, high), measure_next),
+        next_places=choose_next(best, readings.box, measure_next),
         surprise=float(surprise.mean() / 3),
         findings=_judge(at, kept, said),
     )
@@ -130,7 +129,7 @@ def _check(position: ArrayLike, field: ArrayLike) -> tuple[Array, Array]:
             f"places have the shape {at.shape} and readings {values.shape}; both need (n, 3)"
         )
     if not (np.isfinite(at).all() and np.isfinite(values).all()):
-        raise AgonicError("places or readings hold what is no number; leave those rows out")
+        raise AgonicError("places or readings hold values that are not numbers; leave those rows out")
     if len(np.unique(at, axis=0)) < FEWEST or not np.ptp(at, axis=0).max() > 0:
         raise CoverageError(
             f"{len(np.unique(at, axis=0))} different places are too few for a map; measure at "
@@ -141,61 +140,47 @@ def _check(position: ArrayLike, field: ArrayLike) -> tuple[Array, Array]:
 
 def _average_near(at: Array, values: Array) -> tuple[Readings, Index]:
     """The readings, or of many the means of those in one cell, and the cell of each (n,)."""
-    if len(at) <= MOST:
-        return Readings(at, values, np.ones(len(at))), np.arange(len(at))
-    size = float(np.ptp(at, axis=0).max()) / len(at)
-    while True:
+    members, size = np.arange(len(at)), float(np.ptp(at, axis=0).max()) / len(at)
+    while members.max() >= MOST:
         cells = np.floor((at - at.min(axis=0)) / size)
-        _, members, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-        members = members.ravel()
-        if len(counts) <= MOST:
-            break
+        members = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
         size *= 1.1
-    means = [
-        np.stack([np.bincount(members, one) for one in columns.T], axis=1) / counts[:, None]
-        for columns in (at, values)
-    ]
-    return Readings(means[0], means[1], counts.astype(float)), members
+    counts = np.bincount(members).astype(float)
+    sums = [np.bincount(members, one) for one in np.concatenate([at, values], axis=1).T]
+    means = np.stack(sums, axis=1) / counts[:, None]
+    return Readings(means[:, :3], means[:, 3:], counts), members
 
 
 def _fit_all(
     readings: Readings, noise: float | None, position_sd_m: float
 ) -> tuple[list[Process], Array, Array]:
     """The processes that are likely, their weights, and χ² of each reading by the best."""
-    low, high = readings.position.min(axis=0), readings.position.max(axis=0)
-    half = float((high - low).max()) / 2
-    prior = None if noise is None else (noise, 1 / (2 * KNOWN_TO**2))
-
-    def fit(distances: list[float], readings: Readings) -> list[tuple[float, Process, Array]]:
-        return [(d, *fit_process(readings, (low, high), half * d, prior)) for d in distances]
-
-    made = fit([*DISTANCES], readings)
-    best = min(made, key=lambda one: one[1].cost)
+    box = readings.box
+    half = float((box[1] - box[0]).max()) / 2
+    made = [fit_process(readings, box, half * one, noise) for one in DISTANCES]
+    best, _ = min(made, key=lambda one: one[0].cost)
     if position_sd_m > 0:
-        tried = _list_weights(readings, best[1], position_sd_m)
-        every = [(fit([best[0]], one), one) for one in tried]
-        made, readings = min(every, key=lambda one: one[0][0][1].cost + _weigh(one[1].weight))
-    made += fit([best[0] * finer for finer in (0.77, 0.88, 1.14, 1.3)], readings)
-    least = min(one[1].cost for one in made)
-    likely = [one for one in made if one[1].cost < least + LIKELY]
-    weights = np.exp(-0.5 * np.array([one[1].cost - least for one in likely]))
-    chosen = min(likely, key=lambda one: one[1].cost)
-    return [one[1] for one in likely], weights / weights.sum(), chosen[2]
+        tried = _list_weights(readings, best, position_sd_m)
+        every = [(fit_process(one, box, best.distance, noise), one) for one in tried]
+        likeliest, readings = min(every, key=lambda one: one[0][0].cost + one[1].weighing)
+        made = [likeliest]
+    for finer in (0.77, 0.88, 1.14, 1.3):
+        made.append(fit_process(readings, box, best.distance * finer, noise))
+    made.sort(key=lambda one: one[0].cost)
+    costs = np.array([process.cost for process, _ in made])
+    weights = np.exp(-0.5 * (costs - costs[0]))[costs < costs[0] + LIKELY]
+    likely = [process for process, _ in made[: len(weights)]]
+    return likely, weights / weights.sum(), made[0][1]
 
 
 def _list_weights(readings: Readings, process: Process, position_sd_m: float) -> Iterator[Readings]:
     """The readings with the weights that errors of their places leave them beside a noise: that of
     a process which took all for noise, and halves of it."""
-    gradient, _ = predict_gradient(process, readings.position)
-    moved = position_sd_m**2 * np.square(gradient).sum(axis=(1, 2)) / 3
+    gradient = predict(process, readings.position)[0][:, 3:]
+    moved = position_sd_m**2 * np.square(gradient).sum(axis=1) / 3
     for halved in 0.5 ** np.arange(7):
         weight = readings.weight / (1 + moved / (process.noise * halved**2))
         yield readings._replace(weight=weight)
-
-
-def _weigh(weight: Array) -> float:
-    """What weights (n,) add to −2 times the restricted likelihood of readings of three axes."""
-    return float(-3 * np.log(weight).sum() + 3 * np.log(weight.sum()))
 
 
 def find_contradiction(
@@ -209,16 +194,14 @@ def find_contradiction(
     """
     chance = 1 - BY_CHANCE / len(surprise)
     normal, tail = float(chdtri(3, 1 - chance)), 3 * float(fdtri(3, TAIL, chance))
-    box = (readings.position.min(axis=0), readings.position.max(axis=0))
-    prior = None if noise is None else (noise, 1 / (2 * KNOWN_TO**2))
     fall = 1 + 3 * _estimate_noise_sd(process, readings) / process.noise**0.5
     found = []
     for k in np.argsort(-surprise)[:4].tolist():  # one wrong place makes others look wrong too
         others = Readings(*(np.delete(column, k, axis=0) for column in readings))
-        without, _ = fit_process(others, box, process.distance, prior)
-        field, covariance = predict(without, readings.position[[k]])
-        spread = covariance[0] + without.noise / readings.weight[k] * np.eye(3)
-        error = readings.field[k] - field[0]
+        without, _ = fit_process(others, readings.box, process.distance, noise)
+        there, covariance = predict(without, readings.position[[k]])
+        spread = covariance[0, :3, :3] + without.noise / readings.weight[k] * np.eye(3)
+        error = readings.field[k] - there[0, :3]
         square = float(error @ np.linalg.solve(spread, error))
         falls = process.noise > without.noise * fall**2
         if square > tail or (square > normal and falls):
@@ -229,9 +212,8 @@ def find_contradiction(
 
 def _estimate_noise_sd(process: Process, readings: Readings) -> float:
     """Standard error of the noise, by the degrees of freedom that the process leaves, nT."""
-    share = process.amplitude * process.strength
-    used = float((share / (process.noise + share)).sum())
-    return float(np.sqrt(process.noise / (2 * max(3 * len(readings.field) - 3 - used, 1.0))))
+    left = 3 * len(readings.field) - 3 - float(process.share.sum())
+    return float(np.sqrt(process.noise / (2 * max(left, 1.0))))
 
 
 def choose_next(process: Process, box: tuple[Array, Array], many: int) -> Array:
@@ -242,11 +224,7 @@ def choose_next(process: Process, box: tuple[Array, Array], many: int) -> Array:
     axes = [np.linspace(a, b, round((b - a) / step) + 1) for a, b in zip(*box, strict=True)]
     at = np.array(list(product(*axes)))
     features = make_features(at, process.sources, process.scale) - process.mean[1]
-    flat = features.reshape(3 * len(at), -1)
-    seen = flat @ process.seen
-    share = process.amplitude * process.strength
-    share = share / (process.noise + share)
-    spread = process.amplitude * (flat @ flat.T - (seen * share) @ seen.T)
+    spread = project(process, features.reshape(1, 3 * len(at), -1))[1][0]
     chosen = []
     for _ in range(many):
         own, across = (_take_blocks(one) for one in (spread, spread @ spread))

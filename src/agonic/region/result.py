@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +12,8 @@ from agonic.arrays import Array, Mask
 from agonic.errors import ValidityError
 from agonic.health import Finding
 from agonic.health.finding import Judged
-from agonic.region.maths.equivalent_sources import Process, Readings, predict, predict_gradient
+from agonic.readable import Shown
+from agonic.region.maths.equivalent_sources import Process, Readings, predict
 
 
 class FieldAt(NamedTuple):
@@ -69,13 +69,13 @@ class FieldMap(Judged):
     readings: Readings
     processes: tuple[Process, ...]
     weights: Array
-    low: Array
-    high: Array
-    noise: float
-    noise_sd: float
-    distance: float
+    low: Annotated[Array, Shown(key="low_m")]
+    high: Annotated[Array, Shown(key="high_m")]
+    noise: Annotated[float, Shown(key="noise_nT", sd="noise_sd", unit="nT of a reading on an axis")]
+    noise_sd: Annotated[float, Shown(key="noise_sd_nT")]
+    distance: Annotated[float, Shown(key="source_distance_m")]
     left_out: Mask
-    next_places: Array
+    next_places: Annotated[Array, Shown(key="next_m")]
     surprise: float
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -103,25 +103,25 @@ class FieldMap(Judged):
                 f"readings ({_write(self.low)} to {_write(self.high)} m); measure there first",
                 mask=beyond,
             )
-        field, covariance = self._average(predict, at)
-        gradient, variance = self._average(predict_gradient, at)
-        return FieldAt(field, covariance, gradient, np.sqrt(variance))
-
-    def _average(
-        self, foretell: Callable[[Process, Array], tuple[Array, Array]], at: Array
-    ) -> tuple[Array, Array]:
-        """Mean and (co)variance over the processes, with what they differ by."""
         parts = np.array_split(at, -(-len(at) // 200))  # so that memory stays small
-        all_told = [[foretell(one, part) for part in parts] for one in self.processes]
-        means = np.stack([np.concatenate([m for m, _ in told]) for told in all_told])
-        spreads = np.stack([np.concatenate([v for _, v in told]) for told in all_told])
-        mean = np.einsum("k,k...->...", self.weights, means)
-        apart = means - mean
-        if spreads.ndim > means.ndim:
-            apart = apart[..., :, None] * apart[..., None, :]
-        else:
-            apart = apart**2
-        return mean, np.einsum("k,k...->...", self.weights, spreads + apart)
+        made = [self._average(part) for part in parts]
+        mean, covariance = (np.concatenate(one) for one in zip(*made, strict=True))
+        gradient_sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, 3:])
+        by_axes = (-1, 3, 3)
+        return FieldAt(
+            mean[:, :3],
+            covariance[:, :3, :3],
+            mean[:, 3:].reshape(by_axes),
+            gradient_sd.reshape(by_axes),
+        )
+
+    def _average(self, at: Array) -> tuple[Array, Array]:
+        """Mean (n, 12) and covariance over the processes, with what they differ by."""
+        told = zip(*(predict(one, at) for one in self.processes), strict=True)
+        means, spreads = (np.stack(one) for one in told)
+        mean = np.tensordot(self.weights, means, 1)
+        apart = (means - mean)[..., None]
+        return mean, np.tensordot(self.weights, spreads + apart * apart.swapaxes(-1, -2), 1)
 
 
 def _write(corner: Array) -> str:

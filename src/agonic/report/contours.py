@@ -1,8 +1,8 @@
-"""Maps: lines of equal value over two axes of equal scale, as layers of a plot."""
+"""Maps: lines of equal value over two axes of equal scale, and what stands on them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from agonic.arrays import Array
 from agonic.report.axes import Axis
 from agonic.report.digits import significant
 from agonic.report.markup import Markup, element
-from agonic.report.strips import path
+from agonic.report.strips import caption, path, plot
 
 ASPECT = 1.5
 """Width over height of a map, as `contours.css` has it for plots of the kind "contours"."""
@@ -38,67 +38,73 @@ def list_nodes(x: Axis, y: Axis, rows: int = 26) -> tuple[Array, tuple[int, int]
     return np.stack([np.tile(across, shape[0]), np.repeat(up, shape[1])], axis=1), shape
 
 
-def contour(values: Array, level: float, name: str) -> tuple[Markup, Array]:
-    """The line on which values (rows, columns) of a grid over the whole map reach a level, and one
-    of its points (2,), 0…1 from the left and from below, for its label; NaN without any.
+def draw_map(
+    axes: tuple[Axis, Axis],
+    values: Array,
+    levels: Array,
+    unit: str = "",
+    *,
+    title: str,
+    keys: Mapping[str, str],
+    marks: Iterable[tuple[str, Array]],
+    names: Iterable[tuple[str, Array, str]],
+    said: str = "",
+) -> Markup:
+    """Lines on which values (rows, columns) of a grid reach levels, the higher the thicker.
 
-    Each cell is two triangles, in which values are linear.
+    `marks` stand on the map by their class in the style sheet: dots at places (n, 2), lines from
+    end to end (n, 2, 2); `names` beside places (2,), with their class. `keys` are the words of the
+    classes, `said` is read out where it differs from the `title`.
+    """
+    layers, labels = [], []
+    for k, level in enumerate(np.sort(levels)):
+        line = trace_contour(values, level)
+        layers.append(_draw_lines(line, f"contour level-{min(k, 4)}"))
+        if len(line):
+            room = (line[:, 0] < 0.93).all(axis=1)  # right of the point and above it
+            at = line[np.argmax(line[:, 0].sum(axis=1) * room), 0]
+            labels.append(_write_beside(f"{significant(float(level), 2)}{unit}", at, "level"))
+    for name, at in marks:
+        ends = at if at.ndim == 3 else np.stack([at, at], axis=1)
+        layers.append(_draw_lines(_locate(axes, ends), name))
+    labels += [_write_beside(text, _locate(axes, at), name) for text, at, name in names]
+    return caption(title, plot(*axes, layers, said or title, labels, "contours"), dict(keys))
 
-    >>> drawn, at = contour(np.array([[0.0, 1.0], [0.0, 1.0]]), 0.5, "level")
-    >>> drawn.count("M"), at[0].item()
-    (2, 0.5)
+
+def trace_contour(values: Array, level: float) -> Array:
+    """Pieces (n, 2, 2) of the line on which values (rows, columns) of a grid over the whole map
+    reach a level, 0…1 from the left and from below. Each cell is two triangles, in which values
+    are linear.
+
+    >>> trace_contour(np.array([[0.0, 1.0], [0.0, 1.0]]), 0.5)[..., 0].tolist()
+    [[0.5, 0.5], [0.5, 0.5]]
     """
     rows, columns = values.shape
     up, across = np.mgrid[0:rows, 0:columns]
-    nodes = np.stack([across / (columns - 1), up / (rows - 1), values], axis=-1)
+    nodes = np.stack([across / (columns - 1), up / (rows - 1), values - level], axis=-1)
     a, b, c, d = nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]
     corners = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
+    corners = corners[np.isfinite(corners[..., 2]).all(axis=1)]
     ends = np.roll(corners, -1, axis=1)
-    above, after = corners[..., 2] > level, ends[..., 2] > level
-    known = np.isfinite(corners[..., 2]).all(axis=1)[:, None]
-    crossed = (above != after) & known
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (level - corners[..., 2]) / (ends[..., 2] - corners[..., 2])
-        points = corners[..., :2] + share[..., None] * (ends - corners)[..., :2]
-    segments = points[crossed].reshape(-1, 2, 2)
-    if not len(segments):
-        return path("", name), np.full(2, np.nan)
-    room = (segments[:, 0] < 0.93).all(axis=1)  # for the label, right of the point and above it
-    label = segments[np.argmax(segments[:, 0].sum(axis=1) * room), 0]
-    return draw_lines(segments, name), label
+    crossed = (corners[..., 2] > 0) != (ends[..., 2] > 0)
+    start, stop = corners[crossed], ends[crossed]
+    share = start[:, 2:] / (start - stop)[:, 2:]
+    return np.asarray((start + share * (stop - start))[:, :2].reshape(-1, 2, 2))
 
 
-def draw_lines(segments: Array, name: str) -> Markup:
+def _draw_lines(segments: Array, name: str) -> Markup:
     """Pieces (n, 2, 2) from end to end, 0…1 from the left and from below."""
     ends = np.round(1000 * np.stack([segments[..., 0], 1 - segments[..., 1]], axis=-1), 1)
     pieces = (f"M{a:g} {b:g}L{c:g} {d:g}" for (a, b), (c, d) in ends.tolist())
     return path("".join(pieces), name)
 
 
-def draw_contours(
-    values: Array, levels: Sequence[float], unit: str
-) -> tuple[list[Markup], list[Markup]]:
-    """Lines of a grid of values at levels, the higher the thicker, and their labels."""
-    layers, labels = [], []
-    for k, level in enumerate(sorted(levels)):
-        line, at = contour(values, level, f"contour level-{min(k, 4)}")
-        layers.append(line)
-        if np.isfinite(at).all():
-            labels.append(label(f"{significant(level, 2)}{unit}", at, "level"))
-    return layers, labels
-
-
-def locate(x: Axis, y: Axis, at: Array) -> Array:
+def _locate(axes: tuple[Axis, Axis], at: Array) -> Array:
     """Where places (…, 2) lie on a map, 0…1 from the left and from below."""
-    return np.stack([x.share(at[..., 0]), y.share(at[..., 1])], axis=-1)
+    return np.stack([axis.share(at[..., k]) for k, axis in enumerate(axes)], axis=-1)
 
 
-def draw_dots(at: Array, name: str) -> Markup:
-    """Dots at places (n, 2), 0…1 from the left and from below."""
-    return draw_lines(np.stack([at, at], axis=1), name)
-
-
-def label(text: str, at: Array, name: str) -> Markup:
+def _write_beside(text: str, at: Array, name: str) -> Markup:
     """Text beside a place (2,), 0…1 from the left and from below."""
     x, y = f"{100 * at[0]:.1f}%", f"{100 * (1 - at[1]):.1f}%"
     return element("text", text, x=x, y=y, dx="0.4em", dy="-0.3em", class_=name)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.report.axes import Axis, Columns, down, right
+from agonic.report.axes import BINS, Axis, Columns, down, right
 from agonic.report.digits import count, group_digits, quantity
 from agonic.report.markup import Markup, element
 
@@ -79,6 +79,23 @@ def band(columns: Columns, y: Axis, low: Array, high: Array, name: str) -> Marku
 def spread(columns: Columns, y: Axis, values: Array, name: str) -> Markup:
     """A band from the least to the largest value of each column."""
     return band(columns, y, columns.least(values), columns.largest(values), name)
+
+
+def has_enough(readings: int, columns: int = BINS) -> bool:
+    """Whether the columns hold so many readings that the middle two thirds mean something."""
+    return readings >= 5 * columns
+
+
+def residuals(columns: Columns, y: Axis, values: Array) -> list[Markup]:
+    """Least to largest, the middle two thirds where there are enough readings, and the median."""
+    low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
+    enough = has_enough(len(values), columns.most)
+    return [
+        spread(columns, y, values, "range"),
+        *([band(columns, y, low, high, "middle")] if enough else []),
+        level(y, 0.0, "zero"),
+        line(columns, y, middle, "mean"),
+    ]
 
 
 def level(y: Axis, value: float, name: str) -> Markup:

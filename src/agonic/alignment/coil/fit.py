@@ -15,7 +15,7 @@ from agonic.alignment.findings import tell
 from agonic.alignment.maths import columns as kernel
 from agonic.alignment.maths.columns import CoilEstimate
 from agonic.alignment.maths.stretches import Stretches, average, split
-from agonic.alignment.session import load_earth_rotation
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import CoilSession
 from agonic.alignment.session.observed import average_beside
 from agonic.alignment.session.session import compute_unix_s
@@ -39,8 +39,6 @@ MOST_A = 50.0
 ENOUGH = 16
 SETTLED, UNSETTLED = 1e-5, 1e-2
 """Shares of the constant: a field that moves it by less has settled, by more is not used."""
-
-
 METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02
 """Share of the largest current by which stretches of one level may differ."""
@@ -73,8 +71,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
     >>> fit.reversals, bool(fit.axis_sd_arcsec < 1.0)
     (100, True)
     """
-    current, read = _read(session)
-    seen = _take_out_ambient(session, read)
+    current, read, seen = _read(session)
     level = _levels(current)
     even = int(level.max()) > 0
     drift = kernel.choose_drift(current, seen, MOST_DRIFT, even=even)
@@ -98,24 +95,12 @@ def fit_coil(session: CoilSession) -> CoilFit:
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
-    findings = tuple(_examine(fit, _fit_late(fit)))
-    return replace(fit, findings=findings, remarks=_describe(fit))
+    return replace(fit, findings=tuple(_examine(fit)), remarks=_describe(fit))
 
 
-def _fit_late(fit: CoilFit) -> CoilEstimate | None:
-    """The estimate of the second halves of the stretches alone; None where too little is left."""
-    session, time = fit.session, fit.stretches.time
-    half_s = float(np.ptp(time)) / (len(time) - 1) / 2
-    try:
-        current, read = _read(replace(session, settle_s=session.settle_s + half_s))
-    except CoverageError:
-        return None
-    seen = _take_out_ambient(session, read)
-    return kernel.estimate(current, seen, fit.estimate.drift, even=len(fit.levels) > 0)
-
-
-def _read(session: CoilSession) -> tuple[Array, Stretches]:
-    """The current (k,) of the stretches in which it is constant, and their means."""
+def _read(session: CoilSession) -> tuple[Array, Stretches, Stretches]:
+    """The current (k,) of the stretches in which it is constant, their means, and the same without
+    the reference's field, where its axes are known."""
     samples = session.magnetometer
     current, time = samples.current_A, samples.time
     assert time is not None, "checked with the session"
@@ -130,15 +115,11 @@ def _read(session: CoilSession) -> tuple[Array, Stretches]:
             turns=f"reverse it at least {FEWEST} times",
         )
     read = average_beside(rows, samples, session.corrected, session.reference)
-    return average(current, rows), read
-
-
-def _take_out_ambient(session: CoilSession, read: Stretches) -> Stretches:
-    """The stretches without the reference's field, where its axes are known."""
-    if session.attitude is None or read.beside is None:
-        return read
-    onto_m = _onto_p(session).T @ session.attitude.rot_pn
-    return read._replace(field=read.field - read.beside.field @ onto_m.T, beside=None)
+    seen = read
+    if session.attitude is not None and read.beside is not None:
+        onto_m = _onto_p(session).T @ session.attitude.rot_pn
+        seen = read._replace(field=read.field - read.beside.field @ onto_m.T, beside=None)
+    return average(current, rows), read, seen
 
 
 def _onto_p(session: CoilSession) -> Array:
@@ -220,12 +201,9 @@ def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...
     return levels, float(chdtrc(len(along) - 1, chi2))
 
 
-def _examine(fit: CoilFit, late: CoilEstimate | None) -> Iterator[Finding]:
-    """The findings of a fit, beside the estimate of the second halves of the stretches alone.
-
-    A coil that does not settle spoils what the mistakes are told by.
-    """
-    settling = list(_judge_settling(fit, late))
+def _examine(fit: CoilFit) -> Iterator[Finding]:
+    """The findings of a fit. A coil that does not settle spoils what the mistakes are told by."""
+    settling = list(_judge_settling(fit))
     yield from settling
     if not settling:
         yield from _find_mistakes(fit)
@@ -277,11 +255,16 @@ def _check_residuals(fit: CoilFit) -> Iterator[Finding]:
         yield tell("correlated residuals", length=length)
 
 
-def _judge_settling(fit: CoilFit, late: CoilEstimate | None) -> Iterator[Finding]:
+def _judge_settling(fit: CoilFit) -> Iterator[Finding]:
     """Whether the field was still on its way after each change of the current: then the second
-    halves of the stretches give another constant."""
-    if late is None:
+    halves of the stretches give another constant; none where too little is left of them."""
+    session, time = fit.session, fit.stretches.time
+    half_s = float(np.ptp(time)) / (len(time) - 1) / 2
+    try:
+        current, _, seen = _read(replace(session, settle_s=session.settle_s + half_s))
+    except CoverageError:
         return
+    late = kernel.estimate(current, seen, fit.estimate.drift, even=len(fit.levels) > 0)
     moved = abs(float((late.linear - fit.estimate.linear) @ fit.axis))
     sd, share = float(np.sqrt(late.covariance[:, 0, 0] @ fit.axis**2)), moved / fit.constant
     if moved >= SURE * sd and share >= SETTLED:

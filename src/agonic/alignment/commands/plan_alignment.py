@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -49,12 +50,15 @@ def alignment(
     lowest DEG : Lowest elevation for the star sensor.
     out -o FILE : Plan: .html or .txt.
     """
-    from agonic.alignment.star_sensor import plan_alignment
-    from agonic.alignment.star_sensor.plan_document import describe_plan
+    from agonic.alignment.star_sensor.document import describe_plan
+    from agonic.alignment.star_sensor.plan import plan_alignment
     from agonic.console.finish import finish
+    from agonic.field import wmm
 
+    when = date or datetime.now(UTC).date().isoformat()
+    field = wmm().at(*parse_position(at), when)
     plan = plan_alignment(
-        _field(at, date),
+        [float(field.north), float(field.east), float(field.down)],
         wanted_sd_arcsec=wanted,
         readings=readings,
         noise=noise,
@@ -67,14 +71,3 @@ def alignment(
         lowest_elevation_deg=lowest,
     )
     return finish(describe_plan(plan), report=out, option="-o", as_json=as_json)
-
-
-def _field(at: str, date: str | None) -> list[float]:
-    """The field at the observatory by the world model, north, east, down, nT."""
-    from datetime import UTC, datetime
-
-    from agonic.field import wmm
-
-    when = date or datetime.now(UTC).date().isoformat()
-    field = wmm().at(*parse_position(at), when)
-    return [float(field.north), float(field.east), float(field.down)]

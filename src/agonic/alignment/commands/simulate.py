@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from agonic.console.options import Folder, Json, Noise, Seed
+from agonic.readable import make_record
 
 if TYPE_CHECKING:
     from agonic.alignment.session.session import Recorded
@@ -38,12 +39,7 @@ def alignment(
         orientations=orientations, readings=readings, noise=noise, remanence=remanence, seed=seed
     )
     shown = {"angles_323_deg": angles_323_deg(made.rot_mc), "matrix_mc": made.rot_mc}
-    truth = shown | {
-        "reference_turn_arcsec": made.reference_turn / ARCSEC_RAD,
-        "pier_nT": made.offset,
-        "bias_nT": made.bias,
-        "matrix": made.matrix,
-    }
+    truth = shown | make_record(made) | {"reference_turn_arcsec": made.reference_turn / ARCSEC_RAD}
     stood, files = len(made.session.orientations), write_session(made.session, out)
     facts = {"orientations": stood, "n": len(made.session.magnetometer), **shown}
     return _finish("alignment", made.session, out, files, truth, as_json, facts)
@@ -66,13 +62,8 @@ def north(
     from agonic.alignment.simulation.north import simulate_north
 
     made = simulate_north(noise=noise, constant_sd_arcsec=constant_sd, seed=seed)
-    truth = {
-        "north_deg": made.north_deg,
-        "mark_azimuth_deg": made.mark_azimuth_deg,
-        "matrix_mb": made.rot_mb,
-    }
     files = write_north(made.session, out)
-    return _finish("north", made.session, out, files, truth, as_json)
+    return _finish("north", made.session, out, files, make_record(made), as_json)
 
 
 def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
@@ -81,13 +72,8 @@ def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False)
     from agonic.alignment.simulation.laboratory import simulate_coil
 
     made = simulate_coil(noise=noise, seed=seed)
-    truth = {
-        "vector_nT_A": made.vector,
-        "axis_n": made.axis_n,
-        "geometric_deg": made.geometric_deg,
-    }
     files = write_coil(made.session, out)
-    return _finish("coil", made.session, out, files, truth, as_json)
+    return _finish("coil", made.session, out, files, make_record(made), as_json)
 
 
 def _finish(

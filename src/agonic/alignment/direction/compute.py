@@ -24,8 +24,6 @@ _CURVED = 9.0
 """How many times its own variance a second difference must exceed to be no noise."""
 SAME_MOMENT_S = 1e-6
 """Times that differ by less are one: tables are written to a microsecond."""
-
-
 _GAPS = 5.0
 """Attitudes further apart than so many times their usual interval are not joined."""
 
@@ -74,9 +72,7 @@ def field_direction(
     """
     known = require_into_stars(alignment)
     gap = choose_gap(stars) if gap_s is None else gap_s
-    found = compute_direction(
-        known, samples, stars, site, noise, gap, earth or load_earth_rotation()
-    )
+    found = compute_direction(known, samples, stars, site, noise, gap, earth)
     if found is None:
         moments = compute_unix_s(samples)
         raise AgonicError(
@@ -108,9 +104,10 @@ def compute_direction(
     site: Site | None,
     noise: float | None,
     gap_s: float,
-    earth: EarthRotation,
+    earth: EarthRotation | None = None,
 ) -> FieldDirection | None:
     """The direction at the readings that have an attitude, or `None` where none has."""
+    earth = earth or load_earth_rotation()
     moments = compute_unix_s(samples)
     attitudes, covariance = _straighten(stars, site, earth), require_covariance(stars)
     rows, rot_ci, spread = interpolate_attitudes(

@@ -17,7 +17,6 @@ from agonic.alignment.direction.compute import (
     require_into_stars,
 )
 from agonic.alignment.direction.result import FieldDirection
-from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
 from agonic.alignment.session.session import Site, StarReadings, compute_unix_s
 from agonic.arrays import Array, Mask
 from agonic.calibration.steps import AnyCalibration
@@ -41,7 +40,7 @@ class Follower:
 
     Parameters
     ----------
-    alignment, site, noise, earth : as for `field_direction`.
+    alignment, site, noise : as for `field_direction`.
     gap_s : attitudes further apart are not joined; `None`: five times their usual interval.
     wait_s : `None`: as long as `gap_s`.
 
@@ -64,10 +63,8 @@ class Follower:
         noise: float | None = None,
         gap_s: float | None = None,
         wait_s: float | None = None,
-        earth: EarthRotation | None = None,
     ) -> None:
         self._known, self._site, self._noise = require_into_stars(alignment), site, noise
-        self._earth = earth or load_earth_rotation()
         self._gap_s, self._wait_s = gap_s, wait_s
         self._waiting: Samples | None = None
         self._stars: StarReadings | None = None
@@ -103,7 +100,7 @@ class Follower:
         first, last = np.searchsorted(stars.time, compute_unix_s(now)[[0, -1]])
         near = stars.select(slice(max(int(first) - _BESIDE, 0), int(last) + _BESIDE))
         self._stars = stars.select(np.flatnonzero(stars.time >= stars.time[-1] - KEPT_S - gap))
-        return compute_direction(self._known, now, near, self._site, self._noise, gap, self._earth)
+        return compute_direction(self._known, now, near, self._site, self._noise, gap)
 
     def finish(self) -> FieldDirection | None:
         """That of all that still wait: no attitude is to come any more."""
@@ -133,7 +130,6 @@ def follow_direction(
     noise: float | None = None,
     gap_s: float | None = None,
     wait_s: float | None = None,
-    earth: EarthRotation | None = None,
 ) -> Iterator[FieldDirection]:
     """`field_direction` as readings and attitudes come in, batch by batch.
 
@@ -142,7 +138,7 @@ def follow_direction(
 
     Parameters
     ----------
-    alignment, site, noise, gap_s, wait_s, earth : as for `Follower`.
+    alignment, site, noise, gap_s, wait_s : as for `Follower`.
     batches : pairs of new readings (n,) and new attitudes (m,), in any order of time.
 
     Yields a `FieldDirection` for readings that have become complete. Raises as `field_direction`.
@@ -153,7 +149,7 @@ def follow_direction(
     >>> sum(len(part) for part in follow_direction(turn, batches, night.site, gap_s=30.0))
     456
     """
-    follower = Follower(alignment, site, noise=noise, gap_s=gap_s, wait_s=wait_s, earth=earth)
+    follower = Follower(alignment, site, noise=noise, gap_s=gap_s, wait_s=wait_s)
     for batch in batches:
         follower.add(*batch)
         if (found := follower.take()) is not None:

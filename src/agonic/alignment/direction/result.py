@@ -113,8 +113,7 @@ class FieldDirection(Readable):
 
     def records(self) -> Iterator[dict[str, Any]]:
         """Each reading by itself: vectors of three numbers in every system of axes, and angles."""
-        names = [letter for letter in "cien" if getattr(self, f"field_{letter}") is not None]
-        vectors = {f"field_{letter}_nT": getattr(self, f"field_{letter}") for letter in names}
+        vectors = {f"field_{letter}_nT": field for letter, field in self._fields().items()}
         numbers = {n: v for n, v in self.columns().items() if not n.startswith("field_")}
         numbers |= {"magnitude_nT": self.magnitude, "magnitude_sd_nT": self.magnitude_sd}
         columns = {"unix_s": numbers.pop("unix_s"), **vectors, **numbers}
@@ -124,21 +123,18 @@ class FieldDirection(Readable):
     def columns(self) -> dict[str, Array]:
         """The columns of numbers that are there, by name, in writing order."""
         named = {"unix_s": self.time}
-        for letter in ("c", "i", "e", "n"):
-            field = getattr(self, f"field_{letter}")
-            if field is not None:
-                named |= {f"field_{letter}{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
-        names = (
-            "ra_deg",
-            "dec_deg",
-            "declination_deg",
-            "inclination_deg",
-            "declination_sd_deg",
-            "inclination_sd_deg",
-            "sd_arcsec",
-            "random_sd_arcsec",
-        )
+        for letter, field in self._fields().items():
+            named |= {f"field_{letter}{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
+        level = [
+            f"{name}_{of}" for of in ("deg", "sd_deg") for name in ("declination", "inclination")
+        ]
+        names = ("ra_deg", "dec_deg", *level, "sd_arcsec", "random_sd_arcsec")
         return named | {name: c for name in names if (c := getattr(self, name)) is not None}
+
+    def _fields(self) -> dict[str, Array]:
+        """The field in every system of axes that is known, by its letter."""
+        found = {letter: getattr(self, f"field_{letter}") for letter in "cien"}
+        return {letter: field for letter, field in found.items() if field is not None}
 
 
 def _compute_across_sd(field: Array, covariance: Array) -> Array:

@@ -103,7 +103,12 @@ def read_description(path: Path | str, name: str) -> Description:
     }
     repeated = {one: list(_read_repeated(table, one, mistakes)) for one in kind.repeated}
     mistakes += [f"there is no section [{key}]" for key in kind.needed if key not in table]
-    mistakes += [*_list_missing_files(parts, file.parent), *_list_bad_sds(parts, kind.zero)]
+    mistakes += [
+        f"[{one}]: there is no file {part.file} in {file.parent}"
+        for one, part in parts.items()
+        if hasattr(part, "file") and not (file.parent / part.file).is_file()
+    ]
+    mistakes += _list_bad_sds(parts, kind.zero)
     return Description(
         file=file,
         head=head,
@@ -159,13 +164,6 @@ def _make(nested: Mapping[str, Any]) -> dict[str, Any]:
         inside = _make(value) if isinstance(value, dict) else value
         made[name] = NOUNS[name](**inside) if name in NOUNS else inside
     return made
-
-
-def _list_missing_files(parts: Mapping[str, Any], home: Path) -> Iterator[str]:
-    """Tables that sections name and that are not there."""
-    for name, part in parts.items():
-        if hasattr(part, "file") and not (home / part.file).is_file():
-            yield f"[{name}]: there is no file {part.file} in {home}"
 
 
 def _list_bad_sds(parts: Mapping[str, Any], zero: bool) -> Iterator[str]:

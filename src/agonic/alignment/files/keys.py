@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from msgspec import NODEFAULT
 
-from agonic.alignment.session import Mounting, Pier, Site
+from agonic.alignment.session.session import Mounting, Pier, Site
 from agonic.maths.earth.starlight import Air
 
 

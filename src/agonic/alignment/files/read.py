@@ -3,30 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from agonic.alignment.files.description import (
-    Description,
-    read_description,
-)
-from agonic.alignment.files.tables import (
-    GON_DEG,
-    make_diagonal,
-    read_stars,
-    read_table,
-)
-from agonic.alignment.session import (
-    Session,
-    Site,
-    StarReadings,
-    check_session,
-    load_earth_rotation,
-)
+from agonic.alignment.files.description import Description, read_description
+from agonic.alignment.files.tables import GON_DEG, read_stars, read_table, state_errors
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import (
     Attitude,
     CoilSession,
@@ -36,7 +22,13 @@ from agonic.alignment.session.laboratory import (
     SwingRecord,
     Transits,
 )
-from agonic.alignment.session.session import compute_unix_s
+from agonic.alignment.session.session import (
+    Session,
+    Site,
+    StarReadings,
+    check_session,
+    compute_unix_s,
+)
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
@@ -52,13 +44,13 @@ SESSION, NORTH, COIL = "session.toml", "north.toml", "coil.toml"
 GPS_TAI_S = -19.0
 LEVELLED = ("roll_deg", "pitch_deg", "heading_deg")
 STELLAR = ("ra_deg", "dec_deg", "rot_deg", "utc")
-TABLES = {
-    "reversal": ("reading_deg",),
-    "transit": ("setting_deg", "east_s", "west_s", "amplitude_east", "amplitude_west"),
-    "swing": ("time_s", "reading_deg"),
-    "platform": ("orientation", "reading_deg", "roll_deg", "pitch_deg"),
+TABLES: dict[str, tuple[str, Any]] = {
+    "transit": ("transits", Transits),
+    "swing": ("swing", SwingRecord),
+    "platform": ("platform", Platform),
 }
-"""Columns of the tables of north.toml; angles of the circle in gon too."""
+"""Tables of north.toml: the attribute of the session, and whose fields without a default are the
+columns; angles of the circle in gon too."""
 
 
 def read_session(path: Path | str) -> Session:
@@ -90,7 +82,6 @@ def read_session(path: Path | str) -> Session:
     made = {**description.given, **_read_instruments(description), "star": star}
     for name in ("magnetometer", "reference"):
         made[name] = _turn_into_utc(made[name], scale)
-    made["notes"] = (*made["magnetometer"].notes, *made["reference"].notes)
     made["magnetometer"] = _number_orientations(made["magnetometer"], star)
     made["remanence"] = description.read_samples("remanence")
     return check_session(Session(**made, sources=tuple(description.sources)))
@@ -107,12 +98,9 @@ def _read_stars(description: Description) -> StarReadings:
     part, scale = description.parts["star"], description.head.time_scale
     read = read_stars(description.find(part.file), part.turns)
     description.add_source(part.file, len(read))
-    covariance = read.covariance
-    if covariance is None and part.across_sd_arcsec and part.about_sd_arcsec:
-        ones = np.ones(len(read))
-        covariance = make_diagonal(part.across_sd_arcsec * ones, part.about_sd_arcsec * ones)
+    read = state_errors(read, part.across_sd_arcsec, part.about_sd_arcsec)
     time = read.time - _ahead_s(read.time, scale)
-    return replace(read, time=time, covariance=covariance, **description.given["star"])
+    return replace(read, time=time, **description.given["star"])
 
 
 def _ahead_s(time: Array, scale: str) -> Array:
@@ -179,22 +167,21 @@ def read_north(path: Path | str) -> NorthSession:
     description = read_description(path, NORTH)
     sightings = tuple(_read_sightings(description))
     description.require()
-    tables = {
-        name: _read_columns(description, description.parts[name].file, columns)
-        for name, columns in TABLES.items()
-        if description.parts[name] is not None
-    }
-    made = {**description.given, **_read_instruments(description)}
-    if "reversal" in tables:
-        made["turning_deg"] = tables["reversal"]["reading_deg"]
-    if "transit" in tables:
-        made["transits"] = Transits(**tables["transit"])
-    if "swing" in tables:
-        made["swing"] = SwingRecord(**tables["swing"])
-    if "platform" in tables:
-        columns: dict[str, Any] = {**tables["platform"], **made["platform"]}
-        made["platform"] = Platform(**columns | {"orientation": columns["orientation"].astype(int)})
+    parts, made = description.parts, dict(description.given)
+    if parts["reversal"] is not None:
+        read = _read_columns(description, parts["reversal"].file, ("reading_deg",))
+        made["turning_deg"] = read["reading_deg"]
+    for name, (attribute, kind) in TABLES.items():
+        if parts[name] is not None:
+            read = _read_columns(description, parts[name].file, list_columns(kind))
+            made[attribute] = kind(**read, **made.get(attribute, {}))
+    made |= _read_instruments(description)
     return NorthSession(**made, sightings=sightings, sources=tuple(description.sources))
+
+
+def list_columns(kind: Any) -> tuple[str, ...]:
+    """The columns of what is read from a table: its fields without a default."""
+    return tuple(one.name for one in fields(kind) if one.default is MISSING)
 
 
 def _read_sightings(description: Description) -> Iterator[Sighting]:
@@ -215,7 +202,10 @@ def _read_columns(description: Description, file: str, names: tuple[str, ...]) -
     """The columns of a table by name, angles in degrees."""
     table = read_table(description.find(file), f"a CSV table of {', '.join(names)}")
     description.add_source(file, len(table))
-    return table.read_angles(names)
+    columns = table.read_angles(names)
+    if "orientation" in columns:
+        columns["orientation"] = columns["orientation"].astype(int)
+    return columns
 
 
 def read_coil(path: Path | str) -> CoilSession:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from agonic.alignment.session.laboratory import DiSheet
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.contents import to_number
 from agonic.provenance import Input, hash_file
 
 MARK = "# MagPy Absolutes"
@@ -133,10 +134,7 @@ def _rows(lines: Iterable[tuple[int, str]], width: int, file: Path) -> tuple[Arr
 
 
 def _number(word: str, file: Path, row: int) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = np.nan
+    value = to_number(word)
     if not np.isfinite(value):
         raise LogError(f"{word!r} is not a number", path=file, row=row)
     return value

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.direction.result import FieldDirection
-from agonic.alignment.session import StarReadings
+from agonic.alignment.session.session import StarReadings
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.errors import LogError
@@ -219,6 +219,17 @@ def make_diagonal(across_sd_arcsec: Array, about_sd_arcsec: Array) -> Array:
     """Covariances (n, 3, 3), rad², of standard deviations across and about the boresight."""
     variance = np.stack([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec], axis=-1) ** 2
     return np.asarray(variance[..., None] * np.eye(3) * ARCSEC_RAD**2)
+
+
+def state_errors(
+    read: StarReadings, across_sd_arcsec: float | None, about_sd_arcsec: float | None
+) -> StarReadings:
+    """Attitudes with standard deviations for all alike, where their table states none."""
+    if read.covariance is not None or across_sd_arcsec is None or about_sd_arcsec is None:
+        return read
+    ones = np.ones(len(read))
+    covariance = make_diagonal(across_sd_arcsec * ones, about_sd_arcsec * ones)
+    return replace(read, covariance=covariance)
 
 
 def format_stars(star: StarReadings) -> str:

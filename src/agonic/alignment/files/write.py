@@ -8,23 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.files.description import (
-    write_description,
-)
-from agonic.alignment.files.read import COIL, NORTH, SESSION, TABLES
-from agonic.alignment.files.tables import (
-    format_stars,
-    format_table,
-)
-from agonic.alignment.session import (
-    Session,
-)
-from agonic.alignment.session.laboratory import (
-    Attitude,
-    CoilSession,
-    NorthSession,
-)
-from agonic.alignment.session.session import Recorded
+from agonic.alignment.files.description import write_description
+from agonic.alignment.files.read import COIL, NORTH, SESSION, TABLES, list_columns
+from agonic.alignment.files.tables import format_stars, format_table
+from agonic.alignment.session.laboratory import Attitude, CoilSession, NorthSession
+from agonic.alignment.session.session import Recorded, Session
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_csv
@@ -63,11 +51,10 @@ def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
     reversal.csv transit.csv swing.csv north.toml
     """
     turning = session.turning_deg
-    held = {"transit": session.transits, "swing": session.swing, "platform": session.platform}
     tables = {} if turning is None else {"reversal": format_table({"reading_deg": turning})}
-    for name, part in held.items():
-        if part is not None:
-            tables[name] = format_table({key: getattr(part, key) for key in TABLES[name]})
+    for name, (attribute, kind) in TABLES.items():
+        if (part := getattr(session, attribute)) is not None:
+            tables[name] = format_table({key: getattr(part, key) for key in list_columns(kind)})
     sighted = [
         {"name": one.name, "readings_deg": one.reading_deg, "mirror": one.mirror}
         for one in session.sightings

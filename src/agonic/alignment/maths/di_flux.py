@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.alignment.maths.stretches import average, find_rows
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.student import compute_widening
@@ -110,11 +111,8 @@ def estimate(
 
 def _means(at: Settings, groups: NDArray[np.int64]) -> Settings:
     """One reading a setting: circles and fluxgate move by so little that means are exact."""
-    numbers = np.unique(groups)
-    rows = [np.flatnonzero(groups == number) for number in numbers]
+    rows = find_rows(groups, np.unique(groups))
     horizontal, zenith, reading = (
-        np.array([column[own].mean() for own in rows])
-        for column in (at.horizontal, at.zenith, at.reading)
+        average(column, rows) for column in (at.horizontal, at.zenith, at.reading)
     )
-    from_meridian = np.array([bool(at.from_meridian[own[0]]) for own in rows])
-    return Settings(horizontal, zenith, reading, from_meridian)
+    return Settings(horizontal, zenith, reading, at.from_meridian[[own[0] for own in rows]])

@@ -11,7 +11,7 @@ N the reading of the circle at north. Readings and N are in degrees and increase
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.estimation.noise.student import compute_widening, exceed_stated
+from agonic.readable import Shown
 
 FOUR = 4
 """Turning points that tell a drift, where one's noise is known, but no bend of the decay."""
@@ -99,19 +100,24 @@ _GRID, _PERIODS = 400, 0.4
 
 
 class North(NamedTuple):
-    """The circle's reading at north and its standard error, degrees; NaN where nothing tells it.
+    """The circle's reading at the gyro's north and its standard error, degrees, or NaN.
 
     `freedom` is how many independent differences the standard error rests on; `excess` how many
     times the stated noise the readings scatter, 1 where chance explains it. `drift_deg` is how far
     N moves over the readings and `drift_sd_deg` its standard error, where they tell.
     """
 
-    reading_deg: float
+    reading_deg: Annotated[float, Shown(key="gyro_north_deg")]
     sd_deg: float
-    freedom: int
+    freedom: Annotated[int, Shown()]
     excess: float = 1.0
     drift_deg: float = 0.0
     drift_sd_deg: float = float("inf")
+
+    @property
+    def sd_arcsec(self) -> Annotated[float, Shown()]:
+        """The standard error in arcseconds."""
+        return 3600.0 * self.sd_deg
 
 
 class Swing(NamedTuple):

@@ -41,8 +41,6 @@ class Solution:
     magnitude: float
     chi2: float
     freedom: int
-    iterations: int
-    converged: bool
 
     @property
     def free(self) -> Mask:
@@ -136,7 +134,7 @@ def solve(
     magnitude = float(np.linalg.norm(measured.reference + prior_at.offset, axis=1).mean())
     units = kernel.find_unit_sizes(magnitude)[free]
     root = np.sqrt(prior[free])
-    iterations, converged, cost = 0, False, np.inf
+    cost = np.inf
     for _ in range(rounds):
         white = kernel.compute_whitener(at, measured)
         away = _departure(at, prior_at)[free]
@@ -149,8 +147,6 @@ def solve(
             max_iterations=STEPS if rounds > 1 else STEPS // 10,
         )
         at = at.add_step(_whole(solution.params / units, free))
-        iterations += solution.iterations
-        converged = solution.converged
         settled = np.abs(solution.params).max() < 1e-7 * magnitude
         hopeless = solution.cost > max(HOPELESS * len(solution.residuals), cost / 2)
         cost = solution.cost
@@ -167,8 +163,6 @@ def solve(
         magnitude=magnitude,
         chi2=float((white**2).sum() + (departures**2).sum()),
         freedom=white.size + int((prior[free] > 0).sum()) - int(free.sum()),
-        iterations=iterations,
-        converged=converged,
     )
 
 

@@ -101,19 +101,16 @@ def average_stretches(
         counts=np.array([len(own) for own in rows]),
         scatter=_find_scatter([(time[own], field[own]) for own in rows]),
     )
-    return (
-        made if reference is None else made._replace(beside=_average_beside(rows, time, reference))
-    )
-
-
-def _average_beside(rows: list[Index], time: Array, reference: tuple[Array, Array]) -> Beside:
-    read, field = reference
+    if reference is None:
+        return made
+    read, other = reference
     parts = [_find_weights(time[own], read) for own in rows]
-    return Beside(
-        field=np.array([weights @ field[at] for at, weights in parts]),
+    beside = Beside(
+        field=np.array([weights @ other[at] for at, weights in parts]),
         share=np.array([float(np.sqrt((weights**2).sum())) for _, weights in parts]),
-        scatter=_find_scatter([(read[at], field[at]) for at, _ in parts]),
+        scatter=_find_scatter([(read[at], other[at]) for at, _ in parts]),
     )
+    return made._replace(beside=beside)
 
 
 def _find_weights(time: Array, known: Array) -> tuple[Index, Array]:

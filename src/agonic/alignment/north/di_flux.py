@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -18,18 +18,15 @@ from agonic.errors import CoverageError
 from agonic.health import Finding, Judged, figure
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import Shown
 
 USUAL_FIELD = 50_000.0
 LEVEL_SIN = 0.99999  # the telescope is level to 0.26°: a setting for the declination
 NOMINAL_DEG = 0.01
 NEAR_MERIDIAN_DEG = 3.0
-
-
 OFF_MERIDIAN_DEG = 0.1
 WIDE_ARCSEC = 10.0
 BIG_ERROR_DEG = 1.0
-
-
 METHOD = ("brunke-matzka-2018",)
 SCALE_READING = 30.0
 """A reading so large tells how many units of the fluxgate an angle is."""
@@ -61,24 +58,24 @@ class DiFluxFit(Judged):
     estimate: SheetEstimate
     mark: Pointing
     scaled: bool
-    meridian_deg: float
-    meridian_sd_arcsec: float
-    declination_deg: float | None
-    declination_sd_arcsec: float
-    inclination_deg: float
-    inclination_sd_arcsec: float
+    meridian_deg: Annotated[float, Shown()]
+    meridian_sd_arcsec: Annotated[float, Shown()]
+    declination_deg: Annotated[float | None, Shown()]
+    declination_sd_arcsec: Annotated[float, Shown()]
+    inclination_deg: Annotated[float, Shown()]
+    inclination_sd_arcsec: Annotated[float, Shown()]
     collimation_arcsec: tuple[float, float]
     collimation_sd_arcsec: tuple[float, float]
     offset_arcsec: tuple[float, float]
-    offset: float
-    offset_sd: float
-    scale: float
-    noise_arcsec: float
+    offset: Annotated[float, Shown()]
+    offset_sd: Annotated[float, Shown()]
+    scale: Annotated[float, Shown()]
+    noise_arcsec: Annotated[float, Shown()]
     findings: tuple[Finding, ...] = ()
     remarks: tuple[str, ...] = ()
 
     @property
-    def n(self) -> int:
+    def n(self) -> Annotated[int, Shown()]:
         """How many settings of the circles."""
         return len(self.estimate.residuals)
 

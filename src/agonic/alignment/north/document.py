@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_residuals, draw_settings
-from agonic.alignment.findings import judge
+from agonic.alignment.figures import draw_residuals, draw_settings, make_residual_axis
+from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
+from agonic.alignment.maths.stretches import average, find_rows
 from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
-from agonic.alignment.north.platform import Aligned
 from agonic.alignment.session.laboratory import SwingRecord
 from agonic.readable import make_record
-from agonic.report.axes import Axis, Columns, along_rows, fit_axis
+from agonic.report.axes import Columns, along_rows, fit_axis
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
 from agonic.report.section import Section, Table, list_inputs
 from agonic.report.strips import caption, level, line, plot, spread
 
-SCALED = ("offset", "offset_sd", "scale")
 SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
-
-
 METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
 PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
 
@@ -34,7 +30,7 @@ PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
 def describe_north(fit: NorthFit) -> Document:
     """North by every method, the swing, azimuths, and the alignment; a refused one has no numbers.
 
-    >>> from agonic.alignment.north import fit_north
+    >>> from agonic.alignment.north.fit import fit_north
     >>> from agonic.alignment.simulation.north import simulate_north
     >>> made = describe_north(fit_north(simulate_north().session))
     >>> print(made.to_text().splitlines()[0])
@@ -72,7 +68,7 @@ def _entries(fit: NorthFit) -> dict[str, str]:
     north = format_angle(fit.north_deg, fit.sd_arcsec)
     entries = {"North": f"{north} on the circle, constant included"}
     for name, found in fit.by.items():
-        value = format_angle(found.reading_deg, 3600 * found.sd_deg)
+        value = format_angle(found.reading_deg, found.sd_arcsec)
         entries[name.capitalize()] = f"{value}, gyro north by {METHODS[name]}"
     if fit.constant is not None and fit.constant_sd is not None:
         constant = with_sd(fit.constant, fit.constant_sd)
@@ -85,10 +81,7 @@ def _entries(fit: NorthFit) -> dict[str, str]:
         value = format_angle(azimuth.azimuth_deg, azimuth.sd_arcsec)
         entries[azimuth.name] = f"azimuth {value}{both}"
     if fit.aligned is not None:
-        sd = "   ".join(
-            f"{axis} {significant(float(s), 2)}″"
-            for axis, s in zip("xyz", fit.aligned.sd_arcsec, strict=True)
-        )
+        sd = write_by_axis(fit.aligned.sd_arcsec)
         entries["Alignment"] = f"with the platform, about the magnetometer's {sd}"
     return entries
 
@@ -100,41 +93,22 @@ def _sections(fit: NorthFit) -> list[Section]:
         sections.append(Section("The swing", [lambda: draw_swing(record, swing)]))
     if aligned is not None:
         found, numbers = aligned.solution, aligned.orientation
-        rows = Table(PLATFORM_HEAD, _platform_rows(aligned), "numbers small")
+        rows = [
+            [str(n), f"{group_digits(float(at), 4)}°", *(group_digits(float(v), 3) for v in left)]
+            for n, at, left in zip(numbers, aligned.heading_deg, found.residuals, strict=True)
+        ]
         drawn = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
-        sections.append(Section("Residuals of the platform", [drawn, rows]))
+        table = Table(PLATFORM_HEAD, rows, "numbers small")
+        sections.append(Section("Residuals of the platform", [drawn, table]))
     return sections
 
 
-def _platform_rows(aligned: Aligned) -> list[list[str]]:
-    """Each orientation of the platform: its heading and what is left."""
-    each = zip(aligned.orientation, aligned.heading_deg, aligned.solution.residuals, strict=True)
-    return [
-        [str(n), f"{group_digits(float(at), 4)}°", *(group_digits(float(v), 3) for v in left)]
-        for n, at, left in each
-    ]
-
-
 def _numbers(fit: NorthFit) -> dict[str, Any]:
-    values = {
-        **make_record(fit),
-        "by": {
-            name: {
-                "gyro_north_deg": found.reading_deg,
-                "sd_arcsec": 3600 * found.sd_deg,
-                "freedom": found.freedom,
-            }
-            for name, found in fit.by.items()
-        },
-        "azimuths": [asdict(azimuth) for azimuth in fit.azimuths],
-    }
     if fit.aligned is None:
-        return values
-    return values | {
+        return make_record(fit)
+    return make_record(fit) | {
         "n": len(fit.aligned.orientation),
-        "matrix_mb": fit.aligned.rot_mb,
-        "sd_arcsec": fit.aligned.sd_arcsec,
-        "worst_sd_arcsec": fit.aligned.worst_sd_arcsec,
+        **make_record(fit.aligned),
         "residuals_nT": fit.aligned.solution.residuals,
         "chi2": fit.aligned.solution.chi2,
         "freedom": fit.aligned.solution.freedom,
@@ -151,8 +125,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
         line(columns, circle, columns.mean(reading), "mean"),
     ]
     left = 3600 * (reading - evaluate_swing_deg(swing.params, record.time_s - record.time_s[0]))
-    limit = 1.1 * max(float(np.abs(left).max()), 1e-9)
-    y = Axis("residual, ″", -limit, limit)
+    y = make_residual_axis(left, "″")
     rest = [
         spread(columns, y, left, "range"),
         level(y, 0.0, "noise"),
@@ -175,7 +148,7 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
 def describe_di_flux(fit: DiFluxFit) -> Document:
     """Declination, inclination, errors of the instrument, and the residual of each setting.
 
-    >>> from agonic.alignment.north import fit_di_flux
+    >>> from agonic.alignment.north.di_flux import fit_di_flux
     >>> from agonic.alignment.simulation.laboratory import simulate_di_flux
     >>> made = describe_di_flux(fit_di_flux(simulate_di_flux().sheet))
     >>> print(made.to_text().splitlines()[0])
@@ -231,38 +204,28 @@ def _sheet_entries(fit: DiFluxFit) -> dict[str, str]:
 def _setting_rows(fit: DiFluxFit) -> list[list[str]]:
     """Each setting of the circles: means of its readings, and what is left."""
     sheet = fit.sheet
-    own_rows = [sheet.setting == number for number in np.unique(sheet.setting)]
+    own = find_rows(sheet.setting, np.unique(sheet.setting))
+    read = np.stack([sheet.horizontal_deg, sheet.zenith_deg, sheet.reading], axis=1)
+    means = np.column_stack([average(read, own), -fit.estimate.residuals])
+    shown = ((4, "°"), (4, "°"), (2, ""), (2, ""))
     return [
-        [
-            str(k),
-            f"{group_digits(float(sheet.horizontal_deg[own].mean()), 4)}°",
-            f"{group_digits(float(sheet.zenith_deg[own].mean()), 4)}°",
-            group_digits(float(sheet.reading[own].mean()), 2),
-            group_digits(float(-left), 2),
-        ]
-        for k, (own, left) in enumerate(zip(own_rows, fit.estimate.residuals, strict=True), 1)
+        [str(k), *(f"{group_digits(v, n)}{unit}" for v, (n, unit) in zip(row, shown, strict=True))]
+        for k, row in enumerate(means.tolist(), start=1)
     ]
 
 
 def _sheet_values(fit: DiFluxFit) -> dict[str, Any]:
-    (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
-    offset, offset_sd = fit.offset_arcsec
-    named = ("declination", "inclination", "meridian")
-    angles = [f"{name}_{unit}" for name in named for unit in ("deg", "sd_arcsec")]
-    return {
-        "n": fit.n,
+    """The numbers for programs; without a scale those in units of the fluxgate are null."""
+    values = {
+        **make_record(fit),
         "freedom": fit.estimate.freedom,
-        **{name: getattr(fit, name) for name in angles},
         "mark_deg": fit.mark.reading_deg,
         "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
         "telescope_collimation_arcsec": 3600 * fit.mark.collimation_deg,
-        "delta_arcsec": delta,
-        "delta_sd_arcsec": delta_sd,
-        "epsilon_arcsec": epsilon,
-        "epsilon_sd_arcsec": epsilon_sd,
-        "offset_arcsec": offset,
-        "offset_sd_arcsec": offset_sd,
-        **{name: getattr(fit, name) if fit.scaled else None for name in SCALED},
         "magnitude_nT": fit.sheet.magnitude,
-        "noise_arcsec": fit.noise_arcsec,
     }
+    pairs = (fit.collimation_arcsec, fit.collimation_sd_arcsec, fit.offset_arcsec)
+    names = ("delta", "epsilon"), ("delta_sd", "epsilon_sd"), ("offset", "offset_sd")
+    for both, pair in zip(names, pairs, strict=True):
+        values |= {f"{name}_arcsec": value for name, value in zip(both, pair, strict=True)}
+    return values if fit.scaled else values | dict.fromkeys(("offset", "offset_sd", "scale"))

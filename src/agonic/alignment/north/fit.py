@@ -70,11 +70,11 @@ class Azimuth:
     times the stated noise the readings scatter, 1 where chance explains it.
     """
 
-    name: str
-    azimuth_deg: float
-    sd_arcsec: float
-    collimation_arcsec: float
-    excess: float = 1.0
+    name: Annotated[str, Shown()]
+    azimuth_deg: Annotated[float, Shown()]
+    sd_arcsec: Annotated[float, Shown()]
+    collimation_arcsec: Annotated[float, Shown()]
+    excess: Annotated[float, Shown()] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,13 +92,13 @@ class NorthFit(Judged):
     """
 
     session: NorthSession
-    by: dict[str, North]
+    by: Annotated[dict[str, North], Shown()]
     method: str
     swing: Swing | None = None
     drift: Drift = NOT_TOLD
     constant: Annotated[float | None, Shown(key="transit_constant")] = None
     constant_sd: Annotated[float | None, Shown(key="transit_constant_sd")] = None
-    azimuths: tuple[Azimuth, ...] = ()
+    azimuths: Annotated[tuple[Azimuth, ...], Shown()] = ()
     aligned: Aligned | None = None
     calibration: Alignment | Chain | None = None
     findings: tuple[Finding, ...] = ()
@@ -113,7 +113,7 @@ class NorthFit(Judged):
     @property
     def sd_arcsec(self) -> Annotated[float, Shown(key="north_sd_arcsec")]:
         """Its standard error, the constant's included."""
-        own = 3600.0 * self.by[self.method].sd_deg
+        own = self.by[self.method].sd_arcsec
         return float(np.hypot(own, self.session.constant_sd_arcsec))
 
     @property
@@ -126,8 +126,6 @@ APART = 4.0
 """Two methods that differ by more standard errors do not agree."""
 FEW_PERIODS = 1.0
 BAD_FACES_ARCSEC = 60.0
-
-
 METHOD = ("harbin-2018",)
 
 

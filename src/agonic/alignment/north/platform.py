@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,7 @@ from scipy.special import fdtrc
 
 from agonic.alignment.maths.solution import RARE, Solution, solve
 from agonic.alignment.maths.stretches import average, find_rows
-from agonic.alignment.maths.two_frames import (
-    compute_rotation_vector,
-    compute_turn_sd,
-    make_prior,
-)
+from agonic.alignment.maths.two_frames import compute_rotation_vector, compute_turn_sd, make_prior
 from agonic.alignment.session.laboratory import NorthSession, Platform
 from agonic.alignment.session.observed import average_beside, make_measured
 from agonic.alignment.session.session import compute_unix_s
@@ -22,6 +19,7 @@ from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.readable import Shown
 
 BATCHES = 6
 """Means of an orientation's readings, in which noise with memory shows as it is."""
@@ -43,7 +41,7 @@ class Aligned:
     settled_by: Array
 
     @property
-    def rot_mb(self) -> Array:
+    def rot_mb(self) -> Annotated[Array, Shown(key="matrix_mb")]:
         """Platform components into the magnetometer's, (3, 3)."""
         return self.solution.unknowns.rot_mc
 
@@ -53,12 +51,12 @@ class Aligned:
         return self.solution.covariance[:3, :3] + np.outer(self.settled_by, self.settled_by)
 
     @property
-    def sd_arcsec(self) -> Array:
+    def sd_arcsec(self) -> Annotated[Array, Shown()]:
         """Standard errors (3,) about the magnetometer's axes."""
         return np.asarray(np.sqrt(np.diag(self.covariance)) / ARCSEC_RAD)
 
     @property
-    def worst_sd_arcsec(self) -> float:
+    def worst_sd_arcsec(self) -> Annotated[float, Shown()]:
         """About the axis about which it is known least."""
         return compute_turn_sd(self.covariance) / ARCSEC_RAD
 

@@ -63,7 +63,7 @@ class Observed:
         return np.asarray(np.degrees(np.arcsin(np.clip(-self.boresight_n[:, 2], -1, 1))))
 
 
-def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
+def observe(session: Session) -> Observed:
     """The session as one observation an orientation.
 
         rot_cn = rot_ci · rot_eiᵀ · rot_en
@@ -73,7 +73,7 @@ def observe(session: Session, earth: EarthRotation | None = None) -> Observed:
     outside the table of the Earth's rotation.
     """
     star, site = session.star, session.site
-    attitude, rot_ei = average_attitudes(site, star, earth or load_earth_rotation())
+    attitude, rot_ei = average_attitudes(site, star, load_earth_rotation())
     rot_ne = rot_en(site.latitude_deg, site.longitude_deg).T
     rot_cn = attitude @ np.swapaxes(rot_ne @ rot_ei, 1, 2)
     rows = find_rows(star.orientation, session.orientations)

@@ -191,7 +191,6 @@ class Session(Recorded, Readable):
     reference: Samples
     mounting: Mounting | None = None
     remanence: Samples | None = None
-    notes: tuple[str, ...] = ()
 
     @property
     def orientations(self) -> NDArray[np.int64]:
@@ -247,92 +246,70 @@ def check_session(session: Session) -> Session:
     are no rotations and covariances that are none; `UnitError` for magnitudes that cannot be those
     of one place.
     """
-    _check_attitudes(session)
-    _check_covariance(session)
-    _check_orientations(session)
-    _check_times(session)
-    _check_magnitudes(session)
+    for mistake in _list_session_mistakes(session):
+        raise mistake
     return session
 
 
-def _check_attitudes(session: Session) -> None:
-    matrices = session.star.rot_ci
-    if len(matrices) == 0:
-        raise LogError(f"{session.star.name} has no readings")
-    off = np.abs(matrices @ np.swapaxes(matrices, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    if off.max() > NOT_UNIT or np.linalg.det(matrices).min() < 0:
-        raise AgonicError(
-            f"attitude {int(off.argmax()) + 1} of {session.star.name} is not a rotation; give "
+def _list_session_mistakes(session: Session) -> Iterator[AgonicError]:
+    """The first of them makes the next checks meaningless."""
+    star, covariance, station = session.star, session.star.covariance, session.magnetometer.station
+    if not len(star):
+        yield LogError(f"{star.name} has no readings")
+    off = np.abs(star.rot_ci @ np.swapaxes(star.rot_ci, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    if off.max() > NOT_UNIT or np.linalg.det(star.rot_ci).min() < 0:
+        yield AgonicError(
+            f"attitude {int(off.argmax()) + 1} of {star.name} is not a rotation; give "
             "ra, dec, rot in degrees or unit quaternions"
         )
-
-
-def _check_covariance(session: Session) -> None:
-    covariance = session.star.covariance
     for what, value in (("noise", session.noise), ("reference noise", session.reference_noise)):
         if value is not None and not value > 0:
-            raise AgonicError(f"the {what} is {value:g} nT; it must be above 0")
-    if covariance is None:
-        return
-    least = np.linalg.eigvalsh(covariance)[:, 0]
-    if not (np.isfinite(covariance).all() and least.min() > 0):
-        raise AgonicError(
-            f"the covariance of attitude {int(least.argmin()) + 1} of {session.star.name} is none: "
+            yield AgonicError(f"the {what} is {value:g} nT; it must be above 0")
+    least = np.ones(1) if covariance is None else np.linalg.eigvalsh(covariance)[:, 0]
+    if not least.min() > 0:  # nor where one is no number
+        yield AgonicError(
+            f"the covariance of attitude {int(least.argmin()) + 1} of {star.name} is none: "
             "standard deviations must be above 0 and correlations below 1"
         )
-
-
-def _check_orientations(session: Session) -> None:
-    station = session.magnetometer.station
     if station is None:
-        raise AgonicError(
+        yield AgonicError(
             "the magnetometer's readings say no orientation; add a column orientation"
         )
-    without = sorted(set(session.orientations.tolist()) - set(station.astype(int).tolist()))
-    if without:
-        shown = ", ".join(map(str, without[:8]))
-        raise AgonicError(
-            f"orientation {shown} has star readings but none of the magnetometer; check the "
-            "numbers of the orientations in both tables"
+    elif without := sorted(set(session.orientations.tolist()) - set(station.astype(int).tolist())):
+        yield AgonicError(
+            f"orientation {', '.join(map(str, without[:8]))} has star readings but none of the "
+            "magnetometer; check the numbers of the orientations in both tables"
         )
-
-
-def _check_times(session: Session) -> None:
-    """The three instruments must have read at the same time."""
-    star = session.star.time
-    for samples, what in ((session.magnetometer, "magnetometer"), (session.reference, "reference")):
-        time = compute_unix_s(samples)
-        if what == "reference" and len(time) > 1:
-            _check_cover(compute_unix_s(session.magnetometer), time)
-        gap = max(float(time.min() - star.max()), float(star.min() - time.max()))
-        if gap > 0:
-            raise AgonicError(
-                f"the {what} and the star sensor never read at the same time: they are "
-                f"{_duration(gap)} apart; check dates, time zones and time_scale"
-            )
-
-
-def _check_cover(time: Array, reference: Array) -> None:
-    """The reference must go on while the magnetometer reads."""
-    step = float(np.median(np.diff(reference)))
-    short = max(reference[0] - time.min(), time.max() - reference[-1])
-    if short > max(2 * step, 1.0):
-        raise AgonicError(
-            f"the reference does not cover the magnetometer's readings: {_duration(short)} are "
-            "missing; check the time scales, or leave those orientations out"
-        )
-
-
-def _check_magnitudes(session: Session) -> None:
+    yield from _list_late(session)
     if session.magnetometer.unit == RAW or session.reference.unit == RAW:
-        raise UnitError("a session needs fields in nT; name the unit of magnetometer and reference")
+        yield UnitError("a session needs fields in nT; name the unit of magnetometer and reference")
     ours = float(np.median(np.linalg.norm(session.corrected, axis=1)))
     theirs = float(np.median(np.linalg.norm(session.reference.field, axis=1)))
     if not 1 / OTHER_UNIT < ours / max(theirs, 1e-9) < OTHER_UNIT:
-        raise UnitError(
+        yield UnitError(
             f"the magnetometer reads {ours:.0f} nT and the reference {theirs:.0f} nT: one of the "
             "units is wrong"
         )
+
+
+def _list_late(session: Session) -> Iterator[AgonicError]:
+    """The three instruments must have read at the same time, the reference throughout."""
+    star = session.star.time
+    own, beside = (compute_unix_s(one) for one in session.instruments)
+    for time, what in ((own, "magnetometer"), (beside, "reference")):
+        short = max(float(beside[0] - own.min()), float(own.max() - beside[-1]))
+        step = float(np.median(np.diff(beside))) if len(beside) > 1 else np.inf
+        if what == "reference" and short > max(2 * step, 1.0):
+            yield AgonicError(
+                f"the reference does not cover the magnetometer's readings: {_duration(short)} are "
+                "missing; check the time scales, or leave those orientations out"
+            )
+        gap = max(float(time.min() - star.max()), float(star.min() - time.max()))
+        if gap > 0:
+            yield AgonicError(
+                f"the {what} and the star sensor never read at the same time: they are "
+                f"{_duration(gap)} apart; check dates, time zones and time_scale"
+            )
 
 
 def _duration(seconds: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,14 +13,13 @@ from scipy.optimize import newton
 from scipy.spatial.transform import Rotation, Slerp
 
 from agonic.alignment.maths import di_flux as kernel
-from agonic.alignment.session import Site
 from agonic.alignment.session.laboratory import Attitude, CoilSession, DiSheet
-from agonic.alignment.simulation.session import FIELD_N, read_field, vary_field
+from agonic.alignment.simulation.session import FIELD_N, NIEMEGK, read_field, vary_field
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.maths.rotations.attitude import make_rotation, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
-from agonic.readable import Readable
+from agonic.readable import Readable, Shown
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -32,40 +32,32 @@ class SimulatedCoil(Readable):
     axes, its axis in north-east-down, and its angle to the axis as drawn."""
 
     session: CoilSession
-    vector: Array
-    axis_n: Array
-    geometric_deg: float
+    vector: Annotated[Array, Shown(key="vector_nT_A")]
+    axis_n: Annotated[Array, Shown()]
+    geometric_deg: Annotated[float, Shown()]
 
 
 def simulate_coil(
     *,
     reversals: int = 100,
     readings: int = 5,
-    field: float = 20_000.0,
-    constant: float = 40_000.0,
     levels: Sequence[float] = (1.0,),
-    tilt_deg: float = 0.08,
     noise: float = 0.5,
     reference_noise: float = 0.3,
-    bias: ArrayLike = (12.0, -40.0, 25.0),
     even: float = 0.0,
-    alignment_sd_arcsec: float = 1.0,
-    attitude_sd_arcsec: float = 2.0,
-    site: Site | None = None,
     begins: datetime = datetime(2024, 3, 12, 9, 0, tzinfo=UTC),
     seed: int = 0,
 ) -> SimulatedCoil:
-    """A coil that gives `field` nT at its largest current, its axis tilted from the one as drawn.
+    """A coil of 20 µT at its largest current, its axis tilted from the one as drawn.
+
+    Alignment and attitude are off by 1″ and 2″, which the observer knows.
 
     Parameters
     ----------
     reversals, readings : of the current, and of the magnetometer in between, one a second.
-    constant : nT/A. levels : shares of the largest current, in turn.
-    tilt_deg : of the axis, degrees.
-    noise, reference_noise : nT. bias : (3,) nT, of the magnetometer. even : nT at the largest
-        current that does not reverse.
-    alignment_sd_arcsec, attitude_sd_arcsec : of alignment and attitude as the observer knows them.
-    site, begins : where and when; None for a usual site. seed : of the noise.
+    levels : shares of the largest current, in turn.
+    noise, reference_noise : nT. even : nT at the largest current that does not reverse.
+    begins : when. seed : of the noise.
 
     Source: the model of `fit_coil`.
 
@@ -73,12 +65,12 @@ def simulate_coil(
     [0.5, 0.5, -0.5, -0.5, 0.5, 0.5, -0.5, -0.5, 0.5, 0.5]
     """
     rng = np.random.default_rng(seed)
-    place = site or Site(latitude_deg=52.0725, longitude_deg=12.6750)
     rot_bm = make_rotation(rng.uniform(-0.5, 0.5, 3))
     rot_bn = rot_nb(0.4, -0.7, 63.0).T
     drawn = np.array([0.0, 0.0, 1.0])
-    off = np.radians(tilt_deg) * rng.standard_normal(2)
-    axis_b = make_rotation(np.array([*off, 0.0])) @ drawn
+    tilt = np.radians(0.08) * rng.standard_normal(2)
+    axis_b = make_rotation(np.array([*tilt, 0.0])) @ drawn
+    field, constant, bias = 20_000.0, 40_000.0, np.array([12.0, -40.0, 25.0])
     vector = constant * rot_bm.T @ axis_b
     share = np.tile(np.repeat(np.asarray(levels, dtype=np.float64), 2), reversals)[: reversals + 1]
     current = field / constant * share * np.where(np.arange(reversals + 1) % 2, -1.0, 1.0)
@@ -87,26 +79,23 @@ def simulate_coil(
     beside = vary_field(time, MOST_VARIATION, PERIODS_S, rng)
     rising = even * (flowing * constant / field) ** 2
     true = beside @ (rot_bm.T @ rot_bn).T + np.outer(flowing, vector) + rising[:, None]
-    known = make_rotation(alignment_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bm
-    stood = make_rotation(attitude_sd_arcsec * ARCSEC_RAD * rng.standard_normal(3)) @ rot_bn
+    aligned_sd, stood_sd = 1.0 * ARCSEC_RAD, 2.0 * ARCSEC_RAD
+    known = make_rotation(aligned_sd * rng.standard_normal(3)) @ rot_bm
+    stood = make_rotation(stood_sd * rng.standard_normal(3)) @ rot_bn
     return SimulatedCoil(
         session=CoilSession(
             name="simulated",
-            magnetometer=read_field(
-                true + np.asarray(bias), noise, rng, begins, time, current_A=flowing
-            ),
+            magnetometer=read_field(true + bias, noise, rng, begins, time, current_A=flowing),
             reference=read_field(beside, reference_noise, rng, begins, time, "reference"),
             geometric_axis=drawn,
             geometric_frame="b",
             alignment=Alignment(
                 rotation=Rotation.from_matrix(known),
-                covariance=np.eye(3) * (alignment_sd_arcsec * ARCSEC_RAD) ** 2,
+                covariance=np.eye(3) * aligned_sd**2,
                 sensor="magnetometer",
             ),
-            attitude=Attitude(
-                rot_pn=stood, covariance=np.eye(3) * (attitude_sd_arcsec * ARCSEC_RAD) ** 2
-            ),
-            site=place,
+            attitude=Attitude(rot_pn=stood, covariance=np.eye(3) * stood_sd**2),
+            site=NIEMEGK,
         ),
         vector=vector,
         axis_n=rot_bn.T @ axis_b,
@@ -187,27 +176,14 @@ class SimulatedDiFlux:
 
 
 def simulate_di_flux(
-    *,
-    declination_deg: float = 4.2,
-    inclination_deg: float = 64.3,
-    magnitude: float = 48_800.0,
-    delta_arcsec: float = 140.0,
-    epsilon_arcsec: float = -230.0,
-    offset: float = 6.0,
-    mark_azimuth_deg: float = 180.137,
-    mark_deg: float = 78.2555,
-    telescope_arcsec: float = 4.0,
-    noise: float = 0.5,
-    mark_sd_arcsec: float = 1.0,
-    seed: int = 0,
+    *, inclination_deg: float = 64.3, noise: float = 0.5, mark_sd_arcsec: float = 1.0, seed: int = 0
 ) -> SimulatedDiFlux:
     """The usual eight settings, twice each, and a ninth of known tilt for the scale.
 
     Parameters
     ----------
-    delta_arcsec, epsilon_arcsec, offset : of the fluxgate. telescope_arcsec : collimation of the
-        telescope. mark_deg : reading of the circle to the mark, at `mark_azimuth_deg`.
-    noise : of a setting, nT: field and circle together. mark_sd_arcsec : of a sighting.
+    inclination_deg : of the field. noise : of a setting, nT: field and circle together.
+    mark_sd_arcsec : of a sighting. seed : of the noise.
 
     Source: the model of Brunke and Matzka (2018), as in `fit_di_flux`.
 
@@ -215,6 +191,9 @@ def simulate_di_flux(
     (18,)
     """
     rng = np.random.default_rng(seed)
+    declination_deg, mark_azimuth_deg, mark_deg = 4.2, 180.137, 78.2555
+    delta_arcsec, epsilon_arcsec, telescope_arcsec = 140.0, -230.0, 4.0
+    magnitude, offset = 48_800.0, 6.0
     meridian = declination_deg - mark_azimuth_deg + mark_deg
     dip, off = inclination_deg, (delta_arcsec / 3600, epsilon_arcsec / 3600)
     truth = np.array([*np.radians([meridian, dip, *off]), offset / magnitude, magnitude])

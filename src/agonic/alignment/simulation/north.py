@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -21,7 +21,7 @@ from agonic.alignment.session.laboratory import (
 from agonic.alignment.simulation.session import TURN_S, make_clock, read_field, vary_field
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation, rot_nb
-from agonic.readable import Readable
+from agonic.readable import Readable, Shown
 
 MOST_VARIATION, PERIODS_S = 15.0, (2400.0, 3100.0, 5100.0)
 READINGS = 20
@@ -32,43 +32,34 @@ class SimulatedNorth(Readable):
     """A session and its truth: north on the circle, the mark's azimuth, degrees, and R_mb."""
 
     session: NorthSession
-    north_deg: float
-    mark_azimuth_deg: float
-    rot_mb: Array
+    north_deg: Annotated[float, Shown()]
+    mark_azimuth_deg: Annotated[float, Shown()]
+    rot_mb: Annotated[Array, Shown(key="matrix_mb")]
 
 
 def simulate_north(
     *,
-    north_deg: float = 137.2418,
-    period_s: float = 420.0,
-    amplitude_deg: float = 1.2,
-    decay_per_s: float = 6e-5,
-    periods: float = 4.0,
-    step_s: float = 5.0,
     reading_sd_arcsec: float = 4.0,
     time_sd_s: float = 0.1,
-    constant_arcsec: float = -35.0,
     constant_sd_arcsec: float = 1.0,
-    mark_azimuth_deg: float = 211.5,
     orientations: int = 8,
     noise: float = 0.5,
     reference_noise: float = 0.3,
     circle_sd_arcsec: float = 2.0,
     level_sd_arcsec: float = 2.0,
-    begins: datetime = datetime(2024, 3, 12, 20, 0, tzinfo=UTC),
     seed: int = 0,
 ) -> SimulatedNorth:
     """A gyro read by its turning points, by transits and all the time; a mark; a platform.
 
+    It swings for four periods about 35″ more than true north on the circle.
+
     Parameters
     ----------
-    north_deg : true north on the circle; the gyro swings about `constant_arcsec` less.
-    period_s, amplitude_deg, decay_per_s, periods, step_s : the swing and its record.
     reading_sd_arcsec, time_sd_s : of a reading of the circle and of a stopped time.
-    constant_sd_arcsec : of the constant as known. mark_azimuth_deg : of the mark, degrees.
+    constant_sd_arcsec : of the constant as known.
     orientations : of the platform, 0 for none; it is turned about the vertical, tilted a little.
     noise, reference_noise : nT; circle_sd_arcsec, level_sd_arcsec : of its azimuth and tilt.
-    begins : the moment (UTC). seed : of the noise.
+    seed : of the noise.
 
     Source: the equation of the gyro's swing, as in `fit_north`.
 
@@ -77,20 +68,20 @@ def simulate_north(
     (8, 8)
     """
     rng = np.random.default_rng(seed)
-    sd = reading_sd_arcsec / 3600.0
+    sd, constant_arcsec = reading_sd_arcsec / 3600.0, -35.0
+    north_deg, mark_azimuth_deg = 137.2418, 211.5
     gyro = north_deg - (constant_arcsec + constant_sd_arcsec * rng.standard_normal()) / 3600.0
     phase = rng.uniform(0, 2 * np.pi)
-    p, q = amplitude_deg * np.cos(phase), amplitude_deg * np.sin(phase)
-    swing = np.array([gyro, p, q, decay_per_s, 2 * np.pi / period_s])
-    time = np.arange(0.0, periods * period_s, step_s)
+    swing = np.array([gyro, 1.2 * np.cos(phase), 1.2 * np.sin(phase), 6e-5, 2 * np.pi / 420.0])
+    time = np.arange(0.0, 4 * 420.0, 5.0)
     marks = north_deg + mark_azimuth_deg + np.array([0.0, 180.0, 0.0, 180.0])
     noises, sds = (noise, reference_noise), (circle_sd_arcsec, level_sd_arcsec)
-    rot_mb, stood = _stand(orientations, north_deg, noises, sds, begins, rng)
+    rot_mb, stood = _stand(orientations, north_deg, noises, sds, rng)
     return SimulatedNorth(
         session=NorthSession(
             name="simulated",
-            turning_deg=_turning(swing, periods * period_s, rng, sd),
-            transits=_transits(swing, period_s, time_sd_s, rng, sd),
+            turning_deg=_turning(swing, rng, sd),
+            transits=_transits(swing, time_sd_s, rng, sd),
             swing=SwingRecord(
                 time_s=time,
                 reading_deg=evaluate_swing_deg(swing, time) + sd * rng.standard_normal(len(time)),
@@ -112,24 +103,22 @@ def simulate_north(
     )
 
 
-def _turning(swing: Array, span_s: float, rng: np.random.Generator, sd: float) -> Array:
-    """Readings at the turning points of a span."""
+def _turning(swing: Array, rng: np.random.Generator, sd: float) -> Array:
+    """Readings at the turning points."""
     _, p, q, decay, omega = swing
     # u̇ = 0: tan(ωt − φ) = −λ/ω with p cos ωt + q sin ωt = A cos(ωt − φ)
     first = (np.arctan2(q, p) - np.arctan2(decay, omega)) / omega % (np.pi / omega)
-    at = np.arange(first, span_s, np.pi / omega)
+    at = np.arange(first, 8 * np.pi / omega, np.pi / omega)
     return evaluate_swing_deg(swing, at) + sd * rng.standard_normal(len(at))
 
 
-def _transits(
-    swing: Array, period_s: float, time_sd_s: float, rng: np.random.Generator, sd: float
-) -> Transits:
+def _transits(swing: Array, time_sd_s: float, rng: np.random.Generator, sd: float) -> Transits:
     """Two transits at each of two settings, a swing apart, amplitudes in degrees."""
     settings = swing[0] + np.array([-0.11, -0.11, 0.16, 0.16]) + 0.02 * rng.standard_normal(4)
     settings[1], settings[3] = settings[0], settings[2]
     error = np.array([time_sd_s, time_sd_s, time_sd_s, sd, sd])
     rows = [
-        _passages(swing, setting, 2 * k * period_s, period_s, error * rng.standard_normal(5))
+        _passages(swing, setting, 2 * k, error * rng.standard_normal(5))
         for k, setting in enumerate(settings)
     ]
     east, west, high, low = np.array(rows).T
@@ -139,17 +128,17 @@ def _transits(
 
 
 def _passages(
-    swing: Array, setting: float, begins: float, period: float, error: Array
+    swing: Array, setting: float, periods: int, error: Array
 ) -> tuple[float, float, float, float]:
-    """Times east and west of a setting and the amplitudes about it, from three passages.
+    """Times east and west of a setting and the amplitudes about it, after so many periods.
 
-    `error` (5,) is that of the three times and of the two amplitudes.
+    `error` (5,) is that of the times of three passages and of the two amplitudes.
     """
 
     def away(t: float) -> float:
         return float(evaluate_swing_deg(swing, np.array([t]))[0]) - setting
 
-    grid = np.linspace(begins, begins + 2.2 * period, 441)
+    grid = 2 * np.pi / swing[4] * np.linspace(periods, periods + 2.2, 441)
     side = np.array([away(t) for t in grid])
     crossed = np.flatnonzero(np.diff(np.sign(side)) != 0)
     crossed = crossed[crossed >= crossed[side[crossed] < 0][0]][:3]
@@ -165,13 +154,13 @@ def _stand(
     north_deg: float,
     noise: tuple[float, float],
     sd_arcsec: tuple[float, float],
-    begins: datetime,
     rng: np.random.Generator,
 ) -> tuple[Array, dict[str, Any]]:
     """How the magnetometer sits on its platform, and of `count` orientations about the vertical
     platform, magnetometer and reference; `noise` is that of the two, `sd_arcsec` that of circle
     and level."""
     rot_mb = make_rotation(rng.uniform(-0.5, 0.5, 3))
+    begins = datetime(2024, 3, 12, 20, 0, tzinfo=UTC)
     if not count:
         return rot_mb, {}
     heading = np.arange(count) * 360.0 / count + rng.uniform(-5, 5, count)

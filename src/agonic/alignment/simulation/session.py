@@ -5,24 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import (
-    Mounting,
-    Pier,
-    Session,
-    Site,
-    StarReadings,
-    load_earth_rotation,
-)
+from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.observed import compute_apparent_turn
+from agonic.alignment.session.session import Mounting, Pier, Session, Site, StarReadings
 from agonic.arrays import Array
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn, rot_en
-from agonic.readable import Readable
+from agonic.readable import Readable, Shown
 from agonic.samples import Samples
 
 FIELD_N = (18_870.0, 1_390.0, 45_750.0)
@@ -66,7 +61,6 @@ def simulate_remanence(
     readings: int = 30,
     noise: float = 0.5,
     drift: float = 5.0,
-    field_n: ArrayLike = FIELD_N,
     begins: datetime = datetime(2024, 3, 12, 19, 0, tzinfo=UTC),
     seed: int = 0,
 ) -> Samples:
@@ -76,7 +70,7 @@ def simulate_remanence(
     ----------
     remanence : nT of its own field at the magnetometer, across the axis; induced : what the ambient
         field makes, going round twice. settings, readings : of the platform, and at each.
-    drift : nT of the ambient field meanwhile. noise : nT. field_n : (3,) the ambient field.
+    drift : nT of the ambient field meanwhile. noise : nT.
     begins : when; seed : of noise, drift and the direction of the platform's field.
 
     >>> simulate_remanence(settings=8, readings=2).field.shape
@@ -87,7 +81,7 @@ def simulate_remanence(
     turned = np.radians(angle) + rng.uniform(0, 2 * np.pi)
     time = np.arange(len(angle)) + 20.0 * np.repeat(np.arange(settings), readings)
     own = remanence * _round(turned) + induced * _round(2 * turned)
-    ambient = np.asarray(field_n) + drift * (time / time[-1])[:, None] * rng.standard_normal(3)
+    ambient = np.asarray(FIELD_N) + drift * (time / time[-1])[:, None] * rng.standard_normal(3)
     return read_field(ambient + own, noise, rng, begins, time, heading_deg=angle)
 
 
@@ -110,11 +104,11 @@ class SimulatedSession(Readable):
     """
 
     session: Session
-    rot_mc: Array
+    rot_mc: Annotated[Array, Shown(key="matrix_mc")]
     reference_turn: Array
-    offset: Array
-    bias: Array
-    matrix: Array
+    offset: Annotated[Array, Shown(key="pier_nT")]
+    bias: Annotated[Array, Shown(key="bias_nT")]
+    matrix: Annotated[Array, Shown()]
 
 
 def simulate_session(

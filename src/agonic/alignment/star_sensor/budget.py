@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -9,10 +10,9 @@ import erfa
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.session import Session, load_earth_rotation
-from agonic.alignment.session.earth import ARCSEC_PER_S
+from agonic.alignment.session.earth import ARCSEC_PER_S, load_earth_rotation
 from agonic.alignment.session.observed import compute_apparent_turn
-from agonic.alignment.session.session import PRESENT, REMOVED
+from agonic.alignment.session.session import PRESENT, REMOVED, Session
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.arrays import Array
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
@@ -36,10 +36,6 @@ class Effect:
     treatment: Treatment
     remark: str = ""
 
-    def size_nT(self, magnitude: float) -> float:
-        """What it amounts to in a field of that magnitude."""
-        return self.size_arcsec * ARCSEC_RAD * magnitude
-
 
 def error_budget(fit: AlignmentFit) -> tuple[Effect, ...]:
     """Every effect between the stars and the magnetometer with its size, the corrected ones first.
@@ -49,7 +45,7 @@ def error_budget(fit: AlignmentFit) -> tuple[Effect, ...]:
 
     Source: IERS Conventions 2010, chapter 5, for the Earth; ERFA for light; the fit for the rest.
 
-    >>> from agonic.alignment.star_sensor import fit_alignment
+    >>> from agonic.alignment.star_sensor.fit import fit_alignment
     >>> from agonic.alignment.simulation.session import simulate_session
     >>> budget = error_budget(fit_alignment(simulate_session().session))
     >>> [(effect.name, round(effect.size_arcsec)) for effect in budget if effect.size_arcsec > 1000]
@@ -112,73 +108,69 @@ def _of_light(session: Session) -> tuple[Effect, ...]:
 def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
     """Where north and down are, at the site and for the reference; the two piers; the platform.
 
-    A difference of the piers is corrected only where one is given.
+    A difference of the piers is corrected only where one is given; of the platform's own field the
+    readings with it turned tell.
     """
     session, groups, pier = fit.session, fit.solution.groups, fit.session.pier
-    plumb = session.site.coordinates == "astronomical"
+    plumb, platform = session.site.coordinates == "astronomical", fit.platform
     axes = float(fit.sd[3:6].max()) / ARCSEC_RAD
     apart = float(fit.sd[6:9].max()) / fit.solution.magnitude / ARCSEC_RAD
-    known = "at most; astronomical coordinates contain it"
-    unknown = "at most; the coordinates are geodetic"
+    known = "astronomical coordinates contain it" if plumb else "the coordinates are geodetic"
     unsolved = "taken as exactly north, east, down: their error goes into the result"
     given = "taken as exact" if pier.difference.any() else "none was given"
     given = f"{given}: 0.24 nT are 1″ at 50 000 nT"
     treated: Treatment = "corrected" if plumb else "not corrected"
-    turned: Treatment = "solved for" if "reference" in groups else "not known"
-    taken_out = pier.difference.any() or pier.sd is not None
-    differ: Treatment = (
-        "solved for" if "pier" in groups else "corrected" if taken_out else "not known"
-    )
-    return (
-        Effect(
-            "deflection of the vertical", DEFLECTION_ARCSEC, treated, known if plumb else unknown
-        ),
-        Effect("axes of the reference", axes, turned, STANDARD_ERROR if axes else unsolved),
-        Effect("difference between the piers", apart, differ, STANDARD_ERROR if apart else given),
-        _of_the_platform(fit),
-    )
-
-
-def _of_the_platform(fit: AlignmentFit) -> Effect:
-    """The platform's own field, by the readings with it turned."""
-    platform, solved = fit.platform, "bias" in fit.solution.groups
-    done: Treatment = "solved for" if solved else "not corrected" if platform else "not known"
-    if platform is None:
-        size, remark = 0.0, "turn it beneath a magnetometer that stands still: agonic fit remanence"
-    else:
+    stated = pier.difference.any() or pier.sd is not None
+    differ: Treatment = "corrected" if stated else "not known"
+    left: Treatment = "not corrected" if platform else "not known"
+    size, remark = 0.0, "turn it beneath a magnetometer that stands still: agonic fit remanence"
+    if platform is not None:
         size = platform.size_arcsec + 2 * platform.sd_arcsec
         remark = f"at most, from {platform.n} settings; across the axis of the turn"
-    return Effect("remanence of the platform", size, done, remark)
+
+    def solved(group: str, otherwise: Treatment) -> Treatment:
+        return "solved for" if group in groups else otherwise
+
+    return (
+        Effect("deflection of the vertical", DEFLECTION_ARCSEC, treated, f"at most; {known}"),
+        Effect(
+            "axes of the reference",
+            axes,
+            solved("reference", "not known"),
+            STANDARD_ERROR if axes else unsolved,
+        ),
+        Effect(
+            "difference between the piers",
+            apart,
+            solved("pier", differ),
+            STANDARD_ERROR if apart else given,
+        ),
+        Effect("remanence of the platform", size, solved("bias", left), remark),
+    )
 
 
-def _of_the_readings(fit: AlignmentFit) -> tuple[Effect, ...]:
+def _of_the_readings(fit: AlignmentFit) -> Iterator[Effect]:
     """What the means of an orientation are uncertain by, and the magnetometer's own errors."""
     measured, magnitude = fit.solution.measured, fit.solution.magnitude
-    stars = (
-        np.sqrt(np.diagonal(measured.attitude_covariance, axis1=1, axis2=2).mean(axis=0))
-        / ARCSEC_RAD
-    )
+    variances = np.diagonal(measured.attitude_covariance, axis1=1, axis2=2).mean(axis=0)
+    stars = np.sqrt(variances) / ARCSEC_RAD
     own, beside = (
         float(np.sqrt((sd**2).mean())) / magnitude / ARCSEC_RAD
         for sd in (measured.noise, measured.reference_noise)
     )
-    noises = {
-        "star sensor, across": float(stars[:2].max()),
-        "star sensor, about the boresight": float(stars[2]),
-        "magnetometer": own,
-        "reference": beside,
-    }
+    for name, size in (
+        ("star sensor, across", stars[:2].max()),
+        ("star sensor, about the boresight", stars[2]),
+        ("magnetometer", own),
+        ("reference", beside),
+    ):
+        of = "of the mean of an orientation"
+        yield Effect(f"noise of the {name}", float(size), "not corrected", of)
     solved, known = "matrix" in fit.solution.groups, fit.session.calibration is not None
     remark = "by its calibration" if known else "taken as exact: none was given"
-    return (
-        *(
-            Effect(f"noise of the {name}", size, "not corrected", "of the mean of an orientation")
-            for name, size in noises.items()
-        ),
-        Effect(
-            "bias and matrix of the magnetometer",
-            float(fit.sd[9:].max() and fit.sd[12:].max() / ARCSEC_RAD),
-            "solved for" if solved else "corrected" if known else "not known",
-            "standard error of an entry" if solved else remark,
-        ),
+    yield Effect(
+        "bias and matrix of the magnetometer",
+        float(fit.sd[9:].max() and fit.sd[12:].max() / ARCSEC_RAD),
+        "solved for" if solved else "corrected" if known else "not known",
+        "standard error of an entry" if solved else remark,
     )

@@ -1,4 +1,4 @@
-"""What is said and shown of an alignment with a star sensor."""
+"""What is said and shown of an alignment with a star sensor, and of the plan of a session."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_residuals
-from agonic.alignment.findings import judge
+from agonic.alignment.figures import draw_figure, draw_residuals
+from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.figures import draw_axes, draw_dome, draw_sky
+from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.alignment.star_sensor.result import AlignmentFit
-from agonic.arrays import Array
 from agonic.maths.equation.symmetric import pack_symmetric
-from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.maths.rotations.frames import ARCSEC_RAD, rot_cn
 from agonic.readable import make_record
 from agonic.report.digits import MINUS, group_digits, quantity, significant, with_sd, write_minus
 from agonic.report.document import Document
@@ -61,7 +61,7 @@ MATRIX_HEAD = ("Magnetometer", "star sensor x", "y", "z")
 def describe_alignment(fit: AlignmentFit) -> Document:
     """The alignment with its standard errors, residuals, error budget and the sky.
 
-    >>> from agonic.alignment.star_sensor import fit_alignment
+    >>> from agonic.alignment.star_sensor.fit import fit_alignment
     >>> from agonic.alignment.simulation.session import simulate_session
     >>> made = describe_alignment(fit_alignment(simulate_session(orientations=5).session))
     >>> print(made.to_text().splitlines()[0])
@@ -121,16 +121,10 @@ def _entries(fit: AlignmentFit) -> dict[str, str]:
             f"{name} {group_digits(value, 6)}° ± {significant(sd, 2)}″"
             for name, value, sd in angles
         ),
-        "Error": f"about the magnetometer's {_by_axis(fit.sd_arcsec, '   ')}",
+        "Error": f"about the magnetometer's {write_by_axis(fit.sd_arcsec)}",
         "Quat": f"w x y z {quat}",
         **_others(fit),
     }
-
-
-def _by_axis(sd_arcsec: Array, between: str) -> str:
-    return between.join(
-        f"{axis} {significant(float(sd), 2)}″" for axis, sd in zip("xyz", sd_arcsec, strict=True)
-    )
 
 
 def _others(fit: AlignmentFit) -> dict[str, str]:
@@ -143,15 +137,12 @@ def _others(fit: AlignmentFit) -> dict[str, str]:
         "bias": (unknowns.bias, "{} nT"),
         "matrix": (pack_symmetric(unknowns.matrix), "xx yy zz xy xz yz  {}"),
     }
-    return {
-        group.capitalize(): words.format(_with_sds(values, sd[GROUPS[group]]))
-        for group, (values, words) in found.items()
-        if group in fit.solution.groups
-    }
-
-
-def _with_sds(values: Array, sds: Array) -> str:
-    return ", ".join(with_sd(float(v), float(s)) for v, s in zip(values, sds, strict=True))
+    said = {}
+    for group in [one for one in found if one in fit.solution.groups]:
+        values, words = found[group]
+        each = map(with_sd, values.tolist(), sd[GROUPS[group]].tolist())
+        said[group.capitalize()] = words.format(", ".join(each))
+    return said
 
 
 def _describe_alignment(fit: AlignmentFit) -> Section:
@@ -185,9 +176,10 @@ def _describe_alignment(fit: AlignmentFit) -> Section:
             ),
             "Components in the star sensor’s axes become those in the magnetometer’s by "
             "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
-            f"Standard errors about the magnetometer’s axes: {_by_axis(fit.sd_arcsec, ', ')}.",
+            "Standard errors about the magnetometer’s axes: "
+            f"{write_by_axis(fit.sd_arcsec, between=', ')}.",
             Table(MATRIX_HEAD, cosines, scrolls=True),
-            lambda: _caption_axes(fit),
+            lambda: draw_figure(draw_axes(*map(float, fit.angles_deg)), AXES_CAPTION),
             _others(fit),
         ],
     )
@@ -199,12 +191,12 @@ def _rank(fit: AlignmentFit) -> dict[str, Any]:
         "method": "alignment",
         "sensor": fit.session.magnetometer.name,
         "n": fit.n,
-        "solve": list(fit.solution.groups),
+        "solve": fit.solution.groups,
         "rank": fit.rank,
         "unknowns": int(fit.solution.free.sum()),
         "condition": fit.condition,
-        "undetermined": list(fit.undetermined),
-        "add": [list(orientation) for orientation in fit.add],
+        "undetermined": fit.undetermined,
+        "add": fit.add,
     }
 
 
@@ -223,7 +215,7 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
             {
                 "orientation": number,
                 "residual_nT": fit.residuals[k],
-                "sd_nT": fit.residuals_sd[k],
+                "sd_nT": fit.solution.residuals_sd[k],
                 "residual_arcsec": fit.residuals_arcsec[k],
             }
             for k, number in enumerate(fit.observed.orientation.tolist())
@@ -232,15 +224,10 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
     }
 
 
-def _caption_axes(fit: AlignmentFit) -> Markup:
-    """Both sets of axes with the turns between them, as a figure."""
-    drawn = draw_axes(*map(float, fit.angles_deg))
-    return element("figure", drawn, element("figcaption", AXES_CAPTION))
-
-
 def _list_evidence(fit: AlignmentFit) -> list[Section]:
     """Residuals, the sky, and the error budget."""
-    drawn = partial(draw_residuals, fit.residuals, fit.residuals_sd, fit.observed.orientation)
+    found, numbers = fit.solution, fit.observed.orientation
+    drawn = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
     residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
     budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
     return [
@@ -254,7 +241,7 @@ def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
     """Each orientation: where it looked, what is left in nT and in arcseconds."""
     seen = fit.observed
     azimuth = np.degrees(np.arctan2(seen.boresight_n[:, 1], seen.boresight_n[:, 0])) % 360
-    sd = np.sqrt((fit.residuals_sd**2).mean(axis=1))
+    sd = np.sqrt((fit.solution.residuals_sd**2).mean(axis=1))
     return [
         [
             str(number),
@@ -278,17 +265,88 @@ def _skies(fit: AlignmentFit) -> list[Markup]:
         "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
         "larger the residual"
     )
-    return [
-        element("figure", drawn, element("figcaption", caption))
-        for drawn, caption in ((over_site, up), (among_stars, pole))
-    ]
+    return [draw_figure(over_site, up), draw_figure(among_stars, pole)]
 
 
 def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
     """The error budget, a row an effect; a size of 0 means that nothing is known of it."""
     rows = []
     for effect in error_budget(fit):
-        sizes = (effect.size_arcsec, effect.size_nT(fit.solution.magnitude))
+        size_nT = effect.size_arcsec * ARCSEC_RAD * fit.solution.magnitude
+        sizes = (effect.size_arcsec, size_nT)
         shown = [significant(size, 3) if size else NOTHING for size in sizes]
         rows.append([effect.name, *shown, effect.treatment, write_minus(effect.remark)])
     return rows
+
+
+KEYS = ("azimuth_deg", "elevation_deg", "roll_deg")
+PLAN_HEAD = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
+ROLL = (
+    "Azimuth and elevation are where the star sensor looks, roll turns it about that; with roll 0 "
+    "its x axis points to the horizon below."
+)
+
+
+def describe_plan(plan: AlignmentPlan) -> Document:
+    """The orientations with their dome, a column to fill in, and the standard errors to expect.
+
+    >>> from agonic.alignment.star_sensor.plan import plan_alignment
+    >>> made = describe_plan(plan_alignment([18_870, 1_390, 45_750], wanted_sd_arcsec=2.0))
+    >>> made.to_text().splitlines()[0][:40], made.to_html().count("<svg")
+    ('6 orientations of 20 readings each: the ', 1)
+    """
+    return Document(
+        schema="agonic/plan-alignment@1",
+        kind="Plan of a session",
+        name="Alignment with a star sensor",
+        status=f"{len(plan.orientations)} orientations of {plan.readings} readings each: the "
+        f"alignment to ± {significant(plan.worst_sd_arcsec, 2)}″ about its worst axis",
+        sections=[
+            Section(
+                "Orientations",
+                [
+                    Table(PLAN_HEAD, _plan_rows(plan), "orientations", scrolls=True),
+                    lambda: _dome(plan),
+                ],
+                printed=True,
+                style="pair plan",
+            ),
+            Section("", [ROLL], printed=True),
+            Section("Standard errors to expect", [_describe_expected(plan)], printed=True),
+        ],
+        values={
+            "orientations": [dict(zip(KEYS, one, strict=True)) for one in plan.orientations],
+            **make_record(plan),
+        },
+        styles=["alignment.css"],
+    )
+
+
+def _plan_rows(plan: AlignmentPlan) -> list[list[str]]:
+    """Each orientation in its order, and how well the alignment is known after it."""
+    rows: list[list[str]] = []
+    for orientation, sd in zip(plan.orientations, plan.sd_arcsec, strict=True):
+        known = f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined"
+        rows.append([str(len(rows) + 1), *(f"{angle:g}°" for angle in orientation), known, ""])
+    return rows
+
+
+def _dome(plan: AlignmentPlan) -> Markup:
+    boresight, count = rot_cn(*np.array(plan.orientations).T)[:, 2], len(plan.orientations)
+    drawn = draw_dome(boresight, np.arange(1, count + 1), np.ones(count))
+    return draw_figure(drawn, "North is up, east to the right.")
+
+
+def _describe_expected(plan: AlignmentPlan) -> dict[str, str]:
+    """Standard errors of every group that is solved for."""
+    said = {}
+    for group in plan.solve:
+        sds = plan.sd[GROUPS[group]].tolist()
+        if group in ("alignment", "reference"):
+            each = [f"{significant(sd / ARCSEC_RAD, 2)}″" for sd in sds]
+        else:
+            each = [quantity(sd, "nT", 2) for sd in sds]
+        if group == "matrix":
+            each = [write_minus(f"{sd:.1e}") for sd in sds]
+        said[group] = "  ".join(each)
+    return said

@@ -18,13 +18,16 @@ from agonic.alignment.findings import tell
 from agonic.alignment.maths.solution import RARE, UNDETERMINED, Solution
 from agonic.alignment.maths.two_frames import (
     GROUPS,
-    compute_rotation_vector,
     compute_turn_sd,
     find_unit_sizes,
     invert,
 )
-from agonic.alignment.session import load_earth_rotation
-from agonic.alignment.star_sensor.known_mistakes import compute_misfit, find_likely_mistakes
+from agonic.alignment.session.earth import load_earth_rotation
+from agonic.alignment.star_sensor.known_mistakes import (
+    compute_misfit,
+    find_likely_mistakes,
+    find_way_from_nominal,
+)
 from agonic.alignment.star_sensor.plan import (
     choose_additions,
     compute_information,
@@ -69,7 +72,8 @@ def examine(fit: AlignmentFit) -> AlignmentFit:
 
 def _list_findings(fit: AlignmentFit) -> Iterator[Finding]:
     """What is undetermined, what does not fit, and what else to know of session and platform."""
-    spoilt = _spoilt(fit)
+    lost = fit.solution.undetermined[GROUPS["alignment"]]
+    spoilt = bool(lost.size) and bool((lost**2).sum(axis=0).max() > TOUCHED)
     if fit.undetermined:
         yield _tell_undetermined(fit, spoilt)
     doubt = None if spoilt else _check_misfit(fit)
@@ -133,23 +137,14 @@ def _tell_undetermined(fit: AlignmentFit, spoilt: bool) -> Finding:
     more = len(fit.undetermined) - MOST_NAMED
     what = f"{shown}; and {more} more" if more > 0 else shown
     said = f"{fit.n} orientation{'s do' if fit.n > 1 else ' does'} not determine {what}"
-    action = ELSEWHERE if _stuck(fit.solution) else _say_additions(fit.add)
-    name = "alignment undetermined" if spoilt else "unknowns undetermined"
-    return tell(name, what=said, action=action)
-
-
-def _spoilt(fit: AlignmentFit) -> bool:
-    """Whether an undetermined combination has a part in the alignment."""
-    lost = fit.solution.undetermined
-    return bool(lost.size) and bool((lost[GROUPS["alignment"]] ** 2).sum(axis=0).max() > TOUCHED)
-
-
-def _stuck(result: Solution) -> bool:
-    """Whether no orientation could tell what is undetermined."""
+    result = fit.solution
     each = compute_information(result.unknowns, result.measured, list_candidates())
     lost = result.undetermined / find_unit_sizes(result.magnitude)[:, None]
     told = np.einsum("ri,jrs,si->i", lost, each, lost)
-    return bool((told * (UNDETERMINED * result.magnitude) ** 2 < 1.0).any())
+    stuck = (told * (UNDETERMINED * result.magnitude) ** 2 < 1.0).any()  # by any orientation
+    action = ELSEWHERE if stuck else _say_additions(fit.add)
+    name = "alignment undetermined" if spoilt else "unknowns undetermined"
+    return tell(name, what=said, action=action)
 
 
 def _check_misfit(fit: AlignmentFit) -> Finding | None:
@@ -158,14 +153,15 @@ def _check_misfit(fit: AlignmentFit) -> Finding | None:
     if result.freedom == 0:
         return tell("no redundancy")
     bad = result.freedom > 0 and result.p_value < RARE
-    away_deg, sd_deg = _find_way_from_nominal(fit)
+    away_deg = np.degrees(np.linalg.norm(find_way_from_nominal(fit.session, result)))
+    sd_deg = np.inf if fit.session.mounting is None else fit.session.mounting.sd_deg
     if not (bad or away_deg > FAR_FROM_NOMINAL * sd_deg):
         return None
     seen = (
         f"the residuals are {figure(fit.residual_rms, 3)} nT rms, "
         f"{figure(float(np.sqrt(result.chi2 / result.freedom)))} times what the noise explains"
         if bad
-        else f"the alignment is {figure(away_deg, 3)}° from the nominal mounting"
+        else f"the alignment is {figure(float(away_deg), 3)}° from the nominal mounting"
     )
     mistakes = find_likely_mistakes(fit.session, fit.solve, compute_misfit(fit.session, result))
     if mistakes:
@@ -181,15 +177,6 @@ def _check_misfit(fit: AlignmentFit) -> Finding | None:
         "look at the residuals of each orientation; solve for the magnetometer's bias and matrix, "
         "or for the pier",
     )
-
-
-def _find_way_from_nominal(fit: AlignmentFit) -> tuple[float, float]:
-    """How far the alignment is from the nominal one, degrees, and the nominal one's sd."""
-    mounting = fit.session.mounting
-    if mounting is None:
-        return 0.0, np.inf
-    turn = compute_rotation_vector(fit.rot_mc @ mounting.rot_mc.T)
-    return float(np.degrees(np.linalg.norm(turn))), mounting.sd_deg
 
 
 def _check_reference(fit: AlignmentFit) -> Iterator[Finding]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +37,8 @@ def draw_dome(boresight_n: Array, numbers: NDArray[np.int64], residual_arcsec: A
         np.arctan2(east, north),
         ("N", "E", "S", "W"),
         {1 / 3: 60, 2 / 3: 30},
-        _Dots(numbers, residual_arcsec),
+        numbers,
+        residual_arcsec,
         "over the site",
     )
 
@@ -57,16 +57,10 @@ def draw_sky(boresight_i: Array, numbers: NDArray[np.int64], residual_arcsec: Ar
         -side * np.arctan2(y, x),
         hours if side > 0 else (hours[0], *reversed(hours[1:])),
         {1 / 6: side * 60, 1 / 2: 0, 5 / 6: side * -60},
-        _Dots(numbers, residual_arcsec),
+        numbers,
+        residual_arcsec,
         "among the stars",
     )
-
-
-class _Dots(NamedTuple):
-    """The numbers of orientations, and their residuals."""
-
-    numbers: NDArray[np.int64]
-    residual_arcsec: Array
 
 
 def _draw_map(
@@ -74,12 +68,13 @@ def _draw_map(
     azimuth: Array,
     rim: tuple[str, ...],
     rings: dict[float, int],
-    dots: _Dots,
+    numbers: NDArray[np.int64],
+    residual: Array,
     where: str,
 ) -> Markup:
     """A round map of directions `away` (k,) from the middle, as a share of the radius, and by
     `azimuth` (k,), rad, clockwise from the top: names round the rim from there, and rings with
-    their angles. A dot is as large as its residual, with its number beside it."""
+    their angles. A dot is as large as its residual, ″, with its number beside it."""
     middle, far = SIZE / 2, RADIUS + 14
     x, y = middle + RADIUS * away * np.sin(azimuth), middle - RADIUS * away * np.cos(azimuth)
     parts = [_circle(middle, middle, RADIUS * s, "ring") for s in (1.0, *reversed(rings))]
@@ -87,7 +82,6 @@ def _draw_map(
         parts.append(svg_text(middle + right * far, middle + below * far + 4, name, "rim-name"))
     for s, angle in rings.items():
         parts.append(svg_text(middle + 4, middle - RADIUS * s - 3, f"{angle}°", "ring-name"))
-    numbers, residual = dots
     radius = LEAST + (MOST - LEAST) * residual / max(float(residual.max()), 1e-12)
     for k in np.argsort(-radius):
         said = element("title", f"orientation {numbers[k]}: {residual[k]:.2f}″")

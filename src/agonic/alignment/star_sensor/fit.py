@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from agonic.alignment.calibration import make_calibration, make_provenance
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS
-from agonic.alignment.session import Session, check_session, observe
-from agonic.alignment.session.observed import solve_session
+from agonic.alignment.session.observed import observe, solve_session
+from agonic.alignment.session.session import Session, check_session
 from agonic.alignment.star_sensor.evidence import examine
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.calibration.affine import Affine
@@ -19,7 +18,6 @@ from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Validity
 from agonic.calibration.chain import Chain
 from agonic.errors import check_choice
-from agonic.provenance import Provenance
 
 METHOD = ("harbin-2018", "iers-2010")
 OWN = slice(GROUPS["bias"].start, GROUPS["matrix"].stop)
@@ -80,11 +78,32 @@ def fit_alignment(
 
 def _calibration(session: Session, solution: Solution, solve: tuple[str, ...]) -> Alignment | Chain:
     """From the magnetometer's readings to the field in the star sensor's axes."""
-    star, samples, reference = session.star, session.magnetometer, session.reference
+    star, samples, site = session.star, session.magnetometer, session.site
     arrays = {star.name: star.rot_ci.reshape(-1, 9)}
-    arrays |= {one.name: one.field for one in (samples, reference)}
-    provenance = make_provenance(session.sources, arrays, _settings(session, solve), *METHOD)
-    solved = {"bias", "matrix"} & set(solve)
+    arrays |= {one.name: one.field for one in session.instruments}
+    settings = {
+        "fit": "alignment",
+        "solve": ", ".join(solve),
+        "latitude_deg": site.latitude_deg,
+        "longitude_deg": site.longitude_deg,
+        "coordinates": site.coordinates,
+        "date": session.date,
+        "refraction": star.refraction,
+        "aberration": star.aberration,
+    }
+    provenance = make_provenance(session.sources, arrays, settings, *METHOD)
+    own = None
+    if {"bias", "matrix"} & set(solve):
+        own = Affine(
+            bias=solution.unknowns.bias,
+            matrix=solution.unknowns.matrix,
+            covariance=solution.covariance[OWN, OWN],
+            magnitude=solution.magnitude,
+            noise=session.noise,
+            sensor=samples.name,
+            validity=Validity(largest_reading=float(np.abs(samples.field).max())),
+            provenance=provenance,
+        )
     return make_calibration(
         solution.unknowns.rot_mc,
         solution.covariance[:3, :3],
@@ -92,34 +111,5 @@ def _calibration(session: Session, solution: Solution, solve: tuple[str, ...]) -
         provenance,
         frame="c",
         before=session.calibration,
-        own=_own(session, solution, provenance) if solved else None,
+        own=own,
     )
-
-
-def _own(session: Session, solution: Solution, provenance: Provenance) -> Affine:
-    """The magnetometer's own bias and matrix, as the session corrects them."""
-    return Affine(
-        bias=solution.unknowns.bias,
-        matrix=solution.unknowns.matrix,
-        covariance=solution.covariance[OWN, OWN],
-        magnitude=solution.magnitude,
-        noise=session.noise,
-        sensor=session.magnetometer.name,
-        validity=Validity(largest_reading=float(np.abs(session.magnetometer.field).max())),
-        provenance=provenance,
-    )
-
-
-def _settings(session: Session, solve: tuple[str, ...]) -> dict[str, Any]:
-    """What was chosen, for the provenance."""
-    site = session.site
-    return {
-        "fit": "alignment",
-        "solve": ", ".join(solve),
-        "latitude_deg": site.latitude_deg,
-        "longitude_deg": site.longitude_deg,
-        "coordinates": site.coordinates,
-        "date": session.date,
-        "refraction": session.star.refraction,
-        "aberration": session.star.aberration,
-    }

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.explanations import AS_GOOD, EXPLAINED, Explanation
 from agonic.alignment.maths.solution import ROUNDS, Solution
 from agonic.alignment.maths.two_frames import compute_rotation_vector
-from agonic.alignment.session import Session, load_earth_rotation, observe
-from agonic.alignment.session.observed import solve_session
-from agonic.alignment.session.session import PRESENT, REMOVED, StarReadings
+from agonic.alignment.session.earth import load_earth_rotation
+from agonic.alignment.session.observed import observe, solve_session
+from agonic.alignment.session.session import PRESENT, REMOVED, Session, StarReadings
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
@@ -40,11 +40,18 @@ class Mistake(NamedTuple):
 
 def compute_misfit(session: Session, result: Solution) -> float:
     """χ² of the residuals and of the way from the nominal mounting, over the freedom."""
-    away = 0.0
+    turn, sd_deg = find_way_from_nominal(session, result), 1.0
     if session.mounting is not None:
-        turn = compute_rotation_vector(result.unknowns.rot_mc @ session.mounting.rot_mc.T)
-        away = float(turn @ turn) / np.radians(session.mounting.sd_deg) ** 2
+        sd_deg = session.mounting.sd_deg
+    away = float(turn @ turn / np.radians(sd_deg) ** 2)
     return (result.chi2 + away) / max(result.freedom, 1)
+
+
+def find_way_from_nominal(session: Session, result: Solution) -> Array:
+    """The rotation vector (3,) from the nominal mounting to the alignment; zero without one."""
+    if session.mounting is None:
+        return np.zeros(3)
+    return compute_rotation_vector(result.unknowns.rot_mc @ session.mounting.rot_mc.T)
 
 
 def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Explanation]:
@@ -158,7 +165,7 @@ def list_mistakes(session: Session) -> Iterator[Mistake]:
         north, east = np.array(place) @ [session.site.latitude_deg, session.site.longitude_deg]
         yield Mistake(words, move, partial(_state, "site", latitude_deg=north, longitude_deg=east))
     for words, move, seconds in _list_clocks(session):
-        yield Mistake(words, move, partial(_delay, seconds))
+        yield Mistake(words, move, partial(_state, "star", time=session.star.time + seconds))
     for effect in ("refraction", "aberration"):  # taken out twice, or not at all
         present = getattr(session.star, effect) == PRESENT
         other = REMOVED if present else PRESENT
@@ -192,11 +199,6 @@ def _change_attitudes(change: Callable[[StarReadings], Array], session: Session)
 def _change_angles(sign: Sequence[int], more: Sequence[int], star: StarReadings) -> Array:
     alpha, beta, gamma = angles_323_deg(star.rot_ci).T
     return rot_ci(*(np.array(sign) * np.stack([alpha, 90.0 - beta, gamma], axis=1) + more).T)
-
-
-def _delay(seconds: float, session: Session) -> Session:
-    """The Earth turned on by so many seconds."""
-    return _state("star", session, time=session.star.time + seconds)
 
 
 def _turn_field(instrument: str, matrix: Array, session: Session) -> Session:

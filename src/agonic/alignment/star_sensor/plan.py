@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import figure
 from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg, rot_cn
+from agonic.readable import Shown
 
 Orientation = tuple[float, float, float]
 
@@ -149,15 +151,15 @@ class AlignmentPlan:
     """
 
     orientations: tuple[Orientation, ...]
-    readings: int
-    solve: tuple[str, ...]
-    field_n: Array
+    readings: Annotated[int, Shown()]
+    solve: Annotated[tuple[str, ...], Shown()]
+    field_n: Annotated[Array, Shown(key="field_n_nT")]
     wanted_sd_arcsec: float
-    sd_arcsec: Array
-    sd: Array
+    sd_arcsec: Annotated[Array, Shown()]
+    sd: Annotated[Array, Shown()]
 
     @property
-    def worst_sd_arcsec(self) -> float:
+    def worst_sd_arcsec(self) -> Annotated[float, Shown()]:
         """The alignment's standard error about its worst axis at the end."""
         return float(self.sd_arcsec[-1])
 
@@ -214,7 +216,16 @@ def plan_alignment(
     field = np.asarray(field_n, dtype=np.float64)
     magnitude = float(np.linalg.norm(field))
     at = kernel.start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
-    like = _like(field, readings, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
+    root = np.sqrt(readings)
+    star = np.array([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec]) * ARCSEC_RAD / root
+    like = Measured(
+        field=field[None],
+        reference=field[None],
+        rot_cn=np.eye(3)[None],
+        attitude_covariance=np.diag(star**2)[None],
+        noise=np.array([noise / root]),
+        reference_noise=np.array([reference_noise / root]),
+    )
     prior = make_prior({"alignment", *solve}, pier_sd, reference_sd_arcsec)
     chosen = list_candidates(lowest_elevation_deg)
     each = compute_information(at, like, chosen)
@@ -229,8 +240,9 @@ def plan_alignment(
     picked = choose_additions(np.zeros((SIZE, SIZE)), each, chosen, prior, magnitude, enough)
     sds = [compute_turn_sd(covariance(picked[:k])) / ARCSEC_RAD for k in range(1, len(picked) + 1)]
     if sds[-1] > wanted_sd_arcsec:
+        left = "undetermined" if sds[-1] > 36_000 else f"{sds[-1]:.2g}″"
         raise CoverageError(
-            f"{MOST} orientations leave the alignment at {_said(sds[-1])}, not "
+            f"{MOST} orientations leave the alignment at {left}, not "
             f"{wanted_sd_arcsec:g}″; take more readings, a better star sensor or pier difference",
             undetermined=f"the alignment to {wanted_sd_arcsec:g}″",
         )
@@ -243,23 +255,3 @@ def plan_alignment(
         sd_arcsec=np.array([sd if sd < 36_000 else np.inf for sd in sds]),
         sd=np.sqrt(np.diag(covariance(picked))),
     )
-
-
-def _like(
-    field: Array, readings: int, noise: float, reference_noise: float, across: float, about: float
-) -> Measured:
-    """One orientation of the kind that is planned."""
-    root = np.sqrt(readings)
-    star = np.diag((np.array([across, across, about]) * ARCSEC_RAD / root) ** 2)
-    return Measured(
-        field=field[None],
-        reference=field[None],
-        rot_cn=np.eye(3)[None],
-        attitude_covariance=star[None],
-        noise=np.array([noise / root]),
-        reference_noise=np.array([reference_noise / root]),
-    )
-
-
-def _said(sd_arcsec: float) -> str:
-    return "undetermined" if sd_arcsec > 36_000 else f"{sd_arcsec:.2g}″"

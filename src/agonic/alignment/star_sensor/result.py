@@ -12,17 +12,13 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.maths.solution import Solution
 from agonic.alignment.maths.two_frames import GROUPS, compute_rotation_vector, compute_turn_sd
 from agonic.alignment.remanence import RemanenceFit, fit_remanence
-from agonic.alignment.session import Observed, Session
+from agonic.alignment.session.observed import Observed
+from agonic.alignment.session.session import Session
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, Judged
-from agonic.maths.rotations.frames import (
-    ARCSEC_RAD,
-    angles_232_deg,
-    angles_323_deg,
-    rot_en,
-)
+from agonic.maths.rotations.frames import ARCSEC_RAD, angles_232_deg, angles_323_deg, rot_en
 from agonic.maths.rotations.vectors import skew
 from agonic.readable import Shown
 
@@ -98,15 +94,10 @@ class AlignmentFit(Judged):
         return angles_323_deg(self.rot_mc)
 
     @property
-    def angles_covariance(self) -> Array:
-        """Covariance (3, 3) of α, β, γ, rad²; huge where β is near 0 or 180°."""
-        jacobian = _angle_jacobian(np.radians(self.angles_deg))
-        return _through(jacobian, self.covariance[GROUPS["alignment"], GROUPS["alignment"]])
-
-    @property
     def angles_sd_arcsec(self) -> Annotated[Array, Shown(key="angles_323_sd_arcsec")]:
-        """Standard errors (3,) of α, β, γ."""
-        return np.asarray(np.sqrt(np.diag(self.angles_covariance)) / ARCSEC_RAD)
+        """Standard errors (3,) of α, β, γ; huge where β is near 0 or 180°."""
+        jacobian = _angle_jacobian(np.radians(self.angles_deg))
+        return self._compute_sd(jacobian) / ARCSEC_RAD
 
     @property
     def quat_wxyz(self) -> Annotated[Array, Shown()]:
@@ -118,16 +109,19 @@ class AlignmentFit(Judged):
         """Standard errors (4,) of the quaternion's components."""
         w, x, y, z = self.quat_wxyz
         jacobian = 0.5 * np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
-        block = self.covariance[GROUPS["alignment"], GROUPS["alignment"]]
-        return np.asarray(np.sqrt(np.diag(_through(jacobian, block))))
+        return self._compute_sd(jacobian)
 
     @property
     def matrix_sd_arcsec(self) -> Annotated[Array, Shown()]:
         """Standard errors (3, 3) of the direction cosines, as angles."""
         across = -skew(self.rot_mc.T)  # ∂(column j)/∂turn, a row of matrices a column
+        return self._compute_sd(across).T / ARCSEC_RAD
+
+    def _compute_sd(self, jacobian: Array) -> Array:
+        """Standard errors (…, k) of what the Jacobians (…, k, 3) say of the turn."""
         block = self.covariance[GROUPS["alignment"], GROUPS["alignment"]]
-        variance = np.einsum("jia,ab,jib->ij", across, block, across)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0)) / ARCSEC_RAD)
+        variance = ((jacobian @ block) * jacobian).sum(axis=-1)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     @property
     def reference_turn_arcsec(self) -> Annotated[Array, Shown()]:
@@ -145,11 +139,6 @@ class AlignmentFit(Judged):
     def residuals(self) -> Array:
         """(k, 3) of each orientation, nT, magnetometer axes."""
         return self.solution.residuals
-
-    @property
-    def residuals_sd(self) -> Array:
-        """What each should be, (k, 3), nT, by the stated noise."""
-        return self.solution.residuals_sd
 
     @property
     def residuals_arcsec(self) -> Array:
@@ -173,10 +162,6 @@ class AlignmentFit(Judged):
     def condition(self) -> float:
         """Condition number of the information, every unknown by what it moves the field by."""
         return self.solution.condition
-
-
-def _through(jacobian: Array, covariance: Array) -> Array:
-    return np.asarray(jacobian @ covariance @ jacobian.T)
 
 
 def _angle_jacobian(angles_rad: Array) -> Array:

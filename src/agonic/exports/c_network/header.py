@@ -26,169 +26,108 @@ from agonic.exports.firmware.c_text import (
 )
 
 
-def name_beside(parts: Parts, signal: str) -> str:
-    """Where the C finds a number that is given beside a reading."""
-    return f"beside[{parts.beside.index(signal)}]"
-
-
-def _fill(part: str, **values: object) -> str:
-    """The template of a part of the header, filled."""
-    written = {name: str(value) for name, value in values.items()}
-    return fill_template(f"headers/network_{part}.h.in", written)
-
-
-def write_nodes(network: Network, name: str) -> str:
-    """The C from the inputs x through the hidden nodes, each of which adds its part to `added`."""
-    widths = network.shape.widths
-    add = _fill("add", name=name, outputs=widths[-1])
-    layers = [(f"{name}_U", "x", "        first[k] = sum;\n"), (f"{name}_W", "first", add)]
-    if network.second is None:
-        layers = [(f"{name}_U", "x", add)]
-    return "".join(
-        _fill("layer", table=table, into=into, inputs=inputs, nodes=nodes, then=then)
-        for (table, into, then), (inputs, nodes) in zip(layers, pairwise(widths), strict=False)
-    )
-
-
-def write_read(parts: Parts, name: str) -> str:
-    """The C from the reading to the field by the base."""
-    if parts.before is None:
-        text = _fill("same", into="raw", out="reading")
-    else:
-        text = _fill("affine", name=f"{name}_before", into="raw", out="reading")
-    if parts.base is None:
-        return text
-    powers, count = parts.table.shape
-    names = parts.base.signals
-    values = {
-        "name": name,
-        "count": count,
-        "last": powers - 1,
-        "at": name_beside(parts, "temperature") if parts.warm else "",
-        "signals": len(names),
-    }
-    given = ", ".join(name_beside(parts, signal) for signal in names)
-    there = {"warm": parts.warm, "powers": powers > 1, "sources": bool(names)}
-    more = {word: _fill(word, **values) if some else "" for word, some in there.items()}
-    signal = f"        const float signal[{len(names)}] = {{{given}}};\n" if names else ""
-    return text + _fill("base", **(values | more | {"signals": signal}))
-
-
-def write_combine(parts: Parts, name: str) -> str:
-    """The C that finds the distance from the training, and bounds, guards and adds."""
-    network = parts.network
-    kind = "alone" if network.base is None else network.target
-    values = {"name": name, "centres": len(network.centres), "inputs": network.shape.inputs}
-    return _fill("guard", adding=_fill(kind, **values), **values)
-
-
-def write_field(parts: Parts, name: str) -> str:
-    """The C from what the network gives to the field, by the steps after it."""
-    if parts.after is not None:
-        return _fill("affine", name=f"{name}_after", into="out", out="field")
-    return _fill("same", into="out", out="field")
-
-
-def write_affine_table(step: Affine | None, name: str, words: str) -> str:
-    """A step of a chain beside the network; nothing where there is none."""
-    if step is None:
-        return ""
-    numbers = write_array(np.vstack([step.bias, step.matrix]))
-    return _fill("affine_table", words=words, name=name, numbers=numbers)
-
-
-def write_base_table(parts: Parts, name: str) -> str:
-    """What the network adds to; nothing where it stands alone."""
-    if parts.base is None:
-        return ""
-    (rows, columns), names = parts.table.shape, ", ".join(parts.base.signals)
-    more = f", and what a unit of {names} adds to each axis" if names else ""
-    table = write_array(parts.table)
-    text = _fill("base_table", name=name, more=more, rows=rows, columns=columns, table=table)
-    if not parts.warm:
-        return text
-    scale = [parts.base.centre_C, parts.base.half_range_C, *parts.base.clamp_C]
-    return text + _fill("base_C", name=name, scale=write_array(scale))
-
-
-def write_second_table(network: Network, name: str) -> str:
-    """The weights of a second hidden layer; nothing where there is none."""
-    if network.second is None:
-        return ""
-    (rows, columns), table = network.second.shape, write_array(network.second)
-    return _fill("second_table", name=name, rows=rows, columns=columns, table=table)
-
-
-def write_guard_table(parts: Parts, name: str) -> str:
-    """Where it was trained."""
-    network = parts.network
-    text = _fill(
-        "guard_table",
-        name=name,
-        rows=len(network.centres),
-        inputs=network.shape.inputs,
-        centres=write_array(network.centres),
-        reach=write_literal(network.reach),
-    )
-    if network.bound is None:
-        return text
-    return text + _fill(
-        "bound", name=name, unit=network.unit_out, bound=write_literal(network.bound)
-    )
-
-
 def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
     """The text of the header, and warnings."""
     parts = split_parts(calibration)
     known = make_known_readings(parts)
     network, shape = parts.network, parts.network.shape
-    beside = len(parts.beside)
-    text = fill_template(
-        "headers/network.h.in",
+    said = (*write_banner(calibration, _describe(parts)), *_sizes(parts, known))
+    kind = "alone" if network.base is None else network.target
+    values = {
+        "name": name,
+        "about": write_comment(said),
+        "formula": f"{_formula(parts)}.",
+        "returns": _returns(parts),
+        "unit_out": calibration.unit_out,
+        "network_unit": network.unit_out,
+        "inputs": shape.inputs,
+        "each": shape.inputs + 1,
+        "hidden": shape.widths[1],
+        "last": shape.widths[-2],
+        "width": shape.widths[-2] + 1,
+        "outputs": shape.outputs,
+        "layers": _list_layers(network, name),
+        "input_names": ", ".join(signals(network.inputs)),
+        "input_scale": [network.input_middle, network.input_half],
+        "input_values": ", ".join(_input_values(parts)),
+        "U": network.hidden,
+        "second": network.second is not None,
+        "second_width": shape.widths[1] + 1,
+        "W": network.second,
+        "V": network.output,
+        "output_middle": network.output_middle,
+        "output_half": float(network.output_half),
+        "points": len(network.centres),
+        "centres": network.centres,
+        "reach": float(network.reach),
+        "bound": network.bound and float(network.bound),
+        **{one: one == kind for one in ("alone", "magnitude", "vector")},
+        "beside": len(parts.beside),
+        "beside_names": ", ".join(parts.beside),
+        **_base(parts),
+        "before": _table(parts.before),
+        "after": _table(parts.after),
+        "reading": _step(f"{name}_before" if parts.before else "", "raw", "reading"),
+        "write": _step(f"{name}_after" if parts.after else "", "out", "field"),
+        "tests": len(known.rows),
+        "columns": known.rows.shape[1],
+        "known": write_array(known.rows, "    "),
+        "tolerance": format_float32(known.tolerance),
+    }
+    return fill_template("headers/network.h.in", values), _warnings(parts)
+
+
+def _list_layers(network: Network, name: str) -> list[dict[str, object]]:
+    """From the inputs x through the hidden nodes, the last of which add their part to `added`."""
+    tables = [(f"{name}_U", "x"), (f"{name}_W", "first")]
+    widths = network.shape.widths[:-1]
+    return [
         {
-            "name": name,
-            "about": write_comment(
-                (*write_banner(calibration, _describe(parts)), *_sizes(parts, known))
-            ),
-            "formula": f"{_formula(parts)}.",
-            "unit_out": calibration.unit_out,
-            "inputs": str(shape.inputs),
-            "each": str(shape.inputs + 1),
-            "hidden": str(shape.widths[1]),
-            "last": str(shape.widths[-2]),
-            "width": str(shape.widths[-2] + 1),
-            "second_table": write_second_table(network, name),
-            "first": f"    float first[{shape.widths[1]}];\n" if network.second is not None else "",
-            "nodes": write_nodes(network, name),
-            "outputs": str(shape.outputs),
-            "input_names": ", ".join(signals(network.inputs)),
-            "input_scale": write_array([network.input_middle, network.input_half]),
-            "input_values": ", ".join(_input_values(parts)),
-            "U": write_array(network.hidden),
-            "V": write_array(network.output),
-            "output_middle": write_array(network.output_middle),
-            "output_half": write_literal(network.output_half),
-            "before_table": write_affine_table(
-                parts.before, f"{name}_before", "Before the network"
-            ),
-            "after_table": write_affine_table(parts.after, f"{name}_after", "After the network"),
-            "base_table": write_base_table(parts, name),
-            "guard_table": write_guard_table(parts, name),
-            "beside_argument": f"const float beside[{beside}], " if beside else "",
-            "beside_words": f"   Beside a reading: {', '.join(parts.beside)}.\n" if beside else "",
-            "beside_known": "row + 3, " if beside else "",
-            "beside_column": "beside, " if beside else "",
-            "returns": _returns(parts),
-            "read": write_read(parts, name),
-            "combine": write_combine(parts, name),
-            "write": write_field(parts, name),
-            "tests": str(len(known.rows)),
-            "columns": str(known.rows.shape[1]),
-            "known": write_array(known.rows, "    "),
-            "tolerance": format_float32(known.tolerance),
-        },
-    )
-    return text, _warnings(parts)
+            "table": table,
+            "into": into,
+            "width": width,
+            "nodes": nodes,
+            "final": k == len(widths) - 2,
+        }
+        for k, ((table, into), (width, nodes)) in enumerate(
+            zip(tables, pairwise(widths), strict=False)
+        )
+    ]
+
+
+def _base(parts: Parts) -> dict[str, object]:
+    """What the network adds to; nothing where it stands alone."""
+    base = parts.base
+    if base is None:
+        return dict.fromkeys(("base", "warm"))
+    return {
+        "base": write_array(base.table),
+        "powers": base.table.shape[0],
+        "highest": base.table.shape[0] - 1,
+        "count": base.table.shape[1],
+        "sources": len(base.signals),
+        "source_names": ", ".join(base.signals),
+        "source_values": ", ".join(_name_beside(parts, signal) for signal in base.signals),
+        "warm": parts.warm,
+        "at": _name_beside(parts, "temperature") if parts.warm else "",
+        "scale": [base.centre_C, base.half_range_C, *base.clamp_C],
+    }
+
+
+def _table(step: Affine | None) -> str:
+    """A step of a chain beside the network; nothing where there is none."""
+    return "" if step is None else write_array(np.vstack([step.bias, step.matrix]))
+
+
+def _step(table: str, into: str, out: str) -> str:
+    """The C that applies a step, or copies where there is none."""
+    values = {"step": table, "into": into, "out": out}
+    return fill_template("headers/network_step.h.in", values).rstrip()
+
+
+def _name_beside(parts: Parts, signal: str) -> str:
+    """Where the C finds a number that is given beside a reading."""
+    return f"beside[{parts.beside.index(signal)}]"
 
 
 def _formula(parts: Parts) -> str:
@@ -240,5 +179,5 @@ def _input_values(parts: Parts) -> list[str]:
         elif name == "field":
             found += [f"reading[{axis}]" for axis in range(3)]
         else:
-            found += [name_beside(parts, one) for one in signals((name,))]
+            found += [_name_beside(parts, one) for one in signals((name,))]
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
-from agonic.calibration.inputs import measure_width, signals
+from agonic.calibration.inputs import measure_width, signals, stack_inputs
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.steps import steps_of
@@ -37,14 +37,6 @@ class Parts:
         return signals(self.network.needs) if self.network.needs else ()
 
     @property
-    def table(self) -> Array:
-        """(p, 12 + 3 s): bias, matrix and coefficients of the base, a row a power of warmth."""
-        assert self.base is not None
-        p = len(self.base.bias)
-        parts = (self.base.bias, self.base.matrix, self.base.coefficients)
-        return np.concatenate([part.reshape(p, -1) for part in parts], axis=1)
-
-    @property
     def warm(self) -> bool:
         """Whether the base changes with temperature."""
         return isinstance(self.network.base, Thermal)
@@ -56,19 +48,8 @@ class Parts:
         count = network.weights.size + 2 * network.shape.inputs + network.shape.outputs + 1
         count += network.centres.size + 1
         if self.base is not None:
-            count += self.table.size + 1 + (4 if self.warm else 0)
+            count += self.base.table.size + 1 + (4 if self.warm else 0)
         return count + 12 * sum(step is not None for step in (self.before, self.after))
-
-
-def hold_network(calibration: Calibration, temperature_C: float) -> Calibration:
-    """The calibration held at a temperature, °C; an error where it does not depend on one."""
-    if "temperature" not in calibration.needs:
-        raise AgonicError(
-            f"the calibration of {calibration.sensor} does not change with temperature; leave the "
-            "temperature out"
-        )
-    held: Calibration = calibration.at(temperature_C)  # type: ignore[attr-defined]
-    return held
 
 
 def split_parts(calibration: Calibration) -> Parts:
@@ -193,17 +174,23 @@ def _readings(parts: Parts, x: Array, rng: np.random.Generator) -> _Readings:
 
 def _exact(parts: Parts, known: _Readings) -> tuple[Array, Array]:
     """The field (n, 3) in double precision, and 1 or 0 (n,) as the C returns it."""
-    columns, at = {}, 0
-    for name in parts.network.needs:
-        columns[name] = known.beside[:, at : at + measure_width(name)]
-        at += measure_width(name)
-    columns = {n: v if measure_width(n) == 3 else v[:, 0] for n, v in columns.items()}
+    columns = _list_columns(parts, known)
     raw = known.raw if parts.before is None else parts.before.correct(known.raw)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AgonicWarning)
         field, inside = parts.network.evaluated(raw, columns)
     after = field if parts.after is None else parts.after.correct(field)
     return after, (inside >= 0.5).astype(np.float64)
+
+
+def _list_columns(parts: Parts, known: _Readings) -> dict[str, Array]:
+    """What is beside the readings, by name."""
+    columns, at = {}, 0
+    for name in parts.network.needs:
+        width = measure_width(name)
+        columns[name] = known.beside[:, at] if width == 1 else known.beside[:, at : at + width]
+        at += width
+    return columns
 
 
 def _error(parts: Parts, known: _Readings, field: Array) -> float:
@@ -215,9 +202,9 @@ def _single(parts: Parts, known: _Readings) -> Array:
     """The field (n, 3) as float32 has it, operation by operation as in the C."""
     network, f = parts.network, np.float32
     reading = _affine32(parts.before, known.raw.astype(f))
-    x = (
-        _inputs32(parts, known, reading) - network.input_middle.astype(f)
-    ) / network.input_half.astype(f)
+    given: dict[str, Any] = {**_list_columns(parts, known), **network.held}
+    inputs = stack_inputs(network.inputs, reading, given).astype(f)
+    x = (inputs - network.input_middle.astype(f)) / network.input_half.astype(f)
     active = x
     for layer in network.layers[:-1]:
         active = np.tanh(active @ layer[:, :-1].T.astype(f) + layer[:, -1].astype(f))
@@ -245,22 +232,9 @@ def _affine32(step: Affine | None, values: Float32) -> Float32:
     return np.asarray(left @ step.matrix.T.astype(np.float32), dtype=np.float32)
 
 
-def _inputs32(parts: Parts, known: _Readings, reading: Float32) -> Float32:
-    columns = []
-    for name in parts.network.inputs:
-        if name in parts.network.held:
-            columns.append(np.full((len(reading), 1), parts.network.held[name], dtype=np.float32))
-        elif name == "field":
-            columns.append(reading)
-        else:
-            own = [parts.beside.index(one) for one in signals((name,))]
-            columns.append(known.beside[:, own].astype(np.float32))
-    return np.concatenate(columns, axis=1)
-
-
 def _base32(parts: Parts, known: _Readings, reading: Float32) -> Float32:
     assert parts.base is not None
-    table, f = parts.table.astype(np.float32), np.float32
+    table, f = parts.base.table.astype(np.float32), np.float32
     value = np.broadcast_to(table[-1], (len(reading), table.shape[1]))
     if parts.warm:
         kept = np.clip(known.beside[:, parts.beside.index("temperature")], *parts.base.clamp_C)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,9 +28,16 @@ def write_library(folder: Path, files: Sequence[Path]) -> tuple[Path, ...]:
     """
     name, template, sketch = _choose_sketch(files)
     headers = [file.name for file in files if file.suffix == ".h"]
+    values = {
+        "name": name,
+        "version": _version(),
+        "url": URL,
+        "includes": ",".join(headers),
+        "listed": ",\n".join(f'    "{header}"' for header in headers),
+    }
     texts = {
-        "library.properties": _write_properties(name, headers),
-        "library.json": _write_manifest(name, headers),
+        "library.properties": fill_template("arduino/library.properties.in", values),
+        "library.json": fill_template("arduino/library.json.in", values),
         f"examples/{sketch}/{sketch}.ino": _write_sketch(template, name, files),
     }
     added = []
@@ -55,38 +61,6 @@ def _choose_sketch(files: Sequence[Path]) -> tuple[str, str, str]:
     raise AgonicError(f"{first} is not a header that can become a library")
 
 
-def _write_properties(name: str, headers: Sequence[str]) -> str:
-    """The manifest of an Arduino library, format 1.5."""
-    values = {
-        "name": name,
-        "version": _version(),
-        "author": "agonic",
-        "maintainer": "agonic",
-        "sentence": "The calibration of a magnetometer, exported by agonic.",
-        "paragraph": "Single precision, no allocation, tables in flash.",
-        "category": "Sensors",
-        "url": URL,
-        "architectures": "*",
-        "includes": ",".join(headers),
-    }
-    return "".join(f"{key}={value}\n" for key, value in values.items())
-
-
-def _write_manifest(name: str, headers: Sequence[str]) -> str:
-    """The manifest of PlatformIO."""
-    values = {
-        "name": name,
-        "version": _version(),
-        "description": "The calibration of a magnetometer, exported by agonic",
-        "keywords": "magnetometer, compass, calibration",
-        "headers": list(headers),
-        "frameworks": "*",
-        "platforms": "*",
-        "examples": ["examples/*/*.ino"],
-    }
-    return json.dumps(values, indent=2) + "\n"
-
-
 def _version() -> str:
     """Three numbers, which is all that both take."""
     found = re.match(r"\d+\.\d+\.\d+", __version__)
@@ -94,11 +68,10 @@ def _version() -> str:
 
 
 def _write_sketch(template: str, name: str, files: Sequence[Path]) -> str:
-    values = {"name": name, "about": "Written by agonic; see src."}
-    values |= dict.fromkeys(("memory", "follow"), "")
-    if template == "heading" and f"{name}_follow(" in files[0].read_text():
-        values["memory"] = f"    static {name}_memory memory = {{{{0.0f}}, 0}};\n"
-        values["follow"] = f"    {name}_follow(&memory, 0.1f, &in); /* s since the last call */\n"
+    values: dict[str, object] = {
+        "name": name,
+        "followed": f"{name}_follow(" in files[0].read_text(),
+    }
     if template == "field":
         header = next(file for file in files if file.name == f"{name}.h").read_text()
         values |= _read_arguments(name, header)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from importlib.resources import files
 from textwrap import wrap
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -69,22 +71,51 @@ def write_comment(lines: Iterable[str]) -> str:
     return "\n".join(f" * {line}".rstrip() for line in plain)
 
 
-def fill_template(template: str, values: Mapping[str, str]) -> str:
-    """A template of this package with each @key@ replaced.
+_TAG = re.compile(
+    r"^@([#^])(\w+)@\n(.*?)^@/\2@\n|@([#^])(\w+)@(.*?)@/\5@|@(\w+)@", re.MULTILINE | re.DOTALL
+)
 
+
+def fill_template(template: str, values: Mapping[str, Any]) -> str:
+    """A template of this package with each @key@ replaced: text as it is, numbers and arrays as C.
+
+    What is between @#key@ and @/key@ is there where the value is neither empty nor 0, once for
+    each mapping of a list, with its values; what is between @^key@ and @/key@ is there where it is.
     Where they are not given, @GUARD@ is the name in capitals, and @flash@ the macros by which
     tables stay in flash on processors that else copy them to RAM.
     """
+    usual = {"GUARD": str(values.get("name", "")).upper(), "flash": _read_template("flash.h.in")}
+    return _expand(_read_template(template), usual | dict(values))
+
+
+@cache
+def _read_template(template: str) -> str:
     home = files("agonic.exports.firmware").joinpath("templates")
-    usual: dict[str, Callable[[], str]] = {
-        "GUARD": lambda: values["name"].upper(),
-        "flash": lambda: home.joinpath("flash.h.in").read_text("utf-8"),
-    }
+    return home.joinpath(template).read_text("utf-8")
 
-    def find(key: re.Match[str]) -> str:
-        return values[key[1]] if key[1] in values else usual[key[1]]()
 
-    return re.sub(r"@(\w+)@", find, home.joinpath(template).read_text("utf-8"))
+def _expand(text: str, values: Mapping[str, Any]) -> str:
+    """A text with its keys and sections replaced."""
+
+    def find(tag: re.Match[str]) -> str:
+        if tag[7]:
+            return _write_value(values[tag[7]])
+        kind, key, inner = tag.group(1, 2, 3) if tag[1] else tag.group(4, 5, 6)
+        value = values[key]
+        each = value if isinstance(value, list) else [value] if value else []
+        if kind == "^":
+            each = [] if each else [None]
+        owned = (one if isinstance(one, Mapping) else {} for one in each)
+        return "".join(_expand(inner, {**values, **own}) for own in owned)
+
+    return _TAG.sub(find, text)
+
+
+def _write_value(value: Any) -> str:
+    """Text as it is, an integer, a float, or an array."""
+    if isinstance(value, str | int):
+        return str(value)
+    return write_literal(value) if isinstance(value, float) else write_array(value)
 
 
 def make_c_name(sensor: str) -> str:
@@ -111,24 +142,6 @@ def require_identifier(name: str) -> str:
     return name
 
 
-FILTERED = """\
-    {{ /* {column} is recorded through a filter, which is undone */
-        const float given = in->{column};
-        const float grown = expf(step_s / {constant}) - 1.0f;
-        if (memory->begun && grown > 0.0f) {{
-            in->{column} += (given - memory->last[{k}]) / grown;
-        }}
-        memory->last[{k}] = given;
-    }}"""
-FOLLOWED = """\
-    {{ /* the field follows {column} */
-        if (memory->begun) {{
-            in->{column} -= (in->{column} - memory->last[{k}]) * expf(-step_s / {constant});
-        }}
-        memory->last[{k}] = in->{column};
-    }}"""
-
-
 def find_time_constants(sources: Iterable[str]) -> dict[str, float]:
     """The time constants of columns that have one, s.
 
@@ -148,20 +161,10 @@ def find_time_constants(sources: Iterable[str]) -> dict[str, float]:
     return {column: constant for column, constant in found.items() if constant}
 
 
-def write_following_header(constants: dict[str, float], name: str) -> str:
-    """What the header declares; nothing where no column goes through a filter."""
-    if not constants:
-        return ""
-    values = {"name": name, "count": str(len(constants)), "columns": ", ".join(constants)}
-    return fill_template("follow.h.in", values)
-
-
-def write_following(constants: dict[str, float], name: str) -> str:
-    """The function that the header declares."""
+def list_followed(constants: Mapping[str, float]) -> dict[str, Any]:
+    """What the templates take of columns that go through a filter."""
     steps = [
-        (FILTERED if constant > 0 else FOLLOWED).format(
-            column=column, constant=write_literal(abs(constant)), k=k
-        )
+        {"column": column, "constant": abs(constant), "k": k, "filtered": constant > 0}
         for k, (column, constant) in enumerate(constants.items())
     ]
-    return fill_template("follow.c.in", {"name": name, "steps": "\n".join(steps)})
+    return {"steps": steps, "count": len(steps), "columns": ", ".join(constants)}

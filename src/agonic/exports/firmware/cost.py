@@ -30,7 +30,7 @@ TARGETS = {
 """Sine and cosine of an angle that is no attitude (10⁹ degrees) take the longest."""
 
 
-def write_cost(plan: Plan) -> str:
+def list_costs(plan: Plan) -> list[str]:
     """A row for each target."""
     count, names = len(plan.calibrations), len(signals(plan.sources))
     held = names + (12 + 3 * names if plan.warm else 0)
@@ -38,5 +38,5 @@ def write_cost(plan: Plan) -> str:
     for name, target in TARGETS.items():
         stack = (target.one if count == 1 else target.several) + 4 * held
         each = target.by_angles if plan.tilt == "angles" else target.otherwise
-        rows.append(f" * {name:<12}{stack:>6}{count * each:>12}")
-    return "\n".join(rows)
+        rows.append(f"{name:<12}{stack:>6}{count * each:>12}")
+    return rows

@@ -75,20 +75,16 @@ def _find_domain(plan: Plan, which: int) -> tuple[float, float]:
     weakest = find_weakest(plan)
     if plan.tilt == "level":
         least = max(expected * (1.0 - plan.setup.magnitude_limit), weakest)
-        # a level compass knows the level part, and the rest is that of any dip
-        return _bound_level_strength(plan, strength), least
+        # a level compass knows the level part; the rest is up to three times that, or twice the
+        # setup's
+        vertical = plan.setup.vertical
+        most = 3.0 * strength if vertical is None else 2.0 * abs(vertical)
+        return float(np.hypot(strength, most)), least
     if plan.dip is None:
         return strength, weakest
     steepest = min(abs(plan.dip) + np.radians(plan.setup.dip_limit_deg), np.pi / 2)
     share = float(np.cos(steepest))
     return strength, max(strength * share, weakest)
-
-
-def _bound_level_strength(plan: Plan, level: float) -> float:
-    """The whole field of a level compass, up to three times as strong as its level part or as the
-    setup says."""
-    vertical = plan.setup.vertical
-    return float(np.hypot(level, 3.0 * level if vertical is None else 2.0 * abs(vertical)))
 
 
 def _bound_product(calibration: Affine, size: float) -> float:

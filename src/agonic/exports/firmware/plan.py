@@ -10,11 +10,9 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Calibration
 from agonic.calibration.deviation import Deviation
 from agonic.calibration.inputs import signals
-from agonic.calibration.interference import Interference
-from agonic.calibration.setup import Compass, Setup
+from agonic.calibration.setup import Setup
 from agonic.calibration.sources import SOURCES, list_columns
 from agonic.calibration.steps import compose
 from agonic.exports.firmware.c_text import find_time_constants
@@ -53,7 +51,13 @@ class Plan:
     @cached_property
     def calibrations(self) -> tuple[Affine, ...]:
         """The calibration of each compass as one step, in the middle of its temperatures."""
-        return tuple(compose(_in_the_middle(compass)) for compass in self.setup.compasses)
+        each = [compass.calibration for compass in self.setup.compasses]
+        return tuple(
+            compose(one.at(float(np.mean(find_range_C(one)))))  # type: ignore[attr-defined]
+            if changes_with_temperature(one)
+            else compose(one)
+            for one in each
+        )
 
     @cached_property
     def warm(self) -> bool:
@@ -80,7 +84,7 @@ class Plan:
         table = np.zeros((len(self.polynomials), p, 12 + 3 * len(names)))
         for rows, found in zip(table, self.polynomials, strict=True):
             q = len(found.bias)
-            rows[:q, :3], rows[:q, 3:12] = found.bias, found.matrix.reshape(q, 9)
+            rows[:q, :12] = found.table[:, :12]
             added = rows[:, 12:].reshape(p, 3, len(names))
             for j, name in enumerate(found.signals):
                 added[:q, :, names.index(name)] = found.coefficients[:, :, j]
@@ -90,16 +94,6 @@ class Plan:
     def temperatures(self) -> Array:
         """(k, 4): centre and half range of x, and the temperatures that are followed, °C."""
         return np.array([(p.centre_C, p.half_range_C, *p.clamp_C) for p in self.polynomials])
-
-    @property
-    def bias(self) -> Array:
-        """(k, 3)"""
-        return np.array([c.bias for c in self.calibrations])
-
-    @property
-    def matrix(self) -> Array:
-        """(k, 3, 3)"""
-        return np.array([c.matrix for c in self.calibrations])
 
     @property
     def tilt(self) -> TiltInput:
@@ -146,17 +140,6 @@ class Plan:
     def time_constants(self) -> dict[str, float]:
         """Those of the columns that go through a filter, s."""
         return find_time_constants(self.sources)
-
-    @property
-    def coefficients(self) -> Array:
-        """(k, 3, signals), zero where a compass does without a signal."""
-        names = signals(self.sources)
-        table = np.zeros((len(self.calibrations), 3, len(names)))
-        for rows, calibration in zip(table, self.calibrations, strict=True):
-            if isinstance(calibration, Interference):
-                own = [names.index(name) for name in signals(calibration.sources)]
-                rows[:, own] = calibration.coefficients
-        return table
 
     @property
     def dip(self) -> float | None:
@@ -218,10 +201,7 @@ class Plan:
     def constants(self) -> int:
         """How many float32 the tables of the C hold."""
         tables = [np.zeros(len(self.expected))]
-        if self.warm:
-            tables += [self.powers, self.temperatures]
-        else:
-            tables += [self.bias, self.matrix, self.coefficients]
+        tables += [self.powers, *([self.temperatures] if self.warm else [])]
         if self.accelerometer is not None:
             tables += [self.accelerometer.bias, self.accelerometer.matrix]
         if self.deviations is not None:
@@ -229,12 +209,3 @@ class Plan:
         if isinstance(self.declination, DeclinationGrid):
             tables.append(self.declination.north)  # two 16-bit numbers a node
         return sum(table.size for table in tables)
-
-
-def _in_the_middle(compass: Compass) -> Calibration:
-    """The calibration, held in the middle of its temperatures where it changes with them."""
-    calibration = compass.calibration
-    if not changes_with_temperature(calibration):
-        return calibration
-    held: Calibration = calibration.at(float(np.mean(find_range_C(calibration))))  # type: ignore[attr-defined]
-    return held

@@ -98,7 +98,7 @@ def draw_attitudes(rng: np.random.Generator, n: int, largest_tilt_deg: float = 8
 
 def _reading_sizes(plan: Plan) -> Array:
     """About what each magnetometer reads on an axis (k,), in its own unit."""
-    gains = np.cbrt(np.abs(np.linalg.det(plan.matrix)))
+    gains = np.cbrt(np.abs(np.linalg.det([c.matrix for c in plan.calibrations])))
     return np.asarray(np.array(plan.magnitudes) / gains / np.sqrt(3))
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.errors import AgonicError
 from agonic.exports.banner import write_banner
@@ -21,8 +20,7 @@ from agonic.exports.firmware.c_text import (
     write_comment,
     write_literal,
 )
-from agonic.exports.firmware.size import measure_sizes
-from agonic.exports.firmware.writer import Firmware
+from agonic.exports.firmware.writer import Firmware, write_files
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.filters import jump_test, kalman, motion
 from agonic.maths.estimation.filters.states import FilterState, Model, forget_sums
@@ -99,13 +97,7 @@ def write_tracker(
         ),
         f"{prefix}_tracker_selftest.c": fill_template("tracker/selftest.c.in", values),
     }
-    place = make_folder(folder)
-    files = tuple(write_atomically(place / file, text) for file, text in texts.items())
-    source = f"{prefix}_tracker.c"
-    size = measure_sizes(place / source)
-    return Firmware(
-        path=place, target="c", files=files, sizes={} if size is None else {source: size}
-    )
+    return write_files(folder, texts)
 
 
 def _require_settled(state: TrackerState) -> None:

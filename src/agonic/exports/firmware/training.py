@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.network import Network
@@ -18,12 +18,9 @@ from agonic.exports.firmware.c_text import (
     fill_template,
     make_c_name,
     require_identifier,
-    write_array,
     write_comment,
-    write_literal,
 )
-from agonic.exports.firmware.size import measure_sizes
-from agonic.exports.firmware.writer import Firmware
+from agonic.exports.firmware.writer import Firmware, write_files
 
 MOST_WEIGHTS = 60
 PER_WEIGHT = 3.0
@@ -82,12 +79,7 @@ def write_training(
             fill_template(f"training/{part}.c.in", values) for part in PARTS
         ),
     }
-    place = make_folder(folder)
-    files = tuple(write_atomically(place / file, text) for file, text in texts.items())
-    size = measure_sizes(files[1])
-    return Firmware(
-        path=place, target="c", files=files, sizes={} if size is None else {files[1].name: size}
-    )
+    return write_files(folder, texts)
 
 
 def _require_network(calibration: Calibration) -> Network:
@@ -129,7 +121,7 @@ def _fewest(network: Network, window: int) -> int:
     return max(ceil(1.5 * PER_WEIGHT * network.weights.size / 3), BLOCKS // 2 * (window // BLOCKS))
 
 
-def _values(network: Network, name: str, window: int) -> dict[str, str]:
+def _values(network: Network, name: str, window: int) -> dict[str, Any]:
     shape, params = network.shape, RetrainerParams()
     assert network.covariance is not None
     assert network.noise is not None
@@ -138,8 +130,7 @@ def _values(network: Network, name: str, window: int) -> dict[str, str]:
     columns = shape.nodes * 4 + shape.nodes + 1
     base = network.base
     formula = "field = base(raw) + network(raw), trained on the controller, float32"
-    numbers = {} if base is None else {"bias": base.bias, "matrix": base.matrix}
-    tables = {key: write_array(value) for key, value in numbers.items()}
+    tables = {} if base is None else {"bias": base.bias, "matrix": base.matrix}
     kind = "none" if base is None else "affine"
     return {
         "name": name,
@@ -147,26 +138,26 @@ def _values(network: Network, name: str, window: int) -> dict[str, str]:
         "unit_in": network.unit_in,
         "unit_out": network.unit_out,
         "outside": ", where the base is all that is left" if base is not None else "",
-        "window": str(window),
-        "block": str(window // BLOCKS),
-        "fewest": str(_fewest(network, window)),
-        "weights": str(shape.size),
-        "hidden": str(shape.nodes),
-        "gram": str(columns * (columns + 1) // 2),
-        "factor": str(shape.size * (shape.size + 1) // 2),
-        "slice": str(SLICE),
-        "furthest": write_literal(params.furthest),
+        "window": window,
+        "block": window // BLOCKS,
+        "fewest": _fewest(network, window),
+        "weights": shape.size,
+        "hidden": shape.nodes,
+        "gram": columns * (columns + 1) // 2,
+        "factor": shape.size * (shape.size + 1) // 2,
+        "slice": SLICE,
+        "furthest": params.furthest,
         "furthest_percent": f"{100 * params.furthest:g}",
-        "misfit": write_literal(params.misfit),
-        "step_share": write_literal(params.bias_sd),
-        "cells": str(CELLS),
-        "reservoir": str(CELLS * VISITS),
-        "noise": write_literal(noise),
-        "prior": write_array(prior[np.tril_indices(shape.size)]),
-        "input_scale": write_array([network.input_middle, network.input_half]),
-        "output_middle": write_array(network.output_middle),
-        "output_half": write_literal(network.output_half),
-        "exported": write_array(network.weights),
-        "limits": write_array([network.centres.min(axis=0), network.centres.max(axis=0)]),
-        "base": fill_template(f"training/base_{kind}.c.in", {**tables, "flash": ""}),
+        "misfit": params.misfit,
+        "step_share": params.bias_sd,
+        "cells": CELLS,
+        "reservoir": CELLS * VISITS,
+        "noise": noise,
+        "prior": prior[np.tril_indices(shape.size)],
+        "input_scale": [network.input_middle, network.input_half],
+        "output_middle": network.output_middle,
+        "output_half": float(network.output_half),
+        "exported": network.weights,
+        "limits": [network.centres.min(axis=0), network.centres.max(axis=0)],
+        "base": fill_template(f"training/base_{kind}.c.in", tables),
     }

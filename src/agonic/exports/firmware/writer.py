@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from agonic.calibration.sources import parse_source
 from agonic.calibration.steps import find_step
 from agonic.errors import AgonicError
 from agonic.exports.convert import Export
-from agonic.exports.firmware.c_text import fill_template, require_identifier, write_literal
+from agonic.exports.firmware.c_text import fill_template, require_identifier
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.selftest import write_selftest
@@ -96,30 +97,35 @@ def write_firmware(
         **write_ellipsoid(name),
         **write_watch(plan, name),
     }
+    return write_files(folder, texts, warnings=_warnings(plan), constants=plan.constants)
+
+
+def write_files(
+    folder: Path | str,
+    texts: Mapping[str, str],
+    *,
+    warnings: tuple[str, ...] = (),
+    constants: int = 0,
+) -> Firmware:
+    """Write C files, text by name, and measure the sources but for the self-test."""
     place = make_folder(folder)
     files = tuple(write_atomically(place / file, text) for file, text in texts.items())
-    sizes = {
-        f"{part}.c": measure_sizes(place / f"{part}.c")
-        for part in (name, f"{name}_fit", f"{name}_ellipsoid", f"{name}_watch")
-        if f"{part}.c" in texts
-    }
+    sources = [file for file in texts if file.endswith(".c") and "_selftest." not in file]
+    sizes = {file: measure_sizes(place / file) for file in sources}
     return Firmware(
         path=place,
         target="c",
-        warnings=_warnings(plan),
+        warnings=warnings,
         files=files,
-        constants=plan.constants,
+        constants=constants,
         sizes={file: size for file, size in sizes.items() if size is not None},
     )
 
 
 def write_ellipsoid(name: str) -> dict[str, str]:
     """The whole ellipsoid fit that runs on a controller, text by file."""
-    values = {
-        "name": name,
-        "noisy": f"{100 * NOISE_DOUBTFUL:g}",
-        "noisy_share": write_literal(NOISE_DOUBTFUL),
-    }
+    noisy = {"noisy": f"{100 * NOISE_DOUBTFUL:g}", "noisy_share": NOISE_DOUBTFUL}
+    values = {"name": name, **noisy}
     parts = ("ellipsoid/sums", "ellipsoid/solve", "ellipsoid/result")
     return {
         f"{name}_ellipsoid.h": fill_template("ellipsoid/header.h.in", values),

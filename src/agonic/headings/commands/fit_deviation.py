@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Between, Json, Out, Robust, SensorChoice
+from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
     from agonic.headings.deviation.document import CardDocument
@@ -54,7 +55,6 @@ def deviation(
     import math
 
     from agonic.console.finish import finish
-    from agonic.errors import AgonicError
     from agonic.files.calibration import save
     from agonic.headings.deviation import fit_deviation
     from agonic.headings.deviation.document import describe_deviation
@@ -108,8 +108,6 @@ def _of_log(log: Path, setup: Path, which: SensorChoice, between: str | None) ->
 
 
 def _heel(read: Swing, wanted: bool | None) -> Any:
-    from agonic.errors import AgonicError
-
     if wanted and read.heel is None:
         raise AgonicError("--heel was asked for and the swing has no column roll_deg; add it")
     return None if wanted is False else read.heel
@@ -117,8 +115,6 @@ def _heel(read: Swing, wanted: bool | None) -> Any:
 
 def _declination(read: Swing, given: float | None) -> float | None:
     """The declination where the reference is true heading."""
-    from agonic.errors import AgonicError
-
     if read.reference == "magnetic":
         if given is not None:
             raise AgonicError(

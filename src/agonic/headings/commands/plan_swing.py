@@ -34,6 +34,6 @@ def swing(
 
     plan = plan_swing(headings, heel_deg=heel, noise_deg=noise_deg, terms=terms, rounds=rounds)
     compass, tilts = plan.closed
-    made = describe_plan(plan, heeled=heel is not None)
+    made = describe_plan(plan)
     forms = {".csv": lambda: make_form(compass, roll_deg=None if heel is None else tilts)}
     return finish(made, report=out, option="-o", forms=forms, as_json=as_json)

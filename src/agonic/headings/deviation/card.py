@@ -153,14 +153,16 @@ def _table(card: Deviation, step_deg: float) -> list[str]:
     head = f"{'Compass':<10}{'Deviation':>12}{'± 95 %':>8}{'Magnetic':>11}  |  "
     head += f"{'To make good':<16}{'Steer':>10}"
     lines = [head, "-" * len(head)]
-    for row in make_rows(card, step_deg):
-        band = "" if row.band is None else f"{row.band:.1f}"
-        lines.append(
-            f"{name_heading(row.heading):<10}{format_east_west(row.deviation):>12}{band:>8}"
-            f"{format_heading(row.magnetic):>11}  |  {name_heading(row.heading):<16}"
-            f"{format_heading(row.steer):>10}"
-        )
+    for name, deviation, band, magnetic, steer in map(write_row, make_rows(card, step_deg)):
+        lines.append(f"{name:<10}{deviation:>12}{band:>8}{magnetic:>11}  |  {name:<16}{steer:>10}")
     return lines
+
+
+def write_row(row: Row) -> tuple[str, str, str, str, str]:
+    """Heading, deviation, band, magnetic heading and the one to steer, in words."""
+    band = "" if row.band is None else f"{row.band:.1f}"
+    turned, steer = format_heading(row.magnetic), format_heading(row.steer)
+    return name_heading(row.heading), format_east_west(row.deviation), band, turned, steer
 
 
 def format_heading(heading_deg: float) -> str:

@@ -9,19 +9,19 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from agonic.calibration.deviation import PARAMETERS, Deviation, format_east_west, name_heading
+from agonic.calibration.deviation import PARAMETERS, Deviation
 from agonic.errors import check_choice
 from agonic.headings.deviation.card import (
     WITHOUT_STATE,
     card_text,
     describe_power,
-    format_heading,
     judge_size,
     make_coefficient_rows,
     make_rows,
     say_verdict,
+    write_row,
 )
-from agonic.headings.deviation.figures import NARROW, draw_chart, draw_picture, load_style
+from agonic.headings.deviation.figures import NARROW, draw_chart, draw_picture
 from agonic.headings.deviation.fit import DeviationFit
 from agonic.health import figure
 from agonic.readable import make_record
@@ -69,54 +69,36 @@ def card_page(
         draw_chart(result, NARROW),
         _tables(card, step_deg),
     ]
-    parts = [_state(card), _verdict(result), *([] if refused else use)]
+    parts = [_state(card), *([] if refused else use)]
+    if isinstance(result, DeviationFit):
+        word, said = say_verdict(result)
+        parts.insert(1, element("p", tables.mark(result.verdict, word), f": {said}"))
     body = markup(
         header("Compass deviation card", title or card.sensor),
         element("main", *parts, _evidence(result, details or {})),
     )
-    style = (
-        Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper]) + load_style()
-    )
+    style = Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper])
+    style += read_static("card_chart.css")
     return assemble_page(f"Deviation card: {title or card.sensor}", body, style=style)
 
 
 def _state(card: Deviation) -> Markup:
     """What the card belongs to, before anything else."""
     state = describe_power(card)
-    known = state != WITHOUT_STATE
-    return element(
-        "p",
-        "Valid only with",
-        element("strong", state),
-        class_="state" if known else "state unknown",
-    )
-
-
-def _verdict(result: Deviation | DeviationFit) -> Markup:
-    if not isinstance(result, DeviationFit):
-        return Markup("")
-    word, said = say_verdict(result)
-    return element("p", tables.mark(result.verdict, word), f": {said}")
+    kind = "state unknown" if state == WITHOUT_STATE else "state"
+    return element("p", "Valid only with", element("strong", state), class_=kind)
 
 
 def _tables(card: Deviation, step_deg: float) -> Markup:
     """What a reading means, and what to steer."""
-    made = make_rows(card, step_deg)
+    made = [write_row(row) for row in make_rows(card, step_deg)]
     reads = table(
         ["Compass reads", "Deviation", "± 95 %", "Magnetic"],
-        [
-            [
-                name_heading(r.heading),
-                format_east_west(r.deviation),
-                "" if r.band is None else f"{r.band:.1f}°",
-                format_heading(r.magnetic),
-            ]
-            for r in made
-        ],
+        [[name, off, band and f"{band}°", magnetic] for name, off, band, magnetic, _ in made],
     )
     steer = table(
         ["To make good (magnetic)", "steer (compass)"],
-        [[name_heading(r.heading), format_heading(r.steer)] for r in made],
+        [[name, steered] for name, *_, steered in made],
     )
     return element(
         "div",
@@ -128,28 +110,21 @@ def _tables(card: Deviation, step_deg: float) -> Markup:
 
 def _evidence(result: Deviation | DeviationFit, details: Mapping[str, str]) -> Markup:
     """The coefficients, and how the swing was made."""
-    fit = result if isinstance(result, DeviationFit) else None
-    card = fit.calibration if fit else result
-    assert isinstance(card, Deviation)
-    classical = fit.classical if fit else None
-    head = ["", "Least squares, °", "Eight headings, °"]
-    shown = 3 if classical else 2
-    made = [row[:shown] for row in make_coefficient_rows(card, classical)]
-    swing = {**details, **_swing(card, fit)}
-    refused = fit is not None and fit.verdict == "refused"
-    return element(
-        "div",
-        "" if refused else element("section", table(head[:shown], made)),
-        tables.definitions(swing),
-        class_="fit",
-    )
+    swing, rows = dict(details), Markup("")
+    card = result if isinstance(result, Deviation) else result.calibration
+    classical = None if isinstance(result, Deviation) else result.classical
+    if isinstance(result, Deviation) or result.verdict != "refused":
+        head = ["", "Least squares, °", "Eight headings, °"][: 3 if classical else 2]
+        made = [row[: len(head)] for row in make_coefficient_rows(card, classical)]
+        rows = element("section", table(head, made))
+    if isinstance(result, DeviationFit):
+        swing["Readings"] = str(result.n)
+    return element("div", rows, tables.definitions(swing | _swing(card)), class_="fit")
 
 
-def _swing(card: Deviation, fit: DeviationFit | None) -> dict[str, str]:
+def _swing(card: Deviation) -> dict[str, str]:
     """Numbers of the swing and where the card came from."""
     said = {}
-    if fit is not None:
-        said["Readings"] = str(fit.n)
     if card.noise_deg is not None:
         said["Scatter"] = f"{figure(card.noise_deg)}°, one reading"
     if card.largest_gap_deg is not None:
@@ -214,21 +189,17 @@ def find_remedies(card: Deviation) -> tuple[Remedy, ...]:
     if len(able) == 2:
         able.append(("both", (0, 1, 2)))
     made = (
-        Remedy(what=what, before_deg=before, after_deg=_find_largest(_without(card, places)))
+        Remedy(what=what, before_deg=before, after_deg=_find_largest(card, places))
         for what, places in able
     )
     return tuple(one for one in made if one.after_deg < before - _WORTH_DEG)
 
 
-def _without(card: Deviation, places: tuple[int, ...]) -> Deviation:
-    """The card with some of its coefficients nulled."""
+def _find_largest(card: Deviation, nulled: tuple[int, ...] = ()) -> float:
+    """The largest deviation, with some of the coefficients nulled."""
     left = np.array(card.coefficients)
-    left[list(places)] = 0.0
-    return replace(card, coefficients=left)
-
-
-def _find_largest(card: Deviation) -> float:
-    return float(np.abs(card.at(np.arange(360.0))).max())
+    left[list(nulled)] = 0.0
+    return float(np.abs(replace(card, coefficients=left).at(np.arange(360.0))).max())
 
 
 def _stands_out(card: Deviation, places: tuple[int, ...]) -> bool:

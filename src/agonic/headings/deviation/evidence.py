@@ -9,6 +9,7 @@ from scipy.special import chdtrc, fdtrc, stdtr
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import Deviation, name_heading
+from agonic.headings.deviation.readings import SwingReadings
 from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure, sort_findings
 from agonic.maths.estimation.noise.residuals import correlation_length
@@ -38,27 +39,23 @@ _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """The readings (n,), their rows (n, k), the solution, and the card made of it.
+    """The readings, their rows (n, k), the solution, and the card made of it.
 
-    `difference_deg` (n,) is the reference less the compass. `level` (5,) and `chosen` (9,) mark the
-    terms that were fitted; `weighted` says whether the robust loss was free to leave out outliers,
-    `drifting` how likely the reference drifted, `rounding_deg` the scatter that the rounding of the
-    readings alone makes, `estimated` that the reference follows a compass.
+    `level` (5,) and `chosen` (9,) mark the terms that were fitted; `weighted` says whether the
+    robust loss was free to leave out outliers, `drifting` how likely the reference drifted,
+    `estimated` that the reference follows a compass.
     """
 
-    compass_deg: Array
+    readings: SwingReadings
     rows: Array
     solved: kernel.DeviationSolution
     card: Deviation
-    difference_deg: Array
     level: Mask
     chosen: Mask
     stated_noise_deg: float | None
-    left_out: int
     weighted: bool
-    drifting: float = 0.0
-    rounding_deg: float = 0.0
-    estimated: bool = False
+    drifting: float
+    estimated: bool
 
 
 def examine(evidence: Evidence) -> tuple[Finding, ...]:
@@ -70,11 +67,9 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     spread = (_uncertain(evidence), _scatter(evidence))
     if outlier is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
-    alike = find_dependence(
-        evidence.rows, evidence.solved, evidence.difference_deg, evidence.estimated
-    )
-    smaller = (_drift(evidence), _third(evidence), alike, _check_left_out(evidence))
-    return sort_findings((_check_folded(evidence), shape, outlier, *spread, *smaller))
+    smaller = (_drift, _third, _find_dependence, _check_left_out)
+    others = (check(evidence) for check in smaller)
+    return sort_findings((_check_folded(evidence), shape, outlier, *spread, *others))
 
 
 def list_headings(headings_deg: Array) -> str:
@@ -89,7 +84,7 @@ def list_headings(headings_deg: Array) -> str:
 
 def _headings(evidence: Evidence) -> Finding | None:
     """Headings that do not go round, or too few of them."""
-    headings = swing_plan.find_visited(evidence.compass_deg)
+    headings = swing_plan.find_visited(evidence.readings.compass)
     n, terms = len(headings), evidence.card.terms
     gap = swing_plan.compute_largest_gap_deg(headings)
     amplified = swing_plan.compute_amplification(headings, evidence.level)
@@ -185,7 +180,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
     return Finding(
         "outlying headings",
         "refuse" if off >= OUTLIER_REFUSED_DEG else "check",
-        f"the reading at compass {name_heading(float(evidence.compass_deg[worst]))} is "
+        f"the reading at compass {name_heading(float(evidence.readings.compass[worst]))} is "
         f"{figure(off)}° from the curve of the others",
         "look for a mistake (east for west, a wrong digit) and steer that heading again",
     )
@@ -202,7 +197,7 @@ def _find_outlier(evidence: Evidence) -> tuple[int | None, float]:
         return None, 0.0
     free = np.maximum(1 - np.einsum("ij,jk,ik->i", rows, np.linalg.pinv(rows.T @ rows), rows), 1e-9)
     rest = np.maximum(e @ e - e**2 / free, 1e-12) / (n - k - 1)
-    rest = np.maximum(rest, evidence.rounding_deg**2)  # readings that were rounded alike
+    rest = np.maximum(rest, evidence.readings.rounding_deg**2)  # readings that were rounded alike
     t = np.abs(e) / np.sqrt(rest * free)
     worst = int(t.argmax())
     off = float(abs(e[worst]) / free[worst])
@@ -257,7 +252,7 @@ def _third(evidence: Evidence) -> Finding | None:
     """A third harmonic in the residuals of many readings: more than A to E can hold."""
     if not evidence.weighted or "D" not in evidence.card.terms:
         return None
-    psi, w = np.radians(evidence.compass_deg), evidence.solved.weights
+    psi, w = np.radians(evidence.readings.compass), evidence.solved.weights
     rows = np.column_stack([evidence.rows, np.sin(3 * psi), np.cos(3 * psi)])
     inverse = np.linalg.pinv((rows * w[:, None]).T @ rows)
     found = inverse @ (rows * w[:, None]).T @ evidence.solved.residuals
@@ -279,12 +274,12 @@ def _third(evidence: Evidence) -> Finding | None:
 
 
 def _check_left_out(evidence: Evidence) -> Finding | None:
-    if not evidence.left_out:
+    if not evidence.readings.left_out:
         return None
     return Finding(
         "incomplete readings",
         "note",
-        f"{evidence.left_out} readings lack a number and were left out",
+        f"{evidence.readings.left_out} readings lack a number and were left out",
     )
 
 
@@ -293,20 +288,15 @@ ZERO_DEG = 0.5  # rms of a deviation that sights by hand do not tell from none
 ZERO_LIKELY = 0.05
 
 
-def find_dependence(
-    rows: Array, solved: DeviationSolution, difference_deg: Array, estimated: bool
-) -> Finding | None:
-    """What tells that the reference is no other than the compass: no deviation, where there is one.
-
-    Parameters: rows (n, k) of the terms and their solution; reference less compass (n,); whether
-    the reference is known to be an estimate that follows a compass.
-    """
+def _find_dependence(evidence: Evidence) -> Finding | None:
+    """Whether the reference is no other than the compass: no deviation, where there is one."""
+    rows, solved = evidence.rows, evidence.solved
     rms = float(np.sqrt(np.mean((rows @ solved.params) ** 2)))
-    if estimated:
+    if evidence.estimated:
         what = "the reference is an estimate that follows a compass itself"
     elif rows.shape[1] == 1:
         return None
-    elif float(np.ptp(difference_deg)) <= ALIKE_DEG:
+    elif float(np.ptp(evidence.readings.difference)) <= ALIKE_DEG:
         what = "compass and reference differ by the same on every heading, to the last digit"
     elif rms <= ZERO_DEG and _is_noise(rows, solved):
         what = f"compass and reference differ by no more than noise, {figure(rms)}° rms"

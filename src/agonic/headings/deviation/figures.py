@@ -21,7 +21,7 @@ _CIRCLE_DEG = np.arange(0.0, 361.0, 2.0)
 
 @dataclass(frozen=True)
 class Layout:
-    """How a chart is laid out: its pixels, the names of its panels, how many dots and headings.
+    """How a chart is laid out: its pixels, the name of its lower panel, how many dots and headings.
 
     Where there is no margin at the right, the limits are named inside.
     """
@@ -30,32 +30,14 @@ class Layout:
     width: float
     left: float
     right: float
-    titles: tuple[str, str]
+    after: str
     most_dots: int
     step_deg: int
 
 
-WIDE = Layout(
-    "wide",
-    WIDTH,
-    LEFT,
-    RIGHT,
-    (
-        "Before: deviation of the compass",
-        "After: what the card leaves, with the 95 % band of the curve",
-    ),
-    1500,
-    45,
-)
-NARROW = Layout(
-    "narrow",
-    400.0,
-    54.0,
-    20.0,
-    ("Before: deviation of the compass", "After: what is left, and its 95 % band"),
-    500,
-    90,
-)
+LEAVES = "After: what the card leaves, with the 95 % band of the curve"
+WIDE = Layout("wide", WIDTH, LEFT, RIGHT, LEAVES, 1500, 45)
+NARROW = Layout("narrow", 400.0, 54.0, 20.0, "After: what is left, and its 95 % band", 500, 90)
 
 
 class Panel:
@@ -78,7 +60,7 @@ class Panel:
 def draw_chart(
     result: Deviation | DeviationFit, layout: Layout = WIDE, **attributes: str
 ) -> Markup:
-    """The chart as an SVG element; its colours come from `load_style`."""
+    """The chart as an SVG element; its colours come from card_chart.css."""
     card = result.calibration if isinstance(result, DeviationFit) else result
     heading, residuals = _dots(result, layout.most_dots)
     curve = card.at(_CIRCLE_DEG)
@@ -87,14 +69,12 @@ def draw_chart(
     before = Panel(layout, 34.0, 250.0, _largest(curve, measured, cap=180.0))
     after = Panel(layout, 344.0, 150.0, _largest(band, residuals, cap=30.0))
     parts = [
-        *_frame(before, layout.titles[0]),
-        *_limits(before),
+        *_frame(before, "Before: deviation of the compass"),
         _band(before, curve - band, curve + band),
         _line(before, curve, "curve"),
         _points(before, heading, measured),
         *_limit_names(before),
-        *_frame(after, layout.titles[1]),
-        *_limits(after),
+        *_frame(after, layout.after),
         _band(after, -band, band),
         _points(after, heading, residuals),
         *_limit_names(after),
@@ -118,15 +98,10 @@ def draw_picture(result: Deviation | DeviationFit) -> str:
     True
     """
     drawn = draw_chart(result, width=f"{WIDTH:g}", height="548")
-    style = element("style", Markup(load_style()))
+    style = element("style", Markup(read_static("card_chart.css")))
     ground = element("rect", width="100%", height="100%", class_="paper")
     inside = drawn.partition(">")
     return f'<svg xmlns="http://www.w3.org/2000/svg"{inside[0][4:]}>{style}{ground}{inside[2]}\n'
-
-
-def load_style() -> str:
-    """The style sheet of the chart."""
-    return read_static("card_chart.css")
 
 
 def _dots(result: Deviation | DeviationFit, most: int) -> tuple[Array, Array]:
@@ -144,32 +119,39 @@ def _largest(*shown: Array, cap: float) -> float:
     return min(1.08 * max(reach, 1.12 * LIMITS[-1][0]), cap)
 
 
+def _text(words: str, kind: str, x: float, y: float, anchor: str | None = None) -> Markup:
+    return element("text", words, class_=kind, x=x, y=y, text_anchor=anchor)
+
+
 def _frame(panel: Panel, title: str) -> list[Markup]:
-    """Title, grid and the numbers at the left."""
+    """Title, grid, the numbers at the left, and lines at the limits."""
     ticks = panel.axis.ticks(8 if panel.height > 200 else 4)
-    places = panel.down(ticks)
-    zero = float(panel.down(np.zeros(1))[0])
-    across = [f"M{panel.left:g} {at:.1f}H{panel.end:g}" for at in places]
+    across = [f"M{panel.left:g} {at:.1f}H{panel.end:g}" for at in panel.down(ticks)]
     step = float(panel.layout.step_deg)
     along = [
         f"M{x:.1f} {panel.top:g}v{panel.height:g}" for x in panel.right(np.arange(0, 361, step))
     ]
     return [
-        element("text", title, class_="title", x=panel.left, y=panel.top - 12),
+        _text(title, "title", panel.left, panel.top - 12),
         element("path", d="".join([*across, *along]), class_="grid"),
-        element("path", d=f"M{panel.left:g} {zero:.1f}H{panel.end:g}", class_="zero"),
+        _level(panel, "zero", 0.0),
         *(
-            element(
-                "text",
-                _side(float(tick)),
-                class_="tick",
-                x=panel.left - 8,
-                y=round(float(y) + 4, 1),
-                text_anchor="end",
-            )
-            for tick, y in zip(ticks, places, strict=True)
+            _text(_side(float(tick)), "tick", panel.left - 8, round(float(y) + 4, 1), "end")
+            for tick, y in zip(ticks, panel.down(ticks), strict=True)
         ),
+        *(_level(panel, _name_limit(name), limit, -limit) for limit, name in LIMITS),
     ]
+
+
+def _level(panel: Panel, kind: str, *deviations_deg: float) -> Markup:
+    """Lines across a panel."""
+    at = panel.down(np.array(deviations_deg))
+    path = "".join(f"M{panel.left:g} {y:.1f}H{panel.end:g}" for y in at)
+    return element("path", d=path, class_=kind)
+
+
+def _name_limit(name: str) -> str:
+    return "limit " + name.replace(" ", "-")
 
 
 def _side(deviation_deg: float) -> str:
@@ -182,56 +164,27 @@ def _side(deviation_deg: float) -> str:
     return f"{abs(deviation_deg):g}°{side}"
 
 
-def _limits(panel: Panel) -> list[Markup]:
-    """Lines at the limits."""
-    parts = []
-    for limit, name in LIMITS:
-        at = panel.down(np.array([limit, -limit]))
-        path = "".join(f"M{panel.left:g} {y:.1f}H{panel.end:g}" for y in at)
-        parts.append(element("path", d=path, class_="limit " + name.replace(" ", "-")))
-    return parts
-
-
 def _limit_names(panel: Panel) -> list[Markup]:
     """The limits by name, once each: in the margin, or, where there is none, on either side of
     their lines."""
-    beside = panel.layout.right > 60.0
+    beside, close = panel.layout.right > 60.0, panel.height > 200
+    shifts = (9.0 if close else 4.0, 4.0) if beside else (14.0, -5.0)
+    x, anchor = (panel.end + 6, None) if beside else (panel.end - 4, "end")
     parts = []
-    for k, (limit, name) in enumerate(LIMITS):
-        at = float(panel.down(np.array([limit]))[0])
-        close = panel.height > 200
-        shift = (9.0 if k == 0 and close else 4.0) if beside else (14.0 if k == 0 else -5.0)
-        parts.append(
-            element(
-                "text",
-                f"{limit:g}° {name}",
-                class_="limit " + name.replace(" ", "-"),
-                x=panel.end + 6 if beside else panel.end - 4,
-                y=round(at + shift, 1),
-                text_anchor=None if beside else "end",
-            )
-        )
+    for (limit, name), shift in zip(LIMITS, shifts, strict=True):
+        y = round(float(panel.down(np.array([limit]))[0]) + shift, 1)
+        parts.append(_text(f"{limit:g}° {name}", _name_limit(name), x, y, anchor))
     return parts
 
 
 def _rose(panel: Panel) -> list[Markup]:
     """Headings along the foot."""
     foot = panel.top + panel.height
-    parts = [
-        element(
-            "text",
-            "what the compass reads",
-            class_="tick",
-            x=panel.end,
-            y=foot + 50,
-            text_anchor="end",
-        )
-    ]
+    parts = [_text("what the compass reads", "tick", panel.end, foot + 50, "end")]
     for heading in range(0, 361, panel.layout.step_deg):
         x = round(float(panel.right(np.array(float(heading)))), 1)
-        degrees, point = f"{heading % 360:03d}°", POINTS[heading % 360 * 2 // 45]
-        for text, kind, y in ((degrees, "tick degrees", foot + 17), (point, "point", foot + 32)):
-            parts.append(element("text", text, class_=kind, x=x, y=y, text_anchor="middle"))
+        parts.append(_text(f"{heading % 360:03d}°", "tick degrees", x, foot + 17, "middle"))
+        parts.append(_text(POINTS[heading % 360 * 2 // 45], "point", x, foot + 32, "middle"))
     return parts
 
 

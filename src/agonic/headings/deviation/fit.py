@@ -142,11 +142,12 @@ def fit_deviation(
         "declination_deg": None if declination_deg is None else readings.declination,
         "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
     }
+    left = len(rows) > rows.shape[1]  # else nothing shows the noise of one reading
     whence = source or Input.of_array(sensor, readings.columns)
     card = Deviation(
         **_spread(solved, chosen),
         terms=terms,
-        noise_deg=known or _noise(solved),
+        noise_deg=known or (solved.noise if left else None),
         freedom=None if noise_deg and known else _freedom(solved),
         power_state=power_state,
         current_A=current_A,
@@ -158,32 +159,30 @@ def fit_deviation(
         provenance=Provenance(inputs=(whence,), settings=asked, method=CITATIONS),
     )
     evidence = Evidence(
-        compass_deg=readings.compass,
+        readings=readings,
         rows=rows,
         solved=solved,
         card=card,
-        difference_deg=readings.difference,
         level=level,
         chosen=chosen,
         stated_noise_deg=noise_deg,
-        left_out=readings.left_out,
-        rounding_deg=readings.rounding_deg,
         estimated=estimated,
         weighted=weighted,
         drifting=drift.probability,
     )
-    return _make_fit(evidence, _classical(readings))
+    return _make_fit(evidence)
 
 
-def _make_fit(evidence: Evidence, classical: Mapping[str, float] | None) -> DeviationFit:
+def _make_fit(evidence: Evidence) -> DeviationFit:
     """The fit with its findings; a refused one boasts of no accuracy."""
     solved, card, findings = evidence.solved, evidence.card, examine(evidence)
     refused = any(finding.severity == "refuse" for finding in findings)
-    asked = ask_to_return(evidence.compass_deg, card.provenance.settings["drift_deg"])
+    compass = evidence.readings.compass
+    asked = ask_to_return(compass, card.provenance.settings["drift_deg"])
     return DeviationFit(
         calibration=card,
-        classical=classical,
-        compass_deg=evidence.compass_deg,
+        classical=_classical(evidence.readings),
+        compass_deg=compass,
         deviation_deg=wrap_deg(solved.residuals + evidence.rows @ solved.params),
         residuals_deg=solved.residuals,
         weights=solved.weights,
@@ -228,12 +227,6 @@ def _solve(
     if solved.noise > known * within:
         return solved, None
     return kernel.solve(rows, difference, robust=robust, noise_deg=known), known
-
-
-def _noise(solved: kernel.DeviationSolution) -> float | None:
-    """The noise of one reading; `None` where nothing is left to see it by."""
-    left = len(solved.residuals) > len(solved.params)
-    return solved.noise if left else None
 
 
 def _spread(solved: kernel.DeviationSolution, chosen: Mask) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from agonic.report.document import Document
 from agonic.report.section import Section, Table
 
 
-def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:
-    """The headings to steer, to either side where `heeled`, and what they will tell.
+def describe_plan(plan: SwingPlan) -> Document:
+    """The headings to steer, and to which side, and what they will tell.
 
     >>> from agonic.headings.deviation import plan_swing
     >>> print("\\n".join(describe_plan(plan_swing(8)).to_text().splitlines()[-3:]))
@@ -19,7 +19,7 @@ def describe_plan(plan: SwingPlan, *, heeled: bool = False) -> Document:
       heading  0.791° corrected with the card, level
     """
     sd = {name: s for name, s in zip(PARAMETERS, plan.sd.tolist(), strict=True) if s > 0.0}
-    steered = plan.closed
+    steered, heeled = plan.closed, bool(plan.roll_deg.any())
     steps = [
         [str(k), name_heading(float(compass)), *([f"{roll:+g}°"] if heeled else []), ""]
         for k, (compass, roll) in enumerate(zip(*steered, strict=True), start=1)

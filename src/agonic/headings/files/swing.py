@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -78,13 +78,9 @@ class Swing:
     @property
     def heel(self) -> Array | None:
         """Roll (n,), or roll and pitch (n, 2), where they were noted."""
-        if self.roll_deg is None:
-            return None
-        return (
-            self.roll_deg
-            if self.pitch_deg is None
-            else np.stack([self.roll_deg, self.pitch_deg], 1)
-        )
+        if self.roll_deg is None or self.pitch_deg is None:
+            return self.roll_deg
+        return np.stack([self.roll_deg, self.pitch_deg], 1)
 
     def number(self, remark: str) -> float | None:
         """A remark that is a number, or `None` where it was not made.
@@ -130,7 +126,10 @@ def read_swing(path: Path | str) -> Swing:
     if len(numbered) < 2:
         raise LogError("a swing is a header and a row for each heading", path=path)
     separator = next((s for s in (";", "\t", ",") if s in numbered[0][1]), ",")
-    table = list(_rows(numbered, separator))
+    table = [  # each line on its own: an open quote must not take the next one
+        (number, [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])])
+        for number, line in numbered
+    ]
     columns = _columns(table[0][1], path)
     values = {name: _values(table[1:], at, name, separator, path) for name, at in columns.items()}
     return _swing(values, path, _remarks(lines))
@@ -155,13 +154,6 @@ def make_form(compass_deg: ArrayLike, *, roll_deg: ArrayLike | None = None) -> s
         rows = ["compass_deg,roll_deg,magnetic_deg"]
         rows += [f"{c:g},{r:g}," for c, r in zip(compass, tilt, strict=True)]
     return "\n".join([*head, *rows]) + "\n"
-
-
-def _rows(numbered: Sequence[tuple[int, str]], separator: str) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of each row."""
-    for number, line in numbered:  # each on its own: an open quote must not take the next one
-        row = next(csv.reader([line], delimiter=separator), [])
-        yield number, [cell.strip() for cell in row]
 
 
 def _columns(header: Sequence[str], path: Path) -> dict[str, int]:

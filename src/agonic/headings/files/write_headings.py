@@ -2,49 +2,30 @@
 
 from __future__ import annotations
 
-import csv
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.atomic import write_atomically
+from agonic.exports.csv import write_table
 from agonic.headings.result import Heading
-
-COLUMNS = (
-    "time_s",
-    "compass_deg",
-    "magnetic_deg",
-    "true_deg",
-    "sd_deg",
-    "tilt_sd_deg",
-    "disagreement_deg",
-    "sensor",
-    "flags",
-)
-"""Of the table that is written."""
 
 
 def write_headings(found: Heading, file: Path) -> Path:
     """Write a row a reading; a number that there is not is left empty."""
-    time = found.time
-    columns = (
-        [""] * len(found) if time is None else [repr(t) for t in time.tolist()],
-        _format_angles(found.compass_deg),
-        _format_angles(found.magnetic_deg),
-        _format_angles(found.true_deg),
-        _format(found.sd_deg, len(found)),
-        _format(found.tilt_sd_deg, len(found)),
-        _format(found.disagreement_deg, len(found)),
-        [found.sensors[k] for k in found.used.tolist()],
-        found.flag_names(),
-    )
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(zip(*columns, strict=True))
-    return write_atomically(file, stream.getvalue())
+    time, n = found.time, len(found)
+    table = {
+        "time_s": [""] * n if time is None else [repr(t) for t in time.tolist()],
+        "compass_deg": _format_angles(found.compass_deg),
+        "magnetic_deg": _format_angles(found.magnetic_deg),
+        "true_deg": _format_angles(found.true_deg),
+        "sd_deg": _format(found.sd_deg, n),
+        "tilt_sd_deg": _format(found.tilt_sd_deg, n),
+        "disagreement_deg": _format(found.disagreement_deg, n),
+        "sensor": [found.sensors[k] for k in found.used.tolist()],
+        "flags": found.flag_names(),
+    }
+    return write_table(table, file)
 
 
 def _format(values: Array | None, n: int) -> list[str]:

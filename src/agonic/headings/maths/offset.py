@@ -85,19 +85,10 @@ class Observed(NamedTuple):
     def subset(self, start: int, stop: int) -> Observed:
         """Moments in a row."""
         pairs = slice(start, stop - 1)
-        return Observed(
-            self.time[start:stop],
-            self.joined[pairs],
-            self.offset[start:stop],
-            self.variance[start:stop],
-            self.field_size[start:stop],
-            self.by_bias[pairs],
-            self.by_gain[pairs],
-            self.by_shared[start:stop],
-            self.bias_sd,
-            self.rest.subset(start, stop),
-            self.found,
-        )
+        own = ("time", "offset", "variance", "field_size", "by_shared")
+        kept = {name: getattr(self, name)[start:stop] for name in own}
+        kept |= {name: getattr(self, name)[pairs] for name in ("joined", "by_bias", "by_gain")}
+        return self._replace(rest=self.rest.subset(start, stop), **kept)
 
 
 class System(NamedTuple):

@@ -10,10 +10,8 @@ from agonic.arrays import Array, Index, Mask
 from agonic.calibration.monitoring import (
     DIMENSIONS,
     KEPT,
-    LASTING,
     LENGTHS,
     MEMORY,
-    NOISE_MEMORY,
     NOISE_PRIOR,
     QUIET,
     TURNED,
@@ -134,23 +132,6 @@ def learn(state: State, known: Array, rows: Mask) -> State:
         information=np.where(chosen, more, state.information),
         seen=np.where(chosen, seen, state.seen),
     )
-
-
-def average_squares(state: State, square: Array, power: Array, rows: Mask) -> State:
-    """The sums with squares per number of window means (…, 4, 2) and of blocks (…, 4, 2), of the
-    groups (…, 4) that `rows` say."""
-    fade = 1.0 - 1.0 / NOISE_MEMORY
-    chosen = rows[..., None]
-    return state._replace(
-        square=np.where(chosen, fade * state.square + square, state.square),
-        power=np.where(chosen, fade * state.power + power, state.power),
-        weight=np.where(rows, fade * state.weight + 1.0, state.weight),
-    )
-
-
-def share_of_before(state: State) -> Array:
-    """ρ (…, 4): how much of a block's residual is that of the block before."""
-    return np.clip(state.power[..., 1] / state.power[..., 0], 0.0, LASTING)
 
 
 def measure(values: Array) -> Array:

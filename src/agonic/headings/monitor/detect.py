@@ -12,6 +12,7 @@ from agonic.calibration.monitoring import (
     DIMENSIONS,
     KEPT,
     LENGTHS,
+    NOISE_MEMORY,
     ODDS,
     PASSING,
     QUIET,
@@ -21,7 +22,6 @@ from agonic.headings.monitor.baseline import (
     Block,
     S,
     State,
-    average_squares,
     describe,
     learn,
     measure,
@@ -52,7 +52,7 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
     """
     residual, regressor = describe(block, state.level, params)
     covariance, known = solve(state, params)
-    disturbed = _is_disturbed(state, block, residual, regressor, covariance, known)
+    disturbed = _is_disturbed(state, block, regressor, covariance, known)
     sound = ~(disturbed[..., None] & np.array([True, False, True, True]))[..., None]
     calm = np.asarray(~(state.since > 0).any(axis=-1))
     state = learn(state, known, calm & (state.filled == KEPT))
@@ -67,7 +67,7 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
     count = np.einsum("...gk,...kg->...g", within, state.regressor[..., :2, 0])
     change = np.einsum("...gk,...kgd->...gd", within, errors[..., :2, :])
     change = change / np.maximum(count, 1.0)[..., None]
-    odds = weigh(params, state, covariance, errors, change, within)
+    odds = weigh(params.field, state, covariance, errors, change, within)
     sure = (np.abs(odds) >= np.log(ODDS)) & (state.since > 0) & (state.named == 0)
     named = np.where(sure, np.where(odds > 0, 1, 2), state.named)
     sd = np.sqrt(own[..., :2, 1])
@@ -75,12 +75,7 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
 
 
 def _is_disturbed(
-    state: State,
-    block: Block,
-    residual: Array,
-    regressor: Array,
-    covariance: Array,
-    known: Array,
+    state: State, block: Block, regressor: Array, covariance: Array, known: Array
 ) -> Mask:
     """Whether both magnetometers feel a field that is not the place's."""
     x = regressor[..., S, :]
@@ -145,8 +140,13 @@ def _measure_noise(
     power = np.stack([measure(last), (last * before).sum(axis=-1) / np.array(DIMENSIONS)], axis=-1)
     most = (QUIET * total)[..., None]
     power = np.clip(power, -most, most) * (usual / total)[..., None]
-    full = rows & (state.filled == KEPT)
-    return average_squares(state, square, power, full[..., None] & (x[..., 0] > 0.0))
+    full = (rows & (state.filled == KEPT))[..., None] & (x[..., 0] > 0.0)
+    fade, chosen = 1.0 - 1.0 / NOISE_MEMORY, full[..., None]
+    return state._replace(
+        square=np.where(chosen, fade * state.square + square, state.square),
+        power=np.where(chosen, fade * state.power + power, state.power),
+        weight=np.where(full, fade * state.weight + 1.0, state.weight),
+    )
 
 
 def _judge(state: State, errors: Array, share: Array) -> tuple[State, Array, Array]:

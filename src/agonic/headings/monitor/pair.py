@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.base import has_two_axes
 from agonic.calibration.monitoring import derive_monitor_params
 from agonic.calibration.setup import Setup
-from agonic.headings.attitude import LEVEL, Attitude
+from agonic.headings.attitude import LEVEL
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.monitor.result import CompassFault
 from agonic.headings.monitor.watch import CompassReadings, watch_compasses
 from agonic.headings.propagation import apply_steps, list_steps
-from agonic.headings.rows import CompassRows
+from agonic.headings.rows import RowHeadings
 from agonic.maths.rotations.tilt import compute_down
 from agonic.units import RAW
 
 
 def watch_pair(
-    time: Array | None,
-    compasses: Sequence[CompassRows],
-    tilt: Attitude,
-    setup: Setup,
-    around: Surroundings,
+    time: Array | None, by_row: RowHeadings, setup: Setup, around: Surroundings
 ) -> tuple[CompassFault, ...]:
     """The faults of two compasses in a log; none where there are not two that can be compared.
 
     Where no field is expected, the medians of both are.
     """
+    tilt, compasses = by_row.tilt, by_row.compasses
     flat = tilt.source == LEVEL or any(has_two_axes(one.compass.calibration) for one in compasses)
     raw = any(one.compass.calibration.unit_out == RAW for one in compasses)
     if time is None or len(compasses) != 2 or flat or raw:
@@ -44,8 +39,7 @@ def watch_pair(
     field, down = np.stack(fields, axis=1), np.stack(downs, axis=1)
     there = np.isfinite(field).all(axis=(1, 2)) & np.isfinite(down).all(axis=(1, 2))
     for one in compasses:
-        if one.readings.missing is not None:
-            there &= ~one.readings.missing
+        there &= ~one.readings.missing
     if not there.any():
         return ()
     if around.horizontal is None or around.vertical is None:

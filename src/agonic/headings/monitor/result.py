@@ -63,6 +63,4 @@ class CompassFault:
 
     def values(self) -> dict[str, Any]:
         """The same for JSON."""
-        names = ("unit", "sensor", "use", "began_s", "began_sd_s", "seen_s", "named_s", "ended_s")
-        said = {name: getattr(self, name) for name in names}
-        return said | {"change": self.change.tolist(), "sd": self.sd}
+        return vars(self) | {"change": self.change.tolist()}

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.setup import Compass
 from agonic.headings.attitude import RECORDED_SD_DEG, Attitude
-from agonic.headings.compass_heading import Indication, Readings, find_latency_sd
+from agonic.headings.compass_heading import find_latency_sd
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.lean import find_lean_covariance
 from agonic.headings.maths.offset import GYRO
 from agonic.headings.propagation import apply_steps, list_steps, propagate_parts
+from agonic.headings.rows import CompassRows, RowHeadings
 from agonic.headings.smoothing.moments import Moments
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
@@ -29,17 +26,8 @@ STEEPEST = 10.0
 """Tangent of the dip that is reckoned with at most."""
 
 
-class TrustedCompass(NamedTuple):
-    """A compass with its readings, what it indicates, and the rows (n,) that may be relied on."""
-
-    compass: Compass
-    readings: Readings
-    indicated: Indication
-    sound: Mask
-
-
 def list_compass_errors(
-    one: TrustedCompass, attitude: Attitude, rate: Array, rows: Index
+    one: CompassRows, attitude: Attitude, rate: Array, rows: Index
 ) -> tuple[Array, Array]:
     """What errors of the calibration (N, k), and being late (N, 1), add at some rows, rad.
 
@@ -67,7 +55,11 @@ def follow_axes(axes: Array, moments: Moments, settling_s: float) -> Array:
     if not settling_s:
         return axes
     parts = zip(np.split(axes, moments.cuts), np.split(moments.time, moments.cuts), strict=True)
-    return np.concatenate([_low_pass(own, time, settling_s) for own, time in parts])
+    felt = (
+        low_pass(own, float(np.median(np.diff(time))), settling_s) if len(time) > 3 else own
+        for own, time in parts
+    )
+    return np.concatenate(list(felt))
 
 
 def list_tilt_errors(lean: Array, steep: Array) -> Array:
@@ -79,18 +71,6 @@ def list_tilt_errors(lean: Array, steep: Array) -> Array:
     Parameters: `lean` (N, 3, 3) by `follow_axes`; tangents of the dip (N,).
     """
     return np.asarray(np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1])
-
-
-def find_lean_sd(attitude: Attitude) -> float:
-    """How far the sensor of the tilt leans, rad: as stated or assumed, or as the dip shows."""
-    own = attitude.stated_sd or float(np.radians(RECORDED_SD_DEG))
-    return min(float(np.sqrt(np.nanmedian(attitude.variance))), own)
-
-
-def _low_pass(values: Array, time: Array, settling_s: float) -> Array:
-    if len(time) < 4:
-        return values
-    return low_pass(values, float(np.median(np.diff(time))), settling_s)
 
 
 def find_sensor_lean(
@@ -114,7 +94,10 @@ def find_sensor_lean(
     steep = np.nanmedian(np.abs(parts[1] / np.maximum(parts[0], 1e-9)))
     other = float(np.sqrt(np.mean((columns**2).sum(axis=1))) / np.hypot(1.0, steep))
     good = np.isfinite(variance) & np.isfinite(off)
-    return find_lean_covariance(moments.time, off, lean[:, 0], good, find_lean_sd(attitude), other)
+    # how far it leans as stated or assumed, or as the dip shows
+    stated = attitude.stated_sd or float(np.radians(RECORDED_SD_DEG))
+    sd = min(float(np.sqrt(np.nanmedian(attitude.variance))), stated)
+    return find_lean_covariance(moments.time, off, lean[:, 0], good, sd, other)
 
 
 def turn_by_tilt(attitude: Attitude, lean: Array, steep: Array) -> float:
@@ -146,22 +129,13 @@ def measure_disturbance(
     return np.asarray(square / np.mean(square[told > 0]))
 
 
-def count_found(told: int, attitude: Attitude) -> int:
-    """How many of the shared errors are found: the gyro's gain, and the calibration's errors among
-    the first `told` only beside a tilt of our own, whose lasting errors are listed. Those of a
-    recorded tilt last as the filter that made it pleases, and would be taken for the compass's."""
-    return told if attitude.source == "gyro" else GYRO
-
-
-def list_shared_errors(
-    seen: Sequence[TrustedCompass], used: Index, attitude: Attitude, rate: Array, rows: Index
-) -> tuple[Array, Array]:
+def list_shared_errors(by_row: RowHeadings, rate: Array, rows: Index) -> tuple[Array, Array]:
     """What errors that the rows (N,) of a compass share, and those of the gyro, do to the heading:
     (N, k), and that of the delay (N, 1), radians for one standard deviation of each."""
     columns, delay = [np.zeros((len(rows), GYRO))], np.zeros((len(rows), 1))
-    for k, one in enumerate(seen):
-        own, late = list_compass_errors(one, attitude, rate, rows)
-        mine = (used[rows] == k)[:, None]
+    for k, one in enumerate(by_row.compasses):
+        own, late = list_compass_errors(one, by_row.tilt, rate, rows)
+        mine = (by_row.used[rows] == k)[:, None]
         delay += np.where(mine, late, 0.0)
         columns.append(np.where(mine, own, 0.0))
     return np.hstack(columns), delay

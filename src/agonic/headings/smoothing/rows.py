@@ -6,17 +6,16 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.setup import Setup
 from agonic.headings.attitude import UNSURE_DEG
+from agonic.headings.compass_heading import pick_used
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
 from agonic.headings.rates import find_rate_mounting
 from agonic.headings.result import SMOOTHED
-from agonic.headings.rows import CompassRows, RowHeadings
-from agonic.headings.smoothing.errors import TrustedCompass
+from agonic.headings.rows import RowHeadings
 from agonic.headings.smoothing.smooth import SmoothedHeading, find_shown_axes, smooth_headings
 from agonic.health.finding import figure
 from agonic.maths.equation.symmetric import unpack_symmetric
@@ -27,9 +26,6 @@ BETTER = 0.8
 """The tilt by rates without the bias that was found is taken where its sd falls to this share."""
 CORRECTIONS = 2
 """Times that the tilt is found anew."""
-SOUND_S = 5.0
-"""A row is relied on where most of those within this time are as they should be."""
-SOUND_SHARE = 0.8
 _IN_MOTION = ("gyro", "log")
 """Sources of tilt that follow a vehicle in motion."""
 
@@ -49,11 +45,8 @@ def smooth_rows(
     if first.time is None or first.rotation_rate is None:
         return by_row, None, ()
     if by_row.tilt.source not in _IN_MOTION:
-        return (
-            by_row,
-            None,
-            (_explain_kept(f"tilt from the {by_row.tilt.source} does not follow the motion"),),
-        )
+        why = f"tilt from the {by_row.tilt.source} does not follow the motion"
+        return by_row, None, (_explain_kept(why),)
     turn = find_rate_mounting(first, setup, by_row.compasses[0].compass.calibration)
     own = first
     for _ in range(CORRECTIONS if by_row.tilt.source == "gyro" else 0):
@@ -86,8 +79,8 @@ _TOO_LITTLE = _explain_kept("too few readings are undisturbed")
 def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask], tuple[str, ...]]:
     """Flags without those of readings where the gyro knows the heading to 5° all the same."""
     known = np.isfinite(sd_deg) & (sd_deg < UNSURE_DEG)
-    doubted = flags["disturbed"] | flags["no reading"] | flags["disagreement"]
-    spared = {"disturbed", "no reading", "disagreement"}
+    spared = ("disturbed", "no reading", "disagreement")
+    doubted = np.logical_or.reduce([flags[name] for name in spared])
     left = {name: rows & ~known if name in spared else rows for name, rows in flags.items()}
     share = float((doubted & known).mean())
     notes = (f"the gyro bridges {100 * share:.1f} % of the rows: disturbed",) * (share > 0)
@@ -97,8 +90,7 @@ def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask]
 def _typical_sd(by_row: RowHeadings, rows: Mask) -> float:
     """The median standard error of rows each by itself."""
     each = [one.indicated.random + one.indicated.systematic for one in by_row.compasses]
-    variance = np.take_along_axis(np.stack(each), by_row.used[None], 0)[0]
-    return float(np.nanmedian(np.sqrt(variance[rows])))
+    return float(np.nanmedian(np.sqrt(pick_used(by_row.used, each)[rows])))
 
 
 def _smooth(
@@ -112,19 +104,8 @@ def _smooth(
     assert own.time is not None
     assert own.rotation_rate is not None
     settling = setup.settling_s if by_row.tilt.source == "gyro" else 0.0
-    seen = [_rely_on(one, own.time) for one in by_row.compasses]
-    rate = own.rotation_rate @ turn.T
-    found = smooth_headings(
-        own.time,
-        rate,
-        by_row.tilt,
-        seen,
-        by_row.used,
-        around,
-        settling,
-        sizes,
-        own.acceleration,
-    )
+    rate, force = own.rotation_rate @ turn.T, own.acceleration
+    found = smooth_headings(own.time, rate, force, by_row, around, settling, sizes)
     if found is None:
         return None
     # a nose that points up turns its heading by a tilt aside, over cos pitch
@@ -140,20 +121,10 @@ def _by_deviation(by_row: RowHeadings) -> Array:
     for one in by_row.compasses:
         card = one.compass.deviation
         level = np.nan_to_num(one.indicated.compass_deg)
-        known = card is not None and card.covariance is not None
         zero = 0.0 * level
+        known = card is not None and card.covariance is not None
         each.append(card.sd_at(level, zero, zero) ** 2 if card is not None and known else zero)
-    return np.asarray(np.take_along_axis(np.stack(each), by_row.used[None], 0)[0])
-
-
-def _rely_on(one: CompassRows, time: Array) -> TrustedCompass:
-    """The compass with the rows whose field, and that of most rows about, is the expected one."""
-    sound = np.ones(len(time), dtype=bool) if one.distance is None else one.distance <= 1.0
-    if one.readings.missing is not None:
-        sound = sound & ~one.readings.missing
-    width = max(round(SOUND_S / float(np.median(np.diff(time)))), 1)
-    share = uniform_filter1d(sound.astype(np.float64), width, mode="nearest")
-    return TrustedCompass(one.compass, one.readings, one.indicated, sound & (share >= SOUND_SHARE))
+    return pick_used(by_row.used, each)
 
 
 def _correct_rates(

@@ -8,13 +8,12 @@ whose magnitude or dip is off is as likely to be off across, so such readings co
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Array, Mask
 from agonic.headings.attitude import Attitude
 from agonic.headings.compass_heading import pick_used
 from agonic.headings.expected_field import Surroundings
@@ -34,9 +33,8 @@ from agonic.headings.maths.offset import (
     solve,
 )
 from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
+from agonic.headings.rows import CompassRows, RowHeadings
 from agonic.headings.smoothing.errors import (
-    TrustedCompass,
-    count_found,
     find_sensor_lean,
     follow_axes,
     list_shared_errors,
@@ -72,6 +70,9 @@ FOLLOWED_S = 10.0
 STEADY_S = 5.0
 """What errors that last do within that is not looked at: where a vehicle rocks, errors of the tilt
 and of the model do the same."""
+SOUND_S = 5.0
+"""A row is relied on where most of those within this time are as they should be."""
+SOUND_SHARE = 0.8
 _ROUNDS = 5
 _SIZED = (1, 3)  # rounds that find the sizes anew
 
@@ -90,30 +91,28 @@ class SmoothedHeading(NamedTuple):
 def smooth_headings(
     time: Array,
     rate: Array,
-    attitude: Attitude,
-    seen: Sequence[TrustedCompass],
-    used: Index,
+    force: Array | None,
+    by_row: RowHeadings,
     around: Surroundings,
     settling_s: float,
-    sizes: Sizes | None = None,
-    force: Array | None = None,
+    sizes: Sizes | None,
 ) -> SmoothedHeading | None:
     """The headings by compass and gyro together, or `None` where there is too little of them.
 
-    Parameters: time (n,); `rate` (n, 3), rad/s in body axes; `used` (n,) the compass of each row;
-    `settling_s` of the filter that the tilt is from, 0 where it is from none; `sizes` where they
-    are not to be found; `force` (n, 3), m/s², which tells with the rates where the log is at rest.
+    Parameters: time (n,); `rate` (n, 3), rad/s in body axes; `force` (n, 3), m/s², which tells with
+    the rates where the log is at rest; what each row says by itself; `settling_s` of the filter
+    that the tilt is from, 0 where it is from none; `sizes` where they are not to be found.
     """
-    n = len(time)
+    n, attitude = len(time), by_row.tilt
     level = np.broadcast_to(level_axes(attitude.tilt, attitude.order), (n, 3, 3))
     moments = put_together(time, np.asarray(np.isfinite(level).all(axis=(1, 2))))
     if moments is None:
         return None
     known = np.zeros(3) if attitude.gyro_bias is None else attitude.gyro_bias
     carried = carry(time, rate - known, level, moments)
-    each = [(s.indicated.magnetic_deg, s.sound, *s.indicated[2:3], *s.indicated[4:]) for s in seen]
-    magnetic, sound, random, horizontal, vertical = (
-        pick_used(used, values) for values in zip(*each, strict=True)
+    each = [(*one.indicated, _find_sound(one, time)) for one in by_row.compasses]
+    _, magnetic, random, _, horizontal, vertical, sound = (
+        pick_used(by_row.used, values) for values in zip(*each, strict=True)
     )
     sound = sound & np.isfinite(magnetic) & np.isfinite(random)
     noise = np.radians(np.radians(random))
@@ -122,13 +121,13 @@ def smooth_headings(
         return None
     rows = moments.rows[moments.middle]
     heading = carried.heading[moments.middle] + observed.offset
-    columns, delay = list_shared_errors(seen, used, attitude, rate, rows)
+    columns, delay = list_shared_errors(by_row, rate, rows)
     steep = vertical[rows] / np.maximum(horizontal[rows], 1e-9)
     lean = follow_axes(_turn(level[rows], heading), moments, settling_s)
+    parts = (horizontal, vertical)
     found_lean = find_sensor_lean(
-        columns, lean, observed.variance, (horizontal, vertical),
-        around, attitude, moments,
-    )  # fmt: skip
+        columns, lean, observed.variance, parts, around, attitude, moments
+    )
     by_lean = np.nan_to_num(list_tilt_errors(lean, steep))
     columns = np.hstack([columns, by_lean @ np.linalg.cholesky(found_lean)])
     shared = moments.smooth(np.nan_to_num(columns), STEADY_S)
@@ -138,7 +137,9 @@ def smooth_headings(
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
         bias_sd=_find_bias_sd(attitude),
-        found=count_found(shared.shape[1] - 3, attitude),
+        # of the calibration only beside a tilt of our own, whose lasting errors are listed: those
+        # of a recorded tilt last as the filter that made it pleases, and would be taken for them
+        found=shared.shape[1] - 3 if attitude.source == "gyro" else GYRO,
         rest=_find_rest(time, rate - known, force, heading, observed, moments),
     )
     by_tilt = turn_by_tilt(attitude, found_lean, steep)
@@ -154,6 +155,15 @@ def smooth_headings(
         GAIN_SD * gain,
         sizes,
     )
+
+
+def _find_sound(one: CompassRows, time: Array) -> Mask:
+    """The rows whose field, and that of most rows about, is the expected one."""
+    sound = np.ones(len(time), dtype=bool) if one.distance is None else one.distance <= 1.0
+    sound = sound & ~one.readings.missing
+    width = max(round(SOUND_S / float(np.median(np.diff(time)))), 1)
+    share = uniform_filter1d(sound.astype(np.float64), width, mode="nearest")
+    return np.asarray(sound & (share >= SOUND_SHARE))
 
 
 def _find_rest(

@@ -6,57 +6,49 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agonic.console.options import (
-    Altitude,
-    At,
-    Between,
-    Date,
-    Elements,
-    Json,
-    Out,
-    Report,
-    Robust,
-    Scalar,
-    SensorChoice,
-    WorldModel,
-)
+import typer
+
+from agonic.console import options
 from agonic.console.parse import parse_count, parse_numbers
 from agonic.console.sensors import open_sensor
 
 if TYPE_CHECKING:
     from agonic.inflight.fit import InflightFit
-    from agonic.reference import Reference
-    from agonic.samples import Samples
 
 
 MOST_ROWS = 2_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
 
 
+_IN_MEMORY = ("--model", "--altitude", "--tle", "--at", "--between", "--within", "--attitude")
+"""Options of a record that is read as a whole."""
+
+
 def inflight(
+    context: typer.Context,
     logs: list[Path],
-    out: Out = None,
+    out: options.Out = None,
     ground: Path | None = None,
     solve: str | None = None,
     knots: str = "auto",
     latitudes: str | None = None,
-    scalar: Scalar = None,
+    scalar: options.Scalar = None,
     attitude: str = "none",
     temperature: int = 0,
     matrix_rate: bool = False,
     sources: str = "",
     within: float | None = None,
-    which: SensorChoice = SensorChoice(),
-    at: At = None,
-    date: Date = None,
-    model: WorldModel = None,
-    altitude: Altitude = None,
-    tle: Elements = None,
+    which: options.SensorChoice = options.SensorChoice(),
+    at: options.At = None,
+    date: options.Date = None,
+    model: options.WorldModel = None,
+    altitude: options.Altitude = None,
+    tle: options.Elements = None,
     gain_sd: float = 0.01,
-    robust: Robust = True,
-    between: Between = None,
-    report: Report = None,
-    as_json: Json = False,
+    robust: options.Robust = True,
+    between: options.Between = None,
+    report: options.Report = None,
+    as_json: options.Json = False,
 ) -> int:
     """Bias, gains or all nine numbers from the known field along the track.
 
@@ -77,8 +69,9 @@ def inflight(
     """
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, is_folder
-    from agonic.console.place import set_track
+    from agonic.console.place import find_reference, find_scalar_reference, set_track
     from agonic.errors import AgonicError
+    from agonic.field.decimal_year import parse_date
     from agonic.files.calibration import load
     from agonic.inflight.fit import fit_inflight
     from agonic.inflight.report.document import describe_inflight
@@ -105,41 +98,26 @@ def inflight(
         "robust": robust,
     }
     if is_long(logs, MOST_ROWS):
-        given = {
-            "--model": model,
-            "--altitude": altitude,
-            "--tle": tle,
-            "--at": at,
-            "--between": between,
-            "--within": within,
-        }
-        given["--attitude"] = None if attitude == "none" else attitude
-        unfit = [name for name, value in given.items() if value is not None]
+        unfit = [name for name in _IN_MEMORY if name in options.list_typed_options(context)]
         if unfit:
             raise AgonicError(f"a mission is read piece by piece, without {', '.join(unfit)}")
         fit, samples = _mission(logs, which, date, scalar, settings), None
     else:
         more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
-        samples = set_track(_samples(logs[0], which, between, date), altitude, tle)
-        reference = _reference(samples, at, date, scalar, model)
+        samples = open_sensor(logs[0], *which, between)
+        if date is not None and samples.epoch is None:
+            samples = samples.with_columns(epoch=parse_date(date))
+        samples = set_track(samples, altitude, tle)
+        reference = find_scalar_reference(samples, scalar)
+        reference = reference or find_reference(samples, at, date, None, model)[0]
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
     return finish(document, out=out, report=report, as_json=as_json)
 
 
-def _samples(log: Path, which: SensorChoice, between: str | None, date: str | None) -> Samples:
-    """The readings of one recording, with the date that was given where it has none."""
-    from agonic.field.decimal_year import parse_date
-
-    samples = open_sensor(log, *which, between)
-    if date is None or samples.epoch is not None:
-        return samples
-    return samples.with_columns(epoch=parse_date(date))
-
-
 def _mission(
     logs: list[Path],
-    which: SensorChoice,
+    which: options.SensorChoice,
     date: str | None,
     scalar: bool | None,
     settings: dict[str, Any],
@@ -154,12 +132,3 @@ def _mission(
         scalar = next(mission.pieces()).scalar is not None
     with counting(mission.rows) as progress:
         return fit_mission(mission, scalar=scalar, progress=progress, **settings)
-
-
-def _reference(
-    samples: Samples, at: str | None, date: str | None, scalar: bool | None, model: str | None
-) -> Reference | None:
-    from agonic.console.place import find_reference, find_scalar_reference
-
-    scalar_reference = find_scalar_reference(samples, scalar)
-    return scalar_reference or find_reference(samples, at, date, None, model)[0]

@@ -52,27 +52,22 @@ def track(
     from agonic.atomic import write_atomically
     from agonic.console.output import print_json, say
     from agonic.inflight.report.tracking_document import describe_tracking
-    from agonic.inflight.tracking import Tracker
 
     settings = {
         "solve": solve, "walk": walk, "noise": noise, "external_sd": external, "gyro": gyro
     }  # fmt: skip
-    if state.exists():
-        tracker = Tracker.resume(state)
-        other = _others(tracker, ground, settings)
-        if other:
-            raise AgonicError(
-                f"{state} was started with another {', '.join(other)}; leave that out, or name "
-                "another state to start anew"
-            )
-        rows, samples = _usable(open_sensor(log, *which, preferred=tracker.state.base.sensor))
-        beside_gyro = tracker.state.turn is not None
-        reference = _reference(samples, place, scalar, needed=not beside_gyro)
-    else:
-        rows, samples = _usable(open_sensor(log, *which))
-        turning = gyro is not False and samples.rotation_rate is not None
-        reference = _reference(samples, place, scalar, needed=not turning)
-        tracker = _start_tracker(samples, reference, ground, settings)
+    resumed = _resume(state, ground, settings) if state.exists() else None
+    preferred = "" if resumed is None else resumed.state.base.sensor
+    samples = open_sensor(log, *which, preferred=preferred)
+    rows = len(samples)
+    if samples.flagged is not None:
+        if samples.flagged.all():
+            raise AgonicError(f"all {rows} readings are flagged; there is nothing to follow")
+        samples = samples.select(samples.flagged == 0)
+    turning = gyro is not False and samples.rotation_rate is not None
+    beside_gyro = turning if resumed is None else resumed.state.turn is not None
+    reference = _reference(samples, place, scalar, needed=not beside_gyro)
+    tracker = resumed or _start_tracker(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
     found = None
     if new.any():
@@ -92,13 +87,14 @@ def track(
     return 0 if document.good else 1
 
 
-def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> list[str]:
-    """What is asked for and is not what the tracker was started with."""
+def _resume(state: Path, ground: Path | None, settings: dict[str, Any]) -> Tracker:
+    """The tracker of a state, unless something else is asked for than it was started with."""
     import numpy as np
 
     from agonic.files.calibration import load
-    from agonic.inflight.tracking import start
+    from agonic.inflight.tracking import Tracker, start
 
+    tracker = Tracker.resume(state)
     asked = {name: value for name, value in settings.items() if value is not None}
     walk = asked.pop("walk", AUTO)
     if walk != AUTO:
@@ -110,17 +106,13 @@ def _others(tracker: Tracker, ground: Path | None, settings: dict[str, Any]) -> 
             np.array_equal(begun.bias, base.bias) and np.array_equal(begun.matrix, base.matrix)
         ):
             other.append("ground")
-    return [name.removesuffix("_sd") for name in other]
-
-
-def _usable(samples: Samples) -> tuple[int, Samples]:
-    """How many rows there are, and those that are not flagged."""
-    rows = len(samples)
-    if samples.flagged is not None:
-        if samples.flagged.all():
-            raise AgonicError(f"all {rows} readings are flagged; there is nothing to follow")
-        samples = samples.select(samples.flagged == 0)
-    return rows, samples
+    if other:
+        named = ", ".join(name.removesuffix("_sd") for name in other)
+        raise AgonicError(
+            f"{state} was started with another {named}; leave that out, or name another state to "
+            "start anew"
+        )
+    return tracker
 
 
 def _reference(

@@ -10,13 +10,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.inflight.fit.terms import Terms
-from agonic.inflight.maths.correlated_errors import (
-    STRETCHES,
-    CorrelatedError,
-    Sums,
-    compute_scatter,
-    find_correlated_errors,
-)
+from agonic.inflight.maths import correlated_errors
 from agonic.inflight.maths.residuals import Layout, Rows, Source, residual_pieces, turn_directions
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import Noise
@@ -40,7 +34,7 @@ class Estimate(NamedTuple):
     noise: dict[str, Noise]
     sds: dict[str, float]
     residuals: dict[str, Array]
-    errors: dict[str, tuple[CorrelatedError, ...]]
+    errors: dict[str, tuple[correlated_errors.CorrelatedError, ...]]
     held_out: dict[int, float]
 
     @property
@@ -53,12 +47,10 @@ class Estimate(NamedTuple):
         return np.asarray(np.minimum.reduce(weights))
 
 
-class RobustCovariance(NamedTuple):
-    """A covariance, and by kind how many readings count as one and the correlated errors."""
-
-    covariance: Array
-    correlation: dict[str, float]
-    errors: dict[str, tuple[CorrelatedError, ...]]
+def compute_mean_correlation(noise: dict[str, Noise]) -> float:
+    """One length for all kinds, so that they are weighted by their noise alone: how long errors
+    last is known too poorly to choose between kinds, but each has its own in the covariance."""
+    return float(np.mean([of.correlation for of in noise.values()]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +64,7 @@ class Clock:
     @classmethod
     def of(cls, start: float, stop: float, step_s: float) -> Clock:
         """At most `STRETCHES` of at least `step_s`."""
-        step = max((stop - start) / STRETCHES, step_s)
+        step = max((stop - start) / correlated_errors.STRETCHES, step_s)
         return cls(start=start, step_s=step, count=int((stop - start) / step) + 2)
 
     def stretch(self, time: Array) -> Index:
@@ -82,49 +74,46 @@ class Clock:
 
 def compute_covariance(
     source: Source,
-    params: Array,
-    layout: Layout,
-    noise: dict[str, Noise],
-    sds: dict[str, float],
+    estimate: Estimate,
     information: Array,
-    mean_correlation: float,
     clock: Clock,
-    local: Array,
     *,
     earth_fixed: bool,
-    assumed: Sequence[CorrelatedError] = (),
-) -> RobustCovariance:
-    """The covariance at the minimum, one more pass a kind.
+    assumed: Sequence[correlated_errors.CorrelatedError] = (),
+) -> Estimate:
+    """The estimate with its covariance at the minimum, by one more pass a kind, and of each kind
+    how many readings count as one, and the correlated errors.
 
-    Parameters: `sds` as `compute_residuals` takes them; `information` (m, m) the prior's;
-    `mean_correlation`, how many readings counted as one when the data were weighed against it (the
-    effective sample size is n over it); `local` (m, m), which makes columns of the Jacobian zero
-    where they are far from their spline (see `Terms.localise`); `earth_fixed`, whether rows know
-    the direction of the field in Earth-fixed axes; `assumed`, errors of the magnitude that its
-    residuals need not show.
+    Parameters: `information` (m, m) the prior's; `earth_fixed`, whether rows know the direction of
+    the field in Earth-fixed axes; `assumed`, errors of the magnitude that its residuals need not
+    show.
 
-    With D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the scatter of its gradient by noise,
-    which need not be the same everywhere, and E_c by correlated errors:
+    With ν how many readings counted as one when the data were weighed against the prior (the
+    effective sample size is n over it), D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the
+    scatter of its gradient by noise, which need not be the same everywhere, and E_c by correlated
+    errors:
 
         A = Σ D_c/ν + H,   B = Σ (S_c + E_c)/ν² + H,   covariance A⁻¹BA⁻¹.
     """
     bread, white, errors = information.copy(), {}, {}
     extra: dict[str, Array] = {}
+    layout, noise, params = estimate.layout, estimate.noise, estimate.solution.params
+    mean_correlation = compute_mean_correlation(noise)
+    # columns of the Jacobian are zero where they are far from their spline
+    local = estimate.terms.localise(layout.constants, layout.parameters)
     back = np.linalg.inv(local)
     for kind, of in noise.items():
-        sums, normal, squares = _sum_stretches(
-            source, kind, params, layout, of, sds[kind], clock, local,
-            earth_fixed and kind == "magnitude",
-        )  # fmt: skip
+        earth = earth_fixed and kind == "magnitude"
+        sums, normal, squares = _sum_stretches(source, kind, estimate, clock, local, earth)
         curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
         freedom = normal.total / max(normal.total - len(params), 1)
         bread += normal.information * curved / mean_correlation
         white[kind] = freedom * squares / of.sd**4
-        errors[kind] = find_correlated_errors(
+        errors[kind] = correlated_errors.find_correlated_errors(
             sums, of.sd**2, clock.step_s, () if kind == "magnitude" else (TURN,)
         )
         scattering = [*_share_turns(errors[kind], kind), *(assumed if kind == "magnitude" else ())]
-        scatter = compute_scatter(sums, scattering, clock.step_s)
+        scatter = correlated_errors.compute_scatter(sums, scattering, clock.step_s)
         extra[kind] = back.T @ scatter @ back / of.sd**4
     inverse = leastsq.inverse(bread)
     plain = {kind: inverse @ (part / mean_correlation**2) @ inverse for kind, part in white.items()}
@@ -135,10 +124,16 @@ def compute_covariance(
         for kind in noise
     }
     total = np.sum([*plain.values(), *added.values(), inverse @ information @ inverse], axis=0)
-    return RobustCovariance((total + total.T) / 2, correlation, errors)
+    return estimate._replace(
+        solution=estimate.solution._replace(covariance=(total + total.T) / 2),
+        noise={kind: of._replace(correlation=correlation[kind]) for kind, of in noise.items()},
+        errors=errors,
+    )
 
 
-def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[CorrelatedError]:
+def _share_turns(
+    errors: Sequence[correlated_errors.CorrelatedError], kind: str
+) -> list[correlated_errors.CorrelatedError]:
     """The errors as they scatter both kinds across the field together.
 
     A turn of the attitude is one and the same in azimuth and dip. The scatter of a sum of two is at
@@ -149,20 +144,13 @@ def _share_turns(errors: Sequence[CorrelatedError], kind: str) -> list[Correlate
 
 
 def _sum_stretches(
-    source: Source,
-    kind: str,
-    params: Array,
-    layout: Layout,
-    noise: Noise,
-    sd: float,
-    clock: Clock,
-    local: Array,
-    earth_fixed: bool,
-) -> tuple[Sums, leastsq.Normal, Array]:
+    source: Source, kind: str, estimate: Estimate, clock: Clock, local: Array, earth_fixed: bool
+) -> tuple[correlated_errors.Sums, leastsq.Normal, Array]:
     """Sums over stretches, those of the solver, and Σ (w r)² J Jᵀ, in one pass."""
+    params, noise = estimate.solution.params, estimate.noise[kind]
     squares = np.zeros((len(params), len(params)))
     magnitude = kind == "magnitude"
-    sums = Sums.empty(
+    sums = correlated_errors.Sums.empty(
         clock.count, len(params), (1, 3, 3) if earth_fixed or not magnitude else (1, 3)
     )
 
@@ -178,6 +166,6 @@ def _sum_stretches(
         squares[:] += onto.T @ (scored.T @ scored) @ onto
         sums.add(clock.stretch(rows.time), weights, residuals, jacobian, directions, onto @ local)
 
-    seen = residual_pieces(source, kind, layout, sd, watch)
+    seen = residual_pieces(source, kind, estimate.layout, estimate.sds[kind], watch)
     normal = leastsq.accumulate(seen, params, noise.loss, noise.sd, keep=False)
     return sums, normal, squares

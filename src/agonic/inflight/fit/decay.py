@@ -26,7 +26,8 @@ _STEP = 0.05
 def follow_commands(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]:
     """Problem and estimate with a field that follows the torquers among the sources, where that
     takes away what was larger after switches."""
-    commands = _list_plain_commands(problem)
+    taken = problem.settings.sources
+    commands = tuple(name for name in taken if name in problem.torquers.commands)
     settling_s = _measure_settling_s(problem, estimate) if commands else 0.0
     if not settling_s:
         return problem, estimate
@@ -73,11 +74,6 @@ def _measure_settling_s(problem: Problem, estimate: Estimate) -> float:
     return find_settling_s(since, estimate.residuals["magnitude"], step)
 
 
-def _list_plain_commands(problem: Problem) -> tuple[str, ...]:
-    """The sources that are commands of torquers as they are."""
-    return tuple(name for name in problem.settings.sources if name in problem.torquers.commands)
-
-
 def _follow(problem: Problem, commands: Sequence[str], constant_s: float) -> Problem:
     """The problem in which the field follows the commands with a time constant."""
     sources = tuple(
@@ -95,7 +91,8 @@ def _measure_move(
     """How far the record wants the time constant moved, s, and the standard error."""
     by = _STEP * constant_s
     before, here, after = (
-        _restore(problem, commands, one) for one in (constant_s - by, constant_s, constant_s + by)
+        restore(problem.samples.columns(), dict.fromkeys(commands, Timing(time_constant_s=-one)))
+        for one in (constant_s - by, constant_s, constant_s + by)
     )
     parts = {f"{name}_part": here[name] for name in commands}
     slopes = {f"{name}_slope": (after[name] - before[name]) / (2 * by) for name in commands}
@@ -106,11 +103,6 @@ def _measure_move(
     settings = replace(problem.settings, sources=(*others, *parts, *slopes))
     _, found = find_estimate(replace(problem, samples=samples, settings=settings))
     return _compare(found, len(commands))
-
-
-def _restore(problem: Problem, commands: Sequence[str], constant_s: float) -> dict[str, Array]:
-    timing = dict.fromkeys(commands, Timing(time_constant_s=-constant_s))
-    return restore(problem.samples.columns(), timing)
 
 
 def _compare(found: Estimate, count: int) -> tuple[float, float]:

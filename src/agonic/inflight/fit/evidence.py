@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
-from agonic.inflight.fit.bias_step import MANY, judge_step
-from agonic.inflight.fit.ground_axes import judge_ground_axes
+from agonic.inflight.fit import likely_causes
+from agonic.inflight.fit.bias_doubts import MANY, judge_ground_axes, judge_step
 from agonic.inflight.fit.ground_errors import states_covariance
-from agonic.inflight.fit.likely_causes import (
-    EARTH_RADIUS_M,
-    LOWEST_ORBIT_M,
-    find_impossible_track,
-    find_likely_cause,
-)
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import find_start, fit_rows
 from agonic.inflight.fit.terms import DEGREE
@@ -41,22 +35,19 @@ def swings_with_orbit(fit: InflightFit, samples: Samples) -> bool:
     return period is not None and 0.0 < _interval_s(fit) < WITHIN * period
 
 
-def judge_swing_with_orbit(fit: InflightFit, samples: Samples) -> list[Finding]:
+def judge_swing_with_orbit(fit: InflightFit, samples: Samples) -> Iterator[Finding]:
     """A bias that changes within an orbit as only what goes round with it does."""
     period = find_period_s(samples)
-    if period is None or not swings_with_orbit(fit, samples):
-        return []
-    return [
-        Finding(
+    if period is not None and swings_with_orbit(fit, samples):
+        yield Finding(
             "bias follows the orbit",
             "check",
-            f"the bias needs a knot every {figure(_interval_s(fit) / 60)} min, and an orbit "
-            f"takes {figure(period / 60)}: rather than the bias of the sensor it follows an error "
-            "of the clock or the track, sunlight, or heat, and its standard errors do not hold",
+            f"the bias needs a knot every {figure(_interval_s(fit) / 60)} min, and an orbit takes "
+            f"{figure(period / 60)}: rather than the bias of the sensor it follows an error of the "
+            "clock or the track, sunlight, or heat, and its standard errors do not hold",
             "check clock, date and heights; fit with the temperature and the currents on board "
             "(--temperature, --with), and where the bias changes slowly give --knots",
         )
-    ]
 
 
 def find_period_s(samples: Samples) -> float | None:
@@ -68,9 +59,9 @@ def find_period_s(samples: Samples) -> float | None:
     >>> round(find_period_s(at_500_km))
     5668
     """
-    if samples.altitude_m is None or np.median(samples.altitude_m) < LOWEST_ORBIT_M:
+    if samples.altitude_m is None or np.median(samples.altitude_m) < likely_causes.LOWEST_ORBIT_M:
         return None
-    radius = EARTH_RADIUS_M + float(np.median(samples.altitude_m))
+    radius = likely_causes.EARTH_RADIUS_M + float(np.median(samples.altitude_m))
     return float(2 * np.pi * np.sqrt(radius**3 / GRAVITY_M3_S2))
 
 
@@ -105,25 +96,18 @@ def find_other_gain(fit: InflightFit, problem: Problem) -> float:
     return float(np.mean(constant.solution.params[3:6]))
 
 
-def may_be_heights(gain: float) -> bool:
-    """Whether heights that are off by tens of kilometres would do the same: F falls with r³."""
-    return abs(gain - 1) < HEIGHTS
-
-
-def judge_gains(fit: InflightFit, gain: float) -> list[Finding]:
+def judge_gains(fit: InflightFit, gain: float) -> Iterator[Finding]:
     """That the gains are other than on the ground, by how much."""
     if abs(gain - 1) < LEAST:
-        return []
-    return [
-        Finding(
-            "gains changed",
-            "check",
-            f"gains that are {figure(100 * abs(gain - 1))} % off those of the ground explain the "
-            f"record as well as the {fit.drift.intervals} intervals of the bias do",
-            "check units and the magnitude that the ground calibration was made for, and heights; "
-            'solve for the matrix too (solve="full", --solve full)',
-        )
-    ]
+        return
+    yield Finding(
+        "gains changed",
+        "check",
+        f"gains that are {figure(100 * abs(gain - 1))} % off those of the ground explain the "
+        f"record as well as the {fit.drift.intervals} intervals of the bias do",
+        "check units and the magnitude that the ground calibration was made for, and heights; "
+        'solve for the matrix too (solve="full", --solve full)',
+    )
 
 
 SUSPICIOUS = 0.003
@@ -145,15 +129,18 @@ def examine(
     errors were grown by.
     """
     gain = find_other_gain(fit, problem)
-    gains = judge_gains(fit, gain)
-    by_gains = bool(gains) and not may_be_heights(gain)
+    gains = list(judge_gains(fit, gain))
+    # heights that are off by tens of kilometres would do the same: F falls with r³
+    by_gains = bool(gains) and abs(gain - 1) >= HEIGHTS
+    step = () if by_gains else tuple(judge_step(fit, problem))
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
         *gains,
-        *([] if by_gains else _judge_bias(fit, problem, samples)),
+        *(() if by_gains else judge_ground_axes(fit, problem, samples)),
+        *(() if by_gains else step or judge_swing_with_orbit(fit, samples)),
         *allowed,
-        *_scale(fit),
+        *filter(None, [check_scale(mean_gain(fit.after.matrix), fit.after.unit_in)]),
         *_axes(samples),
         *_check_undetermined(fit, problem.magnitude),
         *_outliers(fit),
@@ -164,105 +151,81 @@ def examine(
     return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, problem))
 
 
-def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> list[Finding]:
+def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
     """A track that cannot be, or a residual that a common mistake would explain."""
-    impossible = find_impossible_track(samples)
+    impossible = likely_causes.find_impossible_track(samples)
     if impossible is not None:
-        return [Finding("track", "refuse", *impossible)]
+        yield Finding("track", "refuse", *impossible)
+        return
     mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
     small = fit.noise < SUSPICIOUS * problem.magnitude
     if small and not mostly_lasting and not swings_with_orbit(fit, samples):
-        return []
-    cause = find_likely_cause(fit, problem, samples)
+        return
+    cause = likely_causes.find_likely_cause(fit, problem, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"
-    if cause is None and fit.noise < LARGE * problem.magnitude:
-        return []
-    if cause is None:
-        return [
-            Finding(
-                "reference",
-                "check",
-                f"{what}: much more than errors of models",
-                "check times, positions, units and the date; look for currents on board",
-            )
-        ]
-    return [Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)]
+    if cause is not None:
+        yield Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)
+    elif fit.noise >= LARGE * problem.magnitude:
+        yield Finding(
+            "reference",
+            "check",
+            f"{what}: much more than errors of models",
+            "check times, positions, units and the date; look for currents on board",
+        )
 
 
-def _judge_bias(fit: InflightFit, problem: Problem, samples: Samples) -> list[Finding]:
-    """What a bias far from that of the ground, or with many intervals, stands in for."""
-    swing = judge_step(fit, problem) or judge_swing_with_orbit(fit, samples)
-    return judge_ground_axes(fit, problem, samples) + swing
-
-
-def _scale(fit: InflightFit) -> list[Finding]:
-    """A wrong unit."""
-    scale = check_scale(float(np.trace(fit.after.matrix)) / 3, fit.after.unit_in)
-    return [] if scale is None else [scale]
-
-
-def _axes(samples: Samples) -> list[Finding]:
+def _axes(samples: Samples) -> Iterator[Finding]:
     """Readings that were turned into axes of the Earth."""
-    if samples.frame != "n":
-        return []
-    return [
-        Finding(
+    if samples.frame == "n":
+        yield Finding(
             "axes of the Earth",
             "check",
             "the readings are components north, east and down, so bias and gains of a sensor "
             "cannot be found from them",
             "give the readings in the axes of the sensor",
         )
-    ]
 
 
-def _check_undetermined(fit: InflightFit, magnitude: float) -> list[Finding]:
+def _check_undetermined(fit: InflightFit, magnitude: float) -> Iterator[Finding]:
     """A direction of the bias that the track never showed."""
     variances, axes = np.linalg.eigh(fit.covariance[:3, :3])
     worst = float(np.sqrt(max(variances[-1], 0.0)))
     if worst < UNDETERMINED * magnitude:
-        return []
+        return
     axis = find_nearest_axis(axes[:, -1])
-    return [
-        Finding(
-            "bias undetermined",
-            "refuse" if worst > 5 * UNDETERMINED * magnitude else "check",
-            f"the standard error of the bias near {axis} is {figure(worst)} nT",
-            "use a longer record, or one in which the spacecraft turns"
-            + ("" if fit.ground is None else "; solve for the bias alone (--solve bias)"),
-        )
-    ]
+    yield Finding(
+        "bias undetermined",
+        "refuse" if worst > 5 * UNDETERMINED * magnitude else "check",
+        f"the standard error of the bias near {axis} is {figure(worst)} nT",
+        "use a longer record, or one in which the spacecraft turns"
+        + ("" if fit.ground is None else "; solve for the bias alone (--solve bias)"),
+    )
 
 
-def _outliers(fit: InflightFit) -> list[Finding]:
+def _outliers(fit: InflightFit) -> Iterator[Finding]:
     share = 1.0 - np.count_nonzero(fit.weights > 0) / max(fit.n, 1)
-    if share <= OUTLIERS_DOUBTFUL:
-        return []
-    return [
-        Finding(
+    if share > OUTLIERS_DOUBTFUL:
+        yield Finding(
             "left out in flight",
             "check",
             f"{figure(100 * share)} % of the readings do not fit and were left out",
             "exclude the times when torquers or transmitters were on",
         )
-    ]
 
 
-def _check_attitude(fit: InflightFit) -> list[Finding]:
+def _check_attitude(fit: InflightFit) -> Iterator[Finding]:
     """An attitude that the field contradicts."""
     if fit.direction_error_deg is None:
-        return []
+        return
     middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
     if middle < ATTITUDE_DOUBTFUL_DEG:
-        return []
-    return [
-        Finding(
-            "attitude in flight",
-            "check" if middle < 4 * ATTITUDE_DOUBTFUL_DEG else "refuse",
-            f"the field misses its direction by {figure(middle)}° (median)",
-            "check the attitude: its order of turns, its sign, its time; fit the magnitude alone",
-        )
-    ]
+        return
+    yield Finding(
+        "attitude in flight",
+        "check" if middle < 4 * ATTITUDE_DOUBTFUL_DEG else "refuse",
+        f"the field misses its direction by {figure(middle)}° (median)",
+        "check the attitude: its order of turns, its sign, its time; fit the magnitude alone",
+    )
 
 
 def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
@@ -275,10 +238,11 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
             "ground"
         )
         if problem.scale_free:
-            gain, gain_sd = _find_scale(fit)
+            by = np.repeat([0.0, 1 / 3, 0.0], 3)
             said.append(
                 "the ground calibration was made without a known magnitude: its scale is found "
-                f"here, {gain:.4f} ± {gain_sd:.4f}"
+                f"here, {mean_gain(fit.change.matrix):.4f} ± "
+                f"{np.sqrt(by @ fit.covariance @ by):.4f}"
             )
         if not states_covariance(problem.ground):
             said.append(
@@ -293,12 +257,6 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
         said.append(f"the field misses its direction by {figure(middle)}° (median)")
     said.append(f"residuals: {figure(fit.noise)} nT{_describe_correlation(fit)}")
     return tuple(said)
-
-
-def _find_scale(fit: InflightFit) -> tuple[float, float]:
-    """The mean gain of what is found on top of the ground calibration, and its standard error."""
-    by = np.repeat([0.0, 1 / 3, 0.0], 3)
-    return mean_gain(fit.change.matrix), float(np.sqrt(by @ fit.covariance @ by))
 
 
 def _describe_correlation(fit: InflightFit) -> str:

@@ -105,21 +105,7 @@ def fit_inflight(
     >>> bool(np.abs(fit.calibration.bias - made.truth.bias).max() < 10.0)
     True
     """
-    settings = make_settings(
-        ground,
-        solve,
-        drift_knots=drift_knots,
-        latitude_deg=latitude_deg,
-        residual_limit=residual_limit,
-        temperature_degree=temperature_degree,
-        matrix_rate=matrix_rate,
-        sources=sources,
-        attitude=attitude,
-        gain_sd=gain_sd,
-        soft_iron_sd=soft_iron_sd,
-        robust=robust,
-        seed=seed,
-    )
+    settings = make_settings(locals())
     problem = _pose_problem(samples, reference, ground, exclude, settings)
     problem, estimate = find_estimate(problem)
     problem, estimate = follow_commands(problem, estimate)

@@ -60,15 +60,14 @@ def read_known(cache: IO[bytes], n: int) -> Known:
 
 
 class Scan(NamedTuple):
-    """What the first pass found: rows every `stride`-th with what is known there, how many readings
-    can take part, seconds between two, what later passes need not read, and what told the field."""
+    """What the first pass found: rows every `stride`-th with what is known there, seconds between
+    two, what later passes need not read, and what told the field."""
 
     samples: Samples
     magnitudes: Array
     direction_e: Array | None
     since: Array
     stride: int
-    usable: int
     step_s: float
     without: tuple[str, ...]
     source: str
@@ -105,10 +104,8 @@ def scan_recording(
     samples, beside = thin.join()
     source = "the scalar instrument in the record" if scalar else model.source
     without = TRACK if clean else ()
-    return Scan(
-        samples, beside["magnitudes"], beside.get("direction_e"), beside["since"], thin.stride,
-        count, step, without, source,
-    )  # fmt: skip
+    known_there = beside["magnitudes"], beside.get("direction_e"), beside["since"]
+    return Scan(samples, *known_there, thin.stride, step, without, source)
 
 
 class _Model:

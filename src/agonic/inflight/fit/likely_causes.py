@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, timedelta
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.field.place import field_along
 from agonic.health import figure
-from agonic.inflight.fit.ground_axes import is_far
+from agonic.inflight.fit.bias_doubts import is_far
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
 from agonic.maths.estimation.loss import cauchy, tukey
@@ -91,15 +91,14 @@ def _find_best(problem: Problem, samples: Samples, field: Array) -> Cause | None
     now = _misfit(some)
     best, found = FAR_BETTER * now, None
     off = _find_clock_mistake(some, samples)
-    if off is not None and (left := _misfit(off[1](some))) < BETTER * now:
-        best, found = min(left, best), off[0]
-    for cause, change in _mistakes(some, samples):
-        try:
-            left = _misfit(change(some))
-        except (AgonicError, ValueError):
-            continue
+    if off is not None and (left := _misfit_after(off, some, samples)) < BETTER * now:
+        words = f"positions {off:.0f} s off in time would explain it".replace("-", "−")
+        move = "check the clock of the log, and the age of two-line elements"
+        best, found = min(left, best), Cause(words, move)
+    for what, move, change in _list_mistakes(some):
+        left = _misfit_after(change, some, samples)
         if left < best:
-            best, found = left, cause
+            best, found = left, Cause(f"{what} would explain it", move)
     return found
 
 
@@ -128,42 +127,36 @@ def _misfit(samples: Samples) -> float:
     return left / max(float(square.std()), 1e-12)
 
 
-def _mistakes(
-    samples: Samples, track: Samples
-) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
-    """The usual mistakes, each with the change that would undo it."""
-    yield from _time_mistakes(track)
-    yield from _place_mistakes(samples)
-    yield from _altitude_mistakes(samples)
-    yield from _date_mistakes(samples)
+Change = float | dict[str, Any]
+"""What would undo a mistake: seconds by which the track was recorded too early, or columns."""
+
+_CLOCKS = {
+    18.0: "18 s (GPS time taken for UTC)",
+    -18.0: "−18 s (UTC taken for GPS time)",
+    37.0: "37 s (TAI taken for UTC)",
+    3600.0: "an hour",
+    -3600.0: "an hour",
+    43200.0: "twelve hours",
+    -43200.0: "twelve hours",
+}
+"""Usual errors of a clock, s."""
 
 
-def _time_mistakes(track: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
-    for seconds, words in (
-        (18.0, "18 s (GPS time taken for UTC)"),
-        (-18.0, "−18 s (UTC taken for GPS time)"),
-        (37.0, "37 s (TAI taken for UTC)"),
-        (3600.0, "an hour"),
-        (-3600.0, "an hour"),
-        (43200.0, "twelve hours"),
-        (-43200.0, "twelve hours"),
-    ):
-        yield (
-            Cause(f"positions {words} off in time would explain it", "check the time scale"),
-            _shift_time(seconds, track),
-        )
+def _misfit_after(change: Change, samples: Samples, track: Samples) -> float:
+    """What is left of samples once a mistake is undone; infinite where it cannot be."""
+    try:
+        if isinstance(change, float):
+            return _misfit(_shift_time(change, samples, track))
+        return _misfit(samples.with_columns(**change))
+    except (AgonicError, ValueError):
+        return float("inf")
 
 
-def _find_clock_mistake(
-    samples: Samples, track: Samples
-) -> tuple[Cause, Callable[[Samples], Samples]] | None:
-    """The clock's error that leaves least: near the best of a few, by parabolas."""
+def _find_clock_mistake(samples: Samples, track: Samples) -> float | None:
+    """The clock's error, s, that leaves least: near the best of a few, by parabolas."""
 
     def measure(seconds: float) -> float:
-        try:
-            return _misfit(_shift_time(seconds, track)(samples))
-        except (AgonicError, ValueError):
-            return float("inf")
+        return _misfit_after(seconds, samples, track)
 
     best = min((sign * off for off in CLOCK_OFF_S for sign in (-1.0, 1.0)), key=measure)
     step = abs(best) / 2
@@ -173,116 +166,65 @@ def _find_clock_mistake(
         if np.isfinite(bend) and bend > 0:
             best += float(np.clip((left[0] - left[2]) / bend / 2, -1.0, 1.0)) * step
         step /= 2
-    if abs(best) < 1.0 or not np.isfinite(measure(best)):
-        return None
-    words = f"positions {best:.0f} s off in time would explain it".replace("-", "−")
-    move = "check the clock of the log, and the age of two-line elements"
-    return Cause(words, move), _shift_time(best, track)
+    return None if abs(best) < 1.0 or not np.isfinite(measure(best)) else best
 
 
-def _place_mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
+def _shift_time(seconds: float, samples: Samples, track: Samples) -> Samples:
+    """The samples as they would be if their track was recorded so many seconds later."""
+    assert samples.time is not None
+    assert track.time is not None
+    then = samples.time + seconds
+    within = (then >= track.time[0]) & (then <= track.time[-1])
+    if within.sum() < 0.3 * len(then):
+        raise ValueError("moving the times leaves too little of the track")
+    moved = {
+        name: np.interp(then, track.time, np.unwrap(values, period=360.0))
+        for name in ("latitude_deg", "longitude_deg", "altitude_m")
+        if (values := getattr(track, name)) is not None
+    }
+    moved["longitude_deg"] = wrap_deg(moved["longitude_deg"])
+    return samples.with_columns(**moved).select(within)
+
+
+def _list_mistakes(samples: Samples) -> Iterator[tuple[str, str, Change]]:
+    """The usual mistakes, what to do about each, and the change that would undo it."""
+    for seconds, words in _CLOCKS.items():
+        yield f"positions {words} off in time", "check the time scale", seconds
+    yield from _list_place_mistakes(samples)
+    altitude = np.zeros(len(samples)) if samples.altitude_m is None else samples.altitude_m
+    if altitude.max() < 3000.0:
+        yield "altitudes in kilometres", "give altitudes in metres", {"altitude_m": altitude * 1e3}
+        orbit = {"altitude_m": np.full(len(samples), 4e5)}
+        yield "an orbit some 400 km high", "add the altitude", orbit
+    if altitude.min() > 3e6:
+        what = "distances from the Earth's centre taken for altitudes"
+        above = {"altitude_m": altitude - EARTH_RADIUS_M}
+        yield what, "give the height above the ellipsoid", above
+    for years in (-50, -30, -20, -10, 10, 20, 30, 50):  # only decades change the field so much
+        then = samples.epoch and samples.epoch + timedelta(days=365.25 * years)
+        if then and 1900 <= then.year < 2030:
+            yield f"a date near {then.year}", "check the date of the log", {"epoch": then}
+
+
+def _list_place_mistakes(samples: Samples) -> Iterator[tuple[str, str, Change]]:
     latitude, longitude = samples.latitude_deg, samples.longitude_deg
     assert latitude is not None
     assert longitude is not None
-    yield (
-        Cause("longitudes counted west would explain it", "count longitude positive east"),
-        lambda s: s.with_columns(longitude_deg=-longitude),
-    )
-    yield (
-        Cause("latitude and longitude exchanged would explain it", "exchange the two columns"),
-        lambda s: s.with_columns(latitude_deg=np.clip(longitude, -90, 90), longitude_deg=latitude),
-    )
-    yield (
-        Cause("latitudes with the sign reversed would explain it", "count latitude positive north"),
-        lambda s: s.with_columns(latitude_deg=-latitude),
-    )
-    if samples.epoch is not None:
-        yield (
-            Cause(
-                "longitudes among the stars (inertial axes) would explain it",
-                "turn positions into Earth-fixed axes with the sidereal time",
-            ),
-            _from_inertial,
-        )
-    yield (
-        Cause("geocentric latitudes would explain it", "give geodetic latitudes"),
-        lambda s: s.with_columns(
-            latitude_deg=np.degrees(
-                np.arctan(np.tan(np.radians(np.clip(latitude, -89.99, 89.99))) / FLAT2)
-            )
-        ),
-    )
+    west = {"longitude_deg": -longitude}
+    yield "longitudes counted west", "count longitude positive east", west
+    exchanged = {"latitude_deg": np.clip(longitude, -90, 90), "longitude_deg": latitude}
+    yield "latitude and longitude exchanged", "exchange the two columns", exchanged
+    south = {"latitude_deg": -latitude}
+    yield "latitudes with the sign reversed", "count latitude positive north", south
+    if samples.epoch is not None:  # the track if its longitudes were right ascensions
+        epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
+        turned = np.degrees(sidereal_rad(epoch.timestamp() + np.asarray(samples.time)))
+        fixed = {"longitude_deg": (longitude - turned + 180) % 360 - 180}
+        move = "turn positions into Earth-fixed axes with the sidereal time"
+        yield "longitudes among the stars (inertial axes)", move, fixed
+    tangent = np.tan(np.radians(np.clip(latitude, -89.99, 89.99))) / FLAT2
+    geodetic = {"latitude_deg": np.degrees(np.arctan(tangent))}
+    yield "geocentric latitudes", "give geodetic latitudes", geodetic
     if np.abs(latitude).max() < 1.6 and np.abs(longitude).max() < 6.4:
-        yield (
-            Cause("positions in radians would explain it", "give positions in degrees"),
-            lambda s: s.with_columns(
-                latitude_deg=np.degrees(latitude), longitude_deg=np.degrees(longitude)
-            ),
-        )
-
-
-def _from_inertial(samples: Samples) -> Samples:
-    """The track if its longitudes were right ascensions."""
-    assert samples.epoch is not None
-    assert samples.longitude_deg is not None
-    epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
-    turned = np.degrees(sidereal_rad(epoch.timestamp() + np.asarray(samples.time)))
-    return samples.with_columns(longitude_deg=(samples.longitude_deg - turned + 180) % 360 - 180)
-
-
-def _shift_time(seconds: float, track: Samples) -> Callable[[Samples], Samples]:
-    """The samples as they would be if their track was recorded so many seconds later."""
-
-    def change(samples: Samples) -> Samples:
-        assert samples.time is not None
-        assert track.time is not None
-        then = samples.time + seconds
-        within = (then >= track.time[0]) & (then <= track.time[-1])
-        if within.sum() < 0.3 * len(then):
-            raise ValueError("moving the times leaves too little of the track")
-        moved = {
-            name: np.interp(then, track.time, np.unwrap(values, period=360.0))
-            for name in ("latitude_deg", "longitude_deg", "altitude_m")
-            if (values := getattr(track, name)) is not None
-        }
-        moved["longitude_deg"] = wrap_deg(moved["longitude_deg"])
-        return samples.with_columns(**moved).select(within)
-
-    return change
-
-
-def _altitude_mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
-    altitude = samples.altitude_m
-    if altitude is None:
-        altitude = np.zeros(len(samples))
-    if altitude.max() < 3000.0:
-        yield (
-            Cause("altitudes in kilometres would explain it", "give altitudes in metres"),
-            lambda s: s.with_columns(altitude_m=altitude * 1000.0),
-        )
-        yield (
-            Cause("an orbit some 400 km high would explain it", "add the altitude"),
-            lambda s: s.with_columns(altitude_m=np.full(len(s), 4e5)),
-        )
-    if altitude.min() > 3e6:
-        yield (
-            Cause(
-                "distances from the Earth's centre taken for altitudes would explain it",
-                "give the height above the ellipsoid",
-            ),
-            lambda s: s.with_columns(altitude_m=altitude - EARTH_RADIUS_M),
-        )
-
-
-def _date_mistakes(samples: Samples) -> Iterator[tuple[Cause, Callable[[Samples], Samples]]]:
-    """Only decades change the field by so much."""
-    if samples.epoch is None:
-        return
-    epoch = samples.epoch
-    for years in (-50, -30, -20, -10, 10, 20, 30, 50):
-        then = epoch + timedelta(days=365.25 * years)
-        if 1900 <= then.year < 2030:
-            yield (
-                Cause(f"a date near {then.year} would explain it", "check the date of the log"),
-                lambda s, then=then: s.with_columns(epoch=then),  # type: ignore[misc]
-            )
+        turns = {"latitude_deg": np.degrees(latitude), "longitude_deg": np.degrees(longitude)}
+        yield "positions in radians", "give positions in degrees", turns

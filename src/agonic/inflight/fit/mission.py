@@ -12,27 +12,15 @@ import numpy as np
 from agonic.calibration.base import Calibration, apply
 from agonic.calibration.timing import find_timing
 from agonic.errors import AgonicError
-from agonic.inflight.fit import evidence
+from agonic.inflight.fit import evidence, large_scan
 from agonic.inflight.fit.allowances import allow_for_unseen
 from agonic.inflight.fit.covariance import Clock, Estimate
 from agonic.inflight.fit.decay import leave_out_settling
-from agonic.inflight.fit.large_scan import (
-    Known,
-    Progress,
-    Recording,
-    Scan,
-    read_known,
-    scan_recording,
-)
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, Solve, make_settings, pose_problem
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import add_covariance, compute_residuals_of, find_estimate
-from agonic.inflight.fit.torquers import (
-    Switches,
-    is_on,
-    is_settling,
-)
+from agonic.inflight.fit.torquers import Switches, is_on, is_settling
 from agonic.inflight.maths.residuals import Block, Rows, cut, residual_pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import squares, tukey
@@ -40,7 +28,7 @@ from agonic.samples import Samples
 
 
 def fit_mission(
-    recording: Recording,
+    recording: large_scan.Recording,
     *,
     scalar: bool = False,
     ground: Calibration | None = None,
@@ -54,7 +42,7 @@ def fit_mission(
     soft_iron_sd: float | None = 0.1,
     robust: bool = True,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: large_scan.Progress | None = None,
 ) -> InflightFit:
     """`fit_inflight` over a record of any length, by the magnitude, piece by piece.
 
@@ -91,23 +79,16 @@ def fit_mission(
     >>> bool(np.abs(fit.change.bias - made.bias[-1]).max() < 5 * fit.sd[:3].max()), fit.n
     (True, 4000)
     """
-    settings = make_settings(
-        ground,
-        solve,
-        drift_knots=drift_knots,
-        latitude_deg=latitude_deg,
-        temperature_degree=temperature_degree,
-        matrix_rate=matrix_rate,
-        sources=sources,
-        gain_sd=gain_sd,
-        soft_iron_sd=soft_iron_sd,
-        robust=robust,
-        seed=seed,
-    )
-    _check_sources(settings.sources)
+    settings = make_settings(locals())
+    if timed := find_timing(settings.sources):
+        raise AgonicError(
+            f"{', '.join(timed)}: a record that is read piece by piece has no delays and time "
+            "constants of sources; name them as they are (readings while torquers settle are left "
+            "out), or give one file that fits in memory"
+        )
     progress = progress or (lambda _name, _rows: None)
     with TemporaryFile() as cache:
-        scan = scan_recording(recording, cache, scalar, settings, progress)
+        scan = large_scan.scan_recording(recording, cache, scalar, settings, progress)
         problem, thinned = find_estimate(
             pose_problem(
                 scan.samples,
@@ -126,23 +107,13 @@ def fit_mission(
     return replace(_build_result(scan, problem, estimate), n=n)
 
 
-def _check_sources(sources: tuple[str, ...]) -> None:
-    """Raise `AgonicError` for what a record in pieces cannot tell."""
-    if timed := find_timing(sources):
-        raise AgonicError(
-            f"{', '.join(timed)}: a record that is read piece by piece has no delays and time "
-            "constants of sources; name them as they are (readings while torquers settle are left "
-            "out), or give one file that fits in memory"
-        )
-
-
 def _solve_whole(
-    recording: Recording,
+    recording: large_scan.Recording,
     cache: IO[bytes],
-    scan: Scan,
+    scan: large_scan.Scan,
     problem: Problem,
     estimate: Estimate,
-    progress: Progress,
+    progress: large_scan.Progress,
 ) -> tuple[Estimate, int]:
     """The estimate from all readings, noise and terms as the rows in memory had them; and how many
     readings they are."""
@@ -158,7 +129,7 @@ def _solve_whole(
         switches = Switches(torquers.commands)
         cache.seek(0)
         for samples in recording.pieces(scan.without):
-            known = read_known(cache, len(samples))
+            known = large_scan.read_known(cache, len(samples))
             since = switches.measure_since(samples)
             left = is_on(samples, off) | is_settling(since, torquers.settling_s, scan.step_s)
             known = known._replace(magnitudes=np.where(left, np.nan, known.magnitudes))
@@ -182,7 +153,7 @@ def _solve_whole(
 
 
 def _select_corrected_rows(
-    problem: Problem, estimate: Estimate, samples: Samples, known: Known
+    problem: Problem, estimate: Estimate, samples: Samples, known: large_scan.Known
 ) -> Rows:
     """The readings of a piece that take part, as the kernel takes them."""
     ground = problem.ground
@@ -196,7 +167,7 @@ def _select_corrected_rows(
     return rows if usable.all() else rows.select(usable)
 
 
-def _build_result(scan: Scan, problem: Problem, estimate: Estimate) -> InflightFit:
+def _build_result(scan: large_scan.Scan, problem: Problem, estimate: Estimate) -> InflightFit:
     """The result, with the residuals of the rows that were kept."""
     seen = compute_residuals_of(problem, estimate, "magnitude")[problem.used]
     estimate = estimate._replace(residuals={"magnitude": seen})

@@ -9,14 +9,9 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, LogError
 from agonic.inflight.fit.problem import Attitude, ExpectedDirection
+from agonic.maths.earth import geodesy
 from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad, sun_i
 from agonic.maths.earth.eclipse import find_eclipsed
-from agonic.maths.earth.geodesy import (
-    directions,
-    earth_fixed,
-    earth_fixed_position,
-    north_east_down,
-)
 from agonic.maths.rotations.attitude import rot_nb
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -75,7 +70,7 @@ def local_vertical_nb(samples: Samples) -> Array:
             f"{samples.name}: an attitude from the track needs positions, altitude, times and a "
             "date"
         )
-    radial, sidereal = position
+    radial, sidereal, where, _ = position
     before = np.concatenate([radial[:, :1], radial[:, :-1]], axis=1)
     after = np.concatenate([radial[:, 1:], radial[:, -1:]], axis=1)
     down = -radial / np.linalg.norm(radial, axis=0)
@@ -85,11 +80,8 @@ def local_vertical_nb(samples: Samples) -> Array:
     if not (size > 0).all():
         raise LogError(f"{samples.name}: positions repeat, so they give no direction of flight")
     right /= size
-    assert samples.latitude_deg is not None
-    assert samples.longitude_deg is not None
-    where = directions(samples.latitude_deg, samples.longitude_deg)
     axes = [np.cross(right, down, axis=0), right, down]
-    columns = [north_east_down(rotate_about_third(axis, sidereal), where) for axis in axes]
+    columns = [geodesy.north_east_down(rotate_about_third(axis, sidereal), where) for axis in axes]
     return np.moveaxis(np.stack(columns, axis=1), -1, 0)
 
 
@@ -100,8 +92,8 @@ def find_direction_e(samples: Samples, reference: Reference) -> Array | None:
     if samples.latitude_deg is None or samples.longitude_deg is None:
         return None
     unit_n = reference.values / np.linalg.norm(reference.values, axis=1)[:, None]
-    where = directions(samples.latitude_deg, samples.longitude_deg)
-    return earth_fixed(np.broadcast_to(unit_n, (len(samples), 3)).T, where).T
+    where = geodesy.directions(samples.latitude_deg, samples.longitude_deg)
+    return geodesy.earth_fixed(np.broadcast_to(unit_n, (len(samples), 3)).T, where).T
 
 
 def find_eclipse(samples: Samples) -> Mask | None:
@@ -109,7 +101,7 @@ def find_eclipse(samples: Samples) -> Mask | None:
     track = _track(samples)
     if track is None or np.median(track[2]) < LOWEST_ORBIT_M:
         return None
-    return find_eclipsed(*track, _unix(samples))
+    return find_eclipsed(*track)
 
 
 def find_sun_height(samples: Samples) -> Array | None:
@@ -117,33 +109,28 @@ def find_sun_height(samples: Samples) -> Array | None:
     position = _position_i(samples)
     if position is None:
         return None
-    up = position[0] / np.linalg.norm(position[0], axis=0)
-    return np.asarray((up * sun_i(_unix(samples))).sum(axis=0))
+    radial, _, _, unix = position
+    return np.asarray((radial / np.linalg.norm(radial, axis=0) * sun_i(unix)).sum(axis=0))
 
 
-def _position_i(samples: Samples) -> tuple[Array, Array] | None:
-    """Inertial positions (3, n), m, and sidereal time (n,), rad; None without track or date."""
+def _position_i(samples: Samples) -> tuple[Array, Array, Array, Array] | None:
+    """Inertial positions (3, n), m, sidereal time (n,), rad, the directions of the places, and Unix
+    time (n,), s; None without track or date."""
     track = _track(samples)
     if track is None:
         return None
-    latitude, longitude, altitude = track
-    position_e = earth_fixed_position(directions(latitude, longitude), altitude)
-    sidereal = sidereal_rad(_unix(samples))
-    return rotate_about_third(position_e, -sidereal), sidereal
+    latitude, longitude, altitude, unix = track
+    where, sidereal = geodesy.directions(latitude, longitude), sidereal_rad(unix)
+    position_e = geodesy.earth_fixed_position(where, altitude)
+    return rotate_about_third(position_e, -sidereal), sidereal, where, unix
 
 
-def _track(samples: Samples) -> tuple[Array, Array, Array] | None:
-    """Latitude, longitude and altitude; None where one of them, or times or date, are missing."""
+def _track(samples: Samples) -> tuple[Array, Array, Array, Array] | None:
+    """Latitude, longitude, altitude and Unix time, s; None where one of them is missing."""
     latitude, longitude, altitude = samples.latitude_deg, samples.longitude_deg, samples.altitude_m
     if samples.time is None or samples.epoch is None:
         return None
     if latitude is None or longitude is None or altitude is None:
         return None
-    return latitude, longitude, altitude
-
-
-def _unix(samples: Samples) -> Array:
-    assert samples.epoch is not None
-    assert samples.time is not None
     epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
-    return samples.time + epoch.timestamp()
+    return latitude, longitude, altitude, samples.time + epoch.timestamp()

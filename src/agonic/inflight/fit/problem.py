@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -31,15 +31,15 @@ class Settings:
     solve: Solve
     drift_knots: int | Literal["auto"]
     latitude_deg: tuple[float, float] | None
-    residual_limit: float | None
     temperature_degree: int
     matrix_rate: bool
     sources: tuple[str, ...]
-    attitude: Attitude
     gain_sd: float
     soft_iron_sd: float | None
     robust: bool
     seed: int
+    residual_limit: float | None = None
+    attitude: Attitude = "none"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,21 +104,15 @@ class Problem:
         )
 
 
-def make_settings(
-    ground: Calibration | None,
-    solve: Solve | None,
-    *,
-    sources: Sequence[str],
-    residual_limit: float | None = None,
-    attitude: Attitude = "none",
-    **asked: Any,
-) -> Settings:
-    """What was asked for, checked; `solve` is by default "bias" with a ground calibration and
-    "full" without.
+def make_settings(given: Mapping[str, Any]) -> Settings:
+    """What was asked for, checked, among all that a fit was given by name; `solve` is by default
+    "bias" with a ground calibration and "full" without.
 
     Raises `AgonicError` for what makes no sense, and for a ground calibration that bias and matrix
     cannot be added to.
     """
+    ground, sources = given["ground"], given["sources"]
+    solve = given["solve"] or ("full" if ground is None else "bias")
     if isinstance(sources, str):
         raise AgonicError(f'sources is "{sources}"; give a list of columns, as ["current_A"]')
     if ground is not None and find_step(ground, Network) is not None:
@@ -126,24 +120,19 @@ def make_settings(
             "the ground calibration is a network, which gives the field without a bias and a "
             "matrix that could move in flight; give its base, or train it again with `retrain`"
         )
-    solve = solve or ("full" if ground is None else "bias")
     check_choice("solve", solve, get_args(Solve))
-    check_choice("attitude", attitude, get_args(Attitude))
     if ground is None and solve != "full":
         raise AgonicError(f'solve="{solve}" moves a ground calibration; give one, or solve "full"')
-    if asked["temperature_degree"] < 0:
+    named = {one.name: given[one.name] for one in fields(Settings) if one.name in given}
+    asked = Settings(**named | {"solve": solve, "sources": tuple(sources)})
+    check_choice("attitude", asked.attitude, get_args(Attitude))
+    if asked.temperature_degree < 0:
         raise AgonicError(
-            f"temperature_degree is {asked['temperature_degree']}; 0 is none, 1 a straight line"
+            f"temperature_degree is {asked.temperature_degree}; 0 is none, 1 a straight line"
         )
-    if residual_limit is not None and not residual_limit > 0:
-        raise AgonicError(f"residual_limit is {residual_limit}; it is in nT, above 0")
-    return Settings(
-        solve=solve,
-        sources=tuple(sources),
-        residual_limit=residual_limit,
-        attitude=attitude,
-        **asked,
-    )
+    if asked.residual_limit is not None and not asked.residual_limit > 0:
+        raise AgonicError(f"residual_limit is {asked.residual_limit}; it is in nT, above 0")
+    return asked
 
 
 def pose_problem(

@@ -124,6 +124,9 @@ class InflightFit(Judged):
         return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))
 
 
+_OF_SOLUTION = ("condition", "iterations", "converged")
+
+
 def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> InflightFit:
     """The fit in nT, before it is examined; `samples` are those before the ground calibration."""
     change = saved.build_change(problem, estimate, samples)
@@ -135,7 +138,8 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
     weights[problem.used] = estimate.weight
     channels = _build_channels(problem, estimate)
     magnitude = channels["magnitude"]
-    lasting_nT, lasting_s = _sum_correlated_errors(estimate, magnitude.noise)
+    variance, lasting_s = join_errors(estimate.errors.get("magnitude", ()))
+    size = magnitude.noise / estimate.noise["magnitude"].sd
     return InflightFit(
         calibration=saved.build_calibration(problem, estimate, change, samples),
         change=change,
@@ -149,9 +153,7 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         drift=saved.build_drift(estimate, problem.magnitude),
         n=int(problem.used.sum()),
         time=problem.time,
-        epoch=samples.epoch,
-        latitude_deg=samples.latitude_deg,
-        temperature=samples.temperature,
+        **{name: getattr(samples, name) for name in ("epoch", "latitude_deg", "temperature")},
         eclipse=find_eclipse(samples),
         field=field @ rotation_of(estimate),
         residuals=np.linalg.norm(field, axis=1) - problem.wanted * problem.magnitude,
@@ -165,11 +167,9 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         noise=magnitude.noise,
         correlation=magnitude.correlation,
         correlation_s=magnitude.correlation * float(np.median(np.diff(problem.time))),
-        lasting_nT=lasting_nT,
+        lasting_nT=min(float(np.sqrt(variance)) * size, magnitude.noise),
         lasting_s=lasting_s,
-        condition=estimate.solution.condition,
-        iterations=estimate.solution.iterations,
-        converged=estimate.solution.converged,
+        **{name: getattr(estimate.solution, name) for name in _OF_SOLUTION},
         solve=problem.settings.solve,
         held_out=estimate.held_out,
     )
@@ -191,13 +191,6 @@ def _build_channels(problem: Problem, estimate: Estimate) -> dict[str, Channel]:
             correlation=noise.correlation,
         )
     return channels
-
-
-def _sum_correlated_errors(estimate: Estimate, noise: float) -> tuple[float, float]:
-    """Standard deviation of the correlated errors of the magnitude, nT, and their time, s."""
-    variance, time_s = join_errors(estimate.errors.get("magnitude", ()))
-    size = noise / estimate.noise["magnitude"].sd
-    return min(float(np.sqrt(variance)) * size, noise), time_s
 
 
 def _direction_error_deg(problem: Problem, field: Array) -> Array | None:

@@ -9,22 +9,13 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
 from agonic.field.worldfield import EXTERNAL_NT, EXTERNAL_S
-from agonic.inflight.fit.covariance import OF_EARTH, Clock, Estimate, compute_covariance
+from agonic.inflight.fit import covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
 from agonic.inflight.fit.terms import DEGREE, Terms
+from agonic.inflight.maths import residuals
 from agonic.inflight.maths.correlated_errors import CorrelatedError
-from agonic.inflight.maths.residuals import (
-    KINDS,
-    Layout,
-    Rows,
-    Source,
-    correct,
-    cut,
-    find_residuals,
-    residual_pieces,
-)
 from agonic.maths.equation import maximum_likelihood
 from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis, split
 from agonic.maths.equation.channels import Problem as Known
@@ -51,12 +42,6 @@ def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[s
     return found
 
 
-def compute_mean_correlation(noise: dict[str, Noise]) -> float:
-    """One length for all kinds, so that they are weighted by their noise alone: how long errors
-    last is known too poorly to choose between kinds, but each has its own in the covariance."""
-    return float(np.mean([of.correlation for of in noise.values()]))
-
-
 def _is_settled(before: dict[str, float], now: dict[str, float]) -> bool:
     """Whether residuals are over what they were taken to be over, √(1 + κ²), to two per cent; an
     attitude whose errors do not show has κ = 0."""
@@ -65,15 +50,9 @@ def _is_settled(before: dict[str, float], now: dict[str, float]) -> bool:
     return bool(np.abs(np.array(ratios) - 1).max() < 0.02)
 
 
-def rescale_noise(
-    noise: Noise, kind: str, before: dict[str, float], now: dict[str, float]
-) -> Noise:
-    """The noise of residuals that are now over another √(1 + κ²)."""
-    if kind == "magnitude":
-        return noise
-    return noise._replace(
-        sd=noise.sd * float(np.sqrt((1 + before[kind] ** 2) / (1 + now[kind] ** 2)))
-    )
+def _rescale_noise(noise: Noise, before: float, now: float) -> Noise:
+    """The noise of residuals across the field that are now over another √(1 + κ²)."""
+    return noise._replace(sd=noise.sd * float(np.sqrt((1 + before**2) / (1 + now**2))))
 
 
 FEWEST_STRETCHES = 120
@@ -82,7 +61,7 @@ _ROTATED_RAD = 1e-6
 _ROUNDS = 5
 
 
-def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
+def find_estimate(problem: Problem) -> tuple[Problem, covariance.Estimate]:
     """The estimate, and the problem with the rows and the rotation that were settled on the way."""
     first = find_start(problem)
     plain = replace(problem, direction=None)
@@ -93,7 +72,8 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     limit = problem.settings.residual_limit
     for _ in range(_ROUNDS if limit is not None else 0):
         assert limit is not None
-        near = _near(problem, estimate, limit)
+        r = compute_residuals_of(problem, estimate, "magnitude")
+        near = problem.used & ~(np.abs(r) * problem.magnitude > limit)
         if (near == problem.used).all():
             break
         require_enough(near)
@@ -104,59 +84,57 @@ def find_estimate(problem: Problem) -> tuple[Problem, Estimate]:
     return problem, state_errors(problem, estimate)._replace(held_out=held_out)
 
 
-def state_errors(problem: Problem, estimate: Estimate, *, alternative: bool = False) -> Estimate:
+def state_errors(
+    problem: Problem, estimate: covariance.Estimate, *, alternative: bool = False
+) -> covariance.Estimate:
     """The estimate with the covariance under correlated errors, by the rows that it is from.
 
     An `alternative`, which asks whether the bias changes at all, is held against what readings
     show: what the world model may lack besides would let a change pass for it.
     """
     rows = problem.rows(estimate.terms).select(problem.used)
-    time, blocks = rows.time, list(cut(rows, estimate.layout))
-    clock = Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
+    time, blocks = rows.time, list(residuals.cut(rows, estimate.layout))
+    clock = covariance.Clock.of(float(time[0]), float(time[-1]), float(np.median(np.diff(time))))
     return add_covariance(problem, estimate, lambda: blocks, clock, alternative=alternative)
 
 
 def add_covariance(
-    problem: Problem, estimate: Estimate, source: Source, clock: Clock, *, alternative: bool = False
-) -> Estimate:
+    problem: Problem,
+    estimate: covariance.Estimate,
+    source: residuals.Source,
+    clock: covariance.Clock,
+    *,
+    alternative: bool = False,
+) -> covariance.Estimate:
     """The estimate with the covariance under correlated errors, by all readings that a source
     gives, as `state_errors` has it; as it is where there are too few to tell the correlation."""
     if clock.count < FEWEST_STRETCHES:
         return estimate
-    params, layout, noise = estimate.solution.params, estimate.layout, estimate.noise
-    _, jacobian = build_prior(problem, estimate.terms, layout)(params)
-    information = jacobian.T @ jacobian
-    found = compute_covariance(
+    prior = build_prior(problem, estimate.terms, estimate.layout)
+    _, jacobian = prior(estimate.solution.params)
+    return covariance.compute_covariance(
         source,
-        params,
-        layout,
-        noise,
-        estimate.sds,
-        information,
-        compute_mean_correlation(noise),
+        estimate,
+        jacobian.T @ jacobian,
         clock,
-        estimate.terms.localise(layout.constants, layout.parameters),
         earth_fixed=problem.direction_e is not None,
         assumed=() if alternative else _assume_errors(problem, estimate),
     )
-    return estimate._replace(
-        solution=estimate.solution._replace(covariance=found.covariance),
-        noise={k: of._replace(correlation=found.correlation[k]) for k, of in noise.items()},
-        errors=found.errors,
-    )
 
 
-def _assume_errors(problem: Problem, estimate: Estimate) -> tuple[CorrelatedError, ...]:
+def _assume_errors(problem: Problem, estimate: covariance.Estimate) -> tuple[CorrelatedError, ...]:
     """What the world model lacks for hours, where a spline of the bias takes it up unseen."""
     if problem.direction_e is None or not estimate.terms.splines:
         return ()
-    return (CorrelatedError((EXTERNAL_NT / problem.magnitude) ** 2, EXTERNAL_S, OF_EARTH),)
+    return (
+        CorrelatedError((EXTERNAL_NT / problem.magnitude) ** 2, EXTERNAL_S, covariance.OF_EARTH),
+    )
 
 
 def find_start(problem: Problem) -> Array:
     """Bias and matrix, nine numbers, to start from."""
     if problem.ground is not None:
-        return Layout(SYMMETRIC, 0, 0).start
+        return residuals.Layout(SYMMETRIC, 0, 0).start
     rows = np.flatnonzero(problem.used)
     if len(rows) > _ENOUGH:
         chosen = np.random.default_rng(problem.settings.seed).choice(
@@ -170,17 +148,21 @@ def find_start(problem: Problem) -> Array:
     return found.solution.params
 
 
-def fit_rows(problem: Problem, first: Array | Estimate, used: Mask, intervals: int) -> Estimate:
+def fit_rows(
+    problem: Problem, first: Array | covariance.Estimate, used: Mask, intervals: int
+) -> covariance.Estimate:
     """The estimate from some of the rows with so many intervals of the bias in time, from `first`:
     bias and matrix (9,), or an estimate whose terms are the first of these."""
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
-    layout = Layout(gauge, terms.bias_count, terms.matrix_count)
-    start = _carry(first, layout) if isinstance(first, Estimate) else _start(first, layout)
+    layout = residuals.Layout(gauge, terms.bias_count, terms.matrix_degree + terms.rate)
+    start = (
+        _carry(first, layout) if isinstance(first, covariance.Estimate) else _start(first, layout)
+    )
     return refine(problem, problem.rows(terms).select(used), layout, terms, start)
 
 
-def _start(nine: Array, layout: Layout) -> Array:
+def _start(nine: Array, layout: residuals.Layout) -> Array:
     """Parameters of a layout from bias and symmetric matrix, terms at zero."""
     params = layout.start
     params[:9] = nine[:9]
@@ -189,7 +171,7 @@ def _start(nine: Array, layout: Layout) -> Array:
     return params
 
 
-def _carry(before: Estimate, layout: Layout) -> Array:
+def _carry(before: covariance.Estimate, layout: residuals.Layout) -> Array:
     """Parameters of a layout from an estimate's: bias, the symmetric part of M = R S, its terms."""
     old, found = before.layout, before.solution.params
     bias, matrix = split(model_basis("full", old.gauge) @ found[: old.constants])
@@ -203,25 +185,26 @@ def _carry(before: Estimate, layout: Layout) -> Array:
 
 def refine(
     problem: Problem,
-    rows: Rows,
-    layout: Layout,
+    rows: residuals.Rows,
+    layout: residuals.Layout,
     terms: Terms,
     params: Array,
-) -> Estimate:
+) -> covariance.Estimate:
     """The minimum from a near start, noise and correlation of each kind from its residuals."""
     robust = problem.settings.robust
-    kinds = KINDS if problem.direction is not None else KINDS[:1]
-    prior, blocks = build_prior(problem, terms, layout), list(cut(rows, layout))
-    seen = {kind: find_residuals(rows, kind, params, layout) for kind in kinds}
+    kinds = residuals.KINDS if problem.direction is not None else residuals.KINDS[:1]
+    prior, blocks = build_prior(problem, terms, layout), list(residuals.cut(rows, layout))
+    seen = {kind: residuals.find_residuals(rows, kind, params, layout) for kind in kinds}
     sds = dict.fromkeys(kinds, 0.0)
     for _ in range(12):
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         before, sds = sds, compute_spreads(noise, sds)
-        noise = {kind: rescale_noise(of, kind, before, sds) for kind, of in noise.items()}
-        correlation = compute_mean_correlation(noise)
+        for kind in kinds[1:]:
+            noise[kind] = _rescale_noise(noise[kind], before[kind], sds[kind])
+        correlation = covariance.compute_mean_correlation(noise)
         channels = [
             leastsq.Channel(
-                residual_pieces(lambda: blocks, kind, layout, sds[kind]),
+                residuals.residual_pieces(lambda: blocks, kind, layout, sds[kind]),
                 of.sd,
                 of.loss,
                 correlation,
@@ -236,32 +219,26 @@ def refine(
         again = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         if _is_settled(sds, compute_spreads(again, sds)):
             break
-    return Estimate(solution, layout, terms, noise, sds, seen, {}, {})
+    return covariance.Estimate(solution, layout, terms, noise, sds, seen, {}, {})
 
 
-def compute_residuals_of(problem: Problem, estimate: Estimate, kind: str) -> Array:
+def compute_residuals_of(problem: Problem, estimate: covariance.Estimate, kind: str) -> Array:
     """The residuals of every row, (n,)."""
     rows = problem.rows(estimate.terms)
     sd = 0.0 if kind == "magnitude" else estimate.sds[kind]
-    return find_residuals(rows, kind, estimate.solution.params, estimate.layout, sd)
+    return residuals.find_residuals(rows, kind, estimate.solution.params, estimate.layout, sd)
 
 
-def rotation_of(estimate: Estimate) -> Array:
+def rotation_of(estimate: covariance.Estimate) -> Array:
     """The rotation (3, 3) in a free matrix, M = R S."""
     c = estimate.layout.constants
     basis = model_basis("full", estimate.layout.gauge)
     return np.asarray(polar(split(basis @ estimate.solution.params[:c])[1])[0])
 
 
-def _near(problem: Problem, estimate: Estimate, limit: float) -> Mask:
-    """The rows whose residual is within a limit, nT."""
-    far = np.abs(compute_residuals_of(problem, estimate, "magnitude")) * problem.magnitude > limit
-    return np.asarray(problem.used & ~far)
-
-
 def _with_attitude(
-    problem: Problem, estimate: Estimate, intervals: int
-) -> tuple[Problem, Estimate]:
+    problem: Problem, estimate: covariance.Estimate, intervals: int
+) -> tuple[Problem, covariance.Estimate]:
     """The rotation from sensor to attitude by Wahba, then all three kinds of residual together.
 
     The rotation found is taken into the directions until none is left, so that what remains of it
@@ -269,7 +246,7 @@ def _with_attitude(
     """
     assert problem.direction is not None
     rows = problem.rows(estimate.terms).select(problem.used)
-    field = correct(rows, estimate.solution.params, estimate.layout)
+    field = residuals.correct(rows, estimate.solution.params, estimate.layout)
     seen = field / np.linalg.norm(field, axis=1)[:, None]
     aim = problem.direction.aim[problem.used]
     rotation = find_best_rotation(seen, aim, estimate.weight)

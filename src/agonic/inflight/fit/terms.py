@@ -106,11 +106,6 @@ class Terms:
         return self.splines + self.degree + len(self.spread)
 
     @property
-    def matrix_count(self) -> int:
-        """Terms of the matrix."""
-        return self.matrix_degree + self.rate
-
-    @property
     def last(self) -> Array:
         """The terms of the bias at the end, at the middle temperature, with nothing switched on."""
         at_stop = evaluate_spline(np.array([self.stop]), self.knots)[0] - self.middle

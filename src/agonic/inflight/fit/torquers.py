@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Torquers:
     settling: int = 0
     time_constant_s: float = 0.0
     time_constant_sd_s: float = 0.0
-    rows: int = field(default=1)
+    rows: int = 1
 
 
 def list_dipoles(samples: Samples) -> tuple[str, ...]:
@@ -127,7 +128,9 @@ def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
     3.0
     """
     number = np.floor(since / step_s + 0.5)
-    late = residuals[number >= min(LONGEST, _half(number))]
+    counted = number[np.isfinite(number)]
+    middle = float(np.median(counted)) if len(counted) else 0.0
+    late = residuals[number >= min(LONGEST, middle)]
     if len(late) < FEWEST:
         return 0.0
     squares = np.minimum(np.square(late), np.square(10 * np.median(np.abs(late))))
@@ -141,53 +144,37 @@ def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
     return (last + 1) * step_s
 
 
-def _half(number: Array) -> float:
-    """The middle of the readings after switches, counted from the switch."""
-    counted = number[np.isfinite(number)]
-    return float(np.median(counted)) if len(counted) else 0.0
-
-
-def list_torquer_findings(torquers: Torquers) -> list[Finding]:
+def list_torquer_findings(torquers: Torquers) -> Iterator[Finding]:
     """What was left out for torquers, and how to use it."""
-    findings = []
     names = ",".join(torquers.unmodelled)
     if torquers.on:
         share = figure(100 * torquers.on / torquers.rows)
-        findings.append(
-            Finding(
-                "torquers on",
-                "note",
-                f"a torquer is on in {share} % of the readings, which were left out",
-                f"take them into the fit: --with {names}",
-            )
+        yield Finding(
+            "torquers on",
+            "note",
+            f"a torquer is on in {share} % of the readings, which were left out",
+            f"take them into the fit: --with {names}",
         )
     elif torquers.unmodelled:
-        findings.append(
-            Finding(
-                "torquers always on",
-                "check",
-                "torquers are on in nearly all readings, and what they add was not taken out",
-                f"take them into the fit: --with {names}",
-            )
+        yield Finding(
+            "torquers always on",
+            "check",
+            "torquers are on in nearly all readings, and what they add was not taken out",
+            f"take them into the fit: --with {names}",
         )
     if torquers.time_constant_s:
         size = f"{torquers.time_constant_s:.3g} ± {torquers.time_constant_sd_s:.1g} s"
-        findings.append(
-            Finding(
-                "torquers followed",
-                "note",
-                f"the field follows the torquers with a time constant of {size}, which is taken "
-                "into account",
-            )
+        yield Finding(
+            "torquers followed",
+            "note",
+            f"the field follows the torquers with a time constant of {size}, which is taken "
+            "into account",
         )
     if torquers.settling:
         share = figure(100 * torquers.settling / torquers.rows)
-        findings.append(
-            Finding(
-                "torquers settling",
-                "note",
-                f"for {figure(torquers.settling_s)} s after a torquer switches the readings are "
-                f"off by more than later; {share} % were left out",
-            )
+        yield Finding(
+            "torquers settling",
+            "note",
+            f"for {figure(torquers.settling_s)} s after a torquer switches the readings are off "
+            f"by more than later; {share} % were left out",
         )
-    return findings

@@ -21,19 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.equation.affine import (
-    FREE,
-    SYMMETRIC,
-    expand_covariates,
-    magnitude_residual,
-    model_basis,
-    split,
-)
+from agonic.maths.equation import affine
 from agonic.maths.estimation import leastsq
 
 KINDS = ("magnitude", "azimuth", "dip")
 _ROWS = 4096  # a block whose temporaries stay in the cache
-_SIX = model_basis("full", SYMMETRIC)[3:, 3:]
+_SIX = affine.model_basis("full", affine.SYMMETRIC)[3:, 3:]
 
 
 class Rows(NamedTuple):
@@ -87,7 +80,7 @@ class Layout(NamedTuple):
     @property
     def constants(self) -> int:
         """Parameters of c₀ and M₀."""
-        return 12 if self.gauge == FREE else 9
+        return 12 if self.gauge == affine.FREE else 9
 
     @property
     def parameters(self) -> int:
@@ -125,7 +118,9 @@ def correct(rows: Rows, params: Array, layout: Layout) -> Array:
     >>> correct(alone, layout.start + 0.5 * (np.arange(12) == 9), layout).tolist()
     [[0.5, 1.0, 1.0]]
     """
-    bias, matrix = split(model_basis("full", layout.gauge) @ params[: layout.constants])
+    bias, matrix = affine.split(
+        affine.model_basis("full", layout.gauge) @ params[: layout.constants]
+    )
     d = rows.points - rows.bias_terms @ layout.biases(params).T - bias
     if not layout.matrix_terms:
         return np.asarray(d @ matrix.T)
@@ -192,8 +187,8 @@ def _linearise(
 ) -> tuple[Array, Array]:
     """Residuals (n,) and few columns (n, c) of a block."""
     rows, moving = block.rows, block.moving
-    basis = model_basis("full", layout.gauge)
-    bias, matrix = split(basis @ params[: layout.constants])
+    basis = affine.model_basis("full", layout.gauge)
+    bias, matrix = affine.split(basis @ params[: layout.constants])
     raw = rows.points
     if layout.bias_terms:
         biases = layout.biases(params)
@@ -205,11 +200,11 @@ def _linearise(
         spread = np.square(sd * rows.wanted)
         r, by_local = _across_residual(raw - bias, matrix, _across(rows, kind), spread)
     else:
-        r, by_local = magnitude_residual(raw, bias, matrix, rows.wanted, sd)
+        r, by_local = affine.magnitude_residual(raw, bias, matrix, rows.wanted, sd)
     columns = [
         by_local @ basis,
-        expand_covariates(by_local[:, :3], block.terms),
-        expand_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms),
+        affine.expand_covariates(by_local[:, :3], block.terms),
+        affine.expand_covariates(by_local[:, 3:] @ _SIX, rows.matrix_terms),
     ]
     return r, np.concatenate(columns, axis=1)
 

@@ -23,7 +23,7 @@ from agonic.report.document import Document
 from agonic.report.labels import per_label, unit_label
 from agonic.report.markup import Markup, element
 from agonic.report.section import Section
-from agonic.report.strips import beyond_words, caption
+from agonic.report.strips import beyond_words, caption, has_enough
 from agonic.samples import Samples
 
 
@@ -45,12 +45,8 @@ def describe_inflight(
     >>> describe_inflight(fit, made.samples, title="<log>").to_html().count("&lt;log&gt;")
     2
     """
-    used, sd = fit.weights > 0, fit.sd
-    rms = float(np.sqrt(np.mean(fit.residuals[used] ** 2)))
-    bias = "   ".join(
-        f"{axis} {with_sd(float(v), float(s))}"
-        for axis, v, s in zip("xyz", fit.change.bias, sd[:3], strict=True)
-    )
+    sd, rms = fit.sd, float(np.sqrt(np.mean(fit.residuals[fit.weights > 0] ** 2)))
+    bias = join_axes(fit.change.bias, sd[:3])
     document = Document(
         schema="agonic/fit-inflight@1",
         kind="Calibration in flight",
@@ -100,24 +96,16 @@ _CONSTANT = element("p", "It was taken as constant over the record: see its numb
 def _list_bias(found: Affine) -> dict[str, Any]:
     """The whole bias at the end of the record, in the unit of the readings and, where it is, nT."""
     sd = None if found.sd is None else found.sd[:3]
-    known = found.unit_in == "nT"
-    return {
-        "bias": found.bias,
-        "bias_sd": sd,
-        "bias_nT": found.bias if known else None,
-        "bias_sd_nT": sd if known else None,
-    }
+    in_nT = (found.bias, sd) if found.unit_in == "nT" else (None, None)
+    names = ("bias", "bias_sd", "bias_nT", "bias_sd_nT")
+    return dict(zip(names, (found.bias, sd, *in_nT), strict=True))
 
 
 def _list_sources(fit: InflightFit) -> dict[str, str]:
     """What a unit of each source adds to a reading, by its name."""
-    names = signals(fit.source_names)
+    names, unit = signals(fit.source_names), unit_label(fit.change.unit_in)
     return {
-        name: "   ".join(
-            f"{axis} {with_sd(float(value), float(sd))}"
-            for axis, value, sd in zip("xyz", values, sds, strict=True)
-        )
-        + f" {unit_label(fit.change.unit_in)} {per_label(name)}"
+        name: f"{join_axes(values, sds)} {unit} {per_label(name)}"
         for name, values, sds in zip(names, fit.sources.T, fit.sources_sd.T, strict=True)
     }
 
@@ -172,24 +160,14 @@ def add_figures(document: Document, flight: Flight) -> Document:
 def _key_figures(flight: Flight) -> list[tuple[str, str, str]]:
     """The four numbers to look at first."""
     course, used = flight.course, flight.used
-    n = int(np.count_nonzero(used))
+    n, of = int(np.count_nonzero(used)), "rms, before each was used" if flight.predicted else "rms"
     rms = float(np.sqrt(np.mean(flight.residuals[used] ** 2))) if used.any() else np.nan
+    sd = quantity(float(course.sd[-1].max()), unit_label(course.unit), 2)
+    size = group_digits(float(f"{n / max(flight.correlation, 1.0):.2g}"))
     return [
-        (
-            "Residual",
-            quantity(rms, "nT"),
-            "rms, before each was used" if flight.predicted else "rms",
-        ),
-        (
-            "Bias standard error",
-            quantity(float(course.sd[-1].max()), unit_label(course.unit), 2),
-            "of the worst axis",
-        ),
-        (
-            "Effective sample size",
-            group_digits(float(f"{n / max(flight.correlation, 1.0):.2g}")),
-            f"independent readings of {group_digits(n)}",
-        ),
+        ("Residual", quantity(rms, "nT"), of),
+        ("Bias standard error", sd, "of the worst axis"),
+        ("Effective sample size", size, f"independent readings of {group_digits(n)}"),
         ("Readings", group_digits(n), f"of {count(len(used), 'reading')}"),
     ]
 
@@ -235,7 +213,7 @@ def _residuals(flight: Flight) -> list[Markup]:
     limit = figures.residual_limit(flight)
     keys = {"range": "least to largest", "middle": "the middle two thirds", "mean": "median"}
     timed = dict(keys)
-    if not figures.has_enough(len(flight.residuals)):
+    if not has_enough(len(flight.residuals)):
         del timed["middle"]
     if figures.has_shadows(flight):
         timed["shadow"] = "in the Earth’s shadow"
@@ -244,14 +222,12 @@ def _residuals(flight: Flight) -> list[Markup]:
     beyond = beyond_words(flight.residuals, limit, "nT")
     parts = [caption("Over time", figures.draw_over_time(flight, limit), timed, beyond)]
     missing = []
-    for name, values, label in (
-        ("latitude", flight.latitude_deg, "latitude, °"),
-        ("temperature", flight.temperature, "temperature, °C"),
-    ):
+    for unit, name in (("°", "latitude"), ("°C", "temperature")):
+        values = flight.latitude_deg if name == "latitude" else flight.temperature
         if values is None:
             missing.append(name)
         else:
-            drawn = figures.draw_along(flight, values, label, limit)
+            drawn = figures.draw_along(flight, values, f"{name}, {unit}", limit)
             parts.append(caption(f"Along {name}", drawn, keys))
     if flight.eclipse is None:
         missing.append("sunlight and shadow (position and date)")
@@ -268,23 +244,15 @@ def _residuals(flight: Flight) -> list[Markup]:
 
 
 def _map(flight: Flight, limit: float) -> Markup:
-    made = figures.draw_map(flight, limit)
-    full = quantity(made.full, "nT", 2)
-    scale = element(
-        "p",
-        element("span", f"−{full}"),
-        element("i", class_="ramp through"),
-        element("span", f"+{full}"),
-        class_="legend",
-    )
+    drawn, highest, cell_sd = figures.draw_map(flight, limit)
+    full = quantity(highest, "nT", 2)
+    least, most = (element("span", f"{sign}{full}") for sign in "−+")
+    scale = element("p", least, element("i", class_="ramp through"), most, class_="legend")
     note = (
         "The mean residual of the readings in a cell, which a typical cell knows to "
-        f"±{quantity(made.cell_sd, 'nT', 2)}."
+        f"±{quantity(cell_sd, 'nT', 2)}."
     )
-    return caption("Where the residuals lie", Markup(scale + made.drawn), note=note)
-
-
-PAIRS = ("xy", "xz", "yz")
+    return caption("Where the residuals lie", Markup(scale + drawn), note=note)
 
 
 def describe_decomposition(calibration: Affine) -> dict[str, str]:
@@ -299,14 +267,21 @@ def describe_decomposition(calibration: Affine) -> dict[str, str]:
     """
     found = decompose(calibration)
     return {
-        "Scale": _join("xyz", found.scale_factors, found.scale_factors_sd),
-        "Angles": _join(PAIRS, found.nonorthogonality_deg, found.nonorthogonality_sd_deg) + "°",
+        "Scale": join_axes(found.scale_factors, found.scale_factors_sd, blank=NO_BREAK),
+        "Angles": join_axes(
+            found.nonorthogonality_deg,
+            found.nonorthogonality_sd_deg,
+            ("xy", "xz", "yz"),
+            blank=NO_BREAK,
+        )
+        + "°",
     }
 
 
-def _join(names: Sequence[str], values: Array, sds: Array) -> str:
+def join_axes(values: Array, sds: Array, names: Sequence[str] = "xyz", *, blank: str = " ") -> str:
+    """Numbers of axes with their standard errors, in a line."""
     parts = (
         f"{name} {with_sd(float(v), float(sd))}"
         for name, v, sd in zip(names, values, sds, strict=True)
     )
-    return "   ".join(part.replace(" ", NO_BREAK) for part in parts)
+    return "   ".join(part.replace(" ", blank) for part in parts)

@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.inflight.report.flight import Course, Flight
+from agonic.report import strips
 from agonic.report.axes import BINS, Axis, Columns, along_time, right
 from agonic.report.digits import group_digits
 from agonic.report.markup import Markup, element
-from agonic.report.strips import (
-    arrows,
-    band,
-    level,
-    line,
-    mark_rows,
-    path,
-    plot,
-    robust_limit,
-    spread,
-)
 
 PER_COLUMN = 25
 """Readings that a column needs on average before its quartiles are drawn."""
@@ -38,7 +26,7 @@ _WIDE_DEG = 60.0  # an area from which the map shows the whole Earth
 def residual_limit(flight: Flight) -> float:
     """Half the height of the strips, nT: what was used is inside."""
     least = max(5.0 * flight.noise, 1e-6)
-    return robust_limit(flight.residuals, least, flight.used.astype(np.float64))
+    return strips.robust_limit(flight.residuals, least, flight.used.astype(np.float64))
 
 
 def draw_over_time(flight: Flight, limit: float) -> Markup:
@@ -47,11 +35,11 @@ def draw_over_time(flight: Flight, limit: float) -> Markup:
     columns = Columns(x, along)
     layers = [
         *draw_shadows(flight, x, along),
-        *_residuals(flight.residuals, columns, limit),
-        mark_rows(columns, ~flight.used, "left-out"),
+        *strips.residuals(columns, _axis(limit), flight.residuals),
+        strips.mark_rows(columns, ~flight.used, "left-out"),
     ]
-    signs = arrows(columns, _axis(limit), flight.residuals)
-    return plot(x, _axis(limit), layers, "Residuals over time", signs)
+    signs = strips.arrows(columns, _axis(limit), flight.residuals)
+    return strips.plot(x, _axis(limit), layers, "Residuals over time", signs)
 
 
 def draw_along(flight: Flight, values: Array, label: str, limit: float) -> Markup:
@@ -67,30 +55,13 @@ def draw_along(flight: Flight, values: Array, label: str, limit: float) -> Marku
     x = Axis(label, low, high if high > low else low + 1.0)
     most = int(np.clip(len(values) // PER_COLUMN, 8, 180))
     columns = Columns(x, values, most)
-    layers = _residuals(residuals, columns, limit)
-    signs = arrows(columns, _axis(limit), residuals)
-    return plot(x, _axis(limit), layers, f"Residuals along {label}", signs)
+    layers = strips.residuals(columns, _axis(limit), residuals)
+    signs = strips.arrows(columns, _axis(limit), residuals)
+    return strips.plot(x, _axis(limit), layers, f"Residuals along {label}", signs)
 
 
 def _axis(limit: float) -> Axis:
     return Axis("residual, nT", -limit, limit)
-
-
-def _residuals(values: Array, columns: Columns, limit: float) -> list[Markup]:
-    """Least to largest, the middle two thirds where there are enough readings, and the median."""
-    y = _axis(limit)
-    low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
-    return [
-        spread(columns, y, values, "range"),
-        *([band(columns, y, low, high, "middle")] if has_enough(len(values), columns.most) else []),
-        level(y, 0.0, "zero"),
-        line(columns, y, middle, "mean"),
-    ]
-
-
-def has_enough(readings: int, columns: int = BINS) -> bool:
-    """Whether the columns hold so many readings that the middle two thirds mean something."""
-    return readings >= 5 * columns
 
 
 def draw_shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:
@@ -101,7 +72,7 @@ def draw_shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:
     last = len(along) - 1
     begin, end = right(x, along[edges[::2]]), right(x, along[np.minimum(edges[1::2], last)])
     bars = (f"M{a:.1f} 0H{b:.1f}V1000H{a:.1f}Z" for a, b in zip(begin, end, strict=True))
-    return [path("".join(bars), "shadow")]
+    return [strips.path("".join(bars), "shadow")]
 
 
 def has_left_out(flight: Flight) -> bool:
@@ -138,28 +109,17 @@ def draw_bias(course: Course, axis: int) -> Markup:
     scale = (x.high - x.low) / max(course.time[-1] - course.time[0], 1e-9)
     places = (right(x, np.array((j.time - course.time[0]) * scale)) for j in course.jumps)
     layers = [
-        band(columns, y, mean - 2.0 * known, mean + 2.0 * known, "band"),
-        line(columns, y, mean, "bias"),
-        *(path(f"M{float(place):.1f} 0V1000", "jump") for place in places),
+        strips.band(columns, y, mean - 2.0 * known, mean + 2.0 * known, "band"),
+        strips.line(columns, y, mean, "bias"),
+        *(strips.path(f"M{float(place):.1f} 0V1000", "jump") for place in places),
     ]
-    return plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")
+    return strips.plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlaceMap:
-    """The map as a strip; the mean at which colour is full and how well a typical cell knows its
-    own, nT."""
-
-    drawn: Markup
-    full: float
-    cell_sd: float
-
-
-def draw_map(flight: Flight, limit: float) -> PlaceMap:
-    """The mean residual of each cell of latitude and longitude, outliers clipped.
-
-    Colour is full at the mean that one cell in fifty exceeds.
-    """
+def draw_map(flight: Flight, limit: float) -> tuple[Markup, float, float]:
+    """The mean residual of each cell of latitude and longitude, outliers clipped, as a strip; the
+    mean at which colour is full, which one cell in fifty exceeds, and how well a typical cell knows
+    its own, nT."""
     latitude, longitude = flight.latitude_deg, flight.longitude_deg
     assert latitude is not None
     assert longitude is not None
@@ -179,11 +139,8 @@ def draw_map(flight: Flight, limit: float) -> PlaceMap:
     layers = [_cells(seen[shade == k], int(k)) for k in np.unique(shade)]
     label = "Mean residual of each cell of latitude and longitude"
     alone = float(np.median(counts[seen])) / flight.correlation if len(seen) else 1.0
-    return PlaceMap(
-        drawn=plot(x, y, layers, label, kind="map"),
-        full=full,
-        cell_sd=flight.noise / np.sqrt(max(alone, 1.0)),
-    )
+    drawn = strips.plot(x, y, layers, label, kind="map")
+    return drawn, full, flight.noise / float(np.sqrt(max(alone, 1.0)))
 
 
 def _map_axes(latitude: Array, longitude: Array) -> tuple[Axis, Axis, Array]:
@@ -215,7 +172,7 @@ def _cells(cells: NDArray[np.int64], shade: int) -> Markup:
     )
     name = "none" if shade == 0 else "low" if shade < 0 else "high"
     strength = 1.0 if shade == 0 else abs(shade) / SHADES
-    return path("".join(squares), f"cell {name}", fill_opacity=f"{strength:.2g}")
+    return strips.path("".join(squares), f"cell {name}", fill_opacity=f"{strength:.2g}")
 
 
 def draw_sigmas(sigmas: float, reach: float) -> Markup:
@@ -227,10 +184,10 @@ def draw_sigmas(sigmas: float, reach: float) -> Markup:
     lines = (f"M{float(right(axis, np.array(v))):.0f} 0V100" for v in (-2.0, -1.0, 1.0, 2.0))
     kind = "bar far" if abs(sigmas) > 3.0 else "bar"
     parts = [
-        path("".join(lines), "grid"),
-        path(f"M{zero:.0f} 0V100", "zero"),
-        path(f"M{zero:.0f} 25H{end:.0f}V75H{zero:.0f}Z", kind),
-        path(f"M{low:.0f} 50H{high:.0f}", "whisker"),
+        strips.path("".join(lines), "grid"),
+        strips.path(f"M{zero:.0f} 0V100", "zero"),
+        strips.path(f"M{zero:.0f} 25H{end:.0f}V75H{zero:.0f}Z", kind),
+        strips.path(f"M{low:.0f} 50H{high:.0f}", "whisker"),
     ]
     said = f"{group_digits(sigmas, 1)} standard errors"
     return element(

@@ -15,12 +15,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump
 from agonic.inflight.fit import InflightFit, prior
 from agonic.inflight.fit.pointing import find_eclipse
-from agonic.inflight.maths.correlated_errors import (
-    STRETCHES,
-    Sums,
-    find_correlated_errors,
-    join_errors,
-)
+from agonic.inflight.maths import correlated_errors
 from agonic.inflight.tracking import Coefficients, Tracker
 from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.rotations.polar import split_rotation
@@ -85,39 +80,29 @@ def compare(before: Affine | None, after: Affine, note: str = "") -> tuple[Numbe
     flight, flight_sd = _nine(after)
     ground, ground_sd = (None, None) if before is None else _nine(before)
 
-    def rows(names: tuple[str, ...], first: int) -> tuple[Comparison, ...]:
-        return tuple(
-            Comparison(
-                name=name,
-                ground=None if ground is None else float(ground[k]),
-                ground_sd=None if ground_sd is None else float(ground_sd[k]),
-                flight=float(flight[k]),
-                flight_sd=0.0 if flight_sd is None else float(flight_sd[k]),
-            )
-            for k, name in enumerate(names, start=first)
+    rows = tuple(
+        Comparison(
+            name=name,
+            ground=None if ground is None else float(ground[k]),
+            ground_sd=None if ground_sd is None else float(ground_sd[k]),
+            flight=float(flight[k]),
+            flight_sd=0.0 if flight_sd is None else float(flight_sd[k]),
         )
-
+        for k, name in enumerate((*_AXES, *_ENTRIES))
+    )
     return (
-        Numbers(name="Bias", unit=after.unit_in, rows=rows(_AXES, 0), note=note),
-        Numbers(name="Matrix", unit="", rows=rows(_ENTRIES, 3)),
+        Numbers(name="Bias", unit=after.unit_in, rows=rows[:3], note=note),
+        Numbers(name="Matrix", unit="", rows=rows[3:]),
     )
 
 
 def _nine(calibration: Affine) -> tuple[Array, Array | None]:
     """Bias and the six entries of the symmetric matrix, and their standard errors."""
-    six, rest = split_rotation(calibration.matrix, _plain(calibration), calibration.gauge)
-    values = np.concatenate([calibration.bias, six])
-    if calibration.covariance is None:
-        return values, None
-    return values, np.sqrt(np.maximum(np.diag(rest.covariance)[:9], 0.0))
-
-
-def _plain(calibration: Affine) -> Array | None:
-    """The covariance of bias and matrix, without what a calibration may know besides."""
-    if calibration.covariance is None:
-        return None
-    size = 12 if calibration.gauge == "free" else 9
-    return calibration.covariance[:size, :size]
+    size, known = 12 if calibration.gauge == "free" else 9, calibration.covariance
+    plain = None if known is None else known[:size, :size]
+    six, rest = split_rotation(calibration.matrix, plain, calibration.gauge)
+    sd = None if known is None else np.sqrt(np.maximum(np.diag(rest.covariance)[:9], 0.0))
+    return np.concatenate([calibration.bias, six]), sd
 
 
 def compare_fit(fit: InflightFit) -> tuple[Numbers, ...]:
@@ -163,11 +148,10 @@ class Course:
 class Flight:
     """Residuals of a flight with what was recorded beside them, and what they led to.
 
-    `residuals` (n,) nT, `used` (n,) whether each were used for the result; `predicted` where each
-    is from before the reading was used. `latitude_deg` … `eclipse` (n,) are `None` where the log
-    cannot tell. `fit` is there after a fit. `noise` is the standard deviation of a residual, nT;
-    `correlation` how many of them count as one; `lasting_nT` of it are correlated errors, for
-    `lasting_s` until it has fallen to 1/e (0 where none was seen).
+    `residuals` (n,) nT, `used` (n,) whether each were used for the result. `latitude_deg` …
+    `eclipse` (n,) are `None` where the log cannot tell. `fit` is there after a fit. `noise` is the
+    standard deviation of a residual, nT; `correlation` how many of them count as one; `lasting_nT`
+    of it are correlated errors, for `lasting_s` until it has fallen to 1/e (0 where none was seen).
     """
 
     sensor: str
@@ -177,7 +161,6 @@ class Flight:
     epoch: datetime | None
     residuals: Array
     used: Mask
-    predicted: bool
     latitude_deg: Array | None
     longitude_deg: Array | None
     temperature: Array | None
@@ -189,10 +172,12 @@ class Flight:
     course: Course
     numbers: tuple[Numbers, ...]
     left_out: Mapping[str, int]
-    held_out: Mapping[int, float]
-    chosen: int | None
-    thinned: int = 1
     fit: InflightFit | None = None
+
+    @property
+    def predicted(self) -> bool:
+        """Whether each residual is from before its reading was used."""
+        return self.fit is None
 
     @property
     def begun(self) -> str:
@@ -210,27 +195,22 @@ def flight_of_fit(fit: InflightFit, samples: Samples | None = None) -> Flight:
         samples = None
     moments = np.linspace(fit.drift.start, fit.drift.stop, CURVE)
     bias, sd = fit.bias_at(moments)
-    located = fit if samples is None else samples
     return Flight(
         **{name: getattr(fit, name) for name in _OF_FIT},
         sensor=fit.change.sensor,
         samples=samples,
         used=fit.weights > 0,
-        predicted=False,
-        latitude_deg=located.latitude_deg,
         longitude_deg=None if samples is None else samples.longitude_deg,
-        temperature=located.temperature,
         course=Course(time=moments, bias=bias, sd=sd, unit=fit.change.unit_in),
         numbers=compare_fit(fit),
         left_out=_count_left_out(fit, samples),
-        chosen=fit.drift.intervals,
         fit=fit,
     )
 
 
 _OF_FIT = (
     *("calibration", "time", "epoch", "residuals", "eclipse", "noise", "correlation"),
-    *("lasting_nT", "lasting_s", "held_out", "thinned"),
+    *("lasting_nT", "lasting_s", "latitude_deg", "temperature"),
 )
 """What a fit has under the same names."""
 
@@ -245,7 +225,6 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
     latest = slice(-_ENOUGH, None)
     # of a start the predictions say how little was known, and nothing of model and noise
     used = found.used & found.foretold
-    correlation = correlation_length(found.residual[latest], used[latest].astype(np.float64))
     lasting_nT, lasting_s = measure_correlated_errors(time, found.residual, used)
     refused = int(np.count_nonzero(~found.used))
     return Flight(
@@ -253,16 +232,15 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
         calibration=tracker.calibration if state.thermal is None else state.thermal,
         samples=samples,
         time=time,
-        epoch=state.epoch,
-        residuals=found.residual,
-        used=used,
-        predicted=True,
         latitude_deg=samples.latitude_deg,
         longitude_deg=samples.longitude_deg,
         temperature=samples.temperature,
+        epoch=state.epoch,
+        residuals=found.residual,
+        used=used,
         eclipse=find_eclipse(samples),
         noise=float(np.sqrt(np.mean(found.residual[used] ** 2))) if used.any() else 0.0,
-        correlation=correlation,
+        correlation=correlation_length(found.residual[latest], used[latest].astype(np.float64)),
         lasting_nT=lasting_nT,
         lasting_s=lasting_s,
         course=Course(
@@ -280,8 +258,6 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
             - refused
             - int(np.count_nonzero(used)),
         },
-        held_out={},
-        chosen=None,
     )
 
 
@@ -293,13 +269,15 @@ def measure_correlated_errors(time: Array, residuals: Array, used: Mask) -> tupl
     (0.0, 0.0)
     """
     n = len(residuals)
-    k = min(n, STRETCHES)
+    k = min(n, correlated_errors.STRETCHES)
     weights, ones = used.astype(np.float64), np.ones((n, 1))
-    sums = Sums.empty(k, 1, [1])
+    sums = correlated_errors.Sums.empty(k, 1, [1])
     sums.add(np.arange(n) * k // n, weights, residuals, ones, [ones])
     white = float(np.average(residuals**2, weights=weights)) if used.any() else 0.0
     step_s = float(time[-1] - time[0]) / k
-    variance, time_s = join_errors(find_correlated_errors(sums, white, step_s))
+    variance, time_s = correlated_errors.join_errors(
+        correlated_errors.find_correlated_errors(sums, white, step_s)
+    )
     return float(np.sqrt(min(variance, white))), time_s
 
 

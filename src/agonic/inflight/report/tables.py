@@ -121,21 +121,15 @@ def compare_numbers(groups: tuple[Numbers, ...]) -> Markup:
     head = ["Number", "Flight"]
     if known:
         head = ["Number", "Ground", "Flight", "Change", "in σ", "change over its standard error"]
-    bodies = (
-        element(
-            "tbody",
-            element("tr", element("th", _heading(group), scope="rowgroup", colspan=len(head))),
-            *(row(_cells(q, known, reach)) for q in group.rows),
-        )
-        for group in groups
-    )
+    bodies = []
+    for group in groups:
+        unit = f", {unit_label(group.unit)}" if group.unit else ""
+        note = f" ({group.note})" if group.note else ""
+        name = element("th", f"{group.name}{unit}{note}", scope="rowgroup", colspan=len(head))
+        cells = (row(_cells(q, known, reach)) for q in group.rows)
+        bodies.append(element("tbody", element("tr", name), *cells))
     columns = element("tr", *(element("th", text, scope="col") for text in head))
     return element("table", element("thead", columns), *bodies, class_="numbers compared")
-
-
-def _heading(group: Numbers) -> str:
-    unit = f", {unit_label(group.unit)}" if group.unit else ""
-    return f"{group.name}{unit}" + (f" ({group.note})" if group.note else "")
 
 
 def _cells(q: Comparison, known: bool, reach: float) -> list[str]:
@@ -169,15 +163,9 @@ def compare_sunlight(flight: Flight) -> Markup:
         error = scatter * float(np.sqrt(flight.correlation / len(values)))
         means.append(float(values.mean()))
         errors.append(error)
-        rows.append(
-            [
-                name,
-                group_digits(len(values)),
-                with_sd(means[-1], error),
-                quantity(float(np.median(values)), "nT", 2),
-                quantity(scatter, "nT", 2),
-            ]
-        )
+        middle = quantity(float(np.median(values)), "nT", 2)
+        n, mean = group_digits(len(values)), with_sd(means[-1], error)
+        rows.append([name, n, mean, middle, quantity(scatter, "nT", 2)])
     drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
     if len(means) < 2:
         said = "The whole record lies in sunlight, or the whole of it in the shadow."
@@ -201,8 +189,8 @@ def list_left_out(flight: Flight) -> Markup:
     used = int(np.count_nonzero(flight.used))
     part = "are counted on this page" if flight.predicted else "were used for the result"
     said = f"{count(used, 'reading')} of {group_digits(whole)} {part}."
-    if flight.thinned > 1:
-        said += f" Drawn and counted here is every {flight.thinned}th row of the record."
+    if flight.fit is not None and flight.fit.thinned > 1:
+        said += f" Drawn and counted here is every {flight.fit.thinned}th row of the record."
     if not rows:
         return element("p", f"{said} None was left out.")
     drawn = table(["Left out", "Readings", "Share"], rows, class_="numbers reasons")
@@ -211,25 +199,21 @@ def list_left_out(flight: Flight) -> Markup:
 
 def list_held_out(flight: Flight) -> Markup:
     """The error on readings not seen, by the number of intervals tried."""
-    if not flight.held_out:
-        if flight.predicted:
-            text = (
-                "Nothing was chosen by held-out error: each residual on this page is from before "
-                "the reading was used, so all of them are held out."
-            )
-        else:
-            text = "The number of knots was given, so nothing was chosen by held-out error."
-        return element("p", text)
-    least = min(flight.held_out.values())
-    rows = [
-        [
-            "constant" if n == 0 else count(n, "interval"),
-            quantity(error, "nT"),
-            _above(error / least - 1),
-            "chosen" if n == flight.chosen else "",
-        ]
-        for n, error in flight.held_out.items()
-    ]
+    if flight.fit is None:
+        return element(
+            "p",
+            "Nothing was chosen by held-out error: each residual on this page is from before the "
+            "reading was used, so all of them are held out.",
+        )
+    held_out, chosen = flight.fit.held_out, flight.fit.drift.intervals
+    if not held_out:
+        said = "The number of knots was given, so nothing was chosen by held-out error."
+        return element("p", said)
+    least = min(held_out.values())
+    rows = []
+    for n, error in held_out.items():
+        name, choice = count(n, "interval") if n else "constant", "chosen" if n == chosen else ""
+        rows.append([name, quantity(error, "nT"), _above(error / least - 1), choice])
     said = (
         "Every second block of time was left out of the fit and then predicted. Intervals are "
         "doubled until unseen readings fit clearly better, then as long as they fit no worse."
@@ -278,14 +262,11 @@ def list_causes(shares: list[Share]) -> Markup:
     if not shares:
         return element("p", "Too few readings to find what the residuals follow.")
     named = [share for share in shares if share.named]
-    rows = [
-        [
-            sentence(share.what)[:-1],
-            _of_variance(share.share),
-            sentence(share.cause) if share.named else NOTHING,
-        ]
-        for share in shares
-    ]
+    rows = []
+    for one in shares:
+        of = percent(one.share) if one.share >= 0.01 else f"below {percent(0.01)}"
+        cause = sentence(one.cause) if one.named else NOTHING
+        rows.append([sentence(one.what)[:-1], of, cause])
     said = (
         "What the residuals follow is their likely cause."
         if named
@@ -294,10 +275,6 @@ def list_causes(shares: list[Share]) -> Markup:
     )
     head = ["Goes with", "Share of the variance", "Points to"]
     return Markup(element("p", said) + table(head, rows, class_="causes"))
-
-
-def _of_variance(share: float) -> str:
-    return percent(share) if share >= 0.01 else f"below {percent(0.01)}"
 
 
 def _above(share: float) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.inflight.report.document import add_figures
+from agonic.inflight.report.document import add_figures, join_axes
 from agonic.inflight.report.flight import flight_of_log
 from agonic.inflight.tracking.result import Coefficients
 from agonic.inflight.tracking.tracker import Tracker
 from agonic.maths.estimation.filters.states import FilterState
 from agonic.readable import make_record
-from agonic.report.digits import group_digits, quantity, with_sd
+from agonic.report.digits import group_digits, quantity
 from agonic.report.document import Document
 from agonic.samples import Samples
 
@@ -76,8 +76,6 @@ def _tracking_entries(
     tracker: Tracker, new: int, passed_over: int, rms: float | None
 ) -> dict[str, str]:
     state, unit = tracker.state, tracker.state.base.unit_in
-    axes = zip("xyz", state.bias, state.bias_sd, strict=True)
-    bias = "   ".join(f"{axis} {with_sd(float(v), float(sd))}" for axis, v, sd in axes)
     passed = f", {group_digits(passed_over)} passed over" if passed_over else ""
     jumps = (
         f"at {j.time:.1f} s by {', '.join(f'{v:.0f}' for v in j.shift)} {unit}, "
@@ -87,7 +85,7 @@ def _tracking_entries(
     return {
         "Readings": f"{group_digits(new)} new{passed}; {group_digits(state.n)} in all, "
         f"{group_digits(state.refused)} did not fit",
-        "Bias": f"{bias} {unit}",
+        "Bias": f"{join_axes(state.bias, state.bias_sd)} {unit}",
         "Model": f"noise {quantity(state.noise, unit)}, random walk "
         f"{tracker.params.walk:.3g} {unit} per √s",
         "Residual": ""

@@ -18,17 +18,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model
-from agonic.inflight.simulation.aboard import (
-    Pointing,
-    Way,
-    draw_attitude_nb,
-    draw_drift,
-    draw_external_n,
-    draw_pulses,
-    find_way,
-    follow_temperature,
-    settle,
-)
+from agonic.inflight.simulation import aboard
 from agonic.inflight.simulation.kepler import Orbit
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.readable import Readable
@@ -57,8 +47,7 @@ def simulate_ground(
     low, high = RANGE_C
     temperature = (low + high) / 2 - (high - low) / 2 * np.cos(2 * np.pi * time / SWEEP_S)
     field_m = draw_directions(rng, n) * rng.uniform(*MAGNITUDES, (n, 1))
-    matrix, bias = made.ground.matrix_at(temperature), made.ground.bias_at(temperature)
-    raw = np.linalg.solve(matrix, field_m[..., None])[..., 0] + bias
+    raw = _simulate_readings(made.ground, field_m, temperature)
     samples = Samples(
         time=time,
         field=raw + noise * rng.standard_normal((n, 3)),
@@ -71,6 +60,7 @@ def simulate_ground(
 
 
 POINTINGS = ("nadir", "tumble")
+DIPOLES = ("torquer_x_Am2", "torquer_y_Am2", "torquer_z_Am2")
 DIPOLE_AM2 = 0.2
 """Dipole of a simulated torquer in a pulse."""
 RANGE_C = (-30.0, 50.0)
@@ -111,7 +101,7 @@ def simulate_orbit(
     rate_Hz: float = 1.0,
     orbit: Orbit | None = None,
     epoch: datetime = datetime(2026, 5, 1, tzinfo=UTC),
-    pointing: Pointing = "nadir",
+    pointing: aboard.Pointing = "nadir",
     pace_s: float = 300.0,
     noise: float = 100.0,
     step: float = 0.0,
@@ -191,21 +181,24 @@ def simulate_orbit(
     _check(facts)
     rngs = _Generators(*np.random.default_rng(seed).spawn(len(_Generators._fields)))
     time = np.arange(n) / rate_Hz
-    way = find_way(orbit or Orbit(), time, epoch)
-    rot_nb = draw_attitude_nb(rngs.attitude, time, way, pointing, pace_s)
+    way = aboard.find_way(orbit or Orbit(), time, epoch)
+    rot_nb = aboard.draw_attitude_nb(rngs.attitude, time, way, pointing, pace_s)
     rot_bm = Rotation.from_rotvec(np.radians(mounting_deg) * draw_directions(rngs.mounting, 1)[0])
-    temperature = follow_temperature(way, time, equilibrium_C, settling_s)
-    outside_n = draw_external_n(rngs.external, time, way, external, correlation_s)
+    temperature = aboard.follow_temperature(way, time, equilibrium_C, settling_s)
+    outside_n = aboard.draw_external_n(rngs.external, time, way, external, correlation_s)
     field_n = _main_field(way, time, epoch) + outside_n
 
     ground = _draw_ground(sensor, rngs.sensor, bias, thermal)
-    truth = _move_bias(ground, moved * draw_directions(rngs.moved, 1)[0])
-    moving = draw_drift(rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at)
+    shift = moved * draw_directions(rngs.moved, 1)[0]
+    truth = replace(ground, bias=np.vstack([ground.bias[:1] + shift, ground.bias[1:]]))
+    moving = aboard.draw_drift(
+        rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at
+    )
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
-    pulsed, on = draw_pulses(rngs.torquer, time, torquer, torquer_share)
+    pulsed, on = aboard.draw_pulses(rngs.torquer, time, torquer, torquer_share)
     dipole = pulsed * (DIPOLE_AM2 / (torquer or 1.0))
     told = torquer > 0 and torquer_settling_s is not None
-    pulsed = settle(pulsed, time, torquer_settling_s or 0.0)
+    pulsed = aboard.settle(pulsed, time, torquer_settling_s or 0.0)
     raw = _simulate_readings(truth, field_m, temperature) + moving + pulsed
     raw = raw + noise * rngs.noise.standard_normal((n, 3))
     scalar = np.linalg.norm(field_n, axis=1) + (scalar_sd or 0) * rngs.scalar.standard_normal(n)
@@ -217,7 +210,7 @@ def simulate_orbit(
         temperature=temperature,
         scalar=None if scalar_sd is None else scalar,
         flagged=on.astype(float) if torquer and not told else None,
-        disturbers=_name_dipoles(dipole) if told else {},
+        disturbers=dict(zip(DIPOLES, dipole.T, strict=True)) if told else {},
         notes=("simulated",),
     )
     aside = {**way.columns, **_record_attitude(rngs.star, rot_nb, attitude_sd_deg)}
@@ -233,11 +226,6 @@ def simulate_orbit(
         eclipse=way.eclipse,
         facts=MappingProxyType(facts),
     )
-
-
-def _name_dipoles(dipole: Array) -> dict[str, Array]:
-    """Dipoles (n, 3), A m², as the columns of three torquers."""
-    return {f"torquer_{axis}_Am2": dipole[:, k] for k, axis in enumerate("xyz")}
 
 
 class _Generators(NamedTuple):
@@ -289,18 +277,8 @@ def _draw_ground(
         drift=thermal,
         gain_drift=0.0,
     )
-    return Thermal(
-        bias=drawn.bias,
-        matrix=drawn.matrix,
-        centre_C=drawn.centre_C,
-        half_range_C=drawn.half_range_C,
-        validity=Validity(temperature_C=RANGE_C),
-    )
-
-
-def _move_bias(sensor: Thermal, shift: Array) -> Thermal:
-    """The same calibration with another constant part of its bias."""
-    return replace(sensor, bias=np.vstack([sensor.bias[:1] + shift, sensor.bias[1:]]))
+    made = {name: getattr(drawn, name) for name in ("bias", "matrix", "centre_C", "half_range_C")}
+    return Thermal(**made, validity=Validity(temperature_C=RANGE_C))
 
 
 def _simulate_readings(truth: Thermal, field_m: Array, temperature: Array) -> Array:
@@ -309,7 +287,7 @@ def _simulate_readings(truth: Thermal, field_m: Array, temperature: Array) -> Ar
     return np.asarray(seen + truth.bias_at(temperature))
 
 
-def _main_field(way: Way, time: Array, epoch: datetime) -> Array:
+def _main_field(way: aboard.Way, time: Array, epoch: datetime) -> Array:
     """The world model along the way (n, 3), north-east-down, nT."""
     track = Samples(field=np.zeros((len(time), 3)), time=time, epoch=epoch)
     model = choose_model(float(decimal_year(epoch)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from agonic.calibration.tracking import Jump, TrackerState
@@ -20,7 +22,7 @@ CORRELATED = 1.5
 _ENOUGH = 1000  # readings after which the size of innovations is known
 
 
-def list_findings(state: TrackerState) -> tuple[Finding, ...]:
+def list_findings(state: TrackerState) -> Iterator[Finding]:
     """What the user should know about a state.
 
     >>> from agonic.calibration.tracking import TrackerParams
@@ -28,94 +30,76 @@ def list_findings(state: TrackerState) -> tuple[Finding, ...]:
     >>> [finding.name for finding in list_findings(start(None, TrackerParams()))]
     ['not settled']
     """
-    found = [_describe_jumps(state.jumps, state.base.unit_in)] if state.jumps else []
+    if state.jumps:
+        yield _describe_jumps(state.jumps, state.base.unit_in)
     if state.gyro_unused:
-        found.append(_describe_unused_gyro(state.gyro_unused))
-    if not state.settled or _is_nonlinear(state):
-        found.append(
-            Finding(
-                "not settled",
-                "check",
-                f"the bias is not determined yet after {state.n} readings",
-                "pass on more readings, in more directions of the field",
-            )
+        yield Finding(
+            "gyro left aside",
+            "note",
+            f"{state.gyro_unused}, so the bias is followed by the magnitude alone",
+            "name units and axes of gyro and magnetometer alike, or ask for the gyro",
+        )
+    bent = 0.0  # the standard error of the bias, which is a line's, says little where it is large
+    if state.settled and state.turn is None:
+        bent = compute_nonlinearity(state.estimate, state.magnitude or 0.0)
+    if not state.settled or bent > state.noise:
+        yield Finding(
+            "not settled",
+            "check",
+            f"the bias is not determined yet after {state.n} readings",
+            "pass on more readings, in more directions of the field",
         )
     if state.refused > REFUSED * state.n > 0:
-        found.append(
-            Finding(
-                "readings refused",
-                "check",
-                f"{100 * state.refused / state.n:.0f} % of the readings did not fit their "
-                "prediction and were not used",
-                "look for what disturbs, or give a larger noise",
-            )
+        yield Finding(
+            "readings refused",
+            "check",
+            f"{100 * state.refused / state.n:.0f} % of the readings did not fit their "
+            "prediction and were not used",
+            "look for what disturbs, or give a larger noise",
         )
-    found += _describe_unseen_turn(state)
-    found += _describe_correlation(state)
+    yield from _describe_unseen_turn(state)
+    yield from _describe_correlation(state)
     low, high = INCONSISTENT
     if state.n >= _ENOUGH and not low < state.consistency < high:
-        found.append(
-            Finding(
-                "innovations",
-                "check",
-                f"prediction errors are {figure(state.consistency)} times as large as stated",
-                "adapt noise, walk or external field; the stated band is wrong by about the same "
-                "factor",
-            )
+        yield Finding(
+            "innovations",
+            "check",
+            f"prediction errors are {figure(state.consistency)} times as large as stated",
+            "adapt noise, walk or external field; the stated band is wrong by about the same "
+            "factor",
         )
-    return tuple(found)
 
 
-def _describe_correlation(state: TrackerState) -> list[Finding]:
+def _describe_correlation(state: TrackerState) -> Iterator[Finding]:
     """That errors last, by how much they make the standard errors larger."""
     factor, growing = state.estimate.inflation
     if not state.settled or factor.max() == 1.0:
-        return []
+        return
     doubted = growing or factor.max() > CORRELATED
     larger = figure(float(factor[state.estimate.coefficients[:3]].max()))
-    return [
-        Finding(
-            "correlated errors",
-            "check" if doubted else "note",
-            "prediction errors are correlated over time: standard errors of the bias are "
-            f"{larger} times those of independent errors, and are stated with it"
-            + (", and errors may last for longer than was seen" if growing else ""),
-            "give the error of the reference and its time (external_sd, external_time_s), or "
-            "follow a bias that moves (walk)",
-        )
-    ]
-
-
-def _describe_unseen_turn(state: TrackerState) -> list[Finding]:
-    """That readings are too far apart for their rates to tell how the sensor turned."""
-    if state.turn is None or not state.turn.unseen_turn > UNSEEN:
-        return []
-    return [
-        Finding(
-            "turn between readings",
-            "check",
-            f"how far the sensor turned between two readings is known to "
-            f"{np.degrees(state.turn.unseen_turn):.0f}° only, by the rates at both; "
-            "the bias allows for it, but the delay and with it the field may be further off",
-            "record readings and rates more often, or turn more slowly",
-        )
-    ]
-
-
-def _describe_unused_gyro(why: str) -> Finding:
-    return Finding(
-        "gyro left aside",
-        "note",
-        f"{why}, so the bias is followed by the magnitude alone",
-        "name units and axes of gyro and magnetometer alike, or ask for the gyro",
+    yield Finding(
+        "correlated errors",
+        "check" if doubted else "note",
+        "prediction errors are correlated over time: standard errors of the bias are "
+        f"{larger} times those of independent errors, and are stated with it"
+        + (", and errors may last for longer than was seen" if growing else ""),
+        "give the error of the reference and its time (external_sd, external_time_s), or "
+        "follow a bias that moves (walk)",
     )
 
 
-def _is_nonlinear(state: TrackerState) -> bool:
-    """Whether the bias is so uncertain that its standard error, which is a line's, says little."""
-    if state.turn is not None:
-        return False
-    return compute_nonlinearity(state.estimate, state.magnitude or 0.0) > state.noise
+def _describe_unseen_turn(state: TrackerState) -> Iterator[Finding]:
+    """That readings are too far apart for their rates to tell how the sensor turned."""
+    if state.turn is None or not state.turn.unseen_turn > UNSEEN:
+        return
+    yield Finding(
+        "turn between readings",
+        "check",
+        f"how far the sensor turned between two readings is known to "
+        f"{np.degrees(state.turn.unseen_turn):.0f}° only, by the rates at both; "
+        "the bias allows for it, but the delay and with it the field may be further off",
+        "record readings and rates more often, or turn more slowly",
+    )
 
 
 def _describe_jumps(jumps: tuple[Jump, ...], unit: str) -> Finding:

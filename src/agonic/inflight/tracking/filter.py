@@ -19,13 +19,7 @@ from agonic.inflight.tracking import gyro
 from agonic.inflight.tracking import opening as openings
 from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
 from agonic.inflight.tracking.result import Coefficients
-from agonic.maths.estimation.filters import kalman
-from agonic.maths.estimation.filters.states import (
-    BESIDE_GYRO,
-    BY_MAGNITUDE,
-    FilterState,
-    start_filter,
-)
+from agonic.maths.estimation.filters import kalman, states
 from agonic.maths.rotations.polar import split_rotation
 
 _LEAST = 1e-14  # of the field and gain, squared: variance that every prior has at least
@@ -72,13 +66,13 @@ def start(
         )
     six, rest = split_rotation(base.matrix, base.covariance, base.gauge)
     noise = params.noise or base.noise
-    table = BESIDE_GYRO if gyro else BY_MAGNITUDE
+    table = states.BESIDE_GYRO if gyro else states.BY_MAGNITUDE
     known = np.zeros(table.sizes["full"])
     known[table.places["bias"]], known[table.places["matrix"]] = base.bias, six
     return TrackerState(
         base=base,
         turned=rest,
-        estimate=start_filter(known, np.zeros((1, 1)), -np.inf),
+        estimate=states.start_filter(known, np.zeros((1, 1)), -np.inf),
         noise=noise or 0.0,
         noise_known=noise is not None,
         epoch=epoch,
@@ -194,7 +188,7 @@ def _take_one(
 
 def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
     """The state with its prior, now that the field is known; opened where it is not yet linear."""
-    m = BY_MAGNITUDE.sizes[params.solve]
+    m = states.BY_MAGNITUDE.sizes[params.solve]
     six = state.estimate.state[4:]
     gain = float(np.mean(six[:3]))
     size = float(row[4]) / gain
@@ -207,7 +201,7 @@ def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerSta
     least = [0.0, *[_LEAST * size**2] * 3, *[_LEAST * gain**2] * 6]
     covariance += np.diag(spread) + np.diag(least)
     noise = state.noise if state.noise_known else 0.01 * size
-    prior = start_filter(state.estimate.state, covariance[:m, :m], float(row[0]))
+    prior = states.start_filter(state.estimate.state, covariance[:m, :m], float(row[0]))
     opened = Opening(prior=prior, rows=np.empty((0, 6)))
     recent = Recent(before=prior, middle=prior, rows=np.empty((0, 6)))
     ready = state.noise_known and openings.is_nearly_linear(prior, float(row[4]), noise)
@@ -256,7 +250,7 @@ def _step(
 def _follow_up(
     state: TrackerState,
     given: TrackerParams,
-    estimate: FilterState,
+    estimate: states.FilterState,
     taken: Array,
     refused: int,
     jumped: bool,
@@ -315,7 +309,7 @@ def make_rows_with_rate(
         raise AgonicError("what is followed beside a gyro needs its rates with every reading")
     known = np.asarray(magnitude, dtype=np.float64)
     plain = make_rows(time, raw, np.where(known == 0, 1.0, known))
-    rows = np.empty((len(plain), BESIDE_GYRO.row))
+    rows = np.empty((len(plain), states.BESIDE_GYRO.row))
     rows[:, :4], rows[:, 7], rows[:, 8] = plain[:, :4], known, plain[:, 5]
     try:
         rows[:, 4:7] = np.atleast_2d(np.asarray(rate, dtype=np.float64)) @ state.turned.rotation

@@ -22,15 +22,7 @@ from agonic.calibration.tracking import (
     TrackerState,
 )
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
-from agonic.maths.estimation.filters import kalman
-from agonic.maths.estimation.filters.states import (
-    BESIDE_GYRO,
-    FilterState,
-    Model,
-    forget_sums,
-    start_filter,
-    widen_for_jump,
-)
+from agonic.maths.estimation.filters import kalman, states
 from agonic.maths.estimation.noise.residuals import robust_scale
 
 OPENING = 128
@@ -58,7 +50,7 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
 
     Also once more, from nothing but the calibration, where all was lost on the way.
     """
-    m = BESIDE_GYRO.sizes[params.solve]
+    m = states.BESIDE_GYRO.sizes[params.solve]
     symmetric = state.turned.rotation.T @ state.base.matrix
     gain = float(np.mean(np.diag(symmetric)))
     size = max(float(row[7]) / gain or float(np.sqrt((row[1:4] ** 2).sum())), 1e-6)
@@ -75,9 +67,9 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
         covariance -= np.outer(along, along) / max(along[10:13].sum(), 1e-300)
     bias = state.bias if lost else state.base.bias
     known = np.concatenate([np.zeros(3), bias, np.zeros(4), pack_symmetric(symmetric)])
-    prior = start_filter(known, covariance[:m, :m], float(row[0]))
+    prior = states.start_filter(known, covariance[:m, :m], float(row[0]))
     learns = bool(np.sqrt(covariance.diagonal()[3:6].max()) < SETTLED * size)
-    opened = Opening(prior=prior, rows=np.empty((0, BESIDE_GYRO.row)), learns=learns)
+    opened = Opening(prior=prior, rows=np.empty((0, states.BESIDE_GYRO.row)), learns=learns)
     return replace(
         state,
         estimate=prior if learns else _fix_all_but_bias(prior),
@@ -88,11 +80,11 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
     )
 
 
-def _fix_all_but_bias(prior: FilterState) -> FilterState:
+def _fix_all_but_bias(prior: states.FilterState) -> states.FilterState:
     """A filter of field and bias alone, which are linear."""
     covariance = prior.covariance
     covariance[6:] = covariance[:, 6:] = 0.0
-    return start_filter(prior.state, covariance, prior.time)
+    return states.start_filter(prior.state, covariance, prior.time)
 
 
 def count_at_once(state: TrackerState, times: Array) -> int:
@@ -109,10 +101,8 @@ def step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
 ) -> tuple[TrackerState, kalman.Predictions]:
     """The state after a few readings (n, 9), and what was predicted of them."""
-    before, opening = state.turn, state.opening
-    assert before is not None, "the caller asks for a gyro"
-    model = _find_model(state, params)
-    estimate, seen, jumped = kalman.advance(before, model, rows, compiled=fast)
+    opening, model = state.opening, _find_model(state, params)
+    estimate, seen, jumped = kalman.advance(state.estimate, model, rows, compiled=fast)
     taken = rows[: len(seen.used)]
     after = state.moved(
         estimate=estimate,
@@ -130,10 +120,10 @@ def step(
     if not after.noise_known:
         opening = replace(opening, rows=np.concatenate([opening.rows, taken]))
         after = replace(after, opening=opening)
-    return (after if after.n % _LOOK else _look(after, params, fast)), seen
+    return (after if after.n % _LOOK else _look(after, params, opening, fast)), seen
 
 
-def _find_model(state: TrackerState, params: TrackerParams) -> Model:
+def _find_model(state: TrackerState, params: TrackerParams) -> states.Model:
     """The noise model; in an opening what is not estimated yet is noise of gyro and readings."""
     model, opening = params.model(state.noise), state.opening
     if opening is None:
@@ -153,16 +143,17 @@ def _measure_matrix_sd(state: TrackerState, covariance: Array) -> float:
 
 def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: float) -> TrackerState:
     """The state after a jump was seen; the same jump as the last one if that has not ended."""
-    estimate, recent, jumps = state.turn, state.recent, list(state.jumps)
-    assert estimate is not None, "the caller has a gyro"
+    estimate, recent, jumps = state.estimate, state.recent, list(state.jumps)
     size = max(params.jump_sd, 2.0 * size)
     if state.opening is not None:  # nothing that was known has jumped
         gain = float(np.mean(estimate.matrix[:3]))
-        return replace(state, estimate=widen_for_jump(estimate, size, gain * size))
+        return replace(state, estimate=states.widen_for_jump(estimate, size, gain * size))
     if recent is None and not state.settled:
         return _keep_watch(begin(state, params, row), estimate)
     if recent is None:
-        recent = Recent(before=estimate, middle=estimate, rows=np.empty((0, BESIDE_GYRO.row)))
+        recent = Recent(
+            before=estimate, middle=estimate, rows=np.empty((0, states.BESIDE_GYRO.row))
+        )
         began, unknown = estimate.time - estimate.lost_s, np.full(3, params.jump_sd)
         jumps.append(Jump(time=began, seen=began, shift=np.zeros(3), shift_sd=unknown))
     jumps[-1] = replace(jumps[-1], seen=estimate.time)
@@ -170,15 +161,14 @@ def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: flo
         last = replace(jumps[-1], shift=estimate.bias - recent.before.bias)
         state = replace(state, jumps=(*jumps[:-1], last))
         return _keep_watch(begin(state, params, row), estimate)
-    wide = widen_for_jump(estimate, size)
+    wide = states.widen_for_jump(estimate, size)
     return replace(state, estimate=wide, recent=recent, jumps=tuple(jumps))
 
 
-def _keep_watch(state: TrackerState, before: FilterState) -> TrackerState:
+def _keep_watch(state: TrackerState, before: states.FilterState) -> TrackerState:
     """The state with what its filter watched, but for the jump test."""
-    estimate = state.turn
-    assert estimate is not None, "the caller has a gyro"
-    return replace(state, estimate=forget_sums(estimate._replace(watched=before.watched)))
+    watching = state.estimate._replace(watched=before.watched)
+    return replace(state, estimate=states.forget_sums(watching))
 
 
 def _measure_jump(state: TrackerState) -> TrackerState:
@@ -195,21 +185,19 @@ def _measure_jump(state: TrackerState) -> TrackerState:
     return replace(state, recent=None, jumps=(*state.jumps[:-1], last))
 
 
-def _look(state: TrackerState, params: TrackerParams, fast: bool) -> TrackerState:
+def _look(state: TrackerState, params: TrackerParams, opening: Opening, fast: bool) -> TrackerState:
     """The state with the noise that an opening shows, and closed where the bias has settled."""
-    opening = state.opening
-    assert opening is not None, "the caller has one"
     if not state.noise_known:
         if len(opening.rows) < OPENING:
             return state
-        state = _repeat(state, params, fast)
-    return replace(state, opening=None) if opening.learns else _release(state)
+        state = _repeat(state, params, opening, fast)
+    return replace(state, opening=None) if opening.learns else _release(state, opening)
 
 
-def _repeat(state: TrackerState, params: TrackerParams, fast: bool) -> TrackerState:
+def _repeat(
+    state: TrackerState, params: TrackerParams, opening: Opening, fast: bool
+) -> TrackerState:
     """The first readings once more, with the noise that they show."""
-    opening = state.opening
-    assert opening is not None, "the caller has one"
     noise = _find_noise(opening.rows, state)
     prior = opening.prior if opening.learns else _fix_all_but_bias(opening.prior)
     model = _find_model(replace(state, noise=noise), params)._replace(jump_level=0.0)
@@ -224,14 +212,12 @@ def _repeat(state: TrackerState, params: TrackerParams, fast: bool) -> TrackerSt
     )
 
 
-def _release(state: TrackerState) -> TrackerState:
+def _release(state: TrackerState, opening: Opening) -> TrackerState:
     """The state with all that is asked for estimated, where field and bias alone are settled.
 
     What is known from before is taken as a guess, for it was found without the rest.
     """
-    opening, found = state.opening, state.turn
-    assert opening is not None, "the caller has one"
-    assert found is not None, "it was begun beside a gyro"
+    found = state.estimate
     gain = float(np.mean(found.matrix[:3]))
     size = float(np.sqrt((found.field**2).sum())) / gain
     sd = float(np.sqrt(np.diag(found.covariance)[3:6].max()))
@@ -243,7 +229,7 @@ def _release(state: TrackerState) -> TrackerState:
     covariance[:6] = covariance[:, :6] = 0.0
     covariance[range(6), range(6)] = [(gain * loose) ** 2] * 3 + [loose**2] * 3
     state_now = np.concatenate([found.state[:6], opening.prior.state[6:]])
-    begun = start_filter(state_now, covariance, found.time)
+    begun = states.start_filter(state_now, covariance, found.time)
     return _keep_watch(replace(state, estimate=begun, opening=None), found)
 
 

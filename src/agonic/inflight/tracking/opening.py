@@ -14,16 +14,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
-from agonic.inflight.tracking.map_estimate import (
-    MEMORY_FROM,
-    GaussianPrior,
-    compute_total_sd,
-    find_memory,
-    find_most_probable,
-    linearise,
-    residuals_at,
-    widen_external,
-)
+from agonic.inflight.tracking import map_estimate
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters import kalman, states
 from agonic.maths.estimation.loss import cauchy
@@ -66,9 +57,9 @@ def count_since_jump(
     last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
     if last < _PATIENT:
         return 0
-    then = robust_scale(residuals_at(opening.rows[:last], before.estimate.state))
-    then = max(then, compute_total_sd(params, now.noise, now.estimate.state))
-    new = residuals_at(opening.rows[last:], now.estimate.state)
+    then = robust_scale(map_estimate.residuals_at(opening.rows[:last], before.estimate.state))
+    then = max(then, map_estimate.compute_total_sd(params, now.noise, now.estimate.state))
+    new = map_estimate.residuals_at(opening.rows[last:], now.estimate.state)
     far = 4 * np.count_nonzero(np.abs(new) > params.gate * then) > len(new)
     return len(new) if far or robust_scale(new) > 2 * then else 0
 
@@ -136,15 +127,15 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     opening, given = state.opening, params
     assert opening is not None, "only an opening can be solved"
     prior, rows, params = opening.prior, opening.rows, state.settle_params(given)
-    about, noise, apart = find_most_probable(state, prior, rows, params)
-    total = compute_total_sd(params, noise, about) if state.noise_known else noise
-    residuals, _ = linearise(rows, about)
+    about, noise, apart = map_estimate.find_most_probable(state, prior, rows, params)
+    total = map_estimate.compute_total_sd(params, noise, about) if state.noise_known else noise
+    residuals, _ = map_estimate.linearise(rows, about)
     fits = np.abs(residuals) <= params.gate * max(total, robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], fits])
     model = _find_model(state, given, noise, total, marked, about)
     if model.external_sd:
         state = replace(state, external_sd=model.external_sd, external_time_s=model.external_time_s)
-        prior, noise = widen_external(prior, model), model.noise
+        prior, noise = map_estimate.widen_external(prior, model), model.noise
         opening = replace(opening, prior=prior)
         state = replace(state, opening=opening)
     model = model._replace(jump_level=0.0, gate=np.inf)
@@ -165,11 +156,14 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
         return replace(after, estimate=wide, opening=replace(opening, outliers=0, learns=learns))
     wide = widen_for_nonlinearity(estimate, prior, apart * 0, float(rows[-1, 4]), noise)
     after = replace(after, estimate=wide)
+    recent = Recent(before=wide, middle=wide, rows=np.empty((0, 6)))
+    if len(rows) >= STRIDE:  # a jump may hide in the last readings of an opening
+        recent = Recent(before=before, middle=wide, rows=rows[earlier:])
     return replace(
         after,
         opening=None,
         noise_known=True,
-        recent=_keep_recent(before, wide, rows[earlier:]),
+        recent=recent,
         refused=state.refused + int((~fits).sum()),
     )
 
@@ -185,9 +179,9 @@ def _find_model(
     """The noise model of an opening: as given, or with the memory that its rows (k, 6) show, which
     is sought each time they have doubled."""
     opening, model = state.opening, state.settle_params(given).model(noise)
-    if given.external_sd is not None or opening is None or len(rows) % MEMORY_FROM:
+    if given.external_sd is not None or opening is None or len(rows) % map_estimate.MEMORY_FROM:
         return model
-    return find_memory(opening.prior, model, rows, about, total) or model
+    return map_estimate.find_memory(opening.prior, model, rows, about, total) or model
 
 
 def _has_settled(state: TrackerState, params: TrackerParams, total: float) -> bool:
@@ -215,22 +209,18 @@ def date_jump(
     """
     opening = state.opening
     assert opening is not None, "a jump has opened the state"
-    about, noise, _ = find_most_probable(state, opening.prior, opening.rows, params)
-    total = compute_total_sd(params, noise, about)
+    about, noise, _ = map_estimate.find_most_probable(state, opening.prior, opening.rows, params)
+    total = map_estimate.compute_total_sd(params, noise, about)
     rho = cauchy().value
-    old, new = rho((seen.residual / seen.sd) ** 2), rho((residuals_at(rows, about) / total) ** 2)
-    away, _ = GaussianPrior(opening.prior)(about[1 : len(opening.prior.diagonal)])
+    old, new = (
+        rho((seen.residual / seen.sd) ** 2),
+        rho((map_estimate.residuals_at(rows, about) / total) ** 2),
+    )
+    away, _ = map_estimate.GaussianPrior(opening.prior)(about[1 : len(opening.prior.diagonal)])
     cost = np.concatenate([[0.0], np.cumsum(old - new)])[:-1]
     cost += float(new.sum() + away @ away / 2)
     here = float(cost[len(rows) - len(opening.rows)])
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
-
-
-def _keep_recent(before: states.FilterState, now: states.FilterState, rows: Array) -> Recent:
-    """What to go back to after an opening: a jump may hide in its last readings."""
-    if len(rows) < STRIDE:
-        return Recent(before=now, middle=now, rows=np.empty((0, 6)))
-    return Recent(before=before, middle=now, rows=rows)
 
 
 def _has_walked(estimate: states.FilterState, rows: Array, params: TrackerParams) -> bool:

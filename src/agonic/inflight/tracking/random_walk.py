@@ -11,7 +11,7 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
 from agonic.calibration.thermal import Thermal
-from agonic.calibration.tracking import TrackerParams, TrackerState
+from agonic.calibration.tracking import TrackerParams
 from agonic.errors import AgonicError
 from agonic.inflight.tracking.filter import start, update
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
@@ -81,10 +81,11 @@ def choose_walk(
     first = begun.ground or begun.aboard
     columns = {} if first is None else select_columns(first, samples)
     raw = begun.at_middle(samples.field, **columns)
-    tried = np.asarray(
-        _usual_walks(samples, magnitude, begun) if candidates is None else candidates,
-        dtype=np.float64,
-    )
+    tried = np.asarray(candidates, dtype=np.float64)
+    if candidates is None:  # from none to the noise in every reading
+        gain = float(np.cbrt(abs(np.linalg.det(begun.base.matrix))))
+        noise = begun.noise if begun.noise_known else 1e-2 * float(np.mean(magnitude)) / gain
+        tried = noise * _STEPS / np.sqrt(np.median(np.diff(samples.time)))
     later = slice(len(samples) // _PASSED_OVER, None)
     residuals, known = [], []
     external = reference.sd if settings.external_sd is None else settings.external_sd
@@ -98,11 +99,3 @@ def choose_walk(
     limit = _CLIP * MAD_TO_SD * min(float(np.median(r)) for r in compared)
     rms = np.array([np.sqrt(np.mean(np.minimum(r, limit) ** 2)) for r in compared])
     return WalkChoice(walk=float(tried[np.argmin(rms)]), candidates=tried, residual_rms=rms)
-
-
-def _usual_walks(samples: Samples, magnitude: Array, state: TrackerState) -> Array:
-    """Walks from none to the noise in every reading."""
-    assert samples.time is not None, "checked by the caller"
-    gain = float(np.cbrt(abs(np.linalg.det(state.base.matrix))))
-    noise = state.noise if state.noise_known else 1e-2 * float(np.mean(magnitude)) / gain
-    return np.asarray(noise * _STEPS / np.sqrt(np.median(np.diff(samples.time))))

@@ -102,36 +102,18 @@ class Tracker(Followed, Judged):
         if samples.flagged is not None:
             usable = samples.flagged == 0
             if not usable.any():
-                return self._nothing()
+                none = np.empty(0)
+                return Coefficients(
+                    state=self.state, residual=none, residual_sd=none, used=none > 0, jumps=()
+                )
             samples, magnitude = samples.select(usable), magnitude[usable]
             rate = None if rate is None else rate[usable]
-        self.state, found = update(
-            self.state,
-            self.params,
-            self.seconds(samples),
-            self._readings(samples),
-            magnitude,
-            rate=rate,
-        )
+        known = self.state.ground or self.state.aboard  # readings as at its middle temperature
+        columns = {} if known is None else select_columns(known, samples)
+        raw, time = self.state.at_middle(samples.field, **columns), self.seconds(samples)
+        self.state, found = update(self.state, self.params, time, raw, magnitude, rate=rate)
         self.history = np.concatenate([self.history, found.history])
         return found
-
-    def _nothing(self) -> Coefficients:
-        """What an update without usable readings finds."""
-        none = np.empty(0)
-        return Coefficients(
-            state=self.state,
-            residual=none,
-            residual_sd=none,
-            used=none.astype(bool),
-            jumps=(),
-        )
-
-    def _readings(self, samples: Samples) -> Array:
-        """The readings, where the ground calibration knows of temperature as at its middle."""
-        known = self.state.ground or self.state.aboard
-        columns = {} if known is None else select_columns(known, samples)
-        return self.state.at_middle(samples.field, **columns)
 
     def seconds(self, samples: Samples) -> Array:
         """The times of samples as the tracker counts them, from its own epoch."""
@@ -147,17 +129,7 @@ class Tracker(Followed, Judged):
         begun = start(
             self.state.ground or self.state.aboard or self.state.base, self.params, gyro=gyro
         )
-        named = self._name_sensor(replace(begun, epoch=self.state.epoch), samples)
-        return replace(
-            named,
-            external_sd=stated if self.params.external_sd is None else 0.0,
-            external_time_s=self.params.external_time_s,
-            gyro_unused=unused,
-        )
-
-    def _name_sensor(self, state: TrackerState, samples: Samples) -> TrackerState:
-        """The state before the first reading, with the sensor's name where none was given."""
-        base = state.base
+        base = begun.base
         if not self._given:
             base = replace(
                 base,
@@ -166,7 +138,14 @@ class Tracker(Followed, Judged):
                 frame_in=samples.frame,
                 frame_out=samples.frame,
             )
-        return replace(state, base=base, epoch=samples.epoch)
+        return replace(
+            begun,
+            base=base,
+            epoch=samples.epoch,
+            external_sd=stated if self.params.external_sd is None else 0.0,
+            external_time_s=self.params.external_time_s,
+            gyro_unused=unused,
+        )
 
     @property
     def n(self) -> int:
@@ -186,7 +165,7 @@ class Tracker(Followed, Judged):
     @property
     def findings(self) -> tuple[Finding, ...]:  # type: ignore[override]
         """What the user should know, by name."""
-        return list_findings(self.state)
+        return tuple(list_findings(self.state))
 
     @property
     def remarks(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -11,9 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from agonic.errors import AgonicError
-from agonic.live.streams.clock import Clock
 from agonic.live.streams.device import Device, MotionCalDevice
-from agonic.live.streams.events import Chunk, Event, Notice, Words
+from agonic.live.streams.events import Chunk, Clock, Event, Notice, Words
 from agonic.live.streams.links import Link, Packet
 from agonic.live.streams.rows import LineParser, Reading
 

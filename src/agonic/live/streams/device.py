@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
+
+import msgspec
 
 from agonic.calibration.base import Calibration
 from agonic.exports.motioncal import encode_packet, make_packet
@@ -16,12 +18,14 @@ _PACKET = ("V x", "V y", "V z", "B", "W xx", "W yy", "W zz", "W xy", "W xz", "W 
 """The numbers of a MotionCal packet for the magnetometer, µT and none."""
 
 
-class Change(NamedTuple):
-    """A number in the device: as it is (`None` where it does not tell), and as it would be."""
+class Setting(msgspec.Struct, frozen=True):
+    """A number in the device: as it is (`None` where it does not tell), as it would be, and as it
+    was read back."""
 
     name: str
     old: float | None
     new: float
+    read_back: float | None = None
 
 
 class Device(Protocol):
@@ -29,9 +33,9 @@ class Device(Protocol):
 
     @property
     def name(self) -> str: ...
-    def changes(self, calibration: Calibration) -> tuple[list[Change], tuple[str, ...]]: ...
+    def changes(self, calibration: Calibration) -> tuple[list[Setting], tuple[str, ...]]: ...
     def write(
-        self, changes: Sequence[Change], calibration: Calibration
+        self, changes: Sequence[Setting], calibration: Calibration
     ) -> Mapping[str, float | None]: ...
 
 
@@ -49,15 +53,15 @@ class MotionCalDevice:
         """What it is called."""
         return "MotionCal device"
 
-    def changes(self, calibration: Calibration) -> tuple[list[Change], tuple[str, ...]]:
+    def changes(self, calibration: Calibration) -> tuple[list[Setting], tuple[str, ...]]:
         """The numbers of the packet beside those that the device told."""
         packet, warnings = make_packet(calibration)
         new = (*packet.offset, packet.field, *packet.matrix)
         old = self._read_kept()
-        return [Change(n, old.get(n), v) for n, v in zip(_PACKET, new, strict=True)], warnings
+        return [Setting(n, old.get(n), v) for n, v in zip(_PACKET, new, strict=True)], warnings
 
     def write(
-        self, changes: Sequence[Change], calibration: Calibration
+        self, changes: Sequence[Setting], calibration: Calibration
     ) -> Mapping[str, float | None]:
         """Send the packet, and wait for the answer."""
         packet, _ = make_packet(calibration)

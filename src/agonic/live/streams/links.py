@@ -7,7 +7,7 @@ import select
 import socket
 import sys
 from contextlib import suppress
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from agonic.errors import AgonicError, MissingExtraError
 
@@ -32,18 +32,6 @@ def list_ports() -> list[tuple[str, str]]:
     except ImportError:
         raise MissingExtraError("reading a serial port", "live") from None
     return sorted((port.device, port.description or "") for port in comports())
-
-
-class Link(Protocol):
-    """A wire: `open` and `read` raise `OSError` where it is cut."""
-
-    name: str
-    hint: str
-
-    def open(self) -> None: ...
-    def read(self) -> Packet | None: ...
-    def write(self, data: bytes) -> None: ...
-    def close(self) -> None: ...
 
 
 class SerialLink:
@@ -107,7 +95,18 @@ class StandardInput:
         """It stays open for others."""
 
 
-class UdpLink:
+class _SocketLink:
+    """What UDP and TCP have in common."""
+
+    _socket: socket.socket | None = None
+
+    def close(self) -> None:
+        """Stop listening, or hang up."""
+        if self._socket is not None:
+            self._socket.close()
+
+
+class UdpLink(_SocketLink):
     """A UDP port that is listened on; what is written goes to who was heard last."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -115,7 +114,6 @@ class UdpLink:
         self.hint = f"; for senders on other machines listen on udp://0.0.0.0:{port}"
         if host not in ("127.0.0.1", "::1"):
             self.hint = ""
-        self._socket: socket.socket | None = None
         self._peer: Any = None
 
     def open(self) -> None:
@@ -145,20 +143,14 @@ class UdpLink:
         if self._socket is not None and self._peer is not None:
             self._socket.sendto(data, self._peer)
 
-    def close(self) -> None:
-        """Stop listening."""
-        if self._socket is not None:
-            self._socket.close()
 
-
-class TcpLink:
+class TcpLink(_SocketLink):
     """A TCP server that is connected to."""
 
     hint = ""
 
     def __init__(self, host: str, port: int) -> None:
         self.name, self._address = f"{host}:{port}", (host, port)
-        self._socket: socket.socket | None = None
 
     def open(self) -> None:
         """Connect; `OSError` where nobody answers."""
@@ -181,7 +173,6 @@ class TcpLink:
         if self._socket is not None:
             self._socket.sendall(data)
 
-    def close(self) -> None:
-        """Hang up."""
-        if self._socket is not None:
-            self._socket.close()
+
+Link = SerialLink | StandardInput | UdpLink | TcpLink
+"""A wire: `open` and `read` raise `OSError` where it is cut."""

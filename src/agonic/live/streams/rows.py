@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from agonic.errors import AgonicError
 from agonic.logs.contents import to_number
-from agonic.logs.headers.columns import Column, Identified, identify_column, identify_columns
+from agonic.logs.headers.columns import Identified, identify_column, identify_columns
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
 Vector = tuple[float, float, float]
@@ -130,14 +130,11 @@ class LineParser:
             f"mag{number}": [(place[axes[a].header], 1.0) for a in "xyz"]
             for number, axes in whole.items()
         }
-        self.units = {f"mag{n}": _find_unit(axes) or self.unit for n, axes in whole.items()}
+        for number, axes in whole.items():
+            units = {column.unit for column in axes.values()}
+            self.units[f"mag{number}"] = (units.pop() if len(units) == 1 else None) or self.unit
         self.inertial = {f"mag{number}": _find_motion(told, number, place) for number in whole}
         self.width, self.time = len(cells), _find_clock(cells)
-
-
-def _find_unit(axes: Mapping[str, Column]) -> str | None:
-    units = {column.unit for column in axes.values()}
-    return units.pop() if len(units) == 1 else None
 
 
 def _find_motion(

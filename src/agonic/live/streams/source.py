@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from agonic.errors import AgonicError
-from agonic.live.streams.connection import Connection, Decoder, LineDecoder
+from agonic.live.streams.connection import Connection, LineDecoder
 from agonic.live.streams.device import Device
 from agonic.live.streams.events import Event
 from agonic.live.streams.links import Link, SerialLink, StandardInput, TcpLink, UdpLink
@@ -77,7 +77,11 @@ def open_source(
         link = (
             _parse_serial(rest) if wire == "serial" else _parse_network(text, urlsplit(text), wire)
         )
-        return Connection(link, _choose_decoder(mavlink, unit, mark))
+        if not mavlink:
+            return Connection(link, LineDecoder(unit or RAW, mark))
+        from agonic.live.streams.vehicle import Vehicle
+
+        return Connection(link, Vehicle())
     if text == "-":
         return Connection(StandardInput(), LineDecoder(unit or RAW, mark))
     if text == "sim" or text.startswith("sim?"):
@@ -85,14 +89,6 @@ def open_source(
     if mavlink or "://" in text:
         raise AgonicError(f"{text!r} names no source; use {FORMS}")
     return replay_log(Path(text), speed, unit)
-
-
-def _choose_decoder(mavlink: bool, unit: str | None, mark: str | None) -> Decoder:
-    if not mavlink:
-        return LineDecoder(unit or RAW, mark)
-    from agonic.live.streams.vehicle import Vehicle
-
-    return Vehicle()
 
 
 def _parse_serial(rest: str) -> SerialLink:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,8 @@ from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.exports.ardupilot import compute_ardupilot_parameters
 from agonic.exports.targets import compass_number
-from agonic.live.streams.clock import Clock
-from agonic.live.streams.device import ANSWER_S, Change
-from agonic.live.streams.events import Chunk, Event, Notice
+from agonic.live.streams.device import ANSWER_S, Setting
+from agonic.live.streams.events import Chunk, Clock, Event, Notice
 from agonic.live.streams.links import Packet
 from agonic.logs.ardupilot.dataflash_binary import Table
 from agonic.logs.ardupilot.mavlink import INERTIAL, Columns
@@ -143,7 +143,8 @@ class Vehicle:
 
     def begin(self, write: Callable[[bytes], None]) -> None:
         """A new connection: the vehicle is met anew."""
-        self._link = self._dialect.MAVLink(_Wire(write), *GROUND)
+        wire = SimpleNamespace(write=lambda data: write(bytes(data)))
+        self._link = self._dialect.MAVLink(wire, *GROUND)
         self._link.robust_parsing = True
         self._system: tuple[int, int] | None = None
         self._autopilot = NO_AUTOPILOT
@@ -268,16 +269,16 @@ class Vehicle:
 
     # ---- writing -----------------------------------------------------------------------------
 
-    def changes(self, calibration: Calibration) -> tuple[list[Change], tuple[str, ...]]:
+    def changes(self, calibration: Calibration) -> tuple[list[Setting], tuple[str, ...]]:
         """The parameters that a calibration sets, beside those in the vehicle."""
         number = compass_number(calibration.sensor)
         parameters, warnings = compute_ardupilot_parameters(calibration, compass=number)
         values = self.parameters.values
         wanted = {**parameters, LEARN: 0.0}
-        return [Change(name, values.get(name), new) for name, new in wanted.items()], warnings
+        return [Setting(name, values.get(name), new) for name, new in wanted.items()], warnings
 
     def write(
-        self, changes: Sequence[Change], calibration: Calibration
+        self, changes: Sequence[Setting], calibration: Calibration
     ) -> Mapping[str, float | None]:
         """Set the parameters, and read every one of them back from the vehicle."""
         if self._system is None:
@@ -306,16 +307,6 @@ class Vehicle:
         finally:
             self._writing = False
         return {name: values.get(name) for name in names}
-
-
-class _Wire:
-    """What pymavlink writes to."""
-
-    def __init__(self, write: Callable[[bytes], None]) -> None:
-        self._write = write
-
-    def write(self, data: bytes) -> None:
-        self._write(bytes(data))
 
 
 def _get_motion(message: Any, columns: Columns) -> list[float]:

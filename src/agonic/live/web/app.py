@@ -18,20 +18,9 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agonic.live.web.messages import (
-    LARGEST,
-    Accept,
-    Hello,
-    Offer,
-    PageRequest,
-    Restart,
-    Status,
-    encode,
-    encode_points,
-    parse_request,
-)
+from agonic.live.web import messages
 from agonic.live.web.session import Session
-from agonic.live.web.view import MOST
+from agonic.live.web.watch import MOST
 from agonic.maths.equation.coverage import icosphere
 from agonic.report.digits import group_digits
 from agonic.report.page_file import read_static as of_report
@@ -138,7 +127,7 @@ async def _tell(websocket: WebSocket, session: Session) -> None:
     A page that reads slowly finds fewer points and always the present status; nothing is queued
     for it beyond the message under way.
     """
-    await websocket.send_text(encode(make_hello(session)).decode())
+    await websocket.send_text(messages.encode(make_hello(session)).decode())
     version, seen = -1, list[Any]()
     while True:
         began = time.monotonic()
@@ -152,25 +141,25 @@ async def _tell(websocket: WebSocket, session: Session) -> None:
             if before is not shown:  # begun anew: no rows, which is to forget the others
                 count = 0
                 await websocket.send_bytes(
-                    encode_points(k, 0, shown.at, np.empty((0, 3), np.float32))
+                    messages.encode_points(k, 0, shown.at, np.empty((0, 3), np.float32))
                 )
             total = shown.total
             rows = shown.since(max(count, total - MOST), MOST)[:MOST_POINTS]
             count = max(count, total - MOST) + len(rows) if len(rows) else count
             seen[k] = (shown, count)
             if len(rows):
-                await websocket.send_bytes(encode_points(k, count, shown.at, rows))
+                await websocket.send_bytes(messages.encode_points(k, count, shown.at, rows))
         await asyncio.sleep(max(FRAME_S - (time.monotonic() - began), 0.001))
 
 
-_last: tuple[Status | None, bytes] = (None, b"")
+_last: tuple[messages.Status | None, bytes] = (None, b"")
 
 
-def encode_status(status: Status) -> bytes:
+def encode_status(status: messages.Status) -> bytes:
     """The JSON of a status, made once for all pages."""
     global _last
     if _last[0] is None or _last[0].version != status.version or _last[0] != status:
-        _last = (status, encode(status))
+        _last = (status, messages.encode(status))
     return _last[1]
 
 
@@ -187,7 +176,7 @@ async def _listen(websocket: WebSocket, session: Session) -> None:
         now = time.monotonic()
         second, lately = (now, 1) if now - second > 1.0 else (second, lately + 1)
         data = message.get("text") or message.get("bytes") or b""
-        what = parse_request(data) if len(data) <= LARGEST else None
+        what = messages.parse_request(data) if len(data) <= messages.LARGEST else None
         wrong += what is None
         if wrong > PATIENCE or lately > PATIENCE:
             await websocket.close(code=1008, reason="too many messages, or not understood")
@@ -196,26 +185,26 @@ async def _listen(websocket: WebSocket, session: Session) -> None:
             _do(what, session)
 
 
-def _do(what: PageRequest, session: Session) -> None:
+def _do(what: messages.PageRequest, session: Session) -> None:
     """What a page asks for, beside the server where it takes a while."""
-    if isinstance(what, Restart):
+    if isinstance(what, messages.Restart):
         session.restart(what.sensor)
-    elif isinstance(what, Offer) and not what.sensor:
+    elif isinstance(what, messages.Offer) and not what.sensor:
         session.offer("")  # at once: an offer that is asked for next may not be overtaken
-    elif isinstance(what, Accept):
+    elif isinstance(what, messages.Accept):
         Thread(target=session.accept, daemon=True).start()
     else:
-        work = session.offer if isinstance(what, Offer) else session.write
+        work = session.offer if isinstance(what, messages.Offer) else session.write
         Thread(target=work, args=[what.sensor], daemon=True).start()
 
 
-def make_hello(session: Session) -> Hello:
+def make_hello(session: Session) -> messages.Hello:
     """The first message of a session."""
     reference = session.plan.reference
     told = "unknown: bias and shape are still found, the scale is that of the sensor"
     if reference is not None:
         told = f"{group_digits(float(reference.magnitudes(1)[0]))} nT ({reference.source})"
-    return Hello(
+    return messages.Hello(
         source=session.source.name,
         folder=str(session.plan.folder),
         reference=told,

@@ -8,6 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.live.streams.device import Setting
+
 LARGEST = 4096
 """Bytes of a message from a page."""
 
@@ -91,15 +93,6 @@ class Outcome(msgspec.Struct, frozen=True):
     status: str
     files: list[str]
     warnings: list[str] = []
-
-
-class Setting(msgspec.Struct, frozen=True):
-    """A number in the device: as it is, as it would be, and as it was read back."""
-
-    name: str
-    old: float | None
-    new: float
-    read_back: float | None = None
 
 
 class Hello(msgspec.Struct, frozen=True, tag="hello"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from agonic.atomic import make_folder
 from agonic.errors import AgonicError
@@ -21,25 +20,14 @@ from agonic.recording.files import write_folder
 from agonic.samples import Samples
 
 
-class SensorReadings(NamedTuple):
-    """The readings of a sensor that count, and what is to be said of those that do not."""
+def write_results(
+    plan: Plan, source: Source, seen: Mapping[str, tuple[Samples, Sequence[Finding]]]
+) -> tuple[list[Calibrated], dict[str, Written], list[Outcome]]:
+    """Calibrate each sensor from its readings, and write the folder of the plan; `seen` are the
+    readings that count, and what is to be said of those that do not.
 
-    samples: Samples
-    doubts: Sequence[Finding] = ()
-
-
-class Results(NamedTuple):
-    """What was calibrated, what was written of each sensor, and both in words."""
-
-    calibrated: list[Calibrated]
-    written: dict[str, Written]
-    outcomes: list[Outcome]
-
-
-def write_results(plan: Plan, source: Source, seen: Mapping[str, SensorReadings]) -> Results:
-    """Calibrate each sensor from its readings, and write the folder of the plan.
-
-    Raises `AgonicError` where there are no readings, or the folder cannot be written.
+    Returns what was calibrated, what was written of each sensor, and both in words. Raises
+    `AgonicError` where there are no readings, or the folder cannot be written.
     """
     if not seen:
         raise AgonicError("there are no readings yet; turn the sensor first")
@@ -58,4 +46,4 @@ def write_results(plan: Plan, source: Source, seen: Mapping[str, SensorReadings]
     outcomes = [
         Outcome(r.samples.name, r.verdict, r.status, *written[r.samples.name][:2]) for r in results
     ]
-    return Results(results, written, outcomes + failures)
+    return results, written, outcomes + failures

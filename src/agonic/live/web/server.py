@@ -115,7 +115,9 @@ class Requests(H11Protocol):
     def data_received(self, data: bytes) -> None:
         """Take bytes; what is not whole after them has its time."""
         super().data_received(data)
-        if self.transport.get_protocol() is not self or self._is_answering():
+        cycle: Any = self.cycle
+        answering = cycle is not None and not cycle.more_body
+        if self.transport.get_protocol() is not self or answering:
             self._forget()
         elif self._limit is None:
             self._limit = self.loop.call_later(REQUEST_S, self._drop)
@@ -124,10 +126,6 @@ class Requests(H11Protocol):
         """Nothing is waited for any more."""
         self._forget()
         super().connection_lost(exc)
-
-    def _is_answering(self) -> bool:
-        cycle: Any = self.cycle
-        return cycle is not None and not cycle.more_body
 
     def _forget(self) -> None:
         if self._limit is not None:

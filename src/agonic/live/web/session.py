@@ -7,17 +7,17 @@ import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from agonic.calibration.base import Calibration
+from msgspec.structs import replace
+
 from agonic.errors import AgonicError
 from agonic.live.fit import GROWTH
 from agonic.live.streams import Chunk, Notice, Source
-from agonic.live.streams.device import Change, Device
-from agonic.live.web.messages import Outcome, Sensor, Setting, Status, describe_read_back
+from agonic.live.streams.device import Device, Setting
+from agonic.live.web.messages import Outcome, Sensor, Status, describe_read_back
 from agonic.live.web.plan import Plan
-from agonic.live.web.results import SensorReadings, write_results
+from agonic.live.web.results import write_results
 from agonic.live.web.resume import SavedFits
-from agonic.live.web.view import RecentReadings
-from agonic.live.web.watch import WatchedSensor, find_calibration_before
+from agonic.live.web.watch import RecentReadings, WatchedSensor, find_calibration_before
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written
 
@@ -28,25 +28,6 @@ class DeviceOffer(NamedTuple):
     sensor: str = ""
     settings: Sequence[Setting] = ()
     says: str = ""
-
-
-def make_offer(sensor: str, device: Device, calibration: Calibration) -> DeviceOffer:
-    """What would be written to a device."""
-    changes, warnings = device.changes(calibration)
-    listed = [Setting(change.name, change.old, change.new) for change in changes]
-    return DeviceOffer(sensor, listed, ". ".join(warnings))
-
-
-def write_offer(offer: DeviceOffer, device: Device, calibration: Calibration) -> DeviceOffer:
-    """The offer with what the device keeps after writing, or why it was not written."""
-    listed = offer.settings
-    try:
-        changes = [Change(one.name, one.old, one.new) for one in listed]
-        read = device.write(changes, calibration)
-    except (AgonicError, OSError) as error:
-        return offer._replace(says=f"not written: {error}")
-    listed = [Setting(one.name, one.old, one.new, read.get(one.name)) for one in listed]
-    return DeviceOffer(offer.sensor, listed, describe_read_back(listed))
 
 
 DIGEST_S = 0.2  # between two fits, and two statuses
@@ -136,7 +117,8 @@ class Session:
         try:
             if sensor:
                 calibration = self._find_result(sensor).fit.calibration
-                offered = make_offer(sensor, self._device(), calibration)
+                changes, warnings = self._device().changes(calibration)
+                offered = DeviceOffer(sensor, changes, ". ".join(warnings))
             trouble = ""
         except AgonicError as error:
             trouble = str(error)
@@ -154,8 +136,10 @@ class Session:
             self._changed()
         try:
             calibration = self._find_result(sensor).fit.calibration
-            offered = write_offer(offered, self._device(), calibration)
-        except AgonicError as error:
+            read = self._device().write(offered.settings, calibration)
+            listed = [replace(one, read_back=read.get(one.name)) for one in offered.settings]
+            offered = DeviceOffer(sensor, listed, describe_read_back(listed))
+        except (AgonicError, OSError) as error:
             offered = offered._replace(says=f"not written: {error}")
         with self._lock:
             self._offer, self._busy = offered, False
@@ -197,7 +181,8 @@ class Session:
             self._sensors = [self._digest_one(one) for one in self._watched.values()]
             seen = {n: one.seen for n, one in self._watched.items() if one.live.n}
         try:
-            outcomes, trouble = self._write(seen), ""
+            self.results, self.written, outcomes = write_results(self.plan, self.source, seen)
+            trouble = ""
         except (AgonicError, OSError) as error:
             outcomes, trouble = [], str(error)
         except Exception as error:  # the page must hear of it rather than wait for ever
@@ -212,11 +197,6 @@ class Session:
                     self._unfinished.finish(result.samples.name)
             self._changed()
         return outcomes
-
-    def _write(self, seen: dict[str, SensorReadings]) -> list[Outcome]:
-        made = write_results(self.plan, self.source, seen)
-        self.results, self.written = made.calibrated, made.written
-        return made.outcomes
 
     # ---- in the background ----------------------------------------------------------------
 
@@ -257,16 +237,12 @@ class Session:
                 before = find_calibration_before(self.plan.folder, chunk.sensor, given)
                 watched = WatchedSensor(chunk, self.plan.params(chunk), before)
                 self._watched[chunk.sensor] = watched
-                self._go_on(watched)
+                live, note = self._unfinished.resume(watched.params)
+                if live is not None:
+                    watched.go_on(live)
+                if note:
+                    self._notes.append(note)
             watched.take(chunk)
-
-    def _go_on(self, watched: WatchedSensor) -> None:
-        """Take a sensor up where it was left."""
-        live, note = self._unfinished.resume(watched.params)
-        if live is not None:
-            watched.go_on(live)
-        if note:
-            self._notes.append(note)
 
     def _save(self) -> None:
         """Write where it stands, beside the reading and fitting."""

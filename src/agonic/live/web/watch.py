@@ -7,21 +7,22 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.calibration.affine import PARAMETERS, Affine
-from agonic.coverage import Coverage
+from agonic.health import Finding
 from agonic.live.fit import LiveFit
 from agonic.live.guidance import find_held_out
 from agonic.live.level import Level, Plan
-from agonic.live.plausible import find_plausible
+from agonic.live.quarantine import find_plausible
 from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk
 from agonic.live.web.messages import Number, Problem, Rose, Sensor
-from agonic.live.web.results import SensorReadings
-from agonic.live.web.view import RecentReadings
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.report.digits import group_digits
+from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 PAUSE_S = 10.0
@@ -32,6 +33,40 @@ MOST_NOTED = 200
 
 RATE_OVER_S = 2.0
 """The rate is that of readings in so many seconds."""
+
+
+MOST = 50_000
+"""Points of a sensor on the page."""
+
+
+class RecentReadings:
+    """The last `most` readings, and how many there were; `at` is when the latest came."""
+
+    def __init__(self, most: int = MOST) -> None:
+        self._ring = np.zeros((most, 3), np.float32)
+        self.total, self.at = 0, 0.0
+
+    def add(self, rows: Array, at: float) -> None:
+        """Put readings (n, 3) in."""
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        total = self.total + len(rows)
+        latest = rows[-len(self._ring) :]
+        places = (total - len(latest) + np.arange(len(latest))) % len(self._ring)
+        with np.errstate(over="ignore"):
+            self._ring[places] = latest
+        self.total, self.at = total, at
+
+    def since(self, seen: int, most: int) -> NDArray[np.float32]:
+        """The readings after the first `seen`, at most the latest `most` of them.
+
+        >>> shown = RecentReadings(4)
+        >>> shown.add(np.arange(15.0).reshape(5, 3), 0.0)
+        >>> shown.since(3, 10)[:, 0], len(shown.since(0, 10))
+        (array([ 9., 12.], dtype=float32), 4)
+        """
+        count = min(self.total - seen, most, len(self._ring))
+        places = (self.total - count + np.arange(count)) % len(self._ring)
+        return np.asarray(self._ring[places])
 
 
 class WatchedSensor:
@@ -126,12 +161,12 @@ class WatchedSensor:
         return sum(n for at, n in self._arrived if now - at <= RATE_OVER_S) / RATE_OVER_S
 
     @property
-    def seen(self) -> SensorReadings:
+    def seen(self) -> tuple[Samples, Sequence[Finding]]:
         """The readings to calibrate from, and what to say of those that were kept out of them."""
         live, note = self.live, ("kept of a live session",)
         whole_way = live.aided is not None and live.aided.chosen
-        doubts = () if whole_way else find_held_out(live.state)
-        return SensorReadings(live.samples.with_columns(frame=self.frame, notes=note), doubts)
+        doubts = () if whole_way else tuple(find_held_out(live.state))
+        return live.samples.with_columns(frame=self.frame, notes=note), doubts
 
     def status(self) -> Sensor:
         """All that a page shows of it."""
@@ -139,6 +174,9 @@ class WatchedSensor:
         self._note()
         centre, shape = self._sphere()
         calibration, coverage = live.fitted or (None, None)
+        progress = 0.0 if coverage is None else coverage.filled  # of a level vehicle: of headings
+        if guidance.level is not None:
+            progress = float(guidance.level.seen.mean())
         return Sensor(
             name=self.name,
             n=live.n,
@@ -146,24 +184,30 @@ class WatchedSensor:
             rate_Hz=round(self.rate_Hz, 1),
             say=guidance.say,
             done=guidance.done,
-            progress=_measure_progress(coverage, guidance.level),
+            progress=progress,
             target_deg=self.params.target_deg,
-            centre=_make_list(centre),
-            shape=_make_list(shape),
+            centre=centre.tolist(),
+            shape=shape.ravel().tolist(),
             cells=[] if coverage is None else coverage.cells.tolist(),
-            heading_sd_deg=None if coverage is None else _make_finite(coverage.heading_sd_deg),
+            heading_sd_deg=_make_finite(None if coverage is None else coverage.heading_sd_deg),
             magnitude=None if calibration is None else calibration.magnitude,
-            present=None if guidance.present is None else _make_list(guidance.present),
-            wanted=None if guidance.wanted is None else _make_list(guidance.wanted),
+            present=None if guidance.present is None else guidance.present.tolist(),
+            wanted=None if guidance.wanted is None else guidance.wanted.tolist(),
             problems=[Problem(f.name, f.sentence) for f in guidance.findings],
             numbers=[] if calibration is None else self._numbers(calibration),
-            before="" if self.before is None else _describe(self.before),
+            before=self._describe_before(),
             course=list(self._course),
             left_out=self._describe_left_out(),
             method="ellipsoid" if aided is None else aided.method,
             vehicle_sd_deg=_make_finite(aided.vehicle_sd_deg) if aided and aided.chosen else None,
             rose=None if guidance.level is None else _draw_rose(guidance.level, guidance.plan),
         )
+
+    def _describe_before(self) -> str:
+        if self.before is None:
+            return ""
+        created = str(getattr(self.before.provenance, "created", "") or "")
+        return f"the calibration before{f', of {created[:10]}' if created else ''}"
 
     def _note(self) -> None:
         """Note the heading's standard error, ever more seldom."""
@@ -193,7 +237,9 @@ class WatchedSensor:
     def _numbers(self, calibration: Affine) -> list[Number]:
         now = [*calibration.bias, *pack_symmetric(calibration.matrix)]
         sd = [None] * 9 if calibration.sd is None else calibration.sd[:9].tolist()
-        before = self._comparable(calibration)
+        before = self.before
+        if before is not None and before.unit_in != calibration.unit_in:
+            before = None
         old = [None] * 9 if before is None else [*before.bias, *pack_symmetric(before.matrix)]
         units = [calibration.unit_in] * 3 + [""] * 6
         rows = zip(PARAMETERS, units, now, sd, old, strict=True)
@@ -202,20 +248,10 @@ class WatchedSensor:
             Number("spread of |field|", "%", self._spread(calibration.correct), None, old_spread),
             Number("uncorrected", "%", self._spread(lambda raw: raw)),
             *(
-                Number(
-                    name.replace("_", " "),
-                    unit,
-                    _make_finite(value),
-                    None if error is None else _make_finite(error),
-                    None if was is None else _make_finite(was),
-                )
-                for name, unit, value, error, was in rows
+                Number(name.replace("_", " "), unit, *map(_make_finite, values))
+                for name, unit, *values in rows
             ),
         ]
-
-    def _comparable(self, now: Affine) -> Affine | None:
-        same = self.before is not None and self.before.unit_in == now.unit_in
-        return self.before if same else None
 
     def _spread(self, correct: Callable[[Array], Array]) -> float | None:
         """Standard deviation over mean of the magnitude, percent, each box counted alike."""
@@ -226,26 +262,13 @@ class WatchedSensor:
         return _make_finite(100 * float(sizes.std() / sizes.mean()))
 
 
-def _measure_progress(coverage: Coverage | None, level: Level | None) -> float:
-    """The share of directions that was seen; of a vehicle that stays level, of headings."""
-    if level is not None:
-        return float(level.seen.mean())
-    return 0.0 if coverage is None else coverage.filled
-
-
 def _draw_rose(level: Level, plan: Plan | None) -> Rose:
     counts, tilts = level.counts.tolist(), level.tilts_deg.round(1).tolist()
-    now = (level.heading_deg, level.pitch_deg, level.roll_deg)
+    rose = Rose(counts, tilts, level.heading_deg, level.pitch_deg, level.roll_deg)
     if plan is None:
-        return Rose(counts, tilts, *now)
-    return Rose(
-        counts,
-        tilts,
-        *now,
-        wanted=list(plan.step.sectors),
-        slope_deg=plan.step.slope_deg,
-        after_deg=_make_finite(plan.after_deg),
-    )
+        return rose
+    step, after_deg = plan.step, _make_finite(plan.after_deg)
+    return replace(rose, wanted=list(step.sectors), slope_deg=step.slope_deg, after_deg=after_deg)
 
 
 def _join_motion(chunks: Sequence[Chunk]) -> Array | None:
@@ -276,14 +299,5 @@ def find_calibration_before(folder: Path, name: str, given: dict[str, Affine]) -
     return found if isinstance(found, Affine) else None
 
 
-def _describe(calibration: Affine) -> str:
-    created = str(getattr(calibration.provenance, "created", "") or "")
-    return f"the calibration before{f', of {created[:10]}' if created else ''}"
-
-
-def _make_list(values: Array) -> list[float]:
-    return [float(v) for v in np.ravel(values)]
-
-
-def _make_finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _make_finite(value: float | None) -> float | None:
+    return float(value) if value is not None and np.isfinite(value) else None

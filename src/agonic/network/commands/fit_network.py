@@ -5,16 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from agonic.console.options import (
-    Between,
-    Json,
-    KnownField,
-    LogPath,
-    Out,
-    Place,
-    Robust,
-    SensorChoice,
-)
+from agonic.console import options
 from agonic.console.parse import parse_names, parse_nodes
 from agonic.console.sensors import open_sensor
 
@@ -24,9 +15,9 @@ if TYPE_CHECKING:
 
 
 def network(
-    log: LogPath,
-    reference: KnownField = None,
-    out: Out = None,
+    log: options.LogPath,
+    reference: options.KnownField = None,
+    out: options.Out = None,
     hidden: str = "3",
     inputs: str = "field",
     base: str = "affine",
@@ -35,13 +26,13 @@ def network(
     select: bool = False,
     compare: bool = False,
     figure: Path | None = None,
-    which: SensorChoice = SensorChoice(),
-    place: Place = Place(),
-    robust: Robust = True,
+    which: options.SensorChoice = options.SensorChoice(),
+    place: options.Place = options.Place(),
+    robust: options.Robust = True,
     seed: int = 0,
-    between: Between = None,
+    between: options.Between = None,
     report: Path | None = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> int:
     """A network where no affine calibration is enough; it is written only where it is better.
 
@@ -63,8 +54,8 @@ def network(
     from agonic.console.finish import finish
     from agonic.console.progress import progress
     from agonic.network.fit import choose_network, compare_methods, fit_network
-    from agonic.network.report.chart import draw_chart
     from agonic.network.report.document import describe_network
+    from agonic.network.report.figures import draw_chart
 
     samples = open_sensor(log, *which, between)
     samples, known = _known(samples, log, reference, which.unit, place)
@@ -92,7 +83,7 @@ def network(
 
 
 def _known(
-    samples: Samples, log: Path, given: str | None, unit: str | None, place: Place
+    samples: Samples, log: Path, given: str | None, unit: str | None, place: options.Place
 ) -> tuple[Samples, Reference]:
     """The rows whose field is known, and that field."""
     from agonic.console.place import find_reference, match_known_field

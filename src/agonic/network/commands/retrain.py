@@ -71,16 +71,20 @@ def retrain(
         "alarm": alarm,
     }
     spans = {name: span(text) for name, text in (("window", window), ("every", every)) if text}
+    resumed = None
     if state is not None and state.exists():
-        _require_nothing(given, state)
-        retrainer = Retrainer.resume(state)
-        samples = open_sensor(log, *which, preferred=retrainer.state.sensor)
-        samples, known = _known(samples, log, reference, which.unit, place)
-    else:
-        samples = open_sensor(log, *which)
-        samples, known = _known(samples, log, reference, which.unit, place)
-        retrainer = _start_retrainer(samples, known, given, spans)
-    new, seen = _new(retrainer, samples), None
+        named = [f"--{name}" for name, value in given.items() if value is not None]
+        if named:
+            raise AgonicError(
+                f"{state} holds its settings already; leave out {', '.join(named)}, or name "
+                "another state to start anew"
+            )
+        resumed = Retrainer.resume(state)
+    samples = open_sensor(log, *which, preferred=resumed.state.sensor if resumed else "")
+    samples, known = _known(samples, log, reference, which.unit, place)
+    retrainer = resumed or _start_retrainer(samples, known, given, spans)
+    been, seen = retrainer.state, None
+    new = samples.seconds_since(been.epoch, known=been.n > 0) > been.time
     if new.any():
         seen = retrainer.update(samples.select(new), known.select(new))
     files = [retrainer.save(state)] if state is not None and seen is not None else []
@@ -106,15 +110,6 @@ def span(text: str) -> tuple[str, float]:
     return "s", float(found[1]) * SECONDS[found[2]]
 
 
-def _require_nothing(given: dict[str, Any], state: Path) -> None:
-    named = [f"--{name}" for name, value in given.items() if value is not None]
-    if named:
-        raise AgonicError(
-            f"{state} holds its settings already; leave out {', '.join(named)}, or name another "
-            "state to start anew"
-        )
-
-
 def _start_retrainer(
     samples: Samples, known: Reference, given: dict[str, Any], spans: dict[str, tuple[str, float]]
 ) -> Retrainer:
@@ -132,12 +127,9 @@ def _start_retrainer(
         settings[f"{name}_{unit}"] = length if unit == "s" else int(length)
     if "window_s" in settings:
         settings["window_n"] = _rows_in(samples, settings["window_s"])
-    if given["inputs"] is not None:
-        settings["inputs"] = parse_names(given["inputs"])
-    if given["hidden"] is not None:
-        settings["hidden"] = parse_nodes(given["hidden"])
-    if given["alarm"] is not None:
-        settings["alarm"] = given["alarm"]
+    for name, parse in (("inputs", parse_names), ("hidden", parse_nodes), ("alarm", float)):
+        if given[name] is not None:
+            settings[name] = parse(given[name])
     return Retrainer(calibration, RetrainerParams(**settings))
 
 
@@ -151,9 +143,3 @@ def _rows_in(samples: Samples, seconds: float) -> int:
         return LEAST
     step = float(np.median(np.diff(samples.time)))
     return max(int(2 * seconds / step) + 1, LEAST)
-
-
-def _new(retrainer: Retrainer, samples: Samples) -> Any:
-    """The rows that are later than all that was seen."""
-    state = retrainer.state
-    return samples.seconds_since(state.epoch, known=state.n > 0) > state.time

@@ -79,14 +79,7 @@ def _write(made: SimulatedField, out: Path) -> list[Path]:
     """Readings and known field as tables."""
     from agonic.exports.csv import write_csv
 
-    known = made.samples.with_columns(
-        field=made.field,
-        temperature=None,
-        roll_deg=None,
-        pitch_deg=None,
-        heading_deg=None,
-        acceleration=None,
-        rotation_rate=None,
-        name="reference",
-    )
+    beside = ("temperature", "roll_deg", "pitch_deg", "heading_deg", "acceleration")
+    none = dict.fromkeys((*beside, "rotation_rate"))
+    known = made.samples.with_columns(field=made.field, name="reference", **none)
     return [write_csv(made.samples, out), write_csv(known, out.with_suffix(".reference.csv"))]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,14 +45,15 @@ def fit_vectors(raw: Array, field: Array, ends: Ends, *, robust: bool) -> BaseFi
 
         matrix = A⁻¹,   bias = c,   with a prior on A about one gain
     """
-    scaled = _centre_and_scale(raw, field)
-    rows = np.column_stack([scaled.field, np.ones(len(raw))])
+    points, centre, size = _centre_and_scale(raw, "readings never change")
+    known, middle, strength = _centre_and_scale(field, "known field never changes")
+    rows = np.column_stack([known, np.ones(len(raw))])
 
     def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
         for axis in range(3):
             jacobian = np.zeros((len(raw), 12))
             jacobian[:, 4 * axis : 4 * axis + 4] = rows
-            yield rows @ params[4 * axis : 4 * axis + 4] - scaled.points[:, axis], jacobian
+            yield rows @ params[4 * axis : 4 * axis + 4] - points[:, axis], jacobian
 
     wanted = np.eye(3, 4).ravel()
     sds = np.tile([*[SOFT_IRON_SD] * 3, 1e3], 3)
@@ -61,66 +62,50 @@ def fit_vectors(raw: Array, field: Array, ends: Ends, *, robust: bool) -> BaseFi
         return (params - wanted) / sds, np.diag(1 / sds)
 
     solution, noise = solve_with_noise(pieces, wanted, scale=1e-2, prior=prior, robust=robust)
-    made = _invert(solution, scaled, noise.sd, ends)
-    return BaseFit(made, noise.sd * float(np.sqrt(noise.correlation)) * scaled.strength)
-
-
-class _Scaled(NamedTuple):
-    """Points and fields centred and of about one, and how to get back."""
-
-    points: Array
-    field: Array
-    centre: Array
-    size: float
-    middle: Array
-    strength: float
-
-
-def _centre_and_scale(raw: Array, field: Array) -> _Scaled:
-    centre, middle = raw.mean(axis=0), field.mean(axis=0)
-    size, strength = (
-        float(np.sqrt(np.mean((values - at) ** 2)))
-        for values, at in ((raw, centre), (field, middle))
+    made = Affine(
+        **_invert(solution, centre, size, middle, strength),
+        gauge=FREE,
+        magnitude=float(np.sqrt(np.mean(middle @ middle + 3 * strength**2))),
+        noise=noise.sd * size,
+        **ends._asdict(),
     )
-    if size == 0.0 or strength == 0.0:
-        what = "readings never change" if size == 0.0 else "known field never changes"
+    return BaseFit(made, noise.sd * float(np.sqrt(noise.correlation)) * strength)
+
+
+def _centre_and_scale(values: Array, trouble: str) -> tuple[Array, Array, float]:
+    """Values (n, 3) centred and of about one, and how to get back."""
+    centre = values.mean(axis=0)
+    size = float(np.sqrt(np.mean((values - centre) ** 2)))
+    if size == 0.0:
         raise CoverageError(
-            f"the {what}, so nothing can be learned from them",
+            f"the {trouble}, so nothing can be learned from them",
             turns="record while the sensor turns, or drive the coil",
         )
-    return _Scaled(
-        (raw - centre) / size, (field - middle) / strength, centre, size, middle, strength
-    )
+    return (values - centre) / size, centre, size
 
 
-def _invert(solution: leastsq.Solution, scaled: _Scaled, noise: float, ends: Ends) -> Affine:
+def _invert(
+    solution: leastsq.Solution, centre: Array, size: float, middle: Array, strength: float
+) -> dict[str, Any]:
     """Bias and matrix from the response, with their covariance.
 
     Unscaled: A = size/strength A', c = centre + size c' − A middle; then W = A⁻¹ and
     dW = −W dA W, and bias = c.
     """
-    rows = solution.params.reshape(3, 4)
-    onto = scaled.size / scaled.strength
+    rows, onto = solution.params.reshape(3, 4), size / strength
     response = onto * rows[:, :3]
-    bias = scaled.centre + scaled.size * rows[:, 3] - response @ scaled.middle
+    bias = centre + size * rows[:, 3] - response @ middle
     matrix = np.asarray(np.linalg.inv(response), dtype=np.float64)
     local = np.zeros((12, 12))
     for axis in range(3):
-        local[axis, 4 * axis : 4 * axis + 3] = -onto * scaled.middle
-        local[axis, 4 * axis + 3] = scaled.size
+        local[axis, 4 * axis : 4 * axis + 3] = -onto * middle
+        local[axis, 4 * axis + 3] = size
         for k in range(3):
             step = -onto * np.outer(matrix[:, axis], matrix[k])
             local[3:, 4 * axis + k] = step.ravel()
     reduced = np.linalg.pinv(model_basis("full", FREE)) @ local
-    return Affine(
-        bias=bias,
-        matrix=matrix,
-        covariance=reduced @ solution.covariance @ reduced.T,
-        gauge=FREE,
-        magnitude=float(np.sqrt(np.mean(scaled.middle @ scaled.middle + 3 * scaled.strength**2))),
-        noise=noise * scaled.size,
-        **ends._asdict(),
-    )
+    covariance = reduced @ solution.covariance @ reduced.T
+    return {"bias": bias, "matrix": matrix, "covariance": covariance}
 
 
 def fit_magnitudes(raw: Array, magnitude: Array, ends: Ends, *, robust: bool, seed: int) -> BaseFit:

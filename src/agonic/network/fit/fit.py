@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -41,22 +43,20 @@ def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
     return replace(fit, findings=sort_findings(found), remarks=_remarks(fit))
 
 
-def _compare_with_base(fit: NetworkFit) -> list[Finding]:
+def _compare_with_base(fit: NetworkFit) -> Iterator[Finding]:
     """The base is as good, or better."""
     comparison = fit.comparison
     if comparison is None or comparison.base is None or comparison.winner == "network":
-        return []
-    return [
-        Finding(
-            "network not needed",
-            "check" if comparison.ratio > 1 / WORTH else "note",
-            f"{comparison.sentence}",
-            "use the base; give the network what else changes (temperature, current), or none",
-        )
-    ]
+        return
+    yield Finding(
+        "network not needed",
+        "check" if comparison.ratio > 1 / WORTH else "note",
+        f"{comparison.sentence}",
+        "use the base; give the network what else changes (temperature, current), or none",
+    )
 
 
-def _targets(fit: NetworkFit, samples: Samples) -> list[Finding]:
+def _targets(fit: NetworkFit, samples: Samples) -> Iterator[Finding]:
     """Targets that have little to do with the readings."""
     rows = np.flatnonzero(np.isfinite(fit.residuals[:, 0]))
     rows = rows[:: max(len(rows) // SOME, 1)]
@@ -64,60 +64,49 @@ def _targets(fit: NetworkFit, samples: Samples) -> list[Finding]:
     seen, _ = fit.calibration.evaluated(part.field, select_columns(fit.calibration, part))
     field = float(np.median(np.linalg.norm(seen, axis=1)))
     if fit.noise < LARGE * field:
-        return []
-    return [
-        Finding(
-            "targets",
-            "check",
-            f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % of "
-            "the field: the readings hardly follow the reference",
-            "check the times, axes, signs and unit of the reference, and of the attitude with it",
-        )
-    ]
+        return
+    yield Finding(
+        "targets",
+        "check",
+        f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % of "
+        "the field: the readings hardly follow the reference",
+        "check the times, axes, signs and unit of the reference, and of the attitude with it",
+    )
 
 
-def _outliers(fit: NetworkFit) -> list[Finding]:
+def _outliers(fit: NetworkFit) -> Iterator[Finding]:
     share = 1.0 - float((fit.weights[np.isfinite(fit.residuals[:, 0])] > 0).mean())
-    if share == 0.0:
-        return []
-    return [
-        Finding(
+    if share != 0.0:
+        yield Finding(
             "left out in training",
             "check" if share > OUTLIERS_DOUBTFUL else "note",
             f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for wrong references, and for readings taken while something was switched",
         )
-    ]
 
 
-def _few(fit: NetworkFit) -> list[Finding]:
+def _few(fit: NetworkFit) -> Iterator[Finding]:
     """More weights than the readings can determine."""
     outputs = fit.residuals.shape[1]
     independent = fit.n * outputs / fit.correlation
     if independent >= FEW_PER_WEIGHT * fit.calibration.shape.size:
-        return []
-    return [
-        Finding(
-            "few for a network",
-            "check",
-            f"{fit.calibration.shape.size} weights rest on {figure(independent)} independent "
-            "residuals",
-            "record longer, or take fewer hidden nodes",
-        )
-    ]
+        return
+    yield Finding(
+        "few for a network",
+        "check",
+        f"{fit.calibration.shape.size} weights rest on {figure(independent)} independent residuals",
+        "record longer, or take fewer hidden nodes",
+    )
 
 
-def _check_convergence(fit: NetworkFit) -> list[Finding]:
-    if fit.converged:
-        return []
-    return [
-        Finding(
+def _check_convergence(fit: NetworkFit) -> Iterator[Finding]:
+    if not fit.converged:
+        yield Finding(
             "training unfinished",
             "note",
             f"training still improved after {fit.iterations} epochs",
             "raise most_epochs, or take fewer hidden nodes",
         )
-    ]
 
 
 def _remarks(fit: NetworkFit) -> tuple[str, ...]:
@@ -194,19 +183,8 @@ def fit_network(
     >>> fit.comparison.winner, fit.comparison.ratio < 0.5
     ('network', True)
     """
-    settings = Settings(
-        hidden=hidden,
-        inputs=inputs,
-        base=base if start is None else start.base,
-        target=target,
-        stopping=stopping,
-        robust=robust,
-        restarts=restarts,
-        most_epochs=most_epochs,
-        seed=seed,
-    )
-    if start is not None:
-        settings = _settings_of_start(settings, start)
+    given = {**locals(), **({} if start is None else _list_settings(start))}
+    settings = Settings(**{one.name: given[one.name] for one in fields(Settings)})
     problem = pose_problem(samples, reference, settings)
     training = train(problem, np.flatnonzero(problem.rows), start)
     fit = _fit(problem, training)
@@ -215,17 +193,12 @@ def fit_network(
     return examine(fit, samples)
 
 
-def _settings_of_start(settings: Settings, start: Network) -> Settings:
-    """The settings with what a start decides: base, inputs, hidden nodes, target."""
+def _list_settings(start: Network) -> dict[str, Any]:
+    """The settings that a start decides."""
     if start.held:
         raise AgonicError("a network held at a temperature cannot be trained further")
-    return replace(
-        settings,
-        base=start.base,
-        inputs=start.inputs,
-        hidden=start.shape.hidden,
-        target=start.target,
-    )
+    decided = {name: getattr(start, name) for name in ("base", "inputs", "target")}
+    return decided | {"hidden": start.shape.hidden}
 
 
 def _fit(problem: Problem, training: Training) -> NetworkFit:

@@ -14,7 +14,6 @@ from agonic.maths.equation import network
 from agonic.network.fit.problem import Settings, pose_problem
 from agonic.network.fit.solve import scale_problem
 from agonic.network.maths import levenberg_marquardt
-from agonic.network.maths.levenberg_marquardt import Problem
 from agonic.readable import Shown
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -33,7 +32,7 @@ class Descent(NamedTuple):
 
 
 def descend(
-    problem: Problem,
+    problem: levenberg_marquardt.Problem,
     start: Array,
     *,
     epochs: int,
@@ -68,7 +67,7 @@ def descend(
     return Descent(weights, found)
 
 
-def _evaluate(problem: Problem, weights: Array) -> tuple[float, Array]:
+def _evaluate(problem: levenberg_marquardt.Problem, weights: Array) -> tuple[float, Array]:
     layers = network.split(weights, problem.shape)
     return network.sum_gradient(layers, problem.x, problem.target)
 
@@ -84,29 +83,21 @@ EPOCHS = 5000
 class Method:
     """How one method trained a network.
 
-    `mean_square` (k,) the scaled error after every epoch; `seconds` what all of them took; `rms`
-    and `maximum` nT, what is left at the end; `epochs_to_goal` until the mean square error was
-    below 0.001, `epochs_to_least` until it was within 5 % of the least that any method reached;
-    None where it never was.
+    `mean_square` (k,) the scaled error after every epoch, `least` at the end; `seconds` what all
+    of the `epochs` took; `rms` and `maximum` nT, what is left at the end; `epochs_to_goal` until
+    the mean square error was below 0.001, `epochs_to_least` until it was within 5 % of the least
+    that any method reached; None where it never was.
     """
 
-    name: Annotated[str, Shown()]
+    name: Annotated[str, Shown("Trained by")]
+    epochs_to_goal: Annotated[int | None, Shown("epochs to 0.001")]
+    epochs_to_least: Annotated[int | None, Shown("to 5 % of the least")]
+    epochs: Annotated[int, Shown("in all")]
+    seconds: Annotated[float, Shown("time", write="{:.2f} s".format)]
+    least: Annotated[float, Shown("mean square, scaled", write="{:.2g}".format, key="mean_square")]
+    rms: Annotated[float, Shown("rms", "nT", key="rms_nT")]
+    maximum: Annotated[float, Shown("largest", "nT", key="maximum_nT")]
     mean_square: Array
-    seconds: Annotated[float, Shown()]
-    rms: Annotated[float, Shown(key="rms_nT")]
-    maximum: Annotated[float, Shown(key="maximum_nT")]
-    epochs_to_goal: Annotated[int | None, Shown()]
-    epochs_to_least: Annotated[int | None, Shown()]
-
-    @property
-    def epochs(self) -> Annotated[int, Shown()]:
-        """How many epochs it went on."""
-        return len(self.mean_square)
-
-    @property
-    def least(self) -> Annotated[float, Shown(key="mean_square")]:
-        """The scaled error at the end."""
-        return float(self.mean_square[-1])
 
 
 def compare_methods(
@@ -135,26 +126,41 @@ def compare_methods(
     """
     problem = pose_problem(samples, reference, Settings(**settings))
     scaled = scale_problem(problem, np.flatnonzero(problem.rows))
-    rows = scaled.problem
+    rows = scaled.between
     if rows.weight is not None:
         rows = rows.subset(rows.weight > 0)._replace(weight=None)
     start = network.draw_weights(np.random.default_rng(problem.settings.seed), rows.shape)
-    ran = {name: _run(train, rows, start) for name, train in _trainers(epochs).items()}
-    least = min(float(curve[-1]) for _, curve, _ in ran.values())
+    half, ran = scaled.scale.output_half, {}
+    for name, train in _list_trainers(epochs).items():
+        began = time.perf_counter()
+        weights, curve = train(rows, start)
+        seconds = time.perf_counter() - began
+        left = half * (network.forward(network.split(weights, rows.shape), rows.x) - rows.target)
+        ran[name] = curve, seconds, left
+    least = min(float(curve[-1]) for curve, *_ in ran.values())
     return tuple(
-        _judge(name, rows, found, curve, seconds, scaled.scale.output_half, least)
-        for name, (found, curve, seconds) in ran.items()
+        Method(
+            name=name,
+            mean_square=curve,
+            epochs=len(curve),
+            least=float(curve[-1]),
+            seconds=seconds,
+            rms=float(np.sqrt(np.mean(left**2))),
+            maximum=float(np.abs(left).max()),
+            epochs_to_goal=_find_first_below(curve, GOAL),
+            epochs_to_least=_find_first_below(curve, CLOSE * least),
+        )
+        for name, (curve, seconds, left) in ran.items()
     )
 
 
-Trained = tuple[Array, Array]
-Trainer = Callable[[levenberg_marquardt.Problem, Array], Trained]
+Trainer = Callable[[levenberg_marquardt.Problem, Array], Descent]
 
 
-def _trainers(epochs: int) -> dict[str, Trainer]:
-    def marquardt(rows: levenberg_marquardt.Problem, start: Array) -> Trained:
+def _list_trainers(epochs: int) -> dict[str, Trainer]:
+    def marquardt(rows: levenberg_marquardt.Problem, start: Array) -> Descent:
         found = levenberg_marquardt.train(rows, start, stopping="plain")
-        return found.weights, np.array([epoch.mean_square for epoch in found.epochs])
+        return Descent(found.weights, np.array([epoch.mean_square for epoch in found.epochs]))
 
     def descent(adaptive: bool) -> Trainer:
         return lambda rows, start: descend(rows, start, epochs=epochs, adaptive=adaptive)
@@ -166,35 +172,6 @@ def _trainers(epochs: int) -> dict[str, Trainer]:
     }
 
 
-def _run(
-    train: Trainer, rows: levenberg_marquardt.Problem, start: Array
-) -> tuple[Array, Array, float]:
-    began = time.perf_counter()
-    weights, curve = train(rows, start)
-    return weights, curve, time.perf_counter() - began
-
-
-def _judge(
-    name: str,
-    rows: levenberg_marquardt.Problem,
-    weights: Array,
-    curve: Array,
-    seconds: float,
-    half: float,
-    least: float,
-) -> Method:
-    left = half * (network.forward(network.split(weights, rows.shape), rows.x) - rows.target)
-    return Method(
-        name=name,
-        mean_square=curve,
-        seconds=seconds,
-        rms=float(np.sqrt(np.mean(left**2))),
-        maximum=float(np.abs(left).max()),
-        epochs_to_goal=_first_below(curve, GOAL),
-        epochs_to_least=_first_below(curve, CLOSE * least),
-    )
-
-
-def _first_below(curve: Array, level: float) -> int | None:
+def _find_first_below(curve: Array, level: float) -> int | None:
     below = np.flatnonzero(curve < level)
     return int(below[0]) + 1 if len(below) else None

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.calibration.affine import Affine
 from agonic.calibration.base import Validity
 from agonic.calibration.inputs import measure_width
 from agonic.calibration.network import Network
@@ -59,8 +58,11 @@ class Scale(NamedTuple):
         return cls(*(getattr(network, name) for name in cls._fields))
 
 
-class Noiseless(NamedTuple):
-    """The inputs as they would be without the noise of the readings.
+class Scaled(NamedTuple):
+    """What a network has to learn from some of the rows, and what it takes to get back.
+
+    `between` is that between −1 and 1, with the inputs as they are; `field` (k, 3) the base's and
+    `target` (k, o) what it leaves, nT.
 
     With noise in the inputs a network learns how the field was distributed rather than what the
     sensor does: where the field kept to a plane, say, it takes every reading back into it. The
@@ -73,40 +75,37 @@ class Noiseless(NamedTuple):
 
     problem: Problem
     rows: Index
-    base: Affine | Thermal | None
+    base: BaseFit
     field: Array
+    target: Array
     scale: Scale
+    between: levenberg_marquardt.Problem
 
     @property
-    def possible(self) -> bool:
+    def noisy(self) -> bool:
         """Whether readings go in and a base says what noise of the field is in them."""
-        return self.base is not None and "field" in self.problem.settings.inputs
+        return self.base.calibration is not None and "field" in self.problem.settings.inputs
 
-    def x(self, error: Array) -> Array:
-        """Scaled inputs (k, i) when the field is off by `error` (k, o), nT."""
+    def find_noiseless_inputs(self, error: Array) -> Array:
+        """Scaled inputs (k, i) without noise when the field is off by `error` (k, o), nT."""
         inputs = self.problem.inputs[self.rows].copy()
-        if isinstance(self.base, Affine | Thermal) and "field" in self.problem.settings.inputs:
+        if self.noisy:
             if error.shape[1] == 1:
                 error = error * self.field / np.linalg.norm(self.field, axis=1, keepdims=True)
-            at = sum(measure_width(n) for n in self.problem.settings.inputs[: self._position])
-            inputs[:, at : at + 3] -= self._share(error) * self._back(error)
+            names = self.problem.settings.inputs
+            at = sum(measure_width(name) for name in names[: names.index("field")])
+            noise = robust_scale(error.ravel())
+            share = 1.0 - min((self.problem.sd / max(noise, 1e-300)) ** 2, 1.0)
+            inputs[:, at : at + 3] -= share * self._bring_back(error)
         return np.asarray((inputs - self.scale.input_middle) / self.scale.input_half)
 
-    @property
-    def _position(self) -> int:
-        return self.problem.settings.inputs.index("field")
-
-    def _share(self, error: Array) -> float:
-        noise = robust_scale(error.ravel())
-        return 1.0 - min((self.problem.sd / max(noise, 1e-300)) ** 2, 1.0)
-
-    def _back(self, error: Array) -> Array:
+    def _bring_back(self, error: Array) -> Array:
         """Errors of the field as errors of the readings, W⁻¹ e."""
-        if isinstance(self.base, Thermal):
-            matrix = self.base.matrix_at(self.problem.columns["temperature"][self.rows])
-        else:
-            assert self.base is not None
-            matrix = self.base.matrix
+        base = self.base.calibration
+        assert base is not None
+        matrix = base.matrix
+        if isinstance(base, Thermal):
+            matrix = base.matrix_at(self.problem.columns["temperature"][self.rows])
         return np.asarray(np.linalg.solve(matrix, error[:, :, None])[:, :, 0])
 
 
@@ -133,65 +132,45 @@ class Training(NamedTuple):
     regression: float
 
 
-class Scaled(NamedTuple):
-    """A problem on some of the rows, between −1 and 1; and what it takes to get back."""
-
-    problem: levenberg_marquardt.Problem
-    scale: Scale
-    base: BaseFit
-    field: Array  # (k, 3) by the base
-    target: Array  # (k, o) nT, what the base leaves
-
-
 def scale_problem(problem: Problem, rows: Index, start: Network | None = None) -> Scaled:
     """What a network has to learn from some of the rows; from `start` base and scales are taken."""
     settings = problem.settings
     base = problem.fit_base(rows) if start is None else BaseFit(start.base)
     field = problem.apply_base(base.calibration, rows)
     target = -compute_errors(field, problem.wanted[rows])
-    used = _select_near(target, settings.robust)
+    size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
+    # a network bends to what an affine leaves, but not to anything
+    used = size <= (_GROSS * max(robust_scale(size), 1e-300) if settings.robust else np.inf)
     scale = _find_scale(problem, rows[used], target[used]) if start is None else Scale.of(start)
-    scaled = levenberg_marquardt.Problem(
+    between = levenberg_marquardt.Problem(
         x=(problem.inputs[rows] - scale.input_middle) / scale.input_half,
         target=(target - scale.output_middle) / scale.output_half,
         hidden=settings.hidden,
         weight=None if used.all() else used.astype(np.float64),
     )
-    return Scaled(scaled, scale, base, field, target)
+    return Scaled(problem, rows, base, field, target, scale, between)
 
 
 def train(problem: Problem, rows: Index, start: Network | None = None) -> Training:
     """The network of some of the rows; from `start` its base, scales and weights are taken."""
-    scaled, scale, (base, base_noise), field, target = scale_problem(problem, rows, start)
-    noiseless = Noiseless(problem, rows, base, field, scale)
-    found, noise, scaled = _train_until_settled(
-        scaled, problem, noiseless, None if start is None else start.weights
-    )
-    outputs = network.forward(network.split(found.weights, scaled.shape), scaled.x)
-    weights = np.ones(len(rows)) if scaled.weight is None else scaled.weight
-    calibration = _network(problem, base, scale, found, noise, scaled, outputs, target, weights)
-    unmodelled = _estimate_unmodelled(scaled, outputs, weights > 0, noise, found)
-    calibration = replace(
-        calibration,
-        unmodelled=scale.output_half * unmodelled,
-        base_sd_ratio=1.0 if base_noise is None else _sd_ratio(calibration, noise, base_noise),
-    )
+    task = scale_problem(problem, rows, start)
+    found, noise, last = _train_until_settled(task, None if start is None else start.weights)
+    outputs = network.forward(network.split(found.weights, last.shape), last.x)
+    weights = np.ones(len(rows)) if last.weight is None else last.weight
+    calibration, size = _network(task, found, noise, outputs, weights), task.scale.output_half
+    unmodelled = _estimate_unmodelled(last, outputs, weights > 0, noise, found)
+    ratio, base_noise = 1.0, task.base.noise
+    if base_noise is not None:  # standard errors of the base with the noise that the network leaves
+        left = noise.sd * size * float(np.sqrt(noise.correlation))
+        ratio = min(1.0, left / max(base_noise, 1e-300))
     return Training(
-        calibration=calibration,
+        calibration=replace(calibration, unmodelled=size * unmodelled, base_sd_ratio=ratio),
         trained=found,
-        noise=noise._replace(sd=noise.sd * scale.output_half),
-        residuals=(outputs - scaled.target) * scale.output_half,
+        noise=noise._replace(sd=noise.sd * size),
+        residuals=(outputs - last.target) * size,
         weights=weights,
-        regression=correlate(outputs[weights > 0], scaled.target[weights > 0]),
+        regression=correlate(outputs[weights > 0], last.target[weights > 0]),
     )
-
-
-def _select_near(target: Array, robust: bool) -> Mask:
-    """Rows that are not gross: a network bends to what an affine leaves, but not to anything."""
-    size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
-    if not robust:
-        return np.ones(len(target), dtype=bool)
-    return np.asarray(size <= _GROSS * max(robust_scale(size), 1e-300))
 
 
 def _find_scale(problem: Problem, rows: Index, target: Array) -> Scale:
@@ -209,21 +188,22 @@ def _find_scale(problem: Problem, rows: Index, target: Array) -> Scale:
 
 
 def _train_until_settled(
-    scaled: levenberg_marquardt.Problem, problem: Problem, noiseless: Noiseless, warm: Array | None
+    task: Scaled, warm: Array | None
 ) -> tuple[levenberg_marquardt.Training, Noise, levenberg_marquardt.Problem]:
     """Train until the weights of rows, and their correlation, are what they were taken for.
 
     Rows that stand out lose their weight, and any may have it back; inputs lose their noise.
     Returns the scaled problem with its inputs as they are.
     """
-    settings, x, size = problem.settings, scaled.x, noiseless.scale.output_half
+    settings, scaled, size = task.problem.settings, task.between, task.scale.output_half
+    x = scaled.x
     held = hold_out(len(x)) if settings.stopping == "early" else np.zeros(len(x), dtype=bool)
     seen, unseen = np.flatnonzero(~held), np.flatnonzero(held)
-    error = -(noiseless.scale.output_middle + size * scaled.target)
+    error = -(task.scale.output_middle + size * scaled.target)
     epochs: tuple[levenberg_marquardt.Epoch, ...] = ()
-    start, ridge, twice = warm, None, noiseless.possible
+    start, ridge, twice = warm, None, task.noisy
     for _ in range(_ROUNDS):
-        calm = scaled._replace(x=noiseless.x(error))
+        calm = scaled._replace(x=task.find_noiseless_inputs(error))
         shown = calm.subset(seen) if held.any() else calm
         other = calm.subset(unseen) if held.any() else None
         if start is None:
@@ -295,12 +275,6 @@ def _estimate_unmodelled(
     return float(np.sqrt(square)) if square > error else 0.0
 
 
-def _sd_ratio(made: Network, noise: Noise, base_noise: float) -> float:
-    """Standard errors of the base with the noise that the network leaves, over its own."""
-    assert made.noise is not None
-    return min(1.0, made.noise * float(np.sqrt(noise.correlation)) / max(base_noise, 1e-300))
-
-
 def correlate(outputs: Array, targets: Array) -> float:
     """R between outputs and targets, all components together (the paper's coefficient)."""
     a, b = outputs.ravel(), targets.ravel()
@@ -310,20 +284,17 @@ def correlate(outputs: Array, targets: Array) -> float:
 
 
 def _network(
-    problem: Problem,
-    base: Affine | Thermal | None,
-    scale: Scale,
+    task: Scaled,
     found: levenberg_marquardt.Training,
     noise: Noise,
-    scaled: levenberg_marquardt.Problem,
     outputs: Array,
-    target: Array,
     weights: Array,
 ) -> Network:
     """The calibration, with where it holds."""
+    problem, base, scale, target = task.problem, task.base.calibration, task.scale, task.target
     kept = weights > 0
-    layers = network.split(found.weights, scaled.shape)
-    centres, reach = domain.cover(scaled.x[kept], CENTRES)
+    layers = network.split(found.weights, task.between.shape)
+    centres, reach = domain.cover(task.between.x[kept], CENTRES)
     added = scale.output_middle + scale.output_half * outputs[kept]
     longest = float(np.linalg.norm(added, axis=1).max())
     samples, wanted = problem.samples, problem.wanted

@@ -109,8 +109,10 @@ def train(
     Parameters: `stopping` how overfitting is met: "bayesian" by λ from the evidence, "early" by the
     error on `held_out`, "plain" not at all; `ridge` λ to begin with, as a training before left it.
     """
-    state = _begin(problem, np.array(start, dtype=np.float64), ridge or 0.0, stopping)
-    evidence = stopping == "bayesian"
+    evidence, weights = stopping == "bayesian", np.array(start, dtype=np.float64)
+    sums = _sums(problem, weights)
+    first = ridge or (1e-3 * sums.weight**0.5 if evidence else 0.0)
+    state = _State(weights, sums, first, _FIRST_MU, float(len(weights)), weights, np.inf, 0)
     watched = held_out if stopping == "early" else None
     if watched is not None:
         state = state.watching(_mean_square(watched, state.weights))
@@ -126,7 +128,9 @@ def train(
         gain, state = stepped
         unseen = float("nan") if watched is None else _mean_square(watched, state.weights)
         state = state.watching(unseen)
-        epochs.append(Epoch(_mean(state, problem), unseen, state.mu, state.effective))
+        count = max(state.sums.weight, 1e-300) * problem.target.shape[1]
+        mean_square = float(state.sums.square / count)
+        epochs.append(Epoch(mean_square, unseen, state.mu, state.effective))
         ready = not evidence or ridge is not None or len(epochs) > _SETTLING
         enough = max(SLOW, FLAT * _count(problem, state.sums) / 2)
         slow = slow + 1 if gain < enough and ready else 0
@@ -196,13 +200,6 @@ class _State(NamedTuple):
         return self._replace(worse=self.worse + 1)
 
 
-def _begin(problem: Problem, start: Array, ridge: float, stopping: Stopping) -> _State:
-    sums = _sums(problem, start)
-    if stopping == "bayesian" and not ridge:
-        ridge = 1e-3 * sums.weight**0.5
-    return _State(start, sums, ridge, _FIRST_MU, float(len(start)), start, np.inf, 0)
-
-
 def _sums(problem: Problem, weights: Array) -> network.Sums:
     layers = network.split(weights, problem.shape)
     return network.sum_normal_equations(layers, problem.x, problem.target, problem.weight)
@@ -216,10 +213,6 @@ def _square(problem: Problem, weights: Array) -> float:
 def _mean_square(problem: Problem, weights: Array) -> float:
     total = len(problem.x) if problem.weight is None else float(problem.weight.sum())
     return float(_square(problem, weights) / (max(total, 1e-300) * problem.target.shape[1]))
-
-
-def _mean(state: _State, problem: Problem) -> float:
-    return float(state.sums.square / (max(state.sums.weight, 1e-300) * problem.target.shape[1]))
 
 
 def _step(problem: Problem, state: _State) -> tuple[float, _State] | None:

@@ -19,8 +19,9 @@ from agonic.readable import make_record
 from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document
+from agonic.report.fields import make_table
 from agonic.report.markup import Markup, element
-from agonic.report.section import Section
+from agonic.report.section import Block, Section
 from agonic.report.strips import caption
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
@@ -44,10 +45,9 @@ def correlate_axes(found: Array, known: Array) -> list[float]:
 def draw_axes(found: Array, known: Array) -> list[Markup]:
     """The network's field over the known one, a figure an axis, as the paper draws it."""
     names = ("x", "y", "z") if known.shape[1] == 3 else ("the field",)
-    together = zip(names, found.T, known.T, correlate_axes(found, known), strict=True)
     return [
-        caption(f"Along {name}: R = {r:.5f}", figures.draw_regression(b, a, name))
-        for name, a, b, r in together
+        caption(f"Along {name}: R = {correlate(a, b):.5f}", figures.draw_regression(b, a, name))
+        for name, a, b in zip(names, found.T, known.T, strict=True)
     ]
 
 
@@ -97,9 +97,9 @@ def describe_network(
         entries_title="",
         sections=[
             *_compare(fit, samples),
-            *([_choice(choice)] if choice else []),
+            *(_list_choice(choice) if choice else []),
             Section("Training", [lambda: _training(fit)]),
-            *([_methods(fit, methods)] if methods else []),
+            *(_list_methods(fit, methods) if methods else []),
             Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
             *caution(network),
             Section("Where it holds", _guard(network, network, samples)),
@@ -206,24 +206,28 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
     return [Section(name, [*tables.compare_errors(comparison, fit.calibration.target), draw])]
 
 
-def _choice(choice: NetworkChoice) -> Section:
+def _list_choice(choice: NetworkChoice) -> list[Section]:
     said = (
         f"{sentence(choice.sentence)} Unseen: each of four blocks is judged by a network trained "
         "on the other three."
     )
-    return Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)
+    return [Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)]
 
 
-def _methods(fit: NetworkFit, methods: Sequence[Method]) -> Section:
-    """Levenberg–Marquardt beside gradient descent."""
-    keys = {key: method.name for key, method in zip(figures.METHODS, methods, strict=True)}
+def _list_methods(fit: NetworkFit, methods: Sequence[Method]) -> list[Section]:
     note = "All from the same random start, on all readings, without a prior on the weights."
+    blocks = compare(fit, methods, "Error after each epoch, by method", note)
+    return [Section("Methods of training", blocks, printed=True)]
+
+
+def compare(fit: NetworkFit, methods: Sequence[Method], name: str, note: str) -> list[Block]:
+    """Levenberg–Marquardt beside gradient descent: a table, and a figure with its name and note."""
+    keys = {key: method.name for key, method in zip(figures.METHODS, methods, strict=True)}
 
     def draw() -> Markup:
-        drawn = figures.draw_methods(fit, methods)
-        return caption("Error after each epoch, by method", drawn, keys, note)
+        return caption(name, figures.draw_methods(fit, methods), keys, note)
 
-    return Section("Methods of training", [tables.list_methods(methods), draw], printed=True)
+    return [make_table(methods, style="nodes"), draw]
 
 
 def _training(fit: NetworkFit) -> Markup:
@@ -250,9 +254,7 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> list
     keys = {"range": "least to largest", "mean": "mean"}
     if (share < 0.5).any():
         keys["guarded"] = "mostly outside"
-    drawn = caption(
-        "Where it was trained: 1, far away: 0", figures.draw_guard(share, samples.time), keys
-    )
+    drawn = figures.draw_guard(share, samples.time)
     if network.base is None:
         said = "trained on that its field is a guess: there is no base to fall back to."
     else:
@@ -260,7 +262,7 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> list
             "trained on that half of its correction or more is taken back; far away the base alone "
             f"corrects. {percent(float((share > 0.999).mean()))} get all of it."
         )
-    return [of + said, drawn]
+    return [of + said, caption("Where it was trained: 1, far away: 0", drawn, keys)]
 
 
 def _numbers(network: Network) -> list[Section]:

@@ -1,29 +1,21 @@
-"""Strips about a network: its training, its errors beside those of its base, its domain."""
+"""Strips about a network: its training, its errors beside those of its base, its domain; and charts
+as SVG files that stand alone."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.retraining import Retraining
-from agonic.network.fit import Comparison, Method, NetworkFit
+from agonic.errors import MissingExtraError
+from agonic.network.fit import Comparison, Method, NetworkChoice, NetworkFit
 from agonic.network.fit.methods import GOAL
+from agonic.report import strips
 from agonic.report.axes import BINS, Axis, Columns, along_rows, along_time, down, right
 from agonic.report.markup import Markup
-from agonic.report.strips import (
-    arrows,
-    band,
-    level,
-    line,
-    mark_rows,
-    path,
-    plot,
-    points,
-    robust_limit,
-    spread,
-)
 
 METHODS = ("training", "descent", "adaptive")
 """Classes of the curves, in the order of `compare_methods`."""
@@ -33,8 +25,6 @@ BLOCKS = 120
 """Stretches of time whose rms error is drawn."""
 DOTS = 400
 """Readings of a regression that are drawn."""
-MIDDLE = 5.0
-"""Readings in a column from which on its middle two thirds mean something."""
 
 
 def draw_training(fit: NetworkFit) -> Markup:
@@ -50,9 +40,9 @@ def draw_training(fit: NetworkFit) -> Markup:
     seen = np.concatenate([*curves.values(), [limit or np.nan]])
     x = Axis("epoch", 1.0, float(max(len(fit.epochs), 2)))
     y = _decade(seen, "rms error, nT")
-    layers = [level(y, limit, "limit")] if limit else []
+    layers = [strips.level(y, limit, "limit")] if limit else []
     layers += [_curve(x, y, values, name) for name, values in curves.items()]
-    return plot(x, y, layers, "Rms error after every epoch of the training")
+    return strips.plot(x, y, layers, "Rms error after every epoch of the training")
 
 
 def draw_methods(fit: NetworkFit, methods: Sequence[Method]) -> Markup:
@@ -61,7 +51,7 @@ def draw_methods(fit: NetworkFit, methods: Sequence[Method]) -> Markup:
     x = Axis("epoch", 1.0, float(max(2, *map(len, curves))), logarithmic=True)
     y = _decade(np.concatenate(curves), "rms error, nT")
     layers = [_curve(x, y, values, name) for values, name in zip(curves, METHODS, strict=True)]
-    return plot(x, y, layers, "Rms error after every epoch, by method of training")
+    return strips.plot(x, y, layers, "Rms error after every epoch, by method of training")
 
 
 def compute_rms(fit: NetworkFit, mean_square: Sequence[float] | Array) -> Array:
@@ -84,8 +74,10 @@ def _curve(x: Axis, y: Axis, values: Array, name: str) -> Markup:
         even = np.geomspace if x.logarithmic else np.linspace
         known = known[np.unique(even(1, len(known), POINTS).astype(int)) - 1]
     if len(known) < 2:
-        return path("", name)
-    return path(f"M{points(right(x, known + np.ones(len(known))), down(y, values[known]))}", name)
+        return strips.path("", name)
+    return strips.path(
+        f"M{strips.points(right(x, known + np.ones(len(known))), down(y, values[known]))}", name
+    )
 
 
 def draw_regression(known: Array, found: Array, axis: str) -> Markup:
@@ -96,8 +88,8 @@ def draw_regression(known: Array, found: Array, axis: str) -> Markup:
     y = Axis("by the network, nT", x.low, x.high)
     places = zip(right(x, known[rows]), down(y, found[rows]), strict=True)
     dots = "".join(f"M{across:.1f} {below:.1f}h0" for across, below in places)
-    layers = [path("M0 1000L1000 0", "zero"), path(dots, "dots")]
-    return plot(x, y, layers, f"The network's field over the known one along {axis}")
+    layers = [strips.path("M0 1000L1000 0", "zero"), strips.path(dots, "dots")]
+    return strips.plot(x, y, layers, f"The network's field over the known one along {axis}")
 
 
 def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
@@ -112,8 +104,8 @@ def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
     }
     high = 1.1 * max(float(values.max()) for values in curves.values())
     y = Axis("rms error, nT", 0.0, high or 1.0)
-    layers = [line(columns, y, values, name) for name, values in curves.items()]
-    return plot(x, y, layers, "Rms error of unseen readings over time, base and network")
+    layers = [strips.line(columns, y, values, name) for name, values in curves.items()]
+    return strips.plot(x, y, layers, "Rms error of unseen readings over time, base and network")
 
 
 def draw_errors(curves: Mapping[str, tuple[Array, Array]], levels: Sequence[float]) -> Markup:
@@ -122,12 +114,12 @@ def draw_errors(curves: Mapping[str, tuple[Array, Array]], levels: Sequence[floa
     end = max(float(time[-1]) for time, _ in curves.values())
     highest = max(float(values.max()) for _, values in curves.values())
     y = Axis("largest component of the error, nT", 0.0, 1.1 * max(highest, *levels))
-    layers = [level(y, at, "limit") for at in levels]
+    layers = [strips.level(y, at, "limit") for at in levels]
     for name, (time, values) in curves.items():
         x, along = along_time(time, begin, end)
         columns = Columns(x, along)
-        layers.append(line(columns, y, columns.largest(values), name))
-    return plot(x, y, layers, "Largest component of the error over time")
+        layers.append(strips.line(columns, y, columns.largest(values), name))
+    return strips.plot(x, y, layers, "Largest component of the error over time")
 
 
 def draw_guard(inside: Array, time: Array | None) -> Markup:
@@ -136,11 +128,13 @@ def draw_guard(inside: Array, time: Array | None) -> Markup:
     columns = Columns(x, along, BINS)
     y = Axis("share g", 0.0, 1.05)
     layers = [
-        spread(columns, y, inside, "range"),
-        line(columns, y, columns.mean(inside), "mean"),
-        mark_rows(columns, inside < 0.5, "guarded"),
+        strips.spread(columns, y, inside, "range"),
+        strips.line(columns, y, columns.mean(inside), "mean"),
+        strips.mark_rows(columns, inside < 0.5, "guarded"),
     ]
-    return plot(x, y, layers, "How near the readings are to the training, over time", kind="short")
+    return strips.plot(
+        x, y, layers, "How near the readings are to the training, over time", kind="short"
+    )
 
 
 def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining]) -> Markup:
@@ -148,27 +142,55 @@ def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining
     known = np.isfinite(residual[:, 0])
     values, at = residual[known].ravel(), np.repeat(time[known], residual.shape[1])
     x, along = along_time(at, float(time[0]), float(time[-1]))
-    limit = max(robust_limit(values, 1e-9), 1.05 * float(np.percentile(np.abs(values), 99.9)))
+    limit = max(
+        strips.robust_limit(values, 1e-9), 1.05 * float(np.percentile(np.abs(values), 99.9))
+    )
     y = Axis("residual, nT", -limit, limit)
     columns = Columns(x, along, BINS)
-    low, middle, high = columns.percentiles(values, (16.0, 50.0, 84.0))
-    layers = [spread(columns, y, values, "range")]
-    if has_middle(residual):
-        layers.append(band(columns, y, low, high, "middle"))
-    layers += [level(y, 0.0, "zero"), line(columns, y, middle, "mean")]
-    _, places = along_time(
-        np.array([one.time for one in retrainings]), float(time[0]), float(time[-1])
-    )
-    for one, place in zip(retrainings, right(x, places), strict=True):
-        layers.append(path(f"M{place:.1f} 0V1000", "accepted" if one.accepted else "rejected"))
-    onsets = np.array([one.onset for one in retrainings if one.onset is not None])
-    if len(onsets):
-        _, begun = along_time(onsets, float(time[0]), float(time[-1]))
-        layers += [path(f"M{place:.1f} 0V1000", "onset") for place in right(x, begun)]
-    signs = arrows(columns, y, values)
-    return plot(x, y, layers, "Residual over time with the retrainings", signs)
+    layers = strips.residuals(columns, y, values)
+    marks = [(one.time, "accepted" if one.accepted else "rejected") for one in retrainings]
+    marks += [(one.onset, "onset") for one in retrainings if one.onset is not None]
+    _, at = along_time(np.array([when for when, _ in marks]), float(time[0]), float(time[-1]))
+    for (_, name), place in zip(marks, right(x, at), strict=True):
+        layers.append(strips.path(f"M{place:.1f} 0V1000", name))
+    signs = strips.arrows(columns, y, values)
+    return strips.plot(x, y, layers, "Residual over time with the retrainings", signs)
 
 
-def has_middle(residual: Array) -> bool:
-    """Whether the middle two thirds of residuals (n, o) mean something in each column."""
-    return int(np.isfinite(residual).sum()) > MIDDLE * BINS
+SIZE_IN = (7.5, 3.75)
+
+
+def draw_chart(fit: NetworkFit, choice: NetworkChoice | None = None) -> bytes:
+    """The mean square error (scaled) after each epoch of the training, or of a choice the rms and
+    largest error of unseen readings by hidden nodes and those of the base, as SVG.
+
+    Raises `MissingExtraError` without Matplotlib.
+    """
+    try:
+        from matplotlib import pyplot  # type: ignore[import-not-found,unused-ignore]
+    except ImportError:
+        raise MissingExtraError("a chart", "plot") from None
+    with pyplot.rc_context({"svg.fonttype": "none"}):
+        figure, axes = pyplot.subplots(figsize=SIZE_IN, layout="constrained")
+        if choice is None:
+            epochs = np.arange(1, len(fit.epochs) + 1)
+            axes.plot(epochs, [epoch.mean_square for epoch in fit.epochs], label="trained on")
+            if np.isfinite([epoch.held_out for epoch in fit.epochs]).any():
+                axes.plot(epochs, [epoch.held_out for epoch in fit.epochs], label="held out")
+            axes.axhline(GOAL, color="grey", linestyle="--", label=f"{GOAL:g}")
+            axes.set(title="Training", xlabel="epoch", ylabel="mean square error, scaled")
+        else:
+            nodes = [f"{row.hidden}" for row in choice.table]
+            for name, label in (("rms", "rms of unseen readings"), ("maximum", "largest")):
+                errors = [getattr(row, f"unseen_{name}") for row in choice.table]
+                (curve,) = axes.plot(nodes, errors, "o-", label=label)
+                base = getattr(choice, f"base_{name}")
+                if base is not None:
+                    axes.axhline(base, color=curve.get_color(), linestyle="--", label="base")
+            axes.set(title="Hidden nodes", xlabel="hidden nodes", ylabel="error, nT")
+        axes.set_yscale("log")
+        axes.legend()
+        written = BytesIO()
+        figure.savefig(written, format="svg", metadata={"Date": None})
+        pyplot.close(figure)
+    return written.getvalue()

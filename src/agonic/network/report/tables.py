@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from itertools import repeat
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
 from agonic.maths.equation.network import split
-from agonic.network.fit import Comparison, Method, NetworkChoice
+from agonic.network.fit import Comparison, NetworkChoice
 from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
 from agonic.report.markup import Markup, markup, table
 from agonic.report.section import Block, Table
@@ -50,47 +49,19 @@ def compare_errors(comparison: Comparison, target: str) -> list[Block]:
 def list_nodes(choice: NetworkChoice) -> Table:
     """R, largest and rms error by hidden nodes, of all readings and of unseen ones."""
     chosen = choice.fit.calibration.shape.hidden
-    rows = [
-        [
-            f"{row.hidden}",
-            f"{row.regression:.5f}",
-            group_digits(row.maximum, 2),
-            group_digits(row.rms, 2),
-            f"{row.unseen_regression:.5f}",
-            group_digits(row.unseen_maximum, 2),
-            group_digits(row.unseen_rms, 2),
-            "chosen" if row.hidden == chosen else "",
-        ]
-        for row in choice.table
-    ]
+    rows = []
+    for row in choice.table:
+        cells = [f"{row.hidden}"]
+        for of in ("", "unseen_"):
+            errors = (getattr(row, f"{of}{name}") for name in ("maximum", "rms"))
+            regression = getattr(row, f"{of}regression")
+            cells += [f"{regression:.5f}", *(group_digits(error, 2) for error in errors)]
+        rows.append([*cells, "chosen" if row.hidden == chosen else ""])
     if choice.base_rms is not None and choice.base_maximum is not None:
         both = [group_digits(choice.base_maximum, 2), group_digits(choice.base_rms, 2)]
         rows.append(["base", *[NOTHING] * 4, *both, ""])
     head = ["Nodes", "R", "largest, nT", "rms, nT", "unseen R", "unseen largest", "unseen rms", ""]
     return Table(head, rows, "nodes")
-
-
-def list_methods(methods: Sequence[Method]) -> Table:
-    """Epochs, time and what is left, by how the network was trained."""
-    rows = [
-        [
-            method.name,
-            _or_nothing(method.epochs_to_goal),
-            _or_nothing(method.epochs_to_least),
-            group_digits(method.epochs, 0),
-            f"{group_digits(method.seconds, 2)} s",
-            f"{method.least:.2g}",
-            quantity(method.rms, "nT"),
-            quantity(method.maximum, "nT"),
-        ]
-        for method in methods
-    ]
-    head = ["Trained by", "epochs to 0.001", "to 5 % of the least", "in all", "time"]
-    return Table([*head, "mean square, scaled", "rms", "largest"], rows, "nodes")
-
-
-def _or_nothing(number: int | None) -> str:
-    return NOTHING if number is None else group_digits(number, 0)
 
 
 def list_weights(network: Network) -> Markup:
@@ -105,7 +76,10 @@ def list_weights(network: Network) -> Markup:
     tables = [
         table(
             [letter, *columns, "constant"],
-            [[name, *_with_sds(values, own, j)] for j, name in enumerate(rows)],
+            [
+                [name, *map(with_sd, values[j].tolist(), repeat(None) if own is None else own[j])]
+                for j, name in enumerate(rows)
+            ],
             class_="weights",
         )
         for letter, columns, rows, values, own in zip(
@@ -113,14 +87,6 @@ def list_weights(network: Network) -> Markup:
         )
     ]
     return markup(*tables)
-
-
-def _with_sds(values: Array, sds: Array | None, j: int) -> list[str]:
-    """A row of weights as text."""
-    return [
-        with_sd(float(v), None if sds is None else float(sds[j, k]))
-        for k, v in enumerate(values[j])
-    ]
 
 
 def describe_properties(network: Network) -> dict[str, str | list[str]]:
@@ -156,11 +122,8 @@ def _decimals(half: float) -> int:
 
 def list_base_numbers(base: Affine) -> Markup:
     """Bias and matrix of an affine base, with standard errors where they are known."""
-    sd = base.sd
-    bias = [
-        with_sd(float(v), None if sd is None else float(sd[k])) for k, v in enumerate(base.bias)
-    ]
-    rows = [[f"bias, {base.unit_in}", *bias]]
+    sds = repeat(None) if base.sd is None else base.sd.tolist()
+    rows = [[f"bias, {base.unit_in}", *map(with_sd, base.bias.tolist(), sds)]]
     rows += [
         [f"matrix, {axis}", *(write_minus(f"{v:.6f}") for v in base.matrix[k])]
         for k, axis in enumerate("xyz")

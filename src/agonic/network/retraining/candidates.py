@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -61,37 +61,18 @@ def take_samples(
             f"times must increase beyond the last one seen ({state.time:g} s); pass on only what "
             "is new"
         )
-    columns = _columns(samples, list_columns(state, params))
+    columns = _find_columns(samples, state, params)
     rows = Window(time=time, raw=samples.field, wanted=wanted, columns=columns)
     state = replace(state, reference_sd=reference.sd, source=reference.source)
     return state, rows if samples.flagged is None else rows.select(samples.flagged == 0)
 
 
-def list_columns(state: RetrainerState, params: RetrainerParams) -> tuple[str, ...]:
+def _find_columns(
+    samples: Samples, state: RetrainerState, params: RetrainerParams
+) -> dict[str, Array]:
     """The columns that what is running takes, and what is to be trained."""
-    running = () if state.running is None else state.running.needs
-    return tuple(dict.fromkeys((*running, *(n for n in params.inputs if n != "field"))))
-
-
-def to_samples(state: RetrainerState, rows: Window) -> tuple[Samples, Reference]:
-    """Rows of the window as a training takes them."""
-    samples = Samples(
-        time=rows.time,
-        field=rows.raw,
-        unit=state.unit,
-        epoch=state.epoch,
-        name=state.sensor,
-        frame=state.frame_in,
-        device_id=state.device_id,
-    ).with_columns(**rows.columns)
-    sd, source = state.reference_sd, state.source
-    if rows.wanted.shape[1] == 1:
-        return samples, Reference.magnitude(rows.wanted[:, 0], sd=sd, source=source)
-    return samples, Reference.vector(rows.wanted, frame=state.frame_out, sd=sd, source=source)
-
-
-def _columns(samples: Samples, names: Iterable[str]) -> dict[str, Array]:
-    there = samples.columns()
+    running, there = () if state.running is None else state.running.needs, samples.columns()
+    names = dict.fromkeys((*running, *(n for n in params.inputs if n != "field")))
     missing = [name for name in names if name not in there]
     if "temperature_rate" in missing:
         raise LogError(
@@ -210,12 +191,6 @@ def adapt(params: RetrainerParams, running: Running | None) -> RetrainerParams:
     return replace(params, target=target, inputs=running.inputs, hidden=running.shape.hidden)
 
 
-def count_weights(params: RetrainerParams) -> int:
-    """How many weights a network of these params has."""
-    outputs = 3 if params.target == "vector" else 1
-    return Shape(sum(measure_width(name) for name in params.inputs), params.hidden, outputs).size
-
-
 def train_candidates(
     state: RetrainerState, params: RetrainerParams, seen: Window, *, whole: bool
 ) -> list[Candidate]:
@@ -228,12 +203,14 @@ def train_candidates(
     """
     running = state.running
     found: list[Candidate] = []
-    enough = len(seen) >= PER_WEIGHT * count_weights(params)
+    outputs = 3 if params.target == "vector" else 1
+    shape = Shape(sum(map(measure_width, params.inputs)), params.hidden, outputs)
+    enough = len(seen) >= PER_WEIGHT * shape.size
     if running is not None:
         trained = isinstance(running, Network) and enough and whole
         common = find_common_error(state)
         for weights in (False, True)[: 1 + trained]:
-            made = train_on(
+            made, covariance, steps = train_on(
                 running,
                 describe_prior(running) if state.covariance is None else state.covariance,
                 seen,
@@ -243,7 +220,7 @@ def train_candidates(
                 common=common,
             )
             what = "weights trained" if weights else "an affine step"
-            found.append(Candidate(made.calibration, what, made.iterations, made.covariance))
+            found.append(Candidate(made, what, steps, covariance))
         if isinstance(running, Network):
             return found
     if not enough:
@@ -266,16 +243,26 @@ def correct(running: Running | None, rows: Window) -> Array:
 
 
 def _fit(state: RetrainerState, params: RetrainerParams, rows: Window, base: Any) -> NetworkFit:
-    samples, reference = to_samples(state, rows)
+    samples = Samples(
+        time=rows.time,
+        field=rows.raw,
+        unit=state.unit,
+        epoch=state.epoch,
+        name=state.sensor,
+        frame=state.frame_in,
+        device_id=state.device_id,
+    ).with_columns(**rows.columns)
+    known: dict[str, Any] = {"sd": state.reference_sd, "source": state.source}
+    if rows.wanted.shape[1] == 1:
+        reference = Reference.magnitude(rows.wanted[:, 0], **known)
+    else:
+        reference = Reference.vector(rows.wanted, frame=state.frame_out, **known)
     fit = fit_network(
         samples,
         reference,
-        hidden=params.hidden,
-        inputs=params.inputs,
+        **{name: getattr(params, name) for name in ("hidden", "inputs", "target", "seed")},
         base=base,
-        target=params.target,
         compared=False,
-        seed=params.seed,
     )
     if fit.verdict == "refused":
         raise AgonicError(fit.status)

@@ -15,7 +15,7 @@ from agonic.report.digits import NO_BREAK, count, group_digits, quantity, write_
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
 from agonic.report.section import Block, Section, Table
-from agonic.report.strips import caption
+from agonic.report.strips import caption, has_enough
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import sentence
 
@@ -76,15 +76,11 @@ def describe_retraining(
         entries_title="",
         sections=[*sections, *(caution(running) if isinstance(running, Network) else [])],
         values={
-            "sensor": state.sensor,
+            **make_record(state),
             "kind": None if running is None else running.kind,
             "target": retrainer.params.target,
             "new": used,
             "passed_over": rows - used,
-            "n": state.n,
-            "accepted": state.accepted,
-            "rejected": state.rejected,
-            "noise_nT": state.noise,
             "residual_rms_nT": rms,
             "residual_max_nT": largest,
             "retrainings": [make_record(one) for one in retrainings],
@@ -138,7 +134,7 @@ def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
 def _residual(seen: Correction) -> Markup:
     drawn = figures.draw_residual(seen.residual, seen.time, seen.retrainings)
     keys = {"range": "least to largest", "mean": "median"}
-    if figures.has_middle(seen.residual):
+    if has_enough(int(np.isfinite(seen.residual).sum())):
         keys["middle"] = "the middle two thirds"
     shown = {
         "accepted": ("retraining accepted", any(one.accepted for one in seen.retrainings)),

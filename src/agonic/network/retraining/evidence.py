@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.special import stdtrit
 
@@ -18,7 +20,7 @@ LARGE = 2.0
 """Standard deviations of a reading by which the residual must have moved to matter."""
 
 
-def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
+def list_findings(state: RetrainerState) -> Iterator[Finding]:
     """What the user should know about a state.
 
     >>> from agonic.calibration.retraining import RetrainerParams
@@ -26,73 +28,59 @@ def list_findings(state: RetrainerState) -> tuple[Finding, ...]:
     >>> [finding.name for finding in list_findings(start(None, RetrainerParams()))]
     ['not trained yet']
     """
-    found = []
     if state.running is None:
-        found.append(
-            Finding(
-                "not trained yet",
-                "refuse",
-                f"{state.n} readings were seen and no training was accepted yet",
-                "pass on more readings, or give a calibration to start from",
-            )
+        yield Finding(
+            "not trained yet",
+            "refuse",
+            f"{state.n} readings were seen and no training was accepted yet",
+            "pass on more readings, or give a calibration to start from",
         )
     if state.onset is not None:
-        found.append(
-            Finding(
-                "change not learned yet",
-                "check",
-                f"the residual changed {state.n - state.onset} readings ago, and {state.wait} "
-                "readings are needed to learn it",
-                "pass on more readings",
-            )
+        yield Finding(
+            "change not learned yet",
+            "check",
+            f"the residual changed {state.n - state.onset} readings ago, and {state.wait} "
+            "readings are needed to learn it",
+            "pass on more readings",
         )
-    found += _judge_drift(state)
+    yield from _judge_drift(state)
     last = state.retrainings[-1] if state.retrainings else None
     if last is not None and last.poisoned:
-        found.append(
-            Finding(
-                "retraining rejected",
-                "check",
-                f"the last retraining, at {last.time:.1f} s, was rejected: {last.reason}",
-                "look at sensor and reference; the network before it stays in use",
-            )
+        yield Finding(
+            "retraining rejected",
+            "check",
+            f"the last retraining, at {last.time:.1f} s, was rejected: {last.reason}",
+            "look at sensor and reference; the network before it stays in use",
         )
     if state.changes:
-        found.append(_describe_changes(state.changes))
-    return tuple(found)
+        yield _describe_changes(state.changes)
 
 
-def _judge_drift(state: RetrainerState) -> list[Finding]:
+def _judge_drift(state: RetrainerState) -> Iterator[Finding]:
     """A residual that moves steadily through the window, by means of batches of it."""
     rows = state.window
     if state.running is None or state.onset is not None or len(rows) < FEWEST * BATCHES:
-        return []
+        return
     left = compute_errors(correct(state.running, rows), rows.wanted)
-    means = np.array([np.median(part, axis=0) for part in np.array_split(left, BATCHES)])
+    parts = np.array_split(left, BATCHES)
+    means = np.array([np.median(part, axis=0) for part in parts])
     pace = np.linspace(-0.5, 0.5, BATCHES)
     slope = pace @ means / (pace @ pace)
     rest = means - means.mean(axis=0) - np.outer(pace, slope)
     sd = np.sqrt((rest**2).sum(axis=0) / (BATCHES - 2) / (pace @ pace))
     limit = float(stdtrit(BATCHES - 2, 1.0 - RARE / 2))
     moved = float(np.abs(slope).max())
-    scatter = robust_scale((left - np.repeat(means, _count_rows(len(left)), axis=0)).ravel())
+    scatter = robust_scale((left - np.repeat(means, list(map(len, parts)), axis=0)).ravel())
     if not (np.abs(slope) > limit * sd).any() or moved < LARGE * scatter:
-        return []
-    return [
-        Finding(
-            "residual drifts",
-            "check",
-            "the error of the running network grows steadily: its residual moved by "
-            f"{figure(moved)} nT on an axis through the window",
-            "train on a shorter window, because a drift is learned as its mean; look for parts "
-            "that warm up",
-        )
-    ]
-
-
-def _count_rows(n: int) -> list[int]:
-    """How many rows are in each batch."""
-    return [len(part) for part in np.array_split(np.arange(n), BATCHES)]
+        return
+    yield Finding(
+        "residual drifts",
+        "check",
+        "the error of the running network grows steadily: its residual moved by "
+        f"{figure(moved)} nT on an axis through the window",
+        "train on a shorter window, because a drift is learned as its mean; look for parts "
+        "that warm up",
+    )
 
 
 def _describe_changes(changes: tuple[Retraining, ...]) -> Finding:

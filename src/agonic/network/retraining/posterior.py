@@ -69,17 +69,10 @@ class Sizes(NamedTuple):
         return np.tile([*[self.matrix**2] * 3, self.bias**2], 3)
 
 
-class Trained(NamedTuple):
-    """What is running after a training, and the covariance of its errors θ."""
-
-    calibration: Running
-    covariance: Array
-    iterations: int
-
-
 def describe_prior(running: Running) -> Array:
     """The covariance (k, k) of θ by what a calibration states of itself."""
-    base, step = find_base(running), np.empty((0, 0))
+    base = running.base if isinstance(running, Network) else running
+    step = np.empty((0, 0))
     if base is not None:
         own = _own(base)
         step = own.onto @ own.covariance @ own.onto.T
@@ -88,12 +81,6 @@ def describe_prior(running: Running) -> Array:
     stated = running.covariance
     stated = np.eye(running.shape.size) if stated is None else stated
     return block_diag(running.base_sd_ratio**2 * step, stated)
-
-
-def find_base(running: Running) -> Base | None:
-    """The affine or thermal calibration that takes the step; None of a network that stands alone,
-    whose hidden weights take it."""
-    return running.base if isinstance(running, Network) else running
 
 
 def train_on(
@@ -105,8 +92,8 @@ def train_on(
     least: float,
     weights: bool,
     common: float = 0.0,
-) -> Trained:
-    """What is running after some rows.
+) -> tuple[Running, Array, int]:
+    """What is running after some rows, the covariance of its errors θ, and the iterations.
 
     Parameters: `covariance` (k, k) of θ before them; `least` residuals of what ran that counted as
     one, which a fit to a few readings does not show; `weights` whether they are trained too;
@@ -123,12 +110,12 @@ def train_on(
     root = _factor(model.loosen(covariance, sizes))
     r = root.shape[1]
     if not r:  # neither the prior nor the evidence lets anything move
-        return Trained(running, covariance + fixed, 0)
+        return running, covariance + fixed, 0
     solution, noise = _solve(model.pieces, np.hstack([root, shared]), least)
     after = root @ solution.covariance[:r, :r] @ root.T + fixed
     moved = _compose(running, root @ solution.params[:r], model)
     stated = _state_errors(moved, after, sizes, noise.sd)
-    return Trained(stated, after, solution.iterations)
+    return stated, after, solution.iterations
 
 
 def _factor(covariance: Array) -> Array:
@@ -196,8 +183,9 @@ class _Model:
     """The residuals of some rows as a function of θ, and the part of θ (k, 12) that a step is."""
 
     def __init__(self, running: Running, rows: Window) -> None:
-        self.rows, base = rows, find_base(running)
-        self.network = running if isinstance(running, Network) else None
+        self.rows, self.network = rows, running if isinstance(running, Network) else None
+        # what takes the step; of a network that stands alone its hidden weights do
+        base = running.base if isinstance(running, Network) else running
         self.base, self.own = np.zeros((len(rows), 3)), 0
         if base is not None:
             self.own = STEP

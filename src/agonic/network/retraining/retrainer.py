@@ -20,16 +20,8 @@ from agonic.errors import AgonicError
 from agonic.health import Finding, Judged, figure, sentences
 from agonic.maths.estimation.changes import cusum
 from agonic.network.fit.problem import compute_errors
-from agonic.network.retraining import acceptance, schedule
+from agonic.network.retraining import acceptance, candidates, schedule
 from agonic.network.retraining.acceptance import Judgement, Unseen
-from agonic.network.retraining.candidates import (
-    Candidate,
-    adapt,
-    add_rows,
-    correct,
-    take_samples,
-    train_candidates,
-)
 from agonic.network.retraining.evidence import list_findings
 from agonic.network.retraining.files import load_retrainer, save_retrainer
 from agonic.network.retraining.posterior import describe_prior
@@ -92,7 +84,7 @@ class Retrainer(Judged):
     def __init__(
         self, calibration: Running | None = None, params: RetrainerParams | None = None
     ) -> None:
-        self.params = adapt(params or RetrainerParams(), calibration)
+        self.params = candidates.adapt(params or RetrainerParams(), calibration)
         self.state: RetrainerState = schedule.start(calibration, self.params)
 
     def update(self, samples: Samples, reference: Reference) -> Correction:
@@ -108,7 +100,7 @@ class Retrainer(Judged):
         Raises `LogError` without times or columns, `UnitError` and `FrameError` where samples and
         reference do not meet the calibration, `AgonicError` where they are not later.
         """
-        state, rows = take_samples(self.state, self.params, samples, reference)
+        state, rows = candidates.take_samples(self.state, self.params, samples, reference)
         if state.n == 0 and len(rows):
             fresh_state = replace(state, epoch=samples.epoch)
             state = schedule.begin(fresh_state, self.params, float(rows.time[0]))
@@ -119,7 +111,7 @@ class Retrainer(Judged):
             due = schedule.find_due(self.state, self.params, rows.time[done:])
             stop = len(rows) if due is None else done + due.row + 1
             piece = rows.select(slice(done, stop))
-            field = correct(self.state.running, piece)
+            field = candidates.correct(self.state.running, piece)
             residual = compute_errors(field, piece.wanted)
             taken, alarmed = self._take(piece, residual)
             seen.append((field[:taken], residual[:taken]))
@@ -154,30 +146,26 @@ class Retrainer(Judged):
             return seen.rows, False
         onset = max(state.n - seen.age, state.first)
         if not state.retrainings:  # from then on the correlation is that of unseen readings
-            state = schedule.discount_alarm(state, self._measure_correlation(state, onset))
+            before = onset - state.first
+            rows = state.window.select(slice(0, before if before >= schedule.TELLING else None))
+            left = compute_errors(candidates.correct(state.running, rows), rows.wanted)
+            state = schedule.discount_alarm(state, acceptance.estimate_noise(left)[1])
         self.state = state
         alarmed = bool((state.watch.size > params.alarm).any())
         if alarmed:
             self.state = replace(state, onset=onset)
         return seen.rows, alarmed
 
-    @staticmethod
-    def _measure_correlation(state: RetrainerState, onset: int) -> float:
-        """How many residuals in a row counted as one before reading number `onset`."""
-        before = onset - state.first
-        rows = state.window.select(slice(0, before if before >= schedule.TELLING else None))
-        left = compute_errors(correct(state.running, rows), rows.wanted)
-        return acceptance.estimate_noise(left)[1]
-
     def _run_due(self, why: Why) -> list[Retraining]:
         """The retraining that is due, unless an alarm turns out too faint for one."""
         state = self.state
         if state.onset is not None:
             rows = state.window.select(slice(state.onset - state.first, None))
-            since = compute_errors(correct(state.running, rows), rows.wanted)
+            since = compute_errors(candidates.correct(state.running, rows), rows.wanted)
             if acceptance.has_changed(since, state.noise, self.params):
                 return [self._retrain(rows, why)]
-            self.state = state = schedule.bring_forward(state)
+            # too faint for a change: trained again once the window is full
+            self.state = state = replace(state, onset=None, early=True)
             if not schedule.is_full(state, self.params):
                 return []
         fresh = max(state.learned - state.first, 0)
@@ -191,13 +179,9 @@ class Retrainer(Judged):
             time=state.time,
             n=state.n,
             why=why,
-            accepted=verdict.accepted,
-            reason=verdict.reason,
+            **verdict._asdict(),
             rows=len(rows),
             what="" if chosen is None else chosen.what,
-            poisoned=verdict.poisoned,
-            running_rms=verdict.running_rms,
-            candidate_rms=verdict.candidate_rms,
             onset=None if state.onset is None else float(rows.time[0]),
             epochs=0 if chosen is None else chosen.epochs,
         )
@@ -219,7 +203,7 @@ class Retrainer(Judged):
         if state.running is None or not (done.accepted or done.onset is None):
             return state
         unseen = split_off(rows)[1]
-        left = compute_errors(correct(state.running, unseen), unseen.wanted)
+        left = compute_errors(candidates.correct(state.running, unseen), unseen.wanted)
         if state.noise is not None and acceptance.has_changed(left, state.noise, self.params):
             return state
         if state.noise is None or len(unseen) >= ENOUGH:
@@ -228,9 +212,9 @@ class Retrainer(Judged):
         old = state.window.select(slice(0, 0)) if done.onset is not None else state.reservoir
         running = state.running
         assert running is not None
-        return replace(state, reservoir=add_rows(old, rows, running, state.n))
+        return replace(state, reservoir=candidates.add_rows(old, rows, running, state.n))
 
-    def _judge(self, rows: Window) -> tuple[Judgement, Candidate | None]:
+    def _judge(self, rows: Window) -> tuple[Judgement, candidates.Candidate | None]:
         """The best candidate of some rows, and whether it is to replace what is running."""
         state, params = self.state, self.params
         wrong = acceptance.find_stuck(rows)
@@ -239,14 +223,17 @@ class Retrainer(Judged):
         seen, unseen = split_off(rows)
         try:
             whole = state.onset is None and schedule.is_full(state, params)
-            offered = train_candidates(state, params, seen, whole=whole)
+            offered = candidates.train_candidates(state, params, seen, whole=whole)
         except AgonicError as error:
             return Judgement(False, f"nothing could be trained: {error}", True), None
         if not offered:
             return Judgement(False, f"{len(rows)} readings are too few to train on", False), None
         left = [one.errors(unseen) for one in offered]
         best = acceptance.choose_best(left)
-        now, then = correct(state.running, unseen), correct(offered[best].calibration, unseen)
+        now, then = (
+            candidates.correct(state.running, unseen),
+            candidates.correct(offered[best].calibration, unseen),
+        )
         strength = float(np.sqrt(np.mean((then**2).sum(axis=1))))
         moves = 0.0
         if state.running is not None:
@@ -261,7 +248,7 @@ class Retrainer(Judged):
         kept = state.reservoir
         others = []
         if state.onset is None and state.running is not None and len(kept):
-            before = compute_errors(correct(state.running, kept), kept.wanted)
+            before = compute_errors(candidates.correct(state.running, kept), kept.wanted)
             others.append((offered[best].errors(kept), before))
         return acceptance.judge(unseen_errors, params, *others), offered[best]
 
@@ -288,7 +275,7 @@ class Retrainer(Judged):
     @property
     def findings(self) -> tuple[Finding, ...]:  # type: ignore[override]
         """What the user should know, by name."""
-        return list_findings(self.state)
+        return tuple(list_findings(self.state))
 
     @property
     def status(self) -> str:

@@ -136,11 +136,6 @@ def discount_alarm(state: RetrainerState, correlation: float) -> RetrainerState:
     return replace(state, correlation=correlation, watch=state.watch._replace(size=size))
 
 
-def bring_forward(state: RetrainerState) -> RetrainerState:
-    """The state after an alarm too faint for a change: trained again once the window is full."""
-    return replace(state, onset=None, early=True)
-
-
 def close_retraining(
     state: RetrainerState, params: RetrainerParams, done: Retraining
 ) -> RetrainerState:

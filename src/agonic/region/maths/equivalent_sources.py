@@ -20,6 +20,9 @@ from scipy.linalg import eigh
 from agonic.arrays import Array
 from agonic.maths.magnetostatics import dipole_gradient, dipole_tensor
 
+KNOWN_TO = 0.2
+"""Of itself, how well a stated noise is thought to be known: a factor of two is objected to."""
+
 
 class Readings(NamedTuple):
     """Readings `field` (n, 3), nT, at `position` (n, 3), m; the noise of each has the variance
@@ -28,6 +31,16 @@ class Readings(NamedTuple):
     position: Array
     field: Array
     weight: Array
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """The lowest and the highest coordinates (3,) of the places, m."""
+        return self.position.min(axis=0), self.position.max(axis=0)
+
+    @property
+    def weighing(self) -> float:
+        """What the weights add to −2 times the restricted likelihood."""
+        return float(3 * np.log(self.weight.sum()) - 3 * np.log(self.weight).sum())
 
 
 class Process(NamedTuple):
@@ -52,6 +65,11 @@ class Process(NamedTuple):
     amplitude: float
     cost: float
 
+    @property
+    def share(self) -> Array:
+        """How much of each direction (r,) the readings tell, 0…1."""
+        return self.amplitude * self.strength / (self.noise + self.amplitude * self.strength)
+
 
 def lay_sources(low: Array, high: Array, distance: float) -> Array:
     """Places (m, 3) on the faces of a box at a distance outside of another, at most three quarters
@@ -74,17 +92,8 @@ def make_features(at: Array, sources: Array, scale: float) -> Array:
     return np.asarray(tensors.swapaxes(1, 2).reshape(len(at), 3, -1))
 
 
-def make_gradients(at: Array, sources: Array, scale: float) -> Array:
-    """∂field_i/∂x_k (n, 3, 3, 3m) likewise."""
-    gradients = scale * dipole_gradient(at[:, None] - sources)  # n, source, i, component, k
-    return np.asarray(np.einsum("nsijk->niksj", gradients).reshape(len(at), 3, 3, -1))
-
-
 def fit_process(
-    readings: Readings,
-    box: tuple[Array, Array],
-    distance: float,
-    noise: tuple[float, float] | None = None,
+    readings: Readings, box: tuple[Array, Array], distance: float, noise: float | None = None
 ) -> tuple[Process, Array]:
     """The process of sources at a distance, m, with noise and amplitude of the largest restricted
     likelihood, and how unlikely each reading (n,) is by all others, χ² of 3.
@@ -94,8 +103,8 @@ def fit_process(
 
         −2 ln L = Σ ln(1 + d/λ) + N ln σ² + (Σ z²/(1 + d/λ) + rest)/σ²
 
-    where `rest` is what of y no eigenvector has. `noise` is a prior: nT, and from how many numbers
-    it is known (the conjugate prior, an inverse gamma distribution of σ²).
+    where `rest` is what of y no eigenvector has. `noise`, nT, has the conjugate prior, an inverse
+    gamma distribution of σ², as if it were known from 1/(2 `KNOWN_TO`²) numbers.
     """
     n, root = len(readings.field), np.sqrt(readings.weight)[:, None]
     sources = lay_sources(*box, distance)
@@ -116,7 +125,8 @@ def fit_process(
     shrunk = 1 + strength / ratios[:, None]
     squares = (along / shrunk).sum(axis=1) + rest
     if noise is not None:
-        squares, many = squares + noise[1] * noise[0] ** 2, many + noise[1]
+        known = 1 / (2 * KNOWN_TO**2)
+        squares, many = squares + known * noise**2, many + known
     variance = squares / many
     costs = np.log(shrunk).sum(axis=1) + many * np.log(variance) + many
     best = int(np.argmin(costs))
@@ -152,7 +162,7 @@ def _leave_out(process: Process, rows: Array, y: Array, root: Array) -> Array:
     reading left out is Pᵢᵢ⁻¹ (P y)ᵢ with covariance Pᵢᵢ⁻¹.
     """
     n = len(y)
-    less = process.amplitude / (process.noise + process.amplitude * process.strength)
+    less = process.share / process.strength
     blocks = rows.reshape(n, 3, -1)
     p_y = (y.ravel() - rows @ (less * (rows.T @ y.ravel()))).reshape(n, 3)
     own = 1 - root**2 / process.total
@@ -164,26 +174,20 @@ def _leave_out(process: Process, rows: Array, y: Array, root: Array) -> Array:
 
 
 def predict(process: Process, at: Array) -> tuple[Array, Array]:
-    """The field (n, 3), nT, at places (n, 3), m, and its covariance (n, 3, 3)."""
-    features = make_features(at, process.sources, process.scale) - process.mean[1]
-    field, spread = _predict(process, features)
-    own = process.noise / process.total * np.eye(3)
-    return process.mean[0] + field, spread + own
+    """The field and its gradient (n, 12) at places (n, 3), m, and their covariance (n, 12, 12): the
+    three components, nT, then ∂field_i/∂x_k row by row, nT/m."""
+    field = make_features(at, process.sources, process.scale) - process.mean[1]
+    gradients = process.scale * dipole_gradient(at[:, None] - process.sources)
+    gradients = np.einsum("nsijk->niksj", gradients).reshape(len(at), 9, -1)  # j the component of w
+    made, spread = project(process, np.concatenate([field, gradients], axis=1))
+    made[:, :3] += process.mean[0]
+    spread[:, :3, :3] += process.noise / process.total * np.eye(3)
+    return made, spread
 
 
-def predict_gradient(process: Process, at: Array) -> tuple[Array, Array]:
-    """The gradient ∂field_i/∂x_k (n, 3, 3), nT/m, at places, and the variance of each."""
-    features = make_gradients(at, process.sources, process.scale).reshape(len(at), 9, -1)
-    gradient, spread = _predict(process, features)
-    variance = np.diagonal(spread, axis1=1, axis2=2)
-    return gradient.reshape(-1, 3, 3), variance.reshape(-1, 3, 3)
-
-
-def _predict(process: Process, features: Array) -> tuple[Array, Array]:
+def project(process: Process, features: Array) -> tuple[Array, Array]:
     """What features (n, c, 3m) make of the weights (n, c), and its covariance (n, c, c)."""
     seen = features @ process.seen
-    share = process.amplitude * process.strength
-    share = share / (process.noise + share)
     prior = features @ features.swapaxes(1, 2)
-    spread = process.amplitude * (prior - (seen * share) @ seen.swapaxes(1, 2))
+    spread = process.amplitude * (prior - (seen * process.share) @ seen.swapaxes(1, 2))
     return seen @ process.middle, spread
