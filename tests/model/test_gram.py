@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.model.gram import Stack, cut, whiten
+from agonic.model.gram import Blocks, whiten
 
 
 @pytest.mark.parametrize("lags", [0, 1, 10, 11, 12])
@@ -18,6 +18,6 @@ def test_sums_over_blocks_are_the_products_of_whitened_columns() -> None:
     rng = np.random.default_rng(0)
     rows, by = rng.normal(size=(5, 300)), np.append(1.0, rng.normal(size=12) / 10)
     white = np.stack([np.convolve(row, by)[:300] for row in rows])
-    found = cut([Stack("magnitude", rows)], [by], 1.0).add()[0]
+    found = Blocks([whiten(rows, by)], np.linspace(0, rows.shape[1], 17).astype(int), 1.0).add()[0]
     plain = np.r_[:4, -1]
     assert found[np.ix_(plain, plain)] == pytest.approx(white @ white.T, rel=1e-10)

@@ -111,20 +111,17 @@ class Blocks(NamedTuple):
         places = heights.shape[1]
         both = (heights[:, :, None] * heights[:, None, :]).reshape(-1, places**2).T
         m, k = len(self.white[0]) - 1, 3 * places
-        sums = np.empty((len(self.white), m + k + 1, m + k + 1))
-        first, steps, last = slice(0, m), slice(m, m + k), m + k
-        for white, whole in zip(self.white, sums, strict=True):
+        sums = []
+        for white in self.white:
             plain = white @ white.T
             by_bias = np.stack([white[:3, a:b] @ white[:, a:b].T for a, b in spans])
             across = (heights.T @ by_bias.reshape(len(spans), -1)).reshape(k, m + 1).T
-            own = (both @ by_bias[:, :, :3].reshape(len(spans), 9)).reshape(places, places, 3, 3)
-            own = own.transpose(0, 2, 1, 3)
-            whole[first, first], whole[steps, steps] = plain[:m, :m], own.reshape(k, k)
-            whole[first, steps], whole[last, steps] = across[:m], across[m]
-            whole[steps, first], whole[steps, last] = across[:m].T, across[m]
-            whole[last, first] = whole[first, last] = plain[:m, m]
-            whole[last, last] = plain[m, m]
-        return sums
+            each = (both @ by_bias[:, :, :3].reshape(len(spans), 9)).reshape(places, places, 3, 3)
+            own = each.transpose(0, 2, 1, 3).reshape(k, k)
+            first = [plain[:m, :m], across[:m], plain[:m, m:]]
+            last = [plain[m:, :m], across[m:], plain[m:, m:]]
+            sums.append(np.block([first, [across[:m].T, own, across[m:].T], last]))
+        return np.stack(sums)
 
     def split(self, columns: Index, weights: Array) -> Array:
         """Cross-products of some columns and the residuals in each block, (b, k + 1, k + 1), summed
@@ -148,11 +145,3 @@ class Blocks(NamedTuple):
 def count_blocks(rows: int) -> int:
     """How many blocks so many rows make."""
     return min(BLOCKS, max(rows // ROWS_PER_BLOCK, 1))
-
-
-def cut(stacks: list[Stack], filters: list[Array], radius: float) -> Blocks:
-    """Blocks of whitened columns."""
-    n = stacks[0].columns.shape[1]
-    edges = np.linspace(0, n, count_blocks(n) + 1).astype(int)
-    white = [whiten(stack.columns, by) for stack, by in zip(stacks, filters, strict=True)]
-    return Blocks(white, edges, radius)

@@ -21,8 +21,8 @@ from agonic.model.gram import (
     Blocks,
     Stack,
     count_blocks,
-    cut,
     fit_filter,
+    whiten,
 )
 from agonic.model.rows import Rows, stack_columns
 from agonic.model.term import Errors, Term
@@ -100,7 +100,9 @@ class Search:
 
     def settle(self, filters: list[Array], sds: Array) -> tuple[Explained, float]:
         """Terms and standard deviations for given filters, all from one pass over the rows."""
-        blocks = cut(self.stacks, filters, self.radius)
+        white = [whiten(one.columns, by) for one, by in zip(self.stacks, filters, strict=True)]
+        edges = np.linspace(0, white[0].shape[1], count_blocks(white[0].shape[1]) + 1).astype(int)
+        blocks = Blocks(white, edges, self.radius)
         by_channel, n = blocks.add(), float(blocks.edges[-1])
         there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
         for _ in range(_ROUNDS):

@@ -98,7 +98,8 @@ def describe_plan(plan: Placement, source: Input | None = None) -> Document:
         kind="Places for magnetometers",
         name=plan.layout.name,
         status=f"Put the two at {_name_place(plan.first)} and {_name_place(plan.second)}: their "
-        f"mix has an error of {write_field(mixed, 'heading_deg')} of heading, rms in service{together}. "
+        f"mix has an error of {write_field(mixed, 'heading_deg')} of heading, rms in "
+        f"service{together}. "
         f"The best place for one alone is {_name_place(plan.alone)}, with "
         f"{write_field(alone, 'heading_deg')}.",
         entries={

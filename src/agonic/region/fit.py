@@ -129,7 +129,7 @@ def _check(position: ArrayLike, field: ArrayLike) -> tuple[Array, Array]:
             f"places have the shape {at.shape} and readings {values.shape}; both need (n, 3)"
         )
     if not (np.isfinite(at).all() and np.isfinite(values).all()):
-        raise AgonicError("places or readings hold values that are not numbers; leave those rows out")
+        raise AgonicError("places or readings are not numbers in some rows; leave those out")
     if len(np.unique(at, axis=0)) < FEWEST or not np.ptp(at, axis=0).max() > 0:
         raise CoverageError(
             f"{len(np.unique(at, axis=0))} different places are too few for a map; measure at "
