@@ -77,7 +77,7 @@ def test_the_power_of_a_duty_is_found_where_it_is_another() -> None:
     assert found.what == "power"
     assert abs(found.value - 2.4) < 4 * found.sd < 0.6
     (said,) = [one for one in result.fit.findings if one.name == "disturbers"]
-    assert "motor1…4_duty counts to the power 2." in said.what
+    assert "motor1…4_duty enters to the power 2." in said.what
 
 
 def test_how_well_a_time_constant_is_known_is_kept_in_the_file(tmp_path: Path) -> None:

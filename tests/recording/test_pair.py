@@ -27,7 +27,7 @@ def test_opposite_disturbance_is_told_and_mixed_away(tmp_path) -> None:
     told = report_pairs(calibrate(sensors))
     for one in told:
         (found,) = [f for f in one.fit.findings if f.name == "pair"]
-        assert "oppositely" in found.what
+        assert "opposite signs" in found.what
         assert "--second auto" in found.move
         assert one.verdict == "check"
     path = tmp_path / "flight.csv"
@@ -64,7 +64,7 @@ def test_what_disturbs_both_alike_has_no_mix() -> None:
         alike.append(one.with_columns(field=raw))
     found = compare(*calibrate(alike))
     assert found is not None
-    assert "alike" in found.what
+    assert "equal signs" in found.what
     assert "no mix" in found.move
 
 

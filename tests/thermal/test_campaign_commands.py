@@ -126,8 +126,9 @@ def test_a_campaign_is_fitted(recorded, capsys) -> None:
     assert status == 0
     assert said["schema"] == "agonic/fit-thermal@1"
     assert (said["verdict"], said["turns"]) == ("good", "known")
-    assert said["files"] == [str(Path("results/report.html"))]
-    assert Path(said["files"][0]).read_text().count("<article") == 2
+    names = ["MMC5883MA-1.json", "MMC5883MA-2.json", "report.html"]
+    assert said["files"] == [str(Path("results", name)) for name in names]
+    assert Path(said["files"][-1]).read_text().count("<article") == 2
     assert 20.0 < said["chamber_field"]["sd_nT"] < 60.0
     truth = json.loads(Path("recorded/truth/truth.json").read_text())["sensors"]
     for sensor in said["sensors"]:
@@ -166,7 +167,7 @@ def test_a_campaign_in_words(recorded, capsys) -> None:
     said = capsys.readouterr().out
     assert "2 sensors, stations 1–12, 34 560 readings" in said.replace("\u202f", " ")
     assert "✓ MMC5883MA-2: good" in said
-    assert "Spread smaller by" in " ".join(said.split())
+    assert "Standard error: bias" in " ".join(said.split())
     assert "Nothing was written." in said
 
 

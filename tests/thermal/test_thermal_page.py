@@ -140,7 +140,7 @@ def test_a_refused_sensor_and_findings_on_the_campaign_are_told(result) -> None:
     )
     said = words(campaign_page(spoilt))
     first = "Refused : do not use Station 4 got no colder than 5 °C."
-    assert f"{first} To be looked at: MAG3." in said
+    assert f"{first} To be checked: MAG3." in said
     assert "Do next: Record again." in said
     assert "It never moved." in said
     assert "It takes two sensors with times" in said
