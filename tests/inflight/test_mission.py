@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.inflight.fit import covariance, fit_mission, large_scan
+from agonic.inflight.fit import fit_mission, large_scan
+from agonic.inflight.maths import correlated_errors
 from agonic.logs.large.mission import open_mission
 
 
@@ -158,7 +159,7 @@ def test_files_are_read_in_pieces_and_in_order(made, tmp_path) -> None:
 def test_memory_does_not_grow_with_the_record(made, tmp_path, monkeypatch) -> None:
     """Three times the rows, the same peak, but for the rows that are kept."""
     monkeypatch.setattr(large_scan, "MOST", 2000)
-    monkeypatch.setattr(covariance, "STRETCHES", 1000)
+    monkeypatch.setattr(correlated_errors, "STRETCHES", 1000)
     ground, peaks = ground_of(made), []
     for n in (8000, 24_000):
         folder = tmp_path / str(n)
