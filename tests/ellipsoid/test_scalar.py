@@ -70,7 +70,9 @@ def numbers(fit: Fit) -> Array:
 
 def said(fit: Fit, what: str) -> tuple[float, float]:
     """A number and its standard error in what is said of a fit."""
-    found = re.search(rf"{what} by (-?[\d.]+) ± ([\d.]+)", " ".join(fit.remarks))
+    found = re.search(
+        rf"{what} of the scalar instrument is (-?[\d.]+) ± ([\d.]+)", " ".join(fit.remarks)
+    )
     assert found is not None, fit.remarks
     return float(found[1]), float(found[2])
 
@@ -107,10 +109,10 @@ def test_what_the_scalar_is_off_by_is_found_where_the_field_changes() -> None:
         fit = fit_scalar(t, raw, scalar, 3.0)
         assert fit.verdict == "good", fit.status
         z.append((numbers(fit) - truth) / fit.sd)
-        found, sd = said(fit, "too much")
+        found, sd = said(fit, "offset")
         assert sd < 0.2  # nT
         offsets.append((found - offset) / sd)
-        found, sd = said(fit, "late")
+        found, sd = said(fit, "delay")
         assert sd < 2.0  # ms
         delays.append((found - 1e3 * delay_s) / sd)
     check_honest(np.array(z))
@@ -123,7 +125,7 @@ def test_in_a_constant_field_nothing_is_learnt_of_an_offset() -> None:
     fit = fit_scalar(t, raw, scalar, 0.5)
     assert fit.verdict == "good"
     assert np.abs((numbers(fit) - truth) / fit.sd).max() < 3
-    assert said(fit, "too much")[1] == pytest.approx(0.5, rel=0.05)
+    assert said(fit, "offset")[1] == pytest.approx(0.5, rel=0.05)
 
 
 def test_without_its_terms_the_same_fit_would_be_wrong() -> None:
@@ -198,7 +200,7 @@ def test_columns_and_tables_of_a_scalar_instrument(
     assert np.abs(np.array(made["bias_nT"]) - truth[:3]).max() < 0.1
     matrix = np.array(made["matrix"])[PACKED]
     assert np.abs(matrix - truth[3:]).max() * ARCSEC < 2.5  # 1e-5 of a gain
-    late = re.search(r"late by ([\d.]+) ±", made["status"])
+    late = re.search(r"delay of the scalar instrument is ([\d.]+) ±", made["status"])
     assert late is not None
     assert float(late[1]) == pytest.approx(150, abs=6 if how == "table" else 4)
 
