@@ -207,9 +207,9 @@ def assess(
     if fit.verdict == "refused":
         return fit
     stated = reference is not None or _states_reference(affine)
-    gain = find_gain(affine) if stated else None
-    size = check_magnitude(affine.magnitude, affine.unit_in, gain)
-    return fit.with_findings(check_scale(find_gain(affine), affine.unit_in), size)
+    gain = find_gain(affine)
+    size = check_magnitude(affine.magnitude, affine.unit_in, gain if stated else None)
+    return fit.with_findings(check_scale(gain, affine.unit_in), size)
 
 
 def find_gain(affine: Affine) -> float:

@@ -224,7 +224,8 @@ def spreads_by_direction(residuals: Array, normals: Array) -> bool:
     Pagan 1979).
     """
     square = residuals**2
-    left = square - _regress_on_squares(square, normals) @ _list_squares(normals)
+    design = _list_squares(normals)
+    left = square - _regress(square, design) @ design
     told = 1.0 - float(np.var(left)) / max(float(np.var(square)), 1e-300)
     return len(square) * told > BY_DIRECTION
 
@@ -235,9 +236,8 @@ def _list_squares(normals: Array) -> Array:
     return np.stack([a * a, b * b, c * c, a * b, a * c, b * c, np.ones(len(a))])
 
 
-def _regress_on_squares(values: Array, normals: Array) -> Array:
-    """How values (n,) go with these, (7,)."""
-    design = _list_squares(normals)
+def _regress(values: Array, design: Array) -> Array:
+    """How values (n,) go with the rows of a design (7, n), (7,)."""
     return np.asarray(np.linalg.lstsq(design @ design.T, design @ values, rcond=1e-12)[0])
 
 
@@ -266,7 +266,7 @@ def _guess(
     yield rows % 2 == 1
     part = np.arange(len(points)) * PARTS // len(points)
     yield from ((part >= a) & (part < b) for a, b in combinations(range(PARTS + 1), 2))
-    xx, yy, zz, xy, xz, yz, _ = _regress_on_squares(residuals**2, normals)
+    xx, yy, zz, xy, xz, yz, _ = _regress(residuals**2, _list_squares(normals))
     square = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]])
     shift = np.linalg.eigh(square)[1][:, -1]
     yield residuals * (normals @ shift) > 0.0

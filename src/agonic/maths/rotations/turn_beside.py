@@ -34,7 +34,6 @@ APART_RAD = 0.5
 LEAST_MISFIT = 1e-3
 """Of the field: what any accelerometer and sensor leave."""
 _ITERATIONS = 12
-_SETTLED = 1e-6
 _INDEPENDENT = 400.0  # rows, of correlated ones, that weigh soft iron against the misfit
 
 
@@ -95,11 +94,8 @@ def find_turn_beside(readings: Array, down: Array, soft_iron_sd: float) -> TurnB
     turns, irons = right_angles().copy(), np.zeros((24, 5))
     misfit = np.maximum(measure_misfit(left, turns, irons), LEAST_MISFIT)
     for _ in range(_ITERATIONS):
-        before = misfit
         turns, irons = _step(left, turns, irons, misfit, soft_iron_sd)
         misfit = np.maximum(measure_misfit(left, turns, irons), LEAST_MISFIT)
-        if np.allclose(misfit, before, rtol=_SETTLED, atol=0.0):
-            break
     best = int(np.argmin(misfit + _price(irons, misfit.min(), soft_iron_sd)))
     trace = np.einsum("ij,kij->k", turns[best], turns)
     others = np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0)) > APART_RAD
