@@ -24,7 +24,8 @@ class Coverage(Readable):
     visited; `field_sd` (80,) standard error of the calibrated field at the centre of each cell,
     and `field_sd_max` its largest; `heading_sd_deg` the standard error of a level heading, rms
     over all headings, at the dip `inclination_deg`, `down` (3,) being where the sensor's axes have
-    down then; `turns` says in words what to add.
+    down then; `turns` says in words what to add;
+    `of` what it is the coverage of, for two axes the circle.
     """
 
     cells: NDArray[np.int64]
@@ -34,6 +35,7 @@ class Coverage(Readable):
     heading_sd_deg: float
     inclination_deg: float
     turns: str = ""
+    of: str = "sphere"
     down: Array = field(default_factory=kernel.DOWN.copy)
 
     @property

@@ -15,7 +15,7 @@ from agonic.health import Evidence, Finding, Judged, figure, sort_findings
 from agonic.readable import Readable
 from agonic.samples import Samples
 
-UNKNOWNS = {"sphere": 4, "diagonal": 6, "full": 9}
+UNKNOWNS = {"sphere": 4, "ellipse": 5, "diagonal": 6, "full": 9}
 """Of each model; one that tests chose has those of all that they chose from."""
 
 

@@ -70,11 +70,10 @@ def test_errors_are_as_large_as_stated_and_reach_the_bound() -> None:
         error.append(numbers(fit) - TRUTH)
         z.append(error[-1] / fit.sd[LOCAL])
         assert fit.verdict == "good"
-    scatter = np.sqrt(np.mean(np.square(z)))
-    assert 0.93 < scatter < 1.07
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.05  # terms that a clean log cannot exclude
     assert np.abs(np.mean(z, axis=0)).max() < 0.25
     over_bound = np.sqrt(np.mean(np.square(error), axis=0)) / compute_bound(record(0))
-    assert over_bound == pytest.approx(1.0, abs=0.15)
+    assert over_bound == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.slow
@@ -83,7 +82,7 @@ def test_three_quarters_of_the_circle_are_honest_too() -> None:
     for seed in range(28):
         fit = fit_ellipse(record(seed, turns=0.8), PLACE)
         z.append((numbers(fit) - TRUTH) / fit.sd[LOCAL])
-    assert 0.88 < np.sqrt(np.mean(np.square(z))) < 1.12
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.05
 
 
 @pytest.mark.parametrize("turns", [0.05, 0.2, 0.4, 0.6])
@@ -121,13 +120,14 @@ def test_the_standard_error_of_the_heading_is_that_of_headings() -> None:
         found = np.arctan2(-field[:, 1], field[:, 0])
         off.append(np.degrees(np.angle(np.exp(1j * (found - heading)))))
         stated.append(fit.heading_sd_deg)
-    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(np.mean(stated), rel=0.12)
+    assert 0.7 < np.sqrt(np.mean(np.square(off))) / np.mean(stated) < 1.05
 
 
 def test_a_tilt_while_turning_is_to_be_checked_and_makes_the_error_larger() -> None:
-    level, rocking = fit_ellipse(record(3), PLACE), fit_ellipse(record(3, tilt_deg=1.0), PLACE)
+    level, rocking = fit_ellipse(record(3), PLACE), fit_ellipse(record(3, tilt_deg=2.0), PLACE)
     assert rocking.verdict == "check"
     assert "tilt" in {one.name for one in rocking.findings}
+    assert max(rocking.shares, key=rocking.shares.__getitem__) == "correlated noise"
     assert rocking.heading_sd_deg > 3 * level.heading_sd_deg
     off = numbers(rocking) - TRUTH
     assert np.abs(off / rocking.sd[LOCAL]).max() < 4
@@ -150,13 +150,30 @@ def test_outliers_do_not_move_it() -> None:
     assert np.abs((numbers(fit) - TRUTH) / fit.sd[LOCAL]).max() < 4
 
 
-def test_a_bias_that_moved_is_named() -> None:
+@pytest.mark.parametrize(("size", "at"), [(800.0, 600), (3000.0, 360)])
+def test_a_bias_that_moved_is_named(size, at) -> None:
     made = record(6, turns=2.0, n=1200)
     field = made.field.copy()
-    field[600:, 0] += 800.0
+    field[at:, 0] += size
     fit = fit_ellipse(made.with_columns(field=field), PLACE)
-    assert fit.verdict == "check"
-    assert "field changed" in {one.name for one in fit.findings}
+    (found,) = (one for one in fit.findings if one.name == "field changed")
+    assert fit.verdict == "refused"
+    assert found.moments == pytest.approx([made.time[at]], abs=2.0)
+
+
+@pytest.mark.parametrize("size", [400.0, 2000.0])
+def test_a_bias_that_drifts_is_calibrated_with_its_mean(size) -> None:
+    """A tenth of the field, from one end to the other: before, four times as uncertain as it was
+    wrong, and always to be checked."""
+    for seed in range(4):
+        made = record(seed, turns=2.0, n=1200)
+        field = made.field.copy()
+        field[:, 0] += size * np.linspace(-0.5, 0.5, 1200)
+        fit = fit_ellipse(made.with_columns(field=field), PLACE)
+        assert fit.verdict == "good"
+        assert "bias drift" in {one.name for one in fit.findings}
+        assert np.abs((numbers(fit) - TRUTH) / fit.sd[LOCAL]).max() < 4
+        assert fit.heading_sd_deg < 0.12
 
 
 def test_one_way_is_noted() -> None:
@@ -169,7 +186,7 @@ def test_the_start_withstands_a_third_of_outliers() -> None:
     rng, angle = np.random.default_rng(8), np.linspace(0, 2 * np.pi, 300)
     points = np.stack([1 + 1.2 * np.cos(angle), np.sin(angle)], axis=1)
     points[rng.choice(300, 100, replace=False)] = rng.normal(size=(100, 2)) * 3
-    assert find_start(points) == pytest.approx([1.0, 0.0, 1 / 1.2, 1.0, 0.0], abs=0.1)
+    assert find_start(points) == pytest.approx([1.0, 0.0, 0.0, 1 / 1.2, 1.0, 0.0], abs=0.1)
 
 
 def test_what_cannot_be_fitted_says_why() -> None:

@@ -227,7 +227,7 @@ def _findings(
         return (REVERSED_FIELD, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
-    left = None if posterior is None else posterior.left
+    left = None if posterior is None else posterior.left_without_steps
     examined = examine(evidence, shows_changes(posterior), left, attitude_aided=True)
     coarse = check_resolution(samples.field, evidence.radius, samples.unit)
     known = evidence.known_radius

@@ -10,6 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.ellipse.result import EllipseFit
 from agonic.readable import make_record
+from agonic.report import tables
 from agonic.report.axes import Axis, Columns, along_rows
 from agonic.report.digits import count, degrees, group_digits, percent, quantity, with_sd
 from agonic.report.document import Document
@@ -140,6 +141,7 @@ def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
             "Matrix": f"xx {rows[2][1]}   yy {rows[3][1]}   xy {rows[4][1]}",
             "Spread": f"{spread} (before → after)   noise {quantity(fit.noise, unit, 2)}",
             "Heading": f"{degrees(fit.heading_sd_deg)} (level, of the calibration)",
+            "Made of": ", ".join(tables.list_shares(fit.shares, most=4)),
             "Circle": f"{fit.seen_deg:.0f}° seen",
         },
         entries_title="",
@@ -186,6 +188,7 @@ def _list_values(fit: EllipseFit, files: Sequence[str]) -> dict[str, Any]:
         "verdict": fit.verdict,
         "status": fit.status,
         **make_record(fit),
+        "shares": fit.shares,
         "unit": fit.calibration.unit_in,
         "bias_nT": fit.bias[:2] if in_nt else None,
         "bias_sd_nT": fit.sd[:2] if in_nt else None,

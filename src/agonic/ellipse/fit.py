@@ -2,43 +2,32 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Validity
-from agonic.ellipse.evidence import (
-    Found,
-    compute_spread,
-    count_sectors,
-    examine,
-    find_change,
-    solve,
-)
-from agonic.ellipse.maths.conic import compute_heading_sd_deg, make_matrix
+from agonic.coverage import OPEN_DEG, Coverage, compute_coverage
+from agonic.ellipse.evidence import TURN, examine_circle
+from agonic.ellipse.maths.conic import find_start
 from agonic.ellipse.result import EllipseFit
+from agonic.ellipsoid.problem import Posed, make_calibration_of, pose, rows_of
+from agonic.ellipsoid.solve import list_numbers
 from agonic.errors import AgonicError, CoverageError
-from agonic.health import Finding, figure
-from agonic.health.resolution import find_rounding
+from agonic.health import figure
+from agonic.maths.equation.affine import split
+from agonic.maths.equation.channels import compute_distances
+from agonic.maths.equation.coverage import count_visits
+from agonic.maths.equation.gauge import expand_model_covariance
+from agonic.maths.equation.maximum_likelihood import Estimate, refine
+from agonic.model.posterior import Posterior, find_posterior
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
 
 FEWEST = 12
 """Readings that five unknowns, their noise and an outlier need."""
-_PLACES = [0, 1, 3, 4, 6]
-"""Where bias x y and matrix xx yy xy stand among the nine of an affine calibration."""
-
-
-class _Place(NamedTuple):
-    """The horizontal intensity, nT, with its sd, and the dip; None without a place."""
-
-    horizontal: float
-    sd: float
-    inclination_deg: float
-    source: str
 
 
 def fit_ellipse(
@@ -50,7 +39,7 @@ def fit_ellipse(
 
         Σ ρ(r_i/σ),   r = (|W(raw − bias)| − H)/|Wᵀû|
 
-    by the five unknowns bias x y and W xx yy xy, W symmetric.
+    by the five unknowns bias x y and W xx yy xy, W symmetric, beside the terms of every fit.
 
     Parameters
     ----------
@@ -83,46 +72,16 @@ def fit_ellipse(
             f'{samples.name} has three axes; fit_ellipsoid takes them all, and axes="xy" with '
             "zeros along z says that there are two"
         )
-    place = _find_place(samples, reference)
-    fit, found = _fit(samples, place, robust, seed)
-    fit = fit.with_findings(*examine(fit, found))
-    if fit.verdict == "refused":
-        return fit
-    return fit.with_findings(_compare_halves(samples, place, robust, seed))
-
-
-def _fit(
-    samples: Samples, place: _Place | None, robust: bool, seed: int
-) -> tuple[EllipseFit, Found]:
-    readings = samples.field[:, :2]
-    _refuse_few(readings)
-    found = solve(readings, find_rounding(readings), robust=robust, seed=seed)
-    calibration = _make_calibration(found, samples, place, {"robust": robust, "seed": seed})
-    covariance = calibration.covariance
-    assert covariance is not None
-    magnitude = calibration.magnitude
-    assert magnitude is not None
-    used = found.weights > 0
-    after = np.linalg.norm(calibration.correct(samples.field)[used, :2], axis=1)
-    heading_sd_deg = compute_heading_sd_deg(
-        calibration.matrix[:2, :2], covariance[np.ix_(_PLACES, _PLACES)], magnitude
-    )
-    fit = EllipseFit(
-        samples=samples,
-        calibration=calibration,
-        n=len(readings),
-        residuals=found.residuals,
-        weights=found.weights,
-        noise=found.noise,
-        correlation=found.correlation,
-        sectors=count_sectors(readings, found),
-        heading_sd_deg=heading_sd_deg,
-        spread_before=compute_spread(np.linalg.norm(readings[used], axis=1)),
-        spread_after=compute_spread(after),
-        inclination_deg=None if place is None else place.inclination_deg,
-        remarks=_describe(calibration, heading_sd_deg, place),
-    )
-    return fit, found
+    _refuse_few(samples.field[:, :2])
+    place, dip_deg = _find_place(samples, reference)
+    posed = pose(samples, place, "likelihood")
+    problem = posed.problem("ellipse", None)
+    estimate = refine(problem, find_start(posed.points[:, :2], seed), robust)
+    time = None if samples.time is None else samples.time[rows_of(posed.usable)]
+    posterior = find_posterior(problem, estimate, time, posed.origin, inclination_deg=0.0)
+    settings = {"fit": "ellipse", "robust": robust, "seed": seed}
+    calibration = _make_calibration(posed, estimate, posterior, samples, place, settings)
+    return _assess(samples, calibration, posed, estimate, posterior, dip_deg)
 
 
 def _refuse_few(readings: Array) -> None:
@@ -138,10 +97,12 @@ def _refuse_few(readings: Array) -> None:
         )
 
 
-def _find_place(samples: Samples, reference: Reference | None) -> _Place | None:
-    """The mean horizontal intensity and dip of the reference."""
+def _find_place(
+    samples: Samples, reference: Reference | None
+) -> tuple[Reference | None, float | None]:
+    """The mean horizontal intensity of the reference, as a magnitude, and its dip."""
     if reference is None:
-        return None
+        return None, None
     if reference.kind not in ("vector", "horizontal-vertical"):
         raise AgonicError(
             "the magnitude of the whole field was given, of which a level compass measures the "
@@ -149,80 +110,88 @@ def _find_place(samples: Samples, reference: Reference | None) -> _Place | None:
             "need no magnitude"
         )
     h, z = reference.horizontal_and_vertical(len(samples)).mean(axis=0)
-    dip = float(np.degrees(np.arctan2(z, h)))
-    return _Place(float(h), reference.sd, dip, reference.source)
+    level = Reference.constant(float(h), sd=reference.sd, source=reference.source)
+    return level, float(np.degrees(np.arctan2(z, h)))
 
 
 def _make_calibration(
-    found: Found, samples: Samples, place: _Place | None, settings: dict[str, object]
+    posed: Posed,
+    estimate: Estimate,
+    posterior: Posterior | None,
+    samples: Samples,
+    place: Reference | None,
+    settings: dict[str, object],
 ) -> Affine:
     """The calibration in the unit of the field; along z the mean gain, so that it can be undone."""
-    plane, spread = make_matrix(found.ellipse), found.covariance
-    gain = float(np.trace(plane)) / 2
-    if place is None:
-        toward = np.array([0.0, 0.0, 0.5, 0.5, 0.0])
-        change = np.eye(5)
-        change[2:] = (change[2:] - np.outer(found.ellipse[2:], toward) / gain) / gain
-        magnitude, unit_out = 1 / gain, samples.unit
-        spread, extra = change @ spread @ change.T, 0.0
-    else:
-        magnitude, unit_out = place.horizontal, "nT"
-        size = np.array([1.0, 1.0, magnitude, magnitude, magnitude])
-        spread, extra = spread * np.outer(size, size), place.sd
-    matrix = np.diag([0.0, 0.0, gain * magnitude])
-    matrix[:2, :2] = plane * magnitude
-    stretch = np.r_[0.0, 0.0, found.ellipse[2:] * extra]
-    covariance = np.zeros((9, 9))
-    covariance[np.ix_(_PLACES, _PLACES)] = spread + np.outer(stretch, stretch)
-    told = "none: mean gain set to 1" if place is None else f"{magnitude:g} nT ({place.source})"
-    return Affine(
-        bias=np.r_[found.ellipse[:2], 0.0],
-        matrix=matrix,
-        covariance=covariance,
-        unit_in=samples.unit,
-        unit_out=unit_out,
-        model="ellipse",
-        magnitude=magnitude,
-        noise=found.noise,
-        sensor=samples.name,
-        device_id=samples.device_id,
-        frame_in=samples.frame,
-        frame_out=samples.frame,
-        validity=Validity.of(samples),
+    found = list_numbers(estimate, "ellipse")
+    if posterior is not None:
+        bias, matrix = split(posed.problem("ellipse", None).basis @ posterior.params)
+        covariance = expand_model_covariance("ellipse", posterior.covariance)
+        found = found._replace(bias=bias, matrix=matrix, covariance=covariance)
+    told = "none: mean gain set to 1" if place is None else place.describe()
+    return replace(
+        make_calibration_of(samples, found, posed.scale, "symmetric"),
         provenance=Provenance(
             inputs=(samples.origin,),
-            settings={"fit": "ellipse", **settings, "reference": told},
+            settings={**settings, "reference": told},
             method=("huber-1981", "beaton-tukey-1974", "caruso-2000"),
         ),
     )
 
 
-def _describe(affine: Affine, heading_sd_deg: float, place: _Place | None) -> tuple[str, ...]:
+def _assess(
+    samples: Samples,
+    calibration: Affine,
+    posed: Posed,
+    estimate: Estimate,
+    posterior: Posterior | None,
+    dip_deg: float | None,
+) -> EllipseFit:
+    """The fit with its evidence."""
+    assert calibration.magnitude is not None
+    assert calibration.noise is not None
+    raw, bias, matrix = samples.field, calibration.bias, calibration.matrix
+    size = np.array([calibration.magnitude])
+    residuals, normals = compute_distances(raw, bias, matrix, size)
+    weights = np.zeros(len(samples))
+    weights[rows_of(posed.usable)] = estimate.weights
+    used = weights > 0
+    field = calibration.correct(raw)
+    coverage = compute_coverage(calibration, count_visits(field[used]), 0.0)
+    fit = EllipseFit(
+        samples=samples,
+        calibration=calibration,
+        n=len(samples),
+        residuals=residuals,
+        weights=weights,
+        noise=calibration.noise,
+        correlation=estimate.noise["magnitude"].correlation,
+        heading_sd_deg=min(coverage.heading_sd_deg, OPEN_DEG),
+        spread_before=_compute_spread(np.linalg.norm(raw[used], axis=1)),
+        spread_after=_compute_spread(np.linalg.norm(field[used], axis=1)),
+        inclination_deg=dip_deg,
+        shares={} if posterior is None else posterior.list_shares(),
+        remarks=_describe(calibration, coverage, dip_deg),
+    )
+    seen = replace(coverage, filled=fit.seen_deg / 360.0, turns=TURN, of="circle")
+    return fit.with_findings(*examine_circle(fit, posed.usable, normals, posterior, seen))
+
+
+def _compute_spread(magnitude: Array) -> float:
+    """Standard deviation over the mean."""
+    return float(magnitude.std() / magnitude.mean())
+
+
+def _describe(affine: Affine, coverage: Coverage, dip_deg: float | None) -> tuple[str, ...]:
     assert affine.sd is not None
-    bias_sd = figure(float(affine.sd[:2].max()))
-    said = f"standard error: bias {bias_sd} {affine.unit_in}, heading {figure(heading_sd_deg)}°"
-    if place is None:
+    bias_sd, heading_sd = figure(float(affine.sd[:2].max())), figure(coverage.heading_sd_deg)
+    said = f"standard error: bias {bias_sd} {affine.unit_in}, heading {heading_sd}°"
+    if dip_deg is None:
         size = figure(affine.magnitude or 0.0, 5)
         return (
             f"{said} (level)",
             "no place was given, so the mean gain is set to 1 (horizontal intensity "
             f"{size} {affine.unit_in}); headings need no more",
         )
-    tilt = float(np.tan(np.radians(abs(place.inclination_deg))))
-    return (f"{said} (level; each degree of tilt adds up to {figure(tilt)}°)",)
-
-
-def _compare_halves(
-    samples: Samples, place: _Place | None, robust: bool, seed: int
-) -> Finding | None:
-    """What changed between the halves of a log, where each saw enough of the circle."""
-    half = len(samples) // 2
-    if half < 5 * FEWEST:
-        return None
-    halves = []
-    for rows in (slice(0, half), slice(half, None)):
-        part, found = _fit(samples[rows], place, robust, seed)
-        if any(one.severity == "refuse" for one in examine(part, found)):
-            return None
-        halves.append(part)
-    return find_change(*halves)
+    tilt = figure(float(np.tan(np.radians(abs(dip_deg)))))
+    return (f"{said} (level; each degree of tilt adds up to {tilt}°)",)

@@ -198,7 +198,7 @@ def assess(
         return fit.with_findings()
     known = _known_radius(affine, reference)
     evidence = gather_evidence(fit, affine, samples, samples.field, normals, usable, known)
-    left = None if posterior is None else posterior.left
+    left = None if posterior is None else posterior.left_without_steps
     facts = examine(evidence, shows_changes(posterior), left, attitude_aided=attitude_aided)
     at = (samples.unit, evidence.radius, evidence.time)
     fit = fit.with_findings(*facts, *judge(posterior, coverage, *at, facts))

@@ -10,7 +10,7 @@ from agonic.errors import check_choice
 from agonic.reference import Reference
 
 Model = Literal["auto", "sphere", "diagonal", "full"]
-Fixed = Literal["sphere", "diagonal", "full"]
+Fixed = Literal["sphere", "diagonal", "full", "ellipse"]
 Method = Literal["likelihood", "adjusted", "li-griffiths", "linear"]
 Gauge = Literal["symmetric", "triangular"]
 

@@ -51,7 +51,7 @@ FAR = 0.2
 """Of the radius: how far off a row is counts no more beyond."""
 SHORT = 0.03
 """Of the log: a stretch is longer. Less is a magnet that was passed, which outliers tell."""
-AS_LITTLE = 1.7
+AS_LITTLE = 1.2
 """Of the noise that terms leave, which bend where states are stiff: so much is the same."""
 MIXED_REFUSED = 0.1
 """Of the field between two sensors, or of what comes and goes: less errs a row as noise may."""

@@ -127,6 +127,11 @@ class Posterior(NamedTuple):
     held: Held
     unseen: Unseen
 
+    @property
+    def left_without_steps(self) -> float | None:
+        """What is left where no step of the bias explains any of it; None where one does."""
+        return None if any(one.row is not None for one in self.shares) else self.left
+
     def list_shares(self) -> Mapping[str, float]:
         """The standard error of a level heading by what makes it, degrees, the largest first."""
         shares = {"noise and coverage": self.noise_deg, "correlated noise": self.memory_deg}

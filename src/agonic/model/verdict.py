@@ -144,7 +144,7 @@ def _doubt_heading(coverage: Coverage, posterior: Posterior | None) -> Iterator[
 
 def _find_largest(posterior: Posterior | None, coverage: Coverage) -> tuple[str, str, str]:
     """What makes most of the heading's error: its name, its words, and what helps."""
-    seen = f"the directions visited ({100 * coverage.filled:.0f} % of the sphere) leave"
+    seen = f"the directions visited ({100 * coverage.filled:.0f} % of the {coverage.of}) leave"
     turns = coverage.turns or f"{RECORD_LONGER}, turning slowly about all three axes"
     if posterior is None:
         return "coverage", seen, turns

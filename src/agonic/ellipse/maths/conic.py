@@ -1,5 +1,4 @@
-"""An ellipse through points of a plane, where a fit starts; and what the fit comes to for headings:
-their standard error, and the circle seen."""
+"""An ellipse through points of a plane, where a fit starts, and what was seen of the circle."""
 
 from __future__ import annotations
 
@@ -11,28 +10,6 @@ SECTORS = 24
 """Of the circle, 15° each."""
 FEW = 5 * SECTORS
 """Readings of which chance leaves some sectors empty."""
-
-
-def compute_heading_sd_deg(matrix: Array, covariance: Array, magnitude: float) -> float:
-    """Standard error of a level heading that the calibration makes, rms over all headings.
-
-    heading = atan2(−f_y, f_x), f = W (raw − bias): the error of f across itself over its length.
-    Parameters: matrix (2, 2), covariance (5, 5) of bias x y and matrix xx yy xy.
-    """
-    angle = np.radians(np.arange(0.0, 360.0, 10.0))
-    unit = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
-    across = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
-    d = magnitude * unit @ np.linalg.inv(matrix)
-    row = np.column_stack(
-        [
-            -across @ matrix,
-            across[:, 0] * d[:, 0],
-            across[:, 1] * d[:, 1],
-            across[:, 0] * d[:, 1] + across[:, 1] * d[:, 0],
-        ]
-    )
-    variance = np.einsum("ni,ij,nj->n", row, covariance, row) / magnitude**2
-    return float(np.degrees(np.sqrt(variance.mean())))
 
 
 def find_sectors(field: Array) -> Index:
@@ -56,21 +33,6 @@ def compute_turns(field: Array) -> tuple[float, float]:
     return float(steps[steps > 0].sum()), float(-steps[steps < 0].sum())
 
 
-def compute_lasting(residuals: Array) -> float:
-    """What of residuals (n,) in time order lasts from one to the next, rms; 0 where chance does it.
-
-    The variance less half the mean square of successive differences, which white noise has as
-    large (von Neumann 1941); it has to exceed three of its standard errors.
-    """
-    n = len(residuals)
-    if n < 10:
-        return 0.0
-    variance = float(residuals.var())
-    fast = float(np.mean(np.diff(residuals) ** 2)) / 2
-    lasting = variance - fast
-    return float(np.sqrt(lasting)) if lasting > 3 * variance / np.sqrt(n) else 0.0
-
-
 TRIALS = 60
 """Small sets of points that are tried, so that one without outliers is among them."""
 _DRAWN = 8
@@ -80,7 +42,7 @@ _LONGEST = 20.0
 
 
 def find_start(points: Array, seed: int = 0) -> Array:
-    """Bias x y and matrix xx yy xy of the ellipse that most points (n, 2) are near, (5,).
+    """Bias x y z and matrix xx yy xy of the ellipse that most points (n, 2) are near, (6,).
 
     Of the conic through all points, those through small sets of them, and a circle: the one whose
     median distance is the smallest, which outliers do not reach.
@@ -91,7 +53,8 @@ def find_start(points: Array, seed: int = 0) -> Array:
         some = points[rng.choice(len(points), _MOST_READINGS, replace=False)]
     sets = [some, *(some[rng.choice(len(some), _DRAWN)] for _ in range(TRIALS))]
     found = [one for one in map(fit_conic, sets) if one is not None] + [fit_circle(some)]
-    return min(found, key=lambda one: float(np.median(np.abs(compute_distances(some, one)))))
+    best = min(found, key=lambda one: float(np.median(np.abs(compute_distances(some, one)))))
+    return np.insert(best, 2, 0.0)
 
 
 def fit_conic(points: Array) -> Array | None:

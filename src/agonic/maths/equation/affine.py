@@ -49,10 +49,10 @@ def correct(raw: Array, bias: Array, matrix: Array) -> Array:
 def model_basis(model: str, gauge: str = SYMMETRIC) -> Array:
     """The map from a model's parameters to the twelve local numbers, (12, m).
 
-    `ellipse` has what two axes show: bias x y and the entries xx yy xy of the matrix. `sphere` has
-    bias and one gain, `diagonal` bias and three gains, `full` bias and the six
-    entries xx yy zz xy xz yz of a matrix that is symmetric or upper triangular (z axis kept); in
-    the gauge `free` all nine, yx zx zy last.
+    `ellipse` has what two axes show, the entries xx yy xy of the matrix, beside the bias; zz is the
+    mean of xx and yy. `sphere` has bias and one gain, `diagonal` bias and three gains, `full` bias
+    and the six entries xx yy zz xy xz yz of a matrix that is symmetric or upper triangular (z axis
+    kept); in the gauge `free` all nine, yx zx zy last.
     """
     columns = [np.eye(12)[:, :3]]
     chosen = _UPPER + (_LOWER if gauge == FREE else ())
@@ -62,7 +62,7 @@ def model_basis(model: str, gauge: str = SYMMETRIC) -> Array:
         if gauge == SYMMETRIC:
             entries[3 + 3 * j + i, k] = 1.0
     if model == ELLIPSE:
-        columns = [columns[0][:, :2], entries[:, [0, 1, 3]]]
+        columns.append(entries[:, [0, 1, 3]] + 0.5 * np.outer(entries[:, 2], [1, 1, 0]))
     elif model == "sphere":
         columns.append(entries[:, :3].sum(axis=1, keepdims=True))
     else:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from agonic.arrays import Array
+from agonic.maths.equation.affine import ELLIPSE, model_basis
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.estimation.leastsq import inverse
 
@@ -21,13 +22,18 @@ def mean_gain(matrix: Array) -> Any:
     return np.trace(matrix, axis1=-2, axis2=-1) / 3
 
 
+_PARAMETERS = [0, 1, 2, 3, 7, 11, 4, 5, 8]
+"""Bias x y z and matrix xx yy zz xy xz yz among the twelve local numbers."""
+
+
 def expand_model_covariance(model: str, covariance: Array) -> Array:
-    """Covariance (9, 9) from that of a model's own parameters (4, 6 or 9)."""
+    """Covariance (9, 9) from that of a model's own parameters; 0 along z of the bias of an ellipse,
+    of which two axes show nothing."""
     if model == "full":
         return covariance
-    spread = np.zeros((9, covariance.shape[-1]))
-    spread[:3, :3] = np.eye(3)
-    spread[3:6, 3:] = np.ones((3, 1)) if model == "sphere" else np.eye(3)
+    spread = model_basis(model)[_PARAMETERS]
+    if model == ELLIPSE:
+        spread = spread * (np.arange(9) != 2)[:, None]
     return np.asarray(spread @ covariance @ spread.T)
 
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.equation.affine import FREE, SYMMETRIC, model_basis
+from agonic.maths.equation.affine import ELLIPSE, FREE, SYMMETRIC, model_basis
 from agonic.maths.equation.gauge import mean_gain
 from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.estimation import leastsq
@@ -40,8 +40,11 @@ def make_prior(
     errors that all rows share, which are in units of their standard deviation.
 
     Residuals ((W_ij + W_ji)/2g − δ_ij)/soft_iron_sd, (W_ij − W_ji)/(2 g turn_sd), g = tr W/3, and
-    coefficients (3 k) over `TERM_SD`. None where there is nothing to hold.
+    coefficients (3 k) over `TERM_SD`. None where there is nothing to hold. Of two axes it holds the
+    bias along z, of which the readings show nothing.
     """
+    if model == ELLIPSE:
+        return _hold_z
     basis = model_basis(model, gauge)
     m, count = basis.shape[1], 3 * terms + shared
     other_sds = np.repeat([TERM_SD, 1.0], [3 * terms, shared])
@@ -64,6 +67,11 @@ def make_prior(
         return np.concatenate([(ratios - wanted) / sds, params[m:] / other_sds]), jacobian
 
     return prior
+
+
+def _hold_z(params: Array) -> tuple[Array, Array]:
+    """The bias along z, over the field."""
+    return params[2:3], np.eye(1, len(params), 2)
 
 
 def soft_iron_pull(matrix: Array, covariance: Array, sd: float) -> Array:
