@@ -176,6 +176,20 @@ def test_a_bias_that_drifts_is_calibrated_with_its_mean(size) -> None:
         assert fit.heading_sd_deg < 0.12
 
 
+@pytest.mark.parametrize("name", ["clipping", "frozen axis"])
+def test_readings_that_a_damaged_sensor_gives_are_left_out_and_named(name) -> None:
+    made = record(9, turns=2.0, n=1200)
+    field = made.field.copy()
+    if name == "clipping":
+        field[:, 0] = np.minimum(field[:, 0], 17_000.0)
+    else:
+        field[100:200, 0] = field[100, 0]
+    fit = fit_ellipse(made.with_columns(field=field), PLACE)
+    assert fit.verdict == "check"
+    assert name in {one.name for one in fit.findings}
+    assert np.abs((numbers(fit) - TRUTH) / fit.sd[LOCAL]).max() < 4
+
+
 def test_one_way_is_noted() -> None:
     once = record(7)[:300]
     notes = {one.name for one in fit_ellipse(once, PLACE).findings}

@@ -10,7 +10,7 @@ from agonic.arrays import Array, Mask
 from agonic.coverage import Coverage
 from agonic.ellipse.maths.conic import compute_turns
 from agonic.ellipse.result import EllipseFit
-from agonic.health import Evidence, Finding, examine, figure
+from agonic.health import Evidence, Finding, examine, figure, inspect
 from agonic.maths.rotations.tilt import down_from_force, roll_pitch_deg, tilt_from_down
 from agonic.model.posterior import Posterior
 from agonic.model.verdict import judge, shows_changes
@@ -43,9 +43,9 @@ def examine_circle(
     """
     axes = 1.0 / np.maximum(np.linalg.eigvalsh(fit.matrix[:2, :2]), 1e-300)
     shorter, longer = axes.min() * (fit.calibration.magnitude or 1.0), axes.max()
-    unseen = [*_examine_seen(fit, float(shorter))]
-    yield from unseen
-    if unseen:
+    seen = [*inspect(fit.samples), *_examine_seen(fit, float(shorter))]
+    yield from seen
+    if any(one.severity == "refuse" for one in seen):
         return
     gain = float(np.trace(fit.matrix[:2, :2])) / 2
     evidence = Evidence(
@@ -66,9 +66,9 @@ def examine_circle(
     if posterior is not None:  # of z nothing is asked
         left, held = posterior.left_without_steps, posterior.held
         posterior = posterior._replace(held=held._replace(bias_sd=held.bias_sd * [1.0, 1.0, 0.0]))
-    facts = [*examine(evidence, shows_changes(posterior), left, attitude_aided=True)]
+    facts = [*seen, *examine(evidence, shows_changes(posterior), left, attitude_aided=True)]
     facts += [one for one in _examine_use(fit, gain, float(longer / axes.min())) if one is not None]
-    yield from facts
+    yield from facts[len(seen) :]
     at = (evidence.unit, evidence.radius, evidence.time)
     for one in judge(posterior, coverage, *at, facts):
         yield _name_tilt(one) if one.name == "correlated noise" else one

@@ -29,7 +29,7 @@ def inspect(samples: Samples) -> tuple[Finding, ...]:
     >>> [finding.name for finding in inspect(flat)]
     ['frozen axis']
     """
-    stuck = [find_stuck_rows(samples.field, axis) for axis in range(3)]
+    stuck = [find_stuck_rows(samples.field, axis) for axis in range(len(samples.axes))]
     found = [
         *check_rejected(samples.rejected, len(samples) + sum(samples.rejected.values())),
         *find_decoding(samples),
