@@ -16,8 +16,7 @@ import agonic as ag
 from agonic.alignment.gravity import fit_gravity
 from agonic.alignment.north.di_flux import fit_di_flux
 from agonic.alignment.north.fit import fit_north
-from agonic.alignment.simulation.laboratory import simulate_di_flux
-from agonic.alignment.simulation.north import simulate_north
+from agonic.alignment.simulation.laboratory import simulate_di_flux, simulate_north
 from agonic.alignment.simulation.session import simulate_session
 from agonic.alignment.star_sensor.fit import fit_alignment
 from agonic.headings.deviation import fit_deviation

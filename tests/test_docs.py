@@ -96,13 +96,13 @@ JUDGED = {term.name for term in HIDDEN} | {STEP.name, "ripple", "coverage", "cor
 
 def findings_in_the_source() -> dict[str, set[str]]:
     """The names of findings, and how severe each can be, from the calls that make them."""
-    found = {name: set[str](told.severities) for name, told in findings.TOLD.items()}
+    found = {name: set[str](row.severities) for name, row in findings.FINDINGS.items()}
     for text in map(text_of, (ROOT / "src" / "agonic").rglob("*.py")):
         for node in ast.walk(ast.parse(text)) if "Finding(" in text else ():
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
                 if ast.unparse(node.args[0]) == "check.name":  # verify.md explains the checks
                     continue
-                if ast.unparse(node.args[1]).startswith("severity or told."):  # the table above
+                if ast.unparse(node.args[1]).startswith("severity or row."):  # the table above
                     continue
                 if ast.unparse(node.args[0]) in {"one.term.name", "name"}:  # terms and doubts
                     found |= {name: {"note", "check", "refuse"} for name in JUDGED}

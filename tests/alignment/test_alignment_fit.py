@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.figures import draw_axes
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.observed import observe
 from agonic.alignment.session.session import Pier
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session
 from agonic.alignment.star_sensor.budget import error_budget
-from agonic.alignment.star_sensor.figures import draw_axes
 from agonic.alignment.star_sensor.fit import fit_alignment
 from agonic.alignment.star_sensor.plan import plan_alignment
 from agonic.alignment.star_sensor.result import AlignmentFit

@@ -1,16 +1,16 @@
 """DI-flux sheets as observatories keep them, and north.toml and coil.toml."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from agonic.alignment.files.read import read_coil, read_north
+from agonic.alignment.document import describe_di_flux
 from agonic.alignment.files.read_di_flux import read_di_flux
-from agonic.alignment.files.write import write_coil, write_north
+from agonic.alignment.files.sessions import read_coil, read_north, write_coil, write_north
 from agonic.alignment.north.di_flux import fit_di_flux
-from agonic.alignment.simulation.laboratory import simulate_coil
-from agonic.alignment.simulation.north import simulate_north
+from agonic.alignment.simulation.laboratory import simulate_coil, simulate_di_flux, simulate_north
 from agonic.errors import AgonicError, LogError
 
 HEAD = "# MagPy Absolutes\n# Abs-TheoUnit: gon\n# Abs-AzimuthMark: 200\n"
@@ -180,3 +180,18 @@ def test_a_coil_session_comes_back(tmp_path: Path) -> None:
     (tmp_path / "alignment.json").unlink()
     with pytest.raises(AgonicError, match=r"no file alignment\.json"):
         read_coil(tmp_path)
+
+
+def test_what_the_sheet_says_of_the_total_field_is_shown(tmp_path: Path) -> None:
+    made = simulate_di_flux().sheet
+    fit = fit_di_flux(replace(made, notes=("the total field was measured at another time",)))
+    assert "The total field was measured at another time." in fit.status
+    assert "another time" in describe_di_flux(fit).to_text()
+
+
+def test_sightings_in_one_section_are_a_mistake_that_is_named(tmp_path: Path) -> None:
+    write_north(simulate_north().session, tmp_path)
+    file = tmp_path / "north.toml"
+    file.write_text(file.read_text().replace("[[sighting]]", "[sighting]"))
+    with pytest.raises(LogError, match=r"written \[\[sighting\]\], once for each"):
+        read_north(tmp_path)

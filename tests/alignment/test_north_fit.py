@@ -10,8 +10,7 @@ from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.north.di_flux import fit_di_flux
 from agonic.alignment.north.fit import fit_north
 from agonic.alignment.session.laboratory import NorthSession, Sighting
-from agonic.alignment.simulation.laboratory import simulate_di_flux
-from agonic.alignment.simulation.north import READINGS, simulate_north
+from agonic.alignment.simulation.laboratory import READINGS, simulate_di_flux, simulate_north
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.frames import ARCSEC_RAD
 

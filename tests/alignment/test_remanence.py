@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agonic.alignment import error_budget, fit_alignment, read_session, simulate_session
-from agonic.alignment.files.write import write_session
+from agonic.alignment.files.sessions import write_session
 from agonic.alignment.remanence import fit_remanence
 from agonic.alignment.simulation.session import simulate_remanence
 from agonic.errors import LogError

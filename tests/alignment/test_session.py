@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.files.read import read_session
+from agonic.alignment.files.sessions import read_session, write_session
 from agonic.alignment.files.tables import read_stars
-from agonic.alignment.files.write import write_session
 from agonic.alignment.simulation.session import SimulatedSession, simulate_session
 from agonic.alignment.star_sensor.fit import fit_alignment
 from agonic.calibration.affine import Affine

@@ -3,19 +3,19 @@
 The public names of this wing, a line each; see `agonic.public`.
 """
 
-from agonic.alignment.coil.fit import fit_coil as fit_coil
-from agonic.alignment.coil.result import CoilFit as CoilFit
+from agonic.alignment.coil import CoilFit as CoilFit
+from agonic.alignment.coil import fit_coil as fit_coil
 from agonic.alignment.direction.compute import field_direction as field_direction
 from agonic.alignment.direction.follow import Follower as Follower
 from agonic.alignment.direction.follow import follow_direction as follow_direction
 from agonic.alignment.direction.result import FieldDirection as FieldDirection
-from agonic.alignment.files.read import read_coil as read_coil
-from agonic.alignment.files.read import read_north as read_north
-from agonic.alignment.files.read import read_session as read_session
 from agonic.alignment.files.read_di_flux import read_di_flux as read_di_flux
-from agonic.alignment.files.write import write_coil as write_coil
-from agonic.alignment.files.write import write_north as write_north
-from agonic.alignment.files.write import write_session as write_session
+from agonic.alignment.files.sessions import read_coil as read_coil
+from agonic.alignment.files.sessions import read_north as read_north
+from agonic.alignment.files.sessions import read_session as read_session
+from agonic.alignment.files.sessions import write_coil as write_coil
+from agonic.alignment.files.sessions import write_north as write_north
+from agonic.alignment.files.sessions import write_session as write_session
 from agonic.alignment.gravity import GravityFit as GravityFit
 from agonic.alignment.gravity import fit_gravity as fit_gravity
 from agonic.alignment.north.di_flux import DiFluxFit as DiFluxFit
@@ -26,7 +26,7 @@ from agonic.alignment.remanence import RemanenceFit as RemanenceFit
 from agonic.alignment.remanence import fit_remanence as fit_remanence
 from agonic.alignment.session.session import Session as Session
 from agonic.alignment.simulation.laboratory import simulate_coil as simulate_coil
-from agonic.alignment.simulation.north import simulate_north as simulate_north
+from agonic.alignment.simulation.laboratory import simulate_north as simulate_north
 from agonic.alignment.simulation.session import simulate_remanence as simulate_remanence
 from agonic.alignment.simulation.session import simulate_session as simulate_session
 from agonic.alignment.star_sensor.budget import error_budget as error_budget

@@ -26,12 +26,10 @@ def make_calibration(
     before: Calibration | None = None,
     own: Affine | None = None,
 ) -> Alignment | Chain:
-    """field_p = rotation.apply(field_m), p the platform's axes of a `frame`'s letter.
-
-    Parameters: `rot_mp` (3, 3) the platform's components into those of the magnetometer, with
-    `covariance` (3, 3), rad², of its turn in magnetometer axes: a turn δ of R_mp is −R_pm δ of
-    R_pm. `before` and `own` correct the readings first.
-    """
+    """field_p = rotation.apply(field_m), p the platform's axes of a `frame`'s letter. Parameters:
+    `rot_mp` (3, 3) the platform's components into those of the magnetometer, with `covariance` (3,
+    3), rad², of its turn in magnetometer axes: a turn δ of R_mp is −R_pm δ of R_pm. `before` and
+    `own` correct the readings first."""
     back = rot_mp.T
     turn = Alignment(
         rotation=Rotation.from_matrix(back),

@@ -1,23 +1,36 @@
-"""What is said and shown of a coil, of an accelerometer's turn, and of a turned platform."""
+"""What is said and shown of north, a sheet, a coil, an accelerometer, and a turned platform."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from agonic.alignment.coil.fit import METHOD
-from agonic.alignment.coil.result import CoilFit, Direction
-from agonic.alignment.figures import draw_figure, draw_residuals, draw_series
+from agonic.alignment.coil import METHOD, CoilFit, Direction
+from agonic.alignment.figures import (
+    draw_figure,
+    draw_residuals,
+    draw_series,
+    draw_settings,
+    make_residual_axis,
+)
 from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.gravity import GravityFit
+from agonic.alignment.maths.columns import average, find_rows
+from agonic.alignment.maths.north import Swing, evaluate_swing_deg
+from agonic.alignment.north.di_flux import DiFluxFit
+from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.remanence import RemanenceFit
+from agonic.alignment.session.laboratory import SwingRecord
 from agonic.readable import make_record
+from agonic.report.axes import Columns, along_rows, fit_axis
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
 from agonic.report.section import Section, Table, list_inputs
+from agonic.report.strips import caption, level, line, plot, spread
 
 WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
 CAPTION = "What is read at each angle of the platform beside the mean"
@@ -34,22 +47,36 @@ ANGLES = {
     "i": ("right ascension", "declination"),
     "e": ("longitude", "latitude"),
 }
+SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
+PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
+METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
 LEVEL_HEAD = ("Current, A", "Constant, nT/A", "Standard error", "Departure", "Departure, ppm")
 
 
 def describe_coil(fit: CoilFit) -> Document:
-    """The axis in every frame, the constant at each current, and what was objected to.
-
-    >>> from agonic.alignment.coil.fit import fit_coil
-    >>> from agonic.alignment.simulation.laboratory import simulate_coil
-    >>> made = describe_coil(fit_coil(simulate_coil(levels=(1.0, 0.5)).session))
-    >>> made.to_html().count("<h2>"), len(made.values["levels"])
-    (5, 2)
-    """
+    """The axis in every frame, the constant at each current, and what was objected to."""
     session, refused = fit.session, fit.verdict == "refused"
     reference = None if session.reference is None else session.reference.origin
     left, along = fit.estimate.residuals, [f"along {letter}" for letter in "xyz"]
     drawn = partial(draw_series, left, fit.stretches.time, along, "nT")
+    rows = [
+        [
+            group_digits(level.current_A, 5),
+            group_digits(level.constant, 3),
+            significant(level.sd, 2),
+            *(significant(level.departure * per, 2) for per in (1.0, 1e6 / fit.constant)),
+        ]
+        for level in fit.levels
+    ]
+    linearity = Section("Linearity", [Table(LEVEL_HEAD, rows, "numbers small")], printed=True)
+    entries = {"Constant": f"{with_sd(fit.constant, fit.constant_sd)} nT/A"}
+    for letter, direction in fit.directions.items():
+        entries[f"Axis {letter}"] = _write_coil_axis(letter, direction, fit.time)
+    if fit.geometric_deg is not None and fit.geometric_sd_arcsec is not None:
+        away = with_sd(3600 * fit.geometric_deg, fit.geometric_sd_arcsec)
+        entries["As drawn"] = f"{away}″ away"
+    noise = float(np.sqrt((fit.estimate.noise**2).mean()))
+    entries["Noise"] = f"{quantity(noise, 'nT', 2)} of a reading, {fit.n} stretches"
     return Document(
         schema="agonic/fit-coil@1",
         kind=f"Magnetic axis of a coil, {fit.reversals} current reversals",
@@ -57,9 +84,9 @@ def describe_coil(fit: CoilFit) -> Document:
         title=session.name or session.coil,
         method=f"magnetic axis from {fit.reversals} current reversals",
         **judge(fit),
-        entries=_list_coil(fit),
+        entries=entries,
         sections=[
-            *([_tabulate_coil(fit)] if fit.levels and not refused else []),
+            *([linearity] if rows and not refused else []),
             *([] if refused else [Section("Residuals of the stretches", [drawn])]),
             list_inputs(session.magnetometer.origin, reference, method=METHOD),
         ],
@@ -71,19 +98,6 @@ def describe_coil(fit: CoilFit) -> Document:
         },
         styles=["alignment.css"],
     )
-
-
-def _list_coil(fit: CoilFit) -> dict[str, str]:
-    """What was found, by name."""
-    entries = {"Constant": f"{with_sd(fit.constant, fit.constant_sd)} nT/A"}
-    for letter, direction in fit.directions.items():
-        entries[f"Axis {letter}"] = _write_coil_axis(letter, direction, fit.time)
-    if fit.geometric_deg is not None and fit.geometric_sd_arcsec is not None:
-        away = with_sd(3600 * fit.geometric_deg, fit.geometric_sd_arcsec)
-        entries["As drawn"] = f"{away}″ away"
-    noise = float(np.sqrt((fit.estimate.noise**2).mean()))
-    entries["Noise"] = f"{quantity(noise, 'nT', 2)} of a reading, {fit.n} stretches"
-    return entries
 
 
 def _write_coil_axis(letter: str, direction: Direction, time: float | None) -> str:
@@ -99,28 +113,8 @@ def _write_coil_axis(letter: str, direction: Direction, time: float | None) -> s
     return words
 
 
-def _tabulate_coil(fit: CoilFit) -> Section:
-    rows = [
-        [
-            group_digits(level.current_A, 5),
-            group_digits(level.constant, 3),
-            significant(level.sd, 2),
-            *(significant(level.departure * per, 2) for per in (1.0, 1e6 / fit.constant)),
-        ]
-        for level in fit.levels
-    ]
-    return Section("Linearity", [Table(LEVEL_HEAD, rows, "numbers small")], printed=True)
-
-
 def describe_gravity(fit: GravityFit, sensor: str) -> Document:
-    """The rotation from the magnetometer of a name to the accelerometer; a refused one has none.
-
-    >>> from agonic.alignment.gravity import fit_gravity
-    >>> from agonic.alignment.simulation.laboratory import simulate_gravity
-    >>> made = describe_gravity(fit_gravity(simulate_gravity().samples), "mag")
-    >>> print(made.to_text().splitlines()[0])
-    ✓ mag: good (against the accelerometer, 24 orientations at rest)
-    """
+    """The rotation from the magnetometer of a name to the accelerometer; a refused one has none."""
     refused, estimate = fit.verdict == "refused", fit.estimate
     found = {**make_record(fit), "bias": estimate.bias, "residuals": estimate.residuals}
     rows = (" ".join(group_digits(float(v), 6) for v in row) for row in fit.rot_bm)
@@ -142,21 +136,16 @@ def describe_gravity(fit: GravityFit, sensor: str) -> Document:
 
 
 def describe_remanence(fit: RemanenceFit) -> Document:
-    """The platform's own field, what is induced in it, and what was read at each angle.
-
-    >>> from agonic.alignment.remanence import fit_remanence
-    >>> from agonic.alignment.simulation.session import simulate_remanence
-    >>> made = describe_remanence(fit_remanence(simulate_remanence()))
-    >>> print(made.to_text().splitlines()[0])
-    ✓ magnetometer: good (platform turned to 12 settings)
-    """
+    """The platform's own field, what is induced in it, and what was read at each angle."""
     turned = f"{with_sd(fit.size_arcsec, fit.sd_arcsec)}″"
     entries = {"Remanence": f"{with_sd(fit.size, fit.sd)} nT across the axis of the turn, {turned}"}
     if fit.induced is not None:
         entries["Induced"] = f"{with_sd(fit.induced, fit.induced_sd)} nT, twice in a turn"
     read = [one.origin for one in (fit.samples, fit.reference) if one is not None]
-    cosine, sine = fit.harmonics.once[:2]
+    cosine, sine = fit.harmonics.parts[0]
     found = {"sensor": fit.samples.name, "cosine_nT": cosine, "sine_nT": sine}
+    angles = np.round(fit.angle_deg).astype(np.int64)
+    drawn = partial(draw_residuals, fit.field, fit.noise, angles, "angle of the platform, °")
     return Document(
         schema="agonic/fit-remanence@1",
         kind="Remanence of a platform",
@@ -166,7 +155,7 @@ def describe_remanence(fit: RemanenceFit) -> Document:
         move=next((finding.move for finding in fit.findings), WHEN_CLEAN),
         entries=entries,
         sections=[
-            Section("At each angle of the platform", [lambda: _draw_remanence(fit)]),
+            Section("At each angle of the platform", [lambda: draw_figure(drawn(), CAPTION)]),
             list_inputs(*read, method=METHOD),
         ],
         values={**found, **make_record(fit)},
@@ -174,7 +163,164 @@ def describe_remanence(fit: RemanenceFit) -> Document:
     )
 
 
-def _draw_remanence(fit: RemanenceFit) -> Markup:
-    angles = np.round(fit.angle_deg).astype(np.int64)
-    drawn = draw_residuals(fit.field, fit.noise, angles, "angle of the platform, °")
-    return draw_figure(drawn, CAPTION)
+def describe_north(fit: NorthFit) -> Document:
+    """North by every method, the swing, azimuths, and the alignment; refused ones have none."""
+    refused, session, aligned = fit.verdict == "refused", fit.session, fit.aligned
+    sections, values = [], make_record(fit)
+    if session.swing is not None and fit.swing is not None:
+        drawn = partial(draw_swing, session.swing, fit.swing)
+        sections.append(Section("The swing", [drawn]))
+    if aligned is not None:
+        found, numbers = aligned.solution, aligned.orientation
+        rows = [
+            [str(n), f"{group_digits(float(at), 4)}°", *(group_digits(float(v), 3) for v in left)]
+            for n, at, left in zip(numbers, aligned.heading_deg, found.residuals, strict=True)
+        ]
+        bars = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
+        table = Table(PLATFORM_HEAD, rows, "numbers small")
+        sections.append(Section("Residuals of the platform", [bars, table]))
+        values |= {"n": len(numbers), **make_record(aligned), "residuals_nT": found.residuals}
+        values |= {"chi2": found.chi2, "freedom": found.freedom}
+    return Document(
+        schema="agonic/fit-north@1",
+        kind="North by a gyrotheodolite",
+        name=session.name or "north",
+        method=f"north by a gyrotheodolite, {METHODS[fit.method]}",
+        **judge(fit),
+        entries=_list_north(fit),
+        sections=[] if refused else sections,
+        values={"method": fit.method, **({} if refused else values)},
+        calibration=None if refused else fit.calibration,
+        styles=["alignment.css"],
+    )
+
+
+def format_angle(value_deg: float, sd_arcsec: float) -> str:
+    """An angle with its standard error, where that is known."""
+    known = f" ± {significant(sd_arcsec, 2)}″" if np.isfinite(sd_arcsec) else ""
+    return f"{group_digits(value_deg, 5)}°{known}"
+
+
+def _list_north(fit: NorthFit) -> dict[str, str]:
+    """What was found, by a short name."""
+    north = format_angle(fit.north_deg, fit.sd_arcsec)
+    entries = {"North": f"{north} on the circle, constant included"}
+    for name, found in fit.by.items():
+        value = format_angle(found.reading_deg, found.sd_arcsec)
+        entries[name.capitalize()] = f"{value}, gyro north by {METHODS[name]}"
+    if fit.constant is not None and fit.constant_sd is not None:
+        constant = with_sd(fit.constant, fit.constant_sd)
+        entries["c"] = f"{constant} degrees per unit of amplitude and s"
+    if fit.period_s is not None:
+        entries["Period"] = quantity(fit.period_s, "s", 5)
+    for azimuth in fit.azimuths:
+        faces = azimuth.collimation_arcsec
+        both = f", collimation {group_digits(faces, 1)}″" if np.isfinite(faces) else ""
+        value = format_angle(azimuth.azimuth_deg, azimuth.sd_arcsec)
+        entries[azimuth.name] = f"azimuth {value}{both}"
+    if fit.aligned is not None:
+        sd = write_by_axis(fit.aligned.sd_arcsec)
+        entries["Alignment"] = f"with the platform, about the magnetometer's {sd}"
+    return entries
+
+
+def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
+    """Readings of the circle over time with the gyro's north across, and what the fit leaves."""
+    x, along = along_rows(record.time_s, np.arange(len(record.time_s)))
+    columns, reading = Columns(x, along), record.reading_deg
+    circle = fit_axis("reading of the circle, °", reading)
+    course = [
+        level(circle, float(swing.params[0]), "noise"),
+        line(columns, circle, columns.mean(reading), "mean"),
+    ]
+    left = 3600 * (reading - evaluate_swing_deg(swing.params, record.time_s - record.time_s[0]))
+    y = make_residual_axis(left, "″")
+    rest = [
+        spread(columns, y, left, "range"),
+        level(y, 0.0, "noise"),
+        line(columns, y, columns.mean(left), "mean"),
+    ]
+    return [
+        caption(
+            "The circle following the gyro",
+            plot(x, circle, course, "Readings of the circle over time"),
+            {"mean": "reading", "noise": "the gyro’s north"},
+        ),
+        caption(
+            "What the damped sinusoid leaves",
+            plot(x, y, rest, "Residuals of the readings over time"),
+            {"range": "least to largest", "mean": "mean"},
+        ),
+    ]
+
+
+def describe_di_flux(fit: DiFluxFit) -> Document:
+    """Declination, inclination, errors of the instrument, and the residual of each setting."""
+    sheet, left = fit.sheet, -np.asarray(fit.estimate.residuals)
+    about = ", ".join(text for text in (sheet.pillar, sheet.theodolite, sheet.sensor) if text)
+    unit = "units of the fluxgate" if fit.scaled else "its own units"
+    own = find_rows(sheet.setting, np.unique(sheet.setting))
+    read = np.stack([sheet.horizontal_deg, sheet.zenith_deg, sheet.reading], axis=1)
+    shown = ((4, "°"), (4, "°"), (2, ""), (2, ""))
+    rows = [
+        [str(k), *(f"{group_digits(v, n)}{sign}" for v, (n, sign) in zip(row, shown, strict=True))]
+        for k, row in enumerate(np.column_stack([average(read, own), left]).tolist(), start=1)
+    ]
+    table = Table(SETTING_HEAD, rows, "numbers small")
+    settings = Section("Settings", [table, partial(draw_settings, left, unit)])
+    refused = fit.verdict == "refused"
+    return Document(
+        schema="agonic/fit-di-flux@1",
+        kind=f"Absolute measurement {about}".rstrip(),
+        name=sheet.name,
+        method=f"absolute measurement with a fluxgate theodolite, {fit.n} settings",
+        **judge(fit),
+        entries=_list_sheet(fit),
+        sections=[] if refused else [settings, list_inputs(*sheet.sources)],
+        values=_record_sheet(fit),
+        styles=["alignment.css"],
+    )
+
+
+def _list_sheet(fit: DiFluxFit) -> dict[str, str]:
+    """What the sheet gives, by name."""
+    (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
+    entries = {}
+    if fit.declination_deg is not None:
+        entries["Declination"] = format_angle(fit.declination_deg, fit.declination_sd_arcsec)
+    mark = format_angle(fit.mark.reading_deg, 3600 * fit.mark.sd_deg)
+    meridian = format_angle(fit.meridian_deg, fit.meridian_sd_arcsec)
+    entries |= {
+        "Inclination": format_angle(fit.inclination_deg, fit.inclination_sd_arcsec),
+        "Meridian": f"{meridian} on the circle",
+        "Mark": f"{mark} on the circle, telescope's collimation "
+        f"{group_digits(3600 * fit.mark.collimation_deg, 1)}″",
+        "δ": f"{with_sd(delta, delta_sd)}″, fluxgate to the right of the telescope",
+        "ε": f"{with_sd(epsilon, epsilon_sd)}″, to greater zenith angles",
+        "S₀/F": f"{with_sd(*fit.offset_arcsec)}″, the fluxgate's offset as an angle",
+    }
+    if fit.scaled:
+        entries["S₀"] = f"{with_sd(fit.offset, fit.offset_sd)} units of the fluxgate"
+    if fit.scaled and fit.sheet.magnitude is not None:
+        entries["Scale"] = f"{significant(fit.scale / fit.sheet.magnitude, 4)} units per nT"
+    return entries
+
+
+def _record_sheet(fit: DiFluxFit) -> dict[str, Any]:
+    """The numbers for programs; without a scale those in units of the fluxgate are null."""
+    (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
+    values = {
+        **make_record(fit),
+        "freedom": fit.estimate.freedom,
+        "mark_deg": fit.mark.reading_deg,
+        "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
+        "telescope_collimation_arcsec": 3600 * fit.mark.collimation_deg,
+        "magnitude_nT": fit.sheet.magnitude,
+        "delta_arcsec": delta,
+        "epsilon_arcsec": epsilon,
+        "delta_sd_arcsec": delta_sd,
+        "epsilon_sd_arcsec": epsilon_sd,
+        "offset_arcsec": fit.offset_arcsec[0],
+        "offset_sd_arcsec": fit.offset_arcsec[1],
+    }
+    return values if fit.scaled else values | dict.fromkeys(("offset", "offset_sd", "scale"))

@@ -6,18 +6,20 @@ calibrated: the residuals are linear in all of them, so that what each leaves ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from agonic.alignment.findings import tell
-from agonic.alignment.maths import two_frames as kernel
-from agonic.alignment.maths.solution import Solution
-from agonic.alignment.maths.two_frames import GROUPS
+from agonic.alignment.findings import report
+from agonic.alignment.maths.two_frames import (
+    GROUPS,
+    Solution,
+    compute_residual,
+    compute_whitener,
+)
 from agonic.alignment.session.earth import ARCSEC_PER_S
 from agonic.alignment.session.session import Site
 from agonic.arrays import Array
@@ -33,6 +35,14 @@ NAMED = 3
 """Explanations that are named at most."""
 BY_CHANCE = 0.01
 """How often any of those tried would explain as much by chance (Bonferroni)."""
+UNSOLVED = {
+    ("reference",): ("axes of the reference", "the axes of the reference"),
+    ("pier",): ("the field between the piers", "the pier"),
+    ("bias",): ("the bias of the magnetometer", "the magnetometer's bias"),
+    ("matrix",): ("gains and angles of the magnetometer", "the magnetometer's matrix"),
+    ("bias", "matrix"): ("the magnetometer", "the magnetometer's bias and matrix"),
+}
+"""What may not have been solved for: its name, and what to solve for."""
 
 
 class Explanation(NamedTuple):
@@ -45,100 +55,92 @@ class Explanation(NamedTuple):
 
 
 class _Cause(NamedTuple):
-    """Columns (k, 3, j): what its j unknowns do to the residuals; words and move for their size.
-
-    Of those of one `kind` the best is named.
-    """
+    """Columns (k, 3, j): what its j unknowns do to the residuals; words with their size in braces.
+    Of those of one `kind` the best is named."""
 
     kind: str
     columns: Array
-    words: Callable[[Array], str]
+    words: str
     move: str
 
 
 def find_explanations(
     solution: Solution, time: Array, orientation: NDArray[np.int64], site: Site | None = None
 ) -> list[Explanation]:
-    """What would explain the misfit, the simplest first of those that explain it as well.
-
-    The whitened residuals r and the Jacobian J of the unknowns are joined by columns D of a cause:
-    it leaves χ² = |r − J a − D d|² of the best a and d, on j freedoms fewer. Of orientations (k,)
-    at times (k,); with a `site` also what a star sensor's clock does, and what could be solved for.
-    """
-    residuals, jacobian = kernel.compute_residual(solution.unknowns, solution.measured)
-    white = kernel.compute_whitener(solution.unknowns, solution.measured)
+    """What would explain the misfit, the simplest first of those that explain it as well. The
+    whitened residuals r and the Jacobian J of the unknowns are joined by columns D of a cause: it
+    leaves χ² = |r − J a − D d|² of the best a and d, on j freedoms fewer. Of orientations (k,) at
+    times (k,); with a `site` also what a star sensor's clock does, and what could be solved for."""
+    residuals, jacobian = compute_residual(solution.unknowns, solution.measured)
+    white = compute_whitener(solution.unknowns, solution.measured)
     left = (white @ residuals[:, :, None]).ravel()
     moved = (white @ jacobian[:, :, solution.free]).reshape(len(left), -1)
     moved = moved / np.maximum(np.linalg.norm(moved, axis=0), 1e-300)
     basis = np.linalg.svd(moved, full_matrices=False)[0]
     found: dict[str, Explanation] = {}
-    causes = list(_list_motions(solution, jacobian, time, orientation))
+    causes = list(_list_motions(jacobian, time, orientation))
     if site is not None:
         causes += [_clock(solution, site), *_list_unsolved(solution, jacobian)]
     for cause in causes:
         columns = (white @ cause.columns).reshape(len(left), -1)
         columns = columns - basis @ (basis.T @ columns)
         size = leastsq.inverse(columns.T @ columns) @ (columns.T @ left)
-        told, more = float(size @ columns.T @ left), columns.shape[1]
+        explained, more = float(size @ columns.T @ left), columns.shape[1]
         freedom = solution.freedom - more
-        rest = (solution.chi2 - told) / max(freedom, 1)
-        chance = fdtrc(more, freedom, told / more / rest) if freedom > 0 else 1.0
+        rest = (solution.chi2 - explained) / max(freedom, 1)
+        chance = fdtrc(more, freedom, explained / more / rest) if freedom > 0 else 1.0
         likely = len(causes) * chance < BY_CHANCE
         best = found[cause.kind].left if cause.kind in found else np.inf
         if likely and rest < min(EXPLAINED * solution.chi2 / solution.freedom, best):
-            found[cause.kind] = Explanation(cause.words(size), cause.move, rest, more)
+            words = _write(cause, size, solution.magnitude)
+            found[cause.kind] = Explanation(words, cause.move, rest, more)
     least = min((one.left for one in found.values()), default=np.inf)
     good = [one for one in found.values() if one.left <= AS_GOOD * least]
     return sorted(good, key=lambda one: (one.unknowns, one.left))[:NAMED]
 
 
-def tell_misfit(name: str, seen: str, found: Sequence[Explanation], otherwise: str = "") -> Finding:
+def report_misfit(
+    name: str, seen: str, found: Sequence[Explanation], otherwise: str = ""
+) -> Finding:
     """The finding of a misfit that was `seen`, with what would explain it, or else what to do."""
     if not found:
-        return tell(name, what=seen, action=otherwise)
+        return report(name, what=seen, action=otherwise)
     others = " or ".join(one.words for one in found[1:4])
     also = f"; so would {others}" if others else ""
-    said = f"{seen}; {found[0].words} would explain it{also}"
-    return tell(name, what=said, action=found[0].move)
+    return report(
+        name, what=f"{seen}; {found[0].words} would explain it{also}", action=found[0].move
+    )
 
 
-def _list_motions(
-    solution: Solution, jacobian: Array, time: Array, orientation: NDArray[np.int64]
-) -> Iterator[_Cause]:
+def _list_motions(jacobian: Array, time: Array, orientation: NDArray[np.int64]) -> Iterator[_Cause]:
     """What moves between orientations, or in one of them."""
     turns, shifts = jacobian[:, :, GROUPS["alignment"]], jacobian[:, :, GROUPS["pier"]]
-    steadily = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
+    steadily = ((time - time.mean()) / max(float(np.ptp(time)), 1e-9))[:, None, None]
     yield _Cause(
         "turns",
-        turns * steadily[:, None, None],
-        partial(_say, "an alignment that turns by {turn} from first to last"),
+        turns * steadily,
+        "an alignment that turns by {turn} from first to last",
         "keep the platform at one temperature, or take the readings in less time",
     )
     yield _Cause(
         "drifts",
-        shifts * steadily[:, None, None],
-        partial(_say, "a reference that drifts by {field} from first to last"),
+        shifts * steadily,
+        "a reference that drifts by {field} from first to last",
         "look at the base line of the reference",
     )
-    order = np.argsort(time, kind="stable")
+    rows, order = np.arange(len(time)), np.argsort(time, kind="stable")
     for k in range(2, len(order) - 1):
-        after, last = np.isin(np.arange(len(order)), order[k:]), int(orientation[order[k - 1]])
         yield _Cause(
             "moved",
-            turns * after[:, None, None],
-            partial(_say, f"a platform that moved by {{turn}} after orientation {last}"),
+            turns * np.isin(rows, order[k:])[:, None, None],
+            f"a platform that moved by {{turn}} after orientation {int(orientation[order[k - 1]])}",
             "fit the orientations before and after by themselves",
         )
     for k, number in enumerate(orientation):
-        only = np.arange(len(order))[:, None, None] == k
         yield _Cause(
             "one",
-            np.eye(3) * only,
-            partial(
-                _say,
-                f"orientation {number}, off by {{field}} or {{share}},",
-                magnitude=solution.magnitude,
-            ),
+            np.eye(3) * (rows == k)[:, None, None],
+            f"orientation {number}, off by {{field}} or {{share}},",
             f"check whether the platform stood still in orientation {number}, or leave it out",
         )
 
@@ -150,41 +152,30 @@ def _clock(solution: Solution, site: Site) -> _Cause:
     pole = ARCSEC_PER_S * ARCSEC_RAD * np.array([np.cos(latitude), 0.0, -np.sin(latitude)])
     beside = (measured.reference + at.offset) @ at.rot_nr.T
     moved = measured.rot_cn @ np.cross(pole, beside)[:, :, None]
-
-    def words(size: Array) -> str:
-        late = "behind" if size[0] > 0 else "ahead"
-        return f"a clock of the star sensor {figure(abs(float(size[0])))} s {late}"
-
+    words = "a clock of the star sensor {seconds} s {side}"
     return _Cause("clock", moved, words, "correct the times of the star sensor")
 
 
 def _list_unsolved(solution: Solution, jacobian: Array) -> Iterator[_Cause]:
-    """What could be solved for and was not."""
-    for groups, what, solved in (
-        (("reference",), "axes of the reference", "the axes of the reference"),
-        (("pier",), "the field between the piers", "the pier"),
-        (("bias",), "the bias of the magnetometer", "the magnetometer's bias"),
-        (("matrix",), "gains and angles of the magnetometer", "the magnetometer's matrix"),
-        (("bias", "matrix"), "the magnetometer", "the magnetometer's bias and matrix"),
-    ):
+    """What could be solved for and was not; its own size may be that of what nothing shows."""
+    for groups, (what, solved) in UNSOLVED.items():
         if not set(groups) & set(solution.groups):
             columns = np.concatenate([jacobian[:, :, GROUPS[one]] for one in groups], axis=2)
-            yield _Cause(
-                " ".join(groups),
-                columns,
-                partial(_say_moved, what, columns),
-                f"solve for {solved} as well, or calibrate before",
-            )
+            words = f"{what} (off by {{moved}} nT of field)"
+            move = f"solve for {solved} as well, or calibrate before"
+            yield _Cause(" ".join(groups), columns, words, move)
 
 
-def _say_moved(what: str, columns: Array, size: Array) -> str:
-    """By what it moves the field: its own size may be that of what nothing shows."""
-    moved = np.sqrt(np.mean(np.sum((columns @ size) ** 2, axis=1)))
-    return f"{what} (off by {figure(float(moved))} nT of field)"
-
-
-def _say(words: str, size: Array, magnitude: float = 1.0) -> str:
-    """Words with a size: that of a turn, of a field, and of the turn that a field amounts to."""
+def _write(cause: _Cause, size: Array, magnitude: float) -> str:
+    """The words with the size of the unknowns (j,): as a turn, as a field and the turn that this
+    amounts to, as what it moves the field by (rms), as seconds."""
     length = float(np.linalg.norm(size))
-    turn, share = (f"{figure(one / ARCSEC_RAD)}″" for one in (length, length / magnitude))
-    return words.format(turn=turn, field=f"{figure(length)} nT", share=share)
+    moved = np.sqrt(np.mean(np.sum((cause.columns @ size) ** 2, axis=1)))
+    return cause.words.format(
+        turn=f"{figure(length / ARCSEC_RAD)}″",
+        field=f"{figure(length)} nT",
+        share=f"{figure(length / magnitude / ARCSEC_RAD)}″",
+        moved=figure(float(moved)),
+        seconds=figure(abs(float(size[0]))),
+        side="behind" if size[0] > 0 else "ahead",
+    )

@@ -10,7 +10,7 @@ from agonic.health.finding import Severity
 from agonic.report.digits import significant
 
 
-class Told(NamedTuple):
+class Words(NamedTuple):
     """A finding's message and what to do, values in braces; how severe it is, or can be."""
 
     message: str
@@ -22,217 +22,217 @@ _NOTE: tuple[Severity, ...] = ("note",)
 _REFUSED: tuple[Severity, ...] = ("refuse",)
 _WORSE: tuple[Severity, ...] = ("check", "refuse")
 
-TOLD: Mapping[str, Told] = {
+FINDINGS: Mapping[str, Words] = {
     # star sensor
-    "alignment undetermined": Told("{what}", "{action}", _REFUSED),
-    "unknowns undetermined": Told("{what}; the alignment itself is determined", "{action}"),
-    "no redundancy": Told(
+    "alignment undetermined": Words("{what}", "{action}", _REFUSED),
+    "unknowns undetermined": Words("{what}; the alignment itself is determined", "{action}"),
+    "no redundancy": Words(
         "orientations just enough for the unknowns: a mistake would not be noticed",
         "add orientations",
     ),
-    "session mistake": Told("{what}", "{action}", _REFUSED),
-    "session misfit": Told("{what}", "{action}"),
-    "nominal mounting": Told("{what}", "check the nominal angles and the axes"),
-    "alignment loose": Told(
+    "session mistake": Words("{what}", "{action}", _REFUSED),
+    "session misfit": Words("{what}", "{action}"),
+    "nominal mounting": Words("{what}", "check the nominal angles and the axes"),
+    "alignment loose": Words(
         "the alignment is known to {sd}″ about its worst axis, not to {wanted:g}″", "{action}"
     ),
-    "reference unchecked": Told(
+    "reference unchecked": Words(
         "these orientations do not show whether the reference's axes and the clocks are right: "
         "were they off by {by:g}″ (0.7 s of a clock), the alignment would be off by up to {off}″, "
         "and no residual would show it",
         "{action}; or state how well north and the clocks are known (axes_sd_arcsec of the "
         "reference; a second is 15″)",
     ),
-    "below the horizon": Told(
+    "below the horizon": Words(
         "the star sensor looks below the horizon in {low} of {n} orientations",
         "check longitude, time scale and the sense of the attitudes",
     ),
-    "attitude scatter": Told(
+    "attitude scatter": Words(
         "within the orientations the attitudes scatter {ratio} times as much {which} the boresight "
         "as stated",
         "let the platform settle, check the numbers of the orientations, or state a larger sd",
     ),
-    "geodetic coordinates": Told(
+    "geodetic coordinates": Words(
         "the site's coordinates are geodetic: north and down may be off by up to 20″, the "
         "deflection of the vertical",
         "give astronomical coordinates{otherwise}",
     ),
-    "predicted earth rotation": Told(
+    "predicted earth rotation": Words(
         "the Earth's rotation on {date} is predicted, not measured, by the installed table, which "
         "may be off by {sd}″",
         "{action}",
         _NOTE,
     ),
-    "near-zero beta": Told(
+    "near-zero beta": Words(
         "the third axes of star sensor and magnetometer are nearly parallel, so only the {known} "
         "of α and γ is determined; quaternion and matrix are good",
         severities=_NOTE,
     ),
     # gyrotheodolite
-    "methods disagree": Told(
+    "methods disagree": Words(
         "{one} and {other} differ by {by}″",
         "check that all were read on one circle, east increasing, and that amplitudes and times "
         "belong together",
     ),
-    "short swing": Told(
+    "short swing": Words(
         "the record holds {periods} periods of the swing", "follow the gyro for two periods or more"
     ),
-    "zero drifts": Told(
+    "zero drifts": Words(
         "the middle of the swing moves by {by}″ over the record, so north is known to half of that "
         "at best",
         "let the gyro warm up, keep it out of sun and wind, and follow it again",
     ),
-    "readings scatter": Told(
+    "readings scatter": Words(
         "the readings of {name} scatter by {excess} times the stated noise; the standard error was "
         "widened",
         "look for a misread circle or a zero that drifts, and read again",
     ),
-    "no spread": Told(
+    "no spread": Words(
         "the standard error of north is not determined",
         "read more turning points, or state reading_sd_arcsec or time_sd_s",
     ),
-    "faces": Told(
+    "faces": Words(
         "the two faces to {name} differ by {by}″ and half a turn",
         "check the readings, and adjust the theodolite",
     ),
-    "orientations": Told(
+    "orientations": Words(
         "one orientation does not determine the rotation about the field",
         "turn the platform to at least two others",
         _REFUSED,
     ),
-    "platform misfit": Told("{what}", "{action}"),
-    "platform settles": Told(
+    "platform misfit": Words("{what}", "{action}"),
+    "platform settles": Words(
         "the magnetometer turned by {by}″ while an orientation was recorded; circle and levels "
         "were read at one moment of it, and the standard error was enlarged by the same amount",
         "wait after each turn until the readings rest, and clamp the platform",
     ),
     # fluxgate theodolite
-    "no mark": Told(
+    "no mark": Words(
         "the sheet has no azimuth of the mark, so the declination is not determined",
         "give Abs-AzimuthMark",
         _NOTE,
     ),
-    "mark read once": Told(
+    "mark read once": Words(
         "all readings of the mark are equal, so their error is not known and not included in that "
         "of the declination",
         "read it in both faces before and after",
         _NOTE,
     ),
-    "off the meridian": Told(
+    "off the meridian": Words(
         "the inclination was taken {off}° off the magnetic meridian; this is corrected",
         "check the circle's readings there",
         _NOTE,
     ),
-    "no scale": Told(
+    "no scale": Words(
         "neither the total field nor a reading of known tilt gives the scale of the fluxgate",
         "give --field",
     ),
-    "reads backwards": Told(
+    "reads backwards": Words(
         "the fluxgate reads less where the field along it is larger: its sign is reversed, or the "
         "first setting of the inclination does not look north and the field dips the other way",
         "look for settings that were exchanged",
     ),
-    "settings disagree": Told(
+    "settings disagree": Words(
         "the settings disagree by {by}″ of the field's direction",
         "look for a misread circle, iron on the observer or a disturbed field",
     ),
-    "collimation": Told(
+    "collimation": Words(
         "the fluxgate is {off}° from the telescope",
         "adjust it; errors of second order are not small",
     ),
     # coil
-    "one polarity": Told(
+    "one polarity": Words(
         "the current never changes its sign, so its steady errors do not cancel",
         "reverse it",
     ),
-    "no reference": Told(
+    "no reference": Words(
         "the drift of the ambient field is only estimated, by a smooth curve",
         "record a reference beside it",
         _NOTE,
     ),
-    "no inertial axis": Told(
+    "no inertial axis": Words(
         "the readings have no date for which the Earth's rotation is known, so there is no "
         "inertial axis",
         "give times as dates, or install a newer astropy-iers-data",
         _NOTE,
     ),
-    "nonlinear": Told(
+    "nonlinear": Words(
         "at {current} A the constant is off by {off} ppm",
         "check shunt and source, and the magnetometer's linearity",
     ),
-    "even in the current": Told(
+    "even in the current": Words(
         "reversing does not reverse {left} nT at {largest:g} A",
         "look for heating, or iron near the coil; the axis is free of it",
         _NOTE,
     ),
-    "correlated residuals": Told(
+    "correlated residuals": Words(
         "residuals are correlated over {length} stretches",
         "reverse the current more often, or put the reference nearer",
     ),
-    "coil not settled": Told(
+    "coil not settled": Words(
         "the field still changes after each change of the current: the second halves of the "
         "stretches alone give a constant that differs by {by} %",
         "give a longer settle_s in the session, and leave each current on for longer",
         _WORSE,
     ),
-    "large current": Told(
+    "large current": Words(
         "the largest current is {largest} A, more than such coils carry",
         "give current_A in amperes; are these milliamperes?",
     ),
-    "axis not as drawn": Told(
+    "axis not as drawn": Words(
         "the axis is {away}° from the nominal axis", "check the leads and the axes: {cause}"
     ),
-    "coil in the reference": Told(
+    "coil in the reference": Words(
         "the reference sees {share} % of the coil's field, so that much may be missing from the "
         "constant",
         "put the reference farther from the coil, or fit without it",
     ),
-    "ambient field differs": Told(
+    "ambient field differs": Words(
         "without the coil the magnetometer reads {by} % {way} than the reference; if that is an "
         "error of its gain, the constant has the same error",
         "give the magnetometer's calibration, or state why the field differs",
     ),
-    "constant drifts": Told(
+    "constant drifts": Words(
         "the second half of the readings gives a constant {by} % from that of the first: the coil, "
         "its shunt or its source warms up",
         "warm it up before, and keep the current on for the same time in both directions",
     ),
     # accelerometer
-    "vertical varies": Told(
+    "vertical varies": Words(
         "the vertical field scatters by {by} % of the field between orientations",
         "calibrate the magnetometer first, and keep away from iron",
         _WORSE,
     ),
-    "turn undetermined": Told(
+    "turn undetermined": Words(
         "{n} orientations do not determine the turn about {axis}",
         "hold it still also nose up, on either side and upside down, and in between",
         _REFUSED,
     ),
-    "turn loose": Told(
+    "turn loose": Words(
         "the standard error of the turn about {axis} is {sd}°",
         "add orientations far from the others",
     ),
-    "uneven gravity": Told(
+    "uneven gravity": Words(
         "the accelerometer reads gravity as {by} % larger one way than another",
         "calibrate it; its bias tilts every orientation",
     ),
-    "dips the wrong way": Told(
+    "dips the wrong way": Words(
         "by this fit the field dips {way} by {dip:.0f}°, and {here}: an axis of the magnetometer "
         "or accelerometer with the wrong sign, or two exchanged, fits as well",
         "compare the axes with the data sheets{unknown}",
     ),
     # turned platform
-    "platform remanence": Told(
+    "platform remanence": Words(
         "the platform has a field of its own of {size} nT across its axis, which turns a field by "
         "up to {turned}″",
         "demagnetize or replace what is magnetic on it, or solve for the bias (--solve bias) with "
         "the magnetometer where it will stay",
     ),
-    "platform iron": Told(
+    "platform iron": Words(
         "something on the platform is magnetized by the field: {size} nT repeat twice in one turn",
         "find the screw or the motor, or solve for the matrix (--solve bias,matrix)",
     ),
-    "remanence loose": Told(
+    "remanence loose": Words(
         "the platform's own field is known to {sd} nT only, and {wanted} nT are needed",
         "take more readings at each setting, and a reference farther off",
     ),
@@ -240,21 +240,17 @@ TOLD: Mapping[str, Told] = {
 """What is said of each kind of finding, in the order of the instruments."""
 
 
-def tell(name: str, severity: Severity | None = None, /, **values: str | float) -> Finding:
-    """A finding of the table; numbers as two digits tell them, unless their format says how.
-
-    >>> tell("turn loose", axis="all axes", sd=1.2345).what
-    'the standard error of the turn about all axes is 1.2°'
-    """
-    told = TOLD[name]
+def report(name: str, severity: Severity | None = None, /, **values: str | float) -> Finding:
+    """A finding of the table; numbers with two digits, unless their format says how."""
+    row = FINDINGS[name]
     said = {
         key: _Number(value) if isinstance(value, float) else value for key, value in values.items()
     }
     return Finding(
         name,
-        severity or told.severities[0],
-        told.message.format_map(said),
-        told.action.format_map(said),
+        severity or row.severities[0],
+        row.message.format_map(said),
+        row.action.format_map(said),
     )
 
 
@@ -266,11 +262,7 @@ class _Number(float):
 
 
 def write_by_axis(sds: Iterable[float], unit: str = "″", between: str = "   ") -> str:
-    """Standard errors (3,) about the axes x, y and z.
-
-    >>> write_by_axis([1.0, 2.0, 3.25], "°", ", ")
-    'x 1.0°, y 2.0°, z 3.2°'
-    """
+    """Standard errors (3,) about the axes x, y and z."""
     return between.join(
         f"{a} {significant(float(sd), 2)}{unit}" for a, sd in zip("xyz", sds, strict=True)
     )

@@ -8,7 +8,7 @@ in the magnetometer's and R from these to those,
     d · R (m − b) = Z
 
 in every orientation, Z the vertical intensity of the place: vectors in two frames of which one
-component is told. Z is the field that nothing but the orientations tells, down; b, a bias that the
+component is known. Z follows from the orientations alone; b, a bias that the
 magnetometer still has, may be sought as well.
 """
 
@@ -22,10 +22,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.calibration import make_calibration, make_provenance
-from agonic.alignment.findings import tell
-from agonic.alignment.maths.solution import solve
-from agonic.alignment.maths.stretches import average, find_rows
-from agonic.alignment.maths.two_frames import GROUPS, Measured, compute_turn_sd, invert, make_prior
+from agonic.alignment.findings import report
+from agonic.alignment.maths.columns import average, find_rows
+from agonic.alignment.maths.two_frames import (
+    GROUPS,
+    Measured,
+    compute_turn_sd,
+    invert,
+    make_prior,
+    solve,
+)
 from agonic.alignment.session.session import correct_field
 from agonic.arrays import Array
 from agonic.calibration.alignment import Alignment
@@ -46,7 +52,7 @@ STARTS = 4
 """Right angles that are started from, those by which the vertical field varies least: of 120
 random turns the first or second led to the best."""
 NOISE = 1e-3
-"""Share of the field by which steps are weighed; the residuals tell the noise itself."""
+"""Share of the field by which steps are weighed; the noise itself follows from the residuals."""
 
 
 class GravityEstimate(NamedTuple):
@@ -64,32 +70,37 @@ def estimate(
     down: Array, field: Array, *, bias: bool = False, gravity: Array | None = None
 ) -> GravityEstimate:
     """R, Z and perhaps b of k orientations, from whichever of the 24 right angles fits best.
-
     Parameters: down (k, 3) unit vectors, field (k, 3), the size of gravity (k,) that was read. The
     noise follows from the residuals, and is no less than the sizes of field and gravity scatter by,
     which are the same everywhere too: six orientations leave two residuals, small by chance. The
-    covariance is widened by Student's t of the residuals' freedom.
-    """
+    covariance is widened by Student's t of the residuals' freedom."""
     size = float(np.linalg.norm(field, axis=1).mean())
-    # of the field's attitude only down is known, and only along it is the field told
+    # of the field's attitude only down is known, and only along it is the field
     attitude, none = np.zeros((len(down), 3, 3)), np.zeros(len(down))
     attitude[:, :, 2] = down
-    told = Measured(
+    measured = Measured(
         field / size, np.zeros_like(field), attitude, 0 * attitude, none + NOISE, none, down
     )
     prior = make_prior({"alignment", *(("bias",) if bias else ())})
     prior[VERTICAL] = 0.0
     vertical = (down @ right_angles() * field / size).sum(axis=-1)
     tried = (
-        solve(told, prior, (0.0, 0.0, float(vertical[k].mean())), right_angles()[k].T)
+        solve(measured, prior, (0.0, 0.0, float(vertical[k].mean())), right_angles()[k].T)
         for k in np.argsort(vertical.var(axis=1))[:STARTS]
     )
     found = min(tried, key=lambda one: one.chi2)
     at, rotation = found.unknowns, found.unknowns.rot_mc.T
-    residuals = (down * ((field / size - at.bias) @ at.rot_mc)).sum(axis=1) - at.offset[2]
+    own, z = field / size - at.bias, float(at.offset[2])
+    residuals = (down * (own @ at.rot_mc)).sum(axis=1) - z
     variance = float(residuals @ residuals) / found.freedom if found.freedom > 0 else np.nan
-    variance = max(variance, _scatter_of_sizes(field / size - at.bias, at.offset[2], gravity))
-    variance *= compute_widening(found.freedom) ** 2
+    # the sizes of field and gravity scatter by their own errors; those of the tilt are multiplied
+    # by the horizontal field
+    sizes = np.linalg.norm(own, axis=1)
+    scatter = float(sizes.var(ddof=1))
+    if gravity is not None:
+        horizontal = max(float(np.mean(sizes**2)) - z**2, 0.0)
+        scatter += horizontal * float(np.var(gravity / gravity.mean(), ddof=1))
+    variance = max(variance, scatter) * compute_widening(found.freedom) ** 2
     # turns are counted about the axes of the accelerometer, and the other way round
     onto = np.zeros((7, 18))
     onto[:3, GROUPS["alignment"]] = -rotation
@@ -97,24 +108,8 @@ def estimate(
     onto[4:, GROUPS["bias"]] = size * np.eye(3)
     covariance = onto @ invert(found.information, prior) @ onto.T * variance / NOISE**2
     return GravityEstimate(
-        rotation,
-        float(at.offset[2] * size),
-        at.bias * size,
-        covariance,
-        residuals * size,
-        found.freedom,
+        rotation, z * size, at.bias * size, covariance, residuals * size, found.freedom
     )
-
-
-def _scatter_of_sizes(field: Array, vertical: float, gravity: Array | None) -> float:
-    """Variance that the sizes of field (k, 3) and gravity (k,) show the vertical field to have: by
-    its own errors, and by those of the tilt times the horizontal field."""
-    sizes = np.linalg.norm(field, axis=1)
-    scatter = float(sizes.var(ddof=1))
-    if gravity is not None:
-        horizontal = max(float(np.mean(sizes**2)) - vertical**2, 0.0)
-        scatter += horizontal * float(np.var(gravity / gravity.mean(), ddof=1))
-    return scatter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,7 +235,13 @@ def fit_gravity(
         magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
     )
     judged = replace(fit, findings=tuple(_examine(fit, samples.latitude_deg)))
-    return judged if judged.verdict == "refused" else replace(judged, remarks=_describe(fit))
+    if judged.verdict == "refused":
+        return judged
+    turn = (
+        f"the magnetometer is misaligned by {figure(fit.angle_deg, 3)}° from the accelerometer, ± "
+        f"{figure(fit.worst_sd_deg)}° about its worst axis, from {fit.n} orientations"
+    )
+    return replace(judged, remarks=(turn, f"the field dips by {fit.inclination_deg:.2f}°"))
 
 
 def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, Array, Array]:
@@ -262,50 +263,28 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
 def _examine(fit: GravityFit, latitude_deg: Array | None) -> Iterator[Finding]:
     """A vertical field that varies, a turn that is not known well, gravity that is not the same
     all round, and a dip that cannot be; `latitude_deg` (n,) of the readings, where it is known."""
+    turn, axis = fit.estimate.covariance[:3, :3], "all axes"
+    if np.isfinite(turn).all():
+        worst = np.linalg.eigh(turn)[1][:, -1]
+        axis = f"({', '.join(f'{part:.2f}' for part in worst)}) of the accelerometer's axes"
     undetermined = not fit.worst_sd_deg < OPEN_DEG
     left = float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
     if left > MISFIT:
-        yield tell("vertical varies", "refuse" if undetermined else "check", by=100 * left)
+        yield report("vertical varies", "refuse" if undetermined else "check", by=100 * left)
     elif undetermined:
-        yield tell("turn undetermined", n=fit.n, axis=_name_worst_axis(fit))
+        yield report("turn undetermined", n=fit.n, axis=axis)
     elif fit.worst_sd_deg > LOOSE_DEG:
-        yield tell("turn loose", axis=_name_worst_axis(fit), sd=fit.worst_sd_deg)
+        yield report("turn loose", axis=axis, sd=fit.worst_sd_deg)
     uneven = float(np.ptp(fit.gravity) / fit.gravity.mean())
     if uneven > ODD_GRAVITY:
-        yield tell("uneven gravity", by=100 * uneven)
-    yield from _check_dip(fit, latitude_deg)
-
-
-def _check_dip(fit: GravityFit, latitude_deg: Array | None) -> Iterator[Finding]:
-    """An axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
-    where M mirrors, and the field then dips the other way. Only the hemisphere tells."""
+        yield report("uneven gravity", by=100 * uneven)
+    # an axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
+    # where M mirrors, and the field then dips the other way; only the hemisphere shows it
     dip = fit.inclination_deg
     north = float("nan") if latitude_deg is None else float(np.nanmedian(latitude_deg))
     known = abs(north) > EQUATOR_DEG
-    if (known and dip * north >= 0) or (not known and (dip >= 0 or fit.angle_deg < TURNED_DEG)):
-        return
-    yield tell(
-        "dips the wrong way",
-        way="up" if dip < 0 else "down",
-        dip=abs(dip),
-        here=f"at latitude {north:.0f}° it does not" if known else "it does so in the south only",
-        unknown="" if known else ", or log latitude_deg if this is south of the magnetic equator",
-    )
-
-
-def _name_worst_axis(fit: GravityFit) -> str:
-    """The accelerometer's axis, in words, about which the turn is known least."""
-    turn = fit.estimate.covariance[:3, :3]
-    if not np.isfinite(turn).all():
-        return "all axes"
-    worst = np.linalg.eigh(turn)[1][:, -1]
-    return f"({', '.join(f'{part:.2f}' for part in worst)}) of the accelerometer's axes"
-
-
-def _describe(fit: GravityFit) -> tuple[str, ...]:
-    """How good it is, in sentences."""
-    return (
-        f"the magnetometer is misaligned by {figure(fit.angle_deg, 3)}° from the accelerometer, ± "
-        f"{figure(fit.worst_sd_deg)}° about its worst axis, from {fit.n} orientations",
-        f"the field dips by {fit.inclination_deg:.2f}°",
-    )
+    if dip * north < 0 if known else dip < 0 and fit.angle_deg >= TURNED_DEG:
+        here = f"at latitude {north:.0f}° it does not" if known else "it does so in the south only"
+        unknown = "" if known else ", or log latitude_deg if this is south of the magnetic equator"
+        way = "up" if dip < 0 else "down"
+        yield report("dips the wrong way", way=way, dip=abs(dip), here=here, unknown=unknown)

@@ -9,9 +9,8 @@ from typing import Annotated
 import numpy as np
 from scipy.special import chdtri
 
-from agonic.alignment.findings import tell
-from agonic.alignment.maths.columns import Harmonics, compute_size, fit_harmonics, widen
-from agonic.alignment.maths.stretches import split
+from agonic.alignment.findings import report
+from agonic.alignment.maths.columns import Harmonics, compute_size, fit_harmonics, split
 from agonic.alignment.session.observed import average_beside
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
@@ -114,19 +113,20 @@ def fit_remanence(
     ambient = 3 if seen.beside is not None else drift
     twice = len(visits) >= FOR_TWICE + ambient - PARABOLA
     found = fit_harmonics(seen, np.radians(angle), drift, twice=twice)
-    if reference is None:
-        found = widen(found, _measure_unrest(samples, visits))
-    size, sd, chance = compute_size(found.once, found.once_covariance)
-    induced, induced_sd, induced_chance = None, None, None
-    if found.twice is not None and found.twice_covariance is not None:
-        induced, induced_sd, induced_chance = compute_size(found.twice, found.twice_covariance)
+    covariance = found.covariance
+    if reference is None:  # the ambient field may go round by as much
+        unrest = _measure_unrest(samples, visits)[:, None, None] ** 2 * np.eye(2)
+        covariance = covariance + np.stack([unrest, unrest / 4])[: len(covariance)]
+    sizes = [compute_size(*both) for both in zip(found.parts, covariance, strict=True)]
+    size, sd, chance = sizes[0]
+    induced, induced_sd, induced_chance = sizes[1] if twice else (None, None, None)
     fit = RemanenceFit(
         samples=samples,
         reference=reference,
         angle_deg=angle,
         field=found.shape + found.residuals,
         noise=found.noise,
-        harmonics=found,
+        harmonics=found._replace(covariance=covariance),
         magnitude=float(np.linalg.norm(samples.field, axis=1).mean()),
         size=size,
         sd=sd,
@@ -135,8 +135,7 @@ def fit_remanence(
         induced_sd=induced_sd,
         induced_chance=induced_chance,
     )
-    judged = replace(fit, findings=tuple(_findings(fit, wanted_arcsec)))
-    return replace(judged, remarks=_remarks(fit))
+    return replace(fit, findings=tuple(_findings(fit, wanted_arcsec)), remarks=_remarks(fit))
 
 
 def _visit(samples: Samples) -> tuple[list[Index], Array]:
@@ -162,11 +161,9 @@ def _visit(samples: Samples) -> tuple[list[Index], Array]:
 
 
 def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
-    """By how much the ambient field may go round in the time of the turn, nT on each axis.
-
-    While the platform rests only the ambient field moves: by its rates, less their noise and a
-    parabola's, an oscillation of the turn's period T has the amplitude √2 rate T / 2π.
-    """
+    """By how much the ambient field may go round in the time of the turn, nT on each axis. While
+    the platform rests only the ambient field moves: by its rates, less their noise and a
+    parabola's, an oscillation of the turn's period T has the amplitude √2 rate T / 2π."""
     if samples.time is None or min(len(rows) for rows in visits) < FEWEST_RESTING:
         return np.zeros(3)
     rates, variances, middles = [], [], []
@@ -192,12 +189,12 @@ def _findings(fit: RemanenceFit, wanted_arcsec: float) -> Iterator[Finding]:
     """What is to be looked at."""
     matters = wanted_arcsec * ARCSEC_RAD * fit.magnitude
     if fit.chance < RARE and fit.size > matters:
-        yield tell("platform remanence", size=fit.size, turned=fit.size_arcsec)
+        yield report("platform remanence", size=fit.size, turned=fit.size_arcsec)
     induced, chance = fit.induced, fit.induced_chance
     if induced is not None and chance is not None and chance < RARE and induced > matters:
-        yield tell("platform iron", size=induced)
+        yield report("platform iron", size=induced)
     if fit.sd > matters:
-        yield tell("remanence loose", sd=fit.sd, wanted=matters)
+        yield report("remanence loose", sd=fit.sd, wanted=matters)
 
 
 def _remarks(fit: RemanenceFit) -> tuple[str, ...]:

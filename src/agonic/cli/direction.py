@@ -62,9 +62,9 @@ def direction(
     noise NT : Noise of one reading on one axis.
     """
     from agonic.alignment.direction.compute import field_direction
-    from agonic.alignment.direction.document import describe_direction
     from agonic.alignment.direction.follow import Follower
-    from agonic.alignment.files.read import SESSION, read_session
+    from agonic.alignment.direction.result import describe_direction
+    from agonic.alignment.files.sessions import SESSION, read_session
     from agonic.alignment.files.tables import read_stars, state_errors, write_direction
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, require_table

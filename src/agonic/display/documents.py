@@ -5,13 +5,16 @@ from __future__ import annotations
 from functools import singledispatch
 from html import escape
 
-from agonic.alignment.coil.result import CoilFit
-from agonic.alignment.direction.document import describe_direction
-from agonic.alignment.direction.result import FieldDirection
-from agonic.alignment.document import describe_coil, describe_gravity
+from agonic.alignment.coil import CoilFit
+from agonic.alignment.direction.result import FieldDirection, describe_direction
+from agonic.alignment.document import (
+    describe_coil,
+    describe_di_flux,
+    describe_gravity,
+    describe_north,
+)
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.north.di_flux import DiFluxFit
-from agonic.alignment.north.document import describe_di_flux, describe_north
 from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.star_sensor.document import describe_alignment
 from agonic.alignment.star_sensor.result import AlignmentFit

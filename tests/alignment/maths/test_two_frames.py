@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.maths import two_frames as kernel
-from agonic.alignment.maths.solution import solve
-from agonic.alignment.maths.two_frames import SIZE, Measured, make_prior
+from agonic.alignment.maths.two_frames import SIZE, Measured, make_prior, solve
 from agonic.maths.rotations.attitude import make_rotation
 
 

@@ -31,7 +31,7 @@ def alignment(
     -------
     session <SESSION> : session.toml, or the folder it is in.
     """
-    from agonic.alignment.files.read import read_session
+    from agonic.alignment.files.sessions import read_session
     from agonic.alignment.star_sensor.document import describe_alignment
     from agonic.alignment.star_sensor.fit import fit_alignment
     from agonic.console.finish import finish, is_folder
@@ -59,10 +59,10 @@ def north(
     -------
     session <SESSION> : north.toml or its folder; or a DI-flux sheet.
     """
-    from agonic.alignment.files.read import read_north
+    from agonic.alignment.document import describe_di_flux, describe_north
     from agonic.alignment.files.read_di_flux import is_di_flux, read_di_flux
+    from agonic.alignment.files.sessions import read_north
     from agonic.alignment.north.di_flux import fit_di_flux
-    from agonic.alignment.north.document import describe_di_flux, describe_north
     from agonic.alignment.north.fit import fit_north
     from agonic.console.finish import finish
     from agonic.errors import AgonicError
@@ -91,9 +91,9 @@ def coil(
     -------
     session <SESSION> : coil.toml, or the folder it is in.
     """
-    from agonic.alignment.coil.fit import fit_coil
+    from agonic.alignment.coil import fit_coil
     from agonic.alignment.document import describe_coil
-    from agonic.alignment.files.read import read_coil
+    from agonic.alignment.files.sessions import read_coil
     from agonic.console.finish import finish
 
     return finish(describe_coil(fit_coil(read_coil(session))), report=report, as_json=as_json)

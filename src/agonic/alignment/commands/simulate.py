@@ -31,7 +31,7 @@ def alignment(
     orientations ≥1 : How many.
     remanence NT ≥0 : The platform's own field.
     """
-    from agonic.alignment.files.write import write_session
+    from agonic.alignment.files.sessions import write_session
     from agonic.alignment.simulation.session import simulate_session
     from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg
 
@@ -58,8 +58,8 @@ def north(
     -------
     constant_sd ARCSEC ≥0.0 : How well the gyro's constant is known.
     """
-    from agonic.alignment.files.write import write_north
-    from agonic.alignment.simulation.north import simulate_north
+    from agonic.alignment.files.sessions import write_north
+    from agonic.alignment.simulation.laboratory import simulate_north
 
     made = simulate_north(noise=noise, constant_sd_arcsec=constant_sd, seed=seed)
     files = write_north(made.session, out)
@@ -68,7 +68,7 @@ def north(
 
 def coil(out: Folder, noise: Noise = 0.5, seed: Seed = 0, as_json: Json = False) -> int:
     """A session with a coil: coil.toml, its table, and the truth in its own folder."""
-    from agonic.alignment.files.write import write_coil
+    from agonic.alignment.files.sessions import write_coil
     from agonic.alignment.simulation.laboratory import simulate_coil
 
     made = simulate_coil(noise=noise, seed=seed)

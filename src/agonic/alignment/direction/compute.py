@@ -108,10 +108,16 @@ def compute_direction(
 ) -> FieldDirection | None:
     """The direction at the readings that have an attitude, or `None` where none has."""
     earth = earth or load_earth_rotation()
-    moments = compute_unix_s(samples)
-    attitudes, covariance = _straighten(stars, site, earth), require_covariance(stars)
+    moments, covariance, straight = compute_unix_s(samples), require_covariance(stars), stars.rot_ci
+    if PRESENT in (stars.refraction, stars.aberration):
+        if site is None:
+            raise AgonicError(
+                "refraction or aberration is still in the attitudes; the place is needed to take "
+                "it out"
+            )
+        straight = average_attitudes(site, stars, earth)[0]
     rows, rot_ci, spread = interpolate_attitudes(
-        moments, stars.time, attitudes, covariance, stars.orientation, gap_s
+        moments, stars.time, straight, covariance, stars.orientation, gap_s
     )
     if not len(rows):
         return None
@@ -122,9 +128,12 @@ def compute_direction(
     random = across @ spread @ np.swapaxes(across, 1, 2) + white
     rot_ic, rot_ei = np.swapaxes(rot_ci, 1, 2), earth.rot_ei(time)
     field_i, covariance_i = _turn(rot_ic, field_c), _turn_covariance(rot_ic, common + random)
-    rot_ne = _find_level_axes(seen, site)
-    rot_ni = None if rot_ne is None else rot_ne @ rot_ei
-    if rot_ne is None:
+    rot_ni, latitude, longitude = None, seen.latitude_deg, seen.longitude_deg
+    if site is not None:
+        rot_ni = rot_en(site.latitude_deg, site.longitude_deg).T @ rot_ei
+    elif latitude is not None and longitude is not None:
+        rot_ni = np.swapaxes(rot_en(latitude, longitude), 1, 2) @ rot_ei
+    else:
         notes += ("no place is known, so north, east and down cannot be computed",)
     return FieldDirection(
         rows=rows,
@@ -140,17 +149,6 @@ def compute_direction(
         sensor=samples.name,
         notes=notes,
     )
-
-
-def _straighten(stars: StarReadings, site: Site | None, earth: EarthRotation) -> Array:
-    """Attitudes with refraction and aberration taken out, which needs the site."""
-    if PRESENT not in (stars.refraction, stars.aberration):
-        return stars.rot_ci
-    if site is None:
-        raise AgonicError(
-            "refraction or aberration is still in the attitudes; the place is needed to take it out"
-        )
-    return average_attitudes(site, stars, earth)[0]
 
 
 def require_covariance(stars: StarReadings) -> Array:
@@ -188,15 +186,6 @@ def _choose_noise(known: AnyCalibration, noise: float | None) -> float:
     return own.noise * float(np.cbrt(abs(np.linalg.det(own.matrix))))
 
 
-def _find_level_axes(samples: Samples, site: Site | None) -> Array | None:
-    """Earth-fixed components into north, east, down: (3, 3) of a site, (n, 3, 3) under way."""
-    if site is not None:
-        return rot_en(site.latitude_deg, site.longitude_deg).T
-    if samples.latitude_deg is None or samples.longitude_deg is None:
-        return None
-    return np.swapaxes(rot_en(samples.latitude_deg, samples.longitude_deg), 1, 2)
-
-
 def _turn(rotation: Array, vectors: Array) -> Array:
     """Rotations (n, 3, 3) of vectors (n, 3)."""
     return np.asarray(np.einsum("nij,nj->ni", rotation, vectors))
@@ -229,12 +218,6 @@ def interpolate_attitudes(
     `number` (m,) have no attitude and are left out.
 
     Source: Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985.
-
-    >>> quarter = Rotation.from_rotvec([[0, 0, 0], [0, 0, np.pi / 2]]).as_matrix()
-    >>> two, none = np.array([0.0, 1.0]), np.zeros((2, 3, 3))
-    >>> found = interpolate_attitudes(np.array([0.5, 2.0]), two, quarter, none, np.array([1, 1]), 9)
-    >>> found.rows.tolist(), found.rotation[0, 0].round(6).tolist()
-    ([0], [0.707107, -0.707107, 0.0])
     """
     after, read, between = find_neighbours(moments, time, number, gap_s)
     joined = are_joined(time, number, gap_s)
@@ -272,10 +255,8 @@ def find_neighbours(
 
 def _second_differences(turn: Array, time: Array, covariance: Array, joined: Mask) -> Array:
     """By how much the turn of each interval differs from its joined neighbours' (m − 1, 3), rad.
-
     Differences that the attitudes' own noise explains are zero: for equal steps their variance is
-    that of R₀ − 2R₁ + R₂, six times one attitude's.
-    """
+    that of R₀ − 2R₁ + R₂, six times one attitude's."""
     step = np.diff(time)[:, None]
     rate = turn / step
     change = np.zeros_like(turn)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,14 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.maths.rotations.frames import ARCSEC_RAD
+from agonic.provenance import Input
 from agonic.readable import Readable
+from agonic.report.axes import Axis, Columns, along_time
+from agonic.report.digits import group_digits, quantity, significant
+from agonic.report.document import Document
+from agonic.report.markup import Markup
+from agonic.report.section import Section, list_inputs
+from agonic.report.strips import band, caption, line, plot
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,11 +145,8 @@ class FieldDirection(Readable):
 
 
 def _compute_across_sd(field: Array, covariance: Array) -> Array:
-    """The larger standard error across a vector, arcseconds, (n,).
-
-    P C P, P = 1 − u uᵀ, has the eigenvalues t/2 ± √(t²/4 − m) and 0, of trace t and the sum m of
-    its principal minors.
-    """
+    """The larger standard error across a vector, arcseconds, (n,). P C P, P = 1 − u uᵀ, has the
+    eigenvalues t/2 ± √(t²/4 − m) and 0, of trace t and the sum m of its principal minors."""
     size = np.linalg.norm(field, axis=1)
     unit = field / size[:, None]
     across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
@@ -156,3 +160,78 @@ def _compute_across_sd(field: Array, covariance: Array) -> Array:
 def _compute_sd_deg(slope: Array, covariance: Array) -> Array:
     """The standard error (n,), degrees, of an angle whose derivative by the field is `slope`."""
     return np.asarray(np.degrees(np.sqrt(np.einsum("ni,nij,nj->n", slope, covariance, slope))))
+
+
+ANGLES = {
+    "declination_deg": ("Magnetic declination", "declination_sd_deg"),
+    "inclination_deg": ("Inclination", "inclination_sd_deg"),
+    "ra_deg": ("Right ascension of the field", "sd_arcsec"),
+    "dec_deg": ("Declination of the field among the stars", "sd_arcsec"),
+}
+"""What is drawn over time: its name, and where its standard error stands."""
+
+
+def describe_direction(found: FieldDirection, inputs: Sequence[Input | None] = ()) -> Document:
+    """The directions of a log as a whole: where the field points, and how surely. `inputs` are the
+    files that they rest on."""
+    without = f", {found.left_out} without" if found.left_out else ""
+    field = float(np.median(found.magnitude))
+    entries = {
+        "Readings": f"{len(found)} of {found.sensor} with an attitude{without}",
+        "Field": quantity(field, "nT"),
+    }
+    medians = {
+        name: float(np.median(values))
+        for name, values in found.columns().items()
+        if name.endswith(("declination_deg", "inclination_deg", "sd_deg", "arcsec"))
+    }
+    for name in ("declination", "inclination"):
+        if f"{name}_deg" in medians:
+            entries[name.capitalize()] = (
+                f"{group_digits(medians[f'{name}_deg'], 4)}° ± "
+                f"{significant(medians[f'{name}_sd_deg'], 2)}° in one reading"
+            )
+    entries["Stars"] = (
+        f"right ascension {found.ra_deg[0]:.4f}°, declination {found.dec_deg[0]:.4f}° at the first"
+    )
+    random = significant(medians["random_sd_arcsec"], 2)
+    entries["Error"] = (
+        f"{significant(medians['sd_arcsec'], 2)}″ across the field, of which {random}″ is new in "
+        "every reading"
+    )
+    return Document(
+        schema="agonic/direction@1",
+        kind="Direction of the field",
+        name=found.sensor,
+        entries=entries,
+        remarks=found.notes,
+        sections=(Section("Over time", [lambda: _draw(found)]), list_inputs(*inputs)),
+        styles=("inflight.css",),
+        values={
+            "sensor": found.sensor,
+            "n": len(found),
+            "left_out": found.left_out,
+            "first_unix_s": float(found.time[0]),
+            "last_unix_s": float(found.time[-1]),
+            "field_nT_median": field,
+            **{f"{name}_median": value for name, value in medians.items()},
+        },
+    )
+
+
+def _draw(found: FieldDirection) -> list[Markup]:
+    """A strip of each angle: the readings and a band of one standard error."""
+    columns, drawn = found.columns(), []
+    keys = {"bias": "mean of the readings", "band": "one standard error of a reading"}
+    x, along = along_time(found.time, float(found.time[0]), float(found.time[-1]))
+    means = Columns(x, along)
+    for name, (title, sd) in ANGLES.items():
+        if name in columns:
+            angle = np.degrees(np.unwrap(np.radians(columns[name])))
+            per = 3600 if sd.endswith("arcsec") else 1
+            middle, spread = means.mean(angle), means.mean(columns[sd] / per)
+            low, high = middle - spread, middle + spread
+            y = Axis("degrees", float(low.min()), float(high.max()))
+            layers = [band(means, y, low, high, "band"), line(means, y, middle, "bias")]
+            drawn.append(caption(title, plot(x, y, layers, f"{title} over time"), keys))
+    return drawn

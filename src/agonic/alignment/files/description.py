@@ -1,37 +1,198 @@
-"""Descriptions of sessions in TOML: read and written by the table of their keys."""
+"""Descriptions of sessions in TOML: read and written by one table of their keys.
+
+A key has the type of its value, what it is where it is left out, and the attribute of the session
+that holds it, so that reading and writing are each one loop over the table.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from msgspec import Struct, defstruct
+from msgspec import NODEFAULT, Struct, defstruct
 
-from agonic.alignment.files.keys import AXES, KINDS, NOUNS, SECTIONS, Keys, Kind
-from agonic.alignment.session.session import Recorded
+from agonic.alignment.session.session import Mounting, Pier, Recorded, Site
 from agonic.atomic import write_atomically
-from agonic.calibration.base import Calibration
-from agonic.calibration.steps import require_calibration
 from agonic.errors import LogError
-from agonic.files.calibration import load
 from agonic.files.toml_sections import read_section, read_toml, try_to_make, write_value
 from agonic.logs.read import open_log
+from agonic.maths.earth.starlight import Air
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
 
 
+class Key(NamedTuple):
+    """A key: its type, its default if it may be left out, and what of the session holds it."""
+
+    kind: Any
+    default: Any = NODEFAULT
+    holds: str = ""
+
+
+Keys = Mapping[str, Key]
+
+Effect = Literal["present", "removed"]
+Optional = float | None
+Vector = tuple[float, float, float]
+
+
+def _file(name: str, /, **others: Key) -> Keys:
+    """A section about a table; what is not said of it is in a file of the section's name."""
+    return {"file": Key(str, f"{name}.csv"), **others}
+
+
+def _readings(name: str, sensor: str, **others: Key) -> Keys:
+    """A section about the readings of a magnetometer."""
+    return _file(name, name=Key(str, sensor), unit=Key(str | None, None), **others)
+
+
+SECTIONS: Mapping[str, Keys] = {
+    "": {
+        "name": Key(str, "", "name"),
+        "time_scale": Key(Literal["UTC", "TAI", "GPS", "TT"], "UTC"),
+    },
+    "site": {
+        "latitude_deg": Key(float, holds="site.latitude_deg"),
+        "longitude_deg": Key(float, holds="site.longitude_deg"),
+        "coordinates": Key(Literal["astronomical", "geodetic"], "astronomical", "site.coordinates"),
+        "pressure_hPa": Key(float, 1013.25, "site.air.pressure_hPa"),
+        "temperature_C": Key(float, 15.0, "site.air.temperature_C"),
+        "humidity": Key(float, 0.5, "site.air.humidity"),
+        "wavelength_um": Key(float, 0.6, "site.air.wavelength_um"),
+    },
+    "star": {
+        "refraction": Key(Effect, holds="star.refraction"),
+        "aberration": Key(Effect, holds="star.aberration"),
+        "file": Key(str, "star.csv"),
+        "name": Key(str, "star sensor", "star.name"),
+        "turns": Key(Literal["ci", "ic"], "ci"),
+        "across_sd_arcsec": Key(Optional, None),
+        "about_sd_arcsec": Key(Optional, None),
+    },
+    "gyro": {
+        "constant_arcsec": Key(float, 0.0, "constant_arcsec"),
+        "constant_sd_arcsec": Key(float, 0.0, "constant_sd_arcsec"),
+        "reading_sd_arcsec": Key(Optional, None, "reading_sd_arcsec"),
+        "time_sd_s": Key(Optional, None, "time_sd_s"),
+        "transit_constant": Key(Optional, None, "transit_constant"),
+        "transit_constant_sd": Key(float, 0.0, "transit_constant_sd"),
+    },
+    "reversal": _file("reversal"),
+    "transit": _file("transit"),
+    "swing": _file("swing"),
+    "platform": _file(
+        "platform",
+        circle_sd_arcsec=Key(float, 2.0, "platform.circle_sd_arcsec"),
+        level_sd_arcsec=Key(float, 2.0, "platform.level_sd_arcsec"),
+        mirror=Key(bool, False, "platform.mirror"),
+    ),
+    "coil": {
+        "name": Key(str, "coil", "coil"),
+        "axis": Key(Vector | None, None, "geometric_axis"),
+        "frame": Key(Literal["m", "b", "c", "n"], "m", "geometric_frame"),
+        "settle_s": Key(float, 0.0, "settle_s"),
+        "current_sd": Key(float, 0.0, "current_sd"),
+    },
+    "magnetometer": _readings(
+        "magnetometer",
+        "magnetometer",
+        noise_nT=Key(Optional, None, "noise"),
+        calibration=Key(str, ""),
+    ),
+    "reference": _readings(
+        "reference",
+        "reference",
+        axes=Key(Literal["NED", "XYZ", "ENU", "NWU"], "NED"),
+        noise_nT=Key(Optional, None, "reference_noise"),
+        axes_sd_arcsec=Key(Optional, None, "reference_sd_arcsec"),
+    ),
+    "pier": {
+        "difference_nT": Key(Vector, (0.0, 0.0, 0.0), "pier.difference"),
+        "sd_nT": Key(Optional, None, "pier.sd"),
+    },
+    "remanence": _readings("remanence", "magnetometer"),
+    "mounting": {
+        "alpha_deg": Key(float, holds="mounting.alpha_deg"),
+        "beta_deg": Key(float, holds="mounting.beta_deg"),
+        "gamma_deg": Key(float, holds="mounting.gamma_deg"),
+        "sd_deg": Key(float, 2.0, "mounting.sd_deg"),
+    },
+    "alignment": {"file": Key(str)},
+    "attitude": {
+        **dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"), Key(Optional, None)),
+        **dict.fromkeys(("level_sd_arcsec", "heading_sd_arcsec"), Key(float, 0.0)),
+        **dict.fromkeys(("ra_deg", "dec_deg", "rot_deg"), Key(Optional, None)),
+        "utc": Key(str | None, None),
+        **dict.fromkeys(("across_sd_arcsec", "about_sd_arcsec"), Key(float, 0.0)),
+    },
+    "[sighting]": {
+        "name": Key(str),
+        "readings_deg": Key(list[float] | None, None),
+        "readings_gon": Key(list[float] | None, None),
+        "mirror": Key(bool, False),
+    },
+}
+"""The keys of all sections; `docs/jobs` shows descriptions that have them."""
+
+
+class Kind(NamedTuple):
+    """A kind of session: its fit, its sections, the keys before the first of them, sections that
+    must be there and that may stand several times, and whether a standard deviation may be 0."""
+
+    fit: str
+    sections: tuple[str, ...]
+    head: tuple[str, ...] = ("name",)
+    needed: tuple[str, ...] = ()
+    repeated: tuple[str, ...] = ()
+    zero: bool = True
+
+    def find_keys(self, section: str) -> Keys:
+        """The keys of a section; of "" those before the first."""
+        keys = SECTIONS[section]
+        return keys if section else {name: keys[name] for name in self.head}
+
+
+KINDS: Mapping[str, Kind] = {
+    "session.toml": Kind(
+        "alignment",
+        ("site", "star", "magnetometer", "reference", "pier", "remanence", "mounting"),
+        head=("name", "time_scale"),
+        needed=("site", "star", "magnetometer", "reference"),
+        zero=False,
+    ),
+    "north.toml": Kind(
+        "north",
+        ("gyro", "reversal", "transit", "swing", "platform", "magnetometer", "reference", "pier"),
+        repeated=("sighting",),
+    ),
+    "coil.toml": Kind(
+        "coil",
+        ("coil", "magnetometer", "reference", "alignment", "attitude", "site"),
+        needed=("magnetometer",),
+    ),
+}
+"""Descriptions by the name of their file."""
+NOUNS = {"site": Site, "air": Air, "pier": Pier, "mounting": Mounting}
+"""What the keys of a section make together."""
+AXES = {
+    "NED": np.eye(3),
+    "XYZ": np.eye(3),
+    "ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "NWU": np.diag([1.0, -1.0, -1.0]),
+}
+"""From the axes of the reference to north, east, down."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """A description as it was read: what stands before its sections, and each section.
-
-    `parts` are None where a section is missing or wrong; every mistake is in `mistakes`, to which
-    further checks add theirs before `require`. `given` are attributes of the session by name.
-    `sources` are the tables that were read.
-    """
+    """A description as it was read: what stands before its sections, and each section. `parts` are
+    None where a section is missing or wrong; every mistake is in `mistakes`, to which further
+    checks add theirs before `require`. `given` are attributes of the session by name. `sources` are
+    the tables that were read."""
 
     file: Path
     head: Any
@@ -68,13 +229,6 @@ class Description:
             return made
         return made.with_columns(field=made.field @ AXES[part.axes].T)
 
-    def load_calibration(self) -> Calibration | None:
-        """The calibration of the magnetometer, where one is named."""
-        part = self.parts["magnetometer"]
-        if part is None or not part.calibration:
-            return None
-        return require_calibration(load(self.find(part.calibration)))
-
     def add_source(self, name: str, count: int) -> None:
         """Note a table as read."""
         self.sources.append(Input(name=name, sha256=hash_file(self.find(name)), count=count))
@@ -101,14 +255,31 @@ def read_description(path: Path | str, name: str) -> Description:
         )
         for section in kind.sections
     }
-    repeated = {one: list(_read_repeated(table, one, mistakes)) for one in kind.repeated}
+    repeated: dict[str, list[Any]] = {one: [] for one in kind.repeated}
+    for one in kind.repeated:
+        stated, keys = table.get(one, []), _structure(SECTIONS[f"[{one}]"])
+        if not isinstance(stated, list):
+            mistakes.append(f"{one}s are written [[{one}]], once for each")
+            continue
+        read = (
+            read_section(each, keys, f"[[{one}]] {number}", mistakes)
+            for number, each in enumerate(stated, start=1)
+        )
+        repeated[one] = [part for part in read if part is not None]
     mistakes += [f"there is no section [{key}]" for key in kind.needed if key not in table]
     mistakes += [
         f"[{one}]: there is no file {part.file} in {file.parent}"
         for one, part in parts.items()
         if hasattr(part, "file") and not (file.parent / part.file).is_file()
     ]
-    mistakes += _list_bad_sds(parts, kind.zero)
+    wanted = "must not be below 0" if kind.zero else "must be above 0, or left out"
+    for one, part in parts.items():
+        for key in () if part is None else part.__struct_fields__:
+            value = getattr(part, key)
+            error = "_sd" in key or key.startswith(("sd_", "noise"))
+            numeric = isinstance(value, float | int)
+            if error and numeric and not (value >= 0 if kind.zero else value > 0):
+                mistakes.append(f"[{one}] {key} is {value:g}; it {wanted}")
     return Description(
         file=file,
         head=head,
@@ -123,17 +294,6 @@ def _structure(keys: Keys) -> type[Struct]:
     """The keys of a section as a struct, which checks their types."""
     fields = [(name, key.kind, key.default) for name, key in keys.items()]
     return defstruct("Section", fields, kw_only=True)
-
-
-def _read_repeated(table: Mapping[str, Any], name: str, mistakes: list[str]) -> Iterator[Any]:
-    """The sections of a name that may stand several times."""
-    stated, kind = table.get(name, []), _structure(SECTIONS[f"[{name}]"])
-    if not isinstance(stated, list):
-        mistakes.append(f"{name}s are written [[{name}]], once for each")
-        return
-    for number, each in enumerate(stated, start=1):
-        if (part := read_section(each, kind, f"[[{name}]] {number}", mistakes)) is not None:
-            yield part
 
 
 def _list_given(
@@ -166,25 +326,12 @@ def _make(nested: Mapping[str, Any]) -> dict[str, Any]:
     return made
 
 
-def _list_bad_sds(parts: Mapping[str, Any], zero: bool) -> Iterator[str]:
-    """Standard deviations and noises that are below 0, or that are 0 and must not be."""
-    wanted = "must not be below 0" if zero else "must be above 0, or left out"
-    for name, part in parts.items():
-        for key in () if part is None else part.__struct_fields__:
-            value = getattr(part, key)
-            error = "_sd" in key or key.startswith(("sd_", "noise"))
-            if error and isinstance(value, float | int) and not (value >= 0 if zero else value > 0):
-                yield f"[{name}] {key} is {value:g}; it {wanted}"
-
-
 def write_description(
     session: Recorded, home: Path, name: str, beside: Mapping[str, Mapping[str, Any] | None]
 ) -> Path:
-    """Write what a session holds under the keys of its kind, and return the path.
-
-    `beside` has keys that no attribute holds, by section; a section that has a file is written only
-    where it is among them. What is None is left out.
-    """
+    """Write what a session holds under the keys of its kind, and return the path. `beside` has keys
+    that no attribute holds, by section; a section that has a file is written only where it is among
+    them. What is None is left out."""
     kind, lines = KINDS[name], []
     for section in ("", *kind.sections):
         keys, others = kind.find_keys(section), beside.get(section)

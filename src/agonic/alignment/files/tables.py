@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.direction.result import FieldDirection
@@ -123,21 +123,10 @@ _LENGTH = 1e-3
 
 
 def read_stars(path: Path, turns: Turns = "ci", *, numbered: bool = True) -> StarReadings:
-    """The attitudes in a table, times as they stand there.
-
-    `turns` says what a quaternion does to components: "ci" takes inertial ones into the star
-    sensor's, "ic" the other way. A table that is not `numbered` may lack the orientations: then the
-    platform moved, and all rows are one. Raises `LogError` naming the row or the columns that are
-    missing.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder, "star.csv")
-    ...     _ = file.write_text("utc,orientation,ra_deg,dec_deg,rot_deg\\n"
-    ...                         "2024-03-12T20:00:00Z,1,90,0,0\\n2024-03-12T20:00:01Z,1,90,0,0\\n")
-    ...     read_stars(file).boresight_i[0].round(9).tolist()
-    [0.0, 1.0, 0.0]
-    """
+    """The attitudes in a table, times as they stand there. `turns` says what a quaternion does to
+    components: "ci" takes inertial ones into the star sensor's, "ic" the other way. A table that is
+    not `numbered` may lack the orientations: then the platform moved, and all rows are one. Raises
+    `LogError` naming the row or the columns that are missing."""
     return parse_stars(read_table(path, "a CSV table of attitudes"), turns, numbered=numbered)
 
 
@@ -215,8 +204,8 @@ def _covariances(table: Table) -> Array | None:
     return None
 
 
-def make_diagonal(across_sd_arcsec: Array, about_sd_arcsec: Array) -> Array:
-    """Covariances (n, 3, 3), rad², of standard deviations across and about the boresight."""
+def make_diagonal(across_sd_arcsec: ArrayLike, about_sd_arcsec: ArrayLike) -> Array:
+    """Covariances (…, 3, 3), rad², of standard deviations across and about the boresight."""
     variance = np.stack([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec], axis=-1) ** 2
     return np.asarray(variance[..., None] * np.eye(3) * ARCSEC_RAD**2)
 
@@ -227,9 +216,8 @@ def state_errors(
     """Attitudes with standard deviations for all alike, where their table states none."""
     if read.covariance is not None or across_sd_arcsec is None or about_sd_arcsec is None:
         return read
-    ones = np.ones(len(read))
-    covariance = make_diagonal(across_sd_arcsec * ones, about_sd_arcsec * ones)
-    return replace(read, covariance=covariance)
+    covariance = make_diagonal(across_sd_arcsec, about_sd_arcsec)
+    return replace(read, covariance=np.broadcast_to(covariance, read.rot_ci.shape))
 
 
 def format_stars(star: StarReadings) -> str:

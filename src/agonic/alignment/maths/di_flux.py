@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.alignment.maths.stretches import average, find_rows
+from agonic.alignment.maths.columns import average, find_rows
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.student import compute_widening
@@ -32,10 +32,8 @@ LEAST_RAD = np.radians(1.0 / 3600.0)
 
 
 class Settings(NamedTuple):
-    """Readings of both circles, (n,) radians, and of the fluxgate, (n,).
-
-    Where `from_meridian` is set the horizontal reading counts from the magnetic meridian itself.
-    """
+    """Readings of both circles, (n,) radians, and of the fluxgate, (n,). Where `from_meridian` is
+    set the horizontal reading counts from the magnetic meridian itself."""
 
     horizontal: Array
     zenith: Array
@@ -80,12 +78,10 @@ def predict(params: Array, at: Settings) -> tuple[Array, Array]:
 def estimate(
     at: Settings, start: Array, groups: NDArray[np.int64], *, scale_known: bool
 ) -> SheetEstimate:
-    """The unknowns of settings that repeat in `groups`, by least squares.
-
-    Readings of one setting share what the circle was set wrong by, so the noise follows from the
-    means of the groups: their misfit over the settings less the unknowns, 1″ at least. The
-    covariance is widened by Student's t: the usual eight settings leave three to tell the noise.
-    """
+    """The unknowns of settings that repeat in `groups`, by least squares. Readings of one setting
+    share what the circle was set wrong by, so the noise follows from the means of the groups: their
+    misfit over the settings less the unknowns, 1″ at least. The covariance is widened by Student's
+    t: the usual eight settings leave three for the noise."""
     free = np.ones(len(NAMES), dtype=bool)
     free[-1] = not scale_known
     unit = start[-1]
@@ -104,8 +100,8 @@ def estimate(
     freedom = len(residuals) - int(free.sum())
     noise = float(np.sqrt(residuals @ residuals / freedom)) if freedom > 0 else float("nan")
     covariance = np.zeros((len(NAMES), len(NAMES)))
-    told = (max(noise, LEAST_RAD) * compute_widening(freedom)) ** 2
-    covariance[np.ix_(free, free)] = told * leastsq.inverse(jacobian.T @ jacobian)
+    variance = (max(noise, LEAST_RAD) * compute_widening(freedom)) ** 2
+    covariance[np.ix_(free, free)] = variance * leastsq.inverse(jacobian.T @ jacobian)
     return SheetEstimate(params, covariance, residuals * unit, freedom, noise * unit)
 
 

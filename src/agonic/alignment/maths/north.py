@@ -22,33 +22,22 @@ from agonic.maths.estimation.noise.student import compute_widening, exceed_state
 from agonic.readable import Shown
 
 FOUR = 4
-"""Turning points that tell a drift, where one's noise is known, but no bend of the decay."""
+"""Turning points that show a drift, where one's noise is known, but no bend of the decay."""
 _SCHULER = np.array([0.25, 0.5, 0.25])
 
 
 def compute_schuler_means(turning: Array) -> Array:
-    """N_i = (u_i + 2 u_{i+1} + u_{i+2})/4 of turning points (n,), (n − 2,).
-
-    Free of the amplitude and, to first order, of its decay.
-
-    >>> compute_schuler_means(np.array([10.0, 2.0, 8.0, 3.0])).tolist()
-    [5.5, 5.25]
-    """
+    """N_i = (u_i + 2 u_{i+1} + u_{i+2})/4 of turning points (n,), (n − 2,). Free of the amplitude
+    and, to first order, of its decay."""
     return np.convolve(turning, _SCHULER, mode="valid")
 
 
 def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
     """North of n ≥ 3 turning points: the mean of the Schuler means, its standard error from their
-    spread.
-
-    Neighbouring means share readings. With M (n − 2, n) from readings to means and Q what centres
-    them, E Σ(N_i − N̄)² = σ² tr(QMMᵀ), and N̄ = wᵀu has the variance σ² wᵀw. With a single mean, or
-    a `reading_sd` that is stated, σ is that, unless the turning points scatter by more about
-    u_i = N + (−1)ⁱ (a + b i).
-
-    >>> fit_reversals(np.array([10.0, 2.0, 8.0, 3.0])).reading_deg
-    5.375
-    """
+    spread. Neighbouring means share readings. With M (n − 2, n) from readings to means and Q what
+    centres them, E Σ(N_i − N̄)² = σ² tr(QMMᵀ), and N̄ = wᵀu has the variance σ² wᵀw. With a single
+    mean, or a `reading_sd` that is stated, σ is that, unless the turning points scatter by more
+    about u_i = N + (−1)ⁱ (a + b i)."""
     n, means = len(turning), compute_schuler_means(turning)
     m = len(means)
     onto = np.stack([np.convolve(row, _SCHULER, mode="valid") for row in np.eye(n)], axis=1)
@@ -74,12 +63,10 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
 
 
 def _fit_drift(turning: Array, reading_sd: float | None) -> tuple[float, float]:
-    """How far N moves from the first turning point to the last, and its standard error.
-
-    u_i = N + d i/(n − 1) + (−1)ⁱ (a + b i + c i²): the decay of the amplitude is smooth. Of four
-    turning points c is that of a steady decay, b²/2a. The noise is the stated one, or what is left,
-    and more where more is left.
-    """
+    """How far N moves from the first turning point to the last, and its standard error. u_i = N + d
+    i/(n − 1) + (−1)ⁱ (a + b i + c i²): the decay of the amplitude is smooth. Of four turning points
+    c is that of a steady decay, b²/2a. The noise is the stated one, or what is left, and more where
+    more is left."""
     n = len(turning)
     along = np.linspace(-0.5, 0.5, n)
     sign = (-1.0) ** np.arange(n)
@@ -100,12 +87,10 @@ _GRID, _PERIODS = 400, 0.4
 
 
 class North(NamedTuple):
-    """The circle's reading at the gyro's north and its standard error, degrees, or NaN.
-
-    `freedom` is how many independent differences the standard error rests on; `excess` how many
-    times the stated noise the readings scatter, 1 where chance explains it. `drift_deg` is how far
-    N moves over the readings and `drift_sd_deg` its standard error, where they tell.
-    """
+    """The circle's reading at the gyro's north and its standard error, degrees, or NaN. `freedom`
+    is how many independent differences the standard error rests on; `excess` how many times the
+    stated noise the readings scatter, 1 where chance explains it. `drift_deg` is how far N moves
+    over the readings and `drift_sd_deg` its standard error, where they show one."""
 
     reading_deg: Annotated[float, Shown(key="gyro_north_deg")]
     sd_deg: float
@@ -122,10 +107,8 @@ class North(NamedTuple):
 
 class Swing(NamedTuple):
     """A damped sinusoid: N, p, q, λ, ω with covariance, residuals (n,) and noise of a reading.
-
     `correlation` is how many successive readings count as one. `north` has the drift of N over the
-    record, where the fit converged.
-    """
+    record, where the fit converged."""
 
     params: Array
     covariance: Array
@@ -138,9 +121,7 @@ class Swing(NamedTuple):
 
 class Regression(NamedTuple):
     """Coefficients (c,) with covariance (c, c), and how the readings scatter about the line.
-
-    `excess` is how many times the stated noise they do, 1 where chance explains it.
-    """
+    `excess` is how many times the stated noise they do, 1 where chance explains it."""
 
     found: Array
     covariance: Array
@@ -150,10 +131,8 @@ class Regression(NamedTuple):
 
 def regress(design: Array, values: Array, stated_sd: float | Array | None = None) -> Regression:
     """Least squares of values (n,) on a design (n, c), their noise as stated or by what is left.
-
     The stated noise is widened where the values scatter by more; without one it is that of the
-    residuals by Student's t, NaN where nothing is left to tell it.
-    """
+    residuals by Student's t, NaN where nothing is left for it."""
     inverse = leastsq.inverse(design.T @ design)
     found, *_ = np.linalg.lstsq(design, values, rcond=None)
     left, freedom = values - design @ found, len(values) - design.shape[1]
@@ -174,12 +153,10 @@ def fit_transits(
     constant: float | None = None,
     constant_sd: float = 0.0,
 ) -> tuple[North, float, float]:
-    """North N = N′ + c a Δt of n transits, with c and its standard error.
-
-    Where c is not given it comes from the settings: a Δt = (N − N′)/c is a straight line in N′,
-    and N where it crosses zero; of two settings c = (N′₂ − N′₁)/(a₁Δt₁ − a₂Δt₂). The noise is that
-    of a Δt, `product_sd`, unless transits scatter by more, or else that of the spread.
-    """
+    """North N = N′ + c a Δt of n transits, with c and its standard error. Where c is not given it
+    comes from the settings: a Δt = (N − N′)/c is a straight line in N′, and N where it crosses
+    zero; of two settings c = (N′₂ − N′₁)/(a₁Δt₁ − a₂Δt₂). The noise is that of a Δt, `product_sd`,
+    unless transits scatter by more, or else that of the spread."""
     ones = np.ones(len(product))
     if constant is not None:
         stated = None if product_sd is None else constant * product_sd
@@ -197,11 +174,8 @@ def fit_transits(
 
 
 def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None) -> Swing:
-    """The damped sinusoid through a whole record (n,), by Levenberg–Marquardt.
-
-    The noise is taken from the residuals, with their correlation, unless it is stated and they
-    scatter by no more.
-    """
+    """The damped sinusoid through a whole record (n,), by Levenberg–Marquardt. The noise is taken
+    from the residuals, with their correlation, unless it is stated and they scatter by no more."""
     since = time_s - time_s[0]
     start = _start(since, reading_deg)
     pieces = partial(_pieces, since, reading_deg)
@@ -226,9 +200,7 @@ def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None
 
 def _drift(since: Array, residuals: Array, jacobian: Array) -> tuple[float, float]:
     """How far N moves, linearly, over the record, by what the swing leaves; its standard error.
-
-    Residuals are the swing less the readings. The noise is that left beside the drift.
-    """
+    Residuals are the swing less the readings. The noise is that left beside the drift."""
     ramp = since / since[-1] - 0.5
     design = np.column_stack([jacobian, ramp])
     size = np.linalg.norm(design, axis=0)
@@ -242,11 +214,7 @@ def _drift(since: Array, residuals: Array, jacobian: Array) -> tuple[float, floa
 
 
 def evaluate_swing_deg(params: Array, since_s: Array) -> Array:
-    """N + e^(−λt) (p cos ωt + q sin ωt) at seconds since the first reading, (n,).
-
-    >>> evaluate_swing_deg(np.array([5.0, 2.0, 0.0, 0.0, np.pi]), np.array([0.0, 1.0])).tolist()
-    [7.0, 3.0]
-    """
+    """N + e^(−λt) (p cos ωt + q sin ωt) at seconds since the first reading, (n,)."""
     north, p, q, decay, omega = params
     phase = omega * since_s
     return np.asarray(north + np.exp(-decay * since_s) * (p * np.cos(phase) + q * np.sin(phase)))
@@ -287,16 +255,10 @@ class Pointing(NamedTuple):
 
 
 def average_faces(reading_deg: Array, reading_sd: float | None = None) -> Pointing:
-    """A sighting read in one or both faces: those of the second stand half a turn away.
-
-    A line of sight that is off by the collimation reads too much in the first face and as much
-    too little in the second, so the mean of the faces is free of it. The face of the first
-    reading is the first.
-
-    >>> both = average_faces(np.array([10.002, 189.998, 10.004, 190.0]))
-    >>> round(both.reading_deg, 6), round(both.collimation_deg, 6)
-    (10.001, 0.002)
-    """
+    """A sighting read in one or both faces: those of the second stand half a turn away. A line of
+    sight that is off by the collimation reads too much in the first face and as much too little in
+    the second, so the mean of the faces is free of it. The face of the first reading is the
+    first."""
     off = (reading_deg - reading_deg[0] + 180.0) % 360.0 - 180.0
     second = np.abs(off) > 90.0
     off = np.where(second, (off + 360.0) % 360.0 - 180.0, off)

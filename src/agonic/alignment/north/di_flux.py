@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from agonic.alignment.findings import tell
+from agonic.alignment.findings import report
 from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.maths.di_flux import LEAST_RAD, NAMES, Settings, SheetEstimate
 from agonic.alignment.maths.north import Pointing, average_faces
@@ -29,9 +29,9 @@ WIDE_ARCSEC = 10.0
 BIG_ERROR_DEG = 1.0
 METHOD = ("brunke-matzka-2018",)
 SCALE_READING = 30.0
-"""A reading so large tells how many units of the fluxgate an angle is."""
+"""A reading so large shows how many units of the fluxgate an angle is."""
 COPIED_DEG = 1e-7
-"""Readings of the mark that agree better were read once; their spread tells nothing."""
+"""Readings of the mark that agree better were read once; their spread says nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +46,7 @@ class DiFluxFit(Judged):
     meridian_deg : the circle's reading in the magnetic meridian, looking north.
     declination_deg : east positive, within ±90°: the sheet does not say which face the mark was
         read in first; `None` where the azimuth of the mark is not known. Its standard error has the
-        meridian's and, where its readings tell one, the mark's.
+        meridian's and, where its readings show one, the mark's.
     inclination_deg : down positive.
     collimation_arcsec : (2,) δ, to the right of the telescope, and ε, to greater zenith angles, of
         the fluxgate. offset_arcsec : S₀/F as an angle, and its standard error.
@@ -88,7 +88,7 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
         S = F [cos I (sin v cos A − δ sin A + ε cos v cos A) + sin I (ε sin v − cos v)] + S₀
 
     at azimuth A from the magnetic meridian and zenith reading v. Every setting of the circles is
-    one equation, whatever the scheme; the usual eight leave three to tell the noise.
+    one equation, whatever the scheme; the usual eight leave three for the noise.
 
     Parameters
     ----------
@@ -111,7 +111,15 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     mark = _mark(sheet)
     values = _derive(sheet, found, mark)
     fit = DiFluxFit(sheet=sheet, estimate=found, mark=mark, scaled=scaled, **values)
-    return replace(fit, findings=tuple(_examine(fit, at)), remarks=_remarks(fit))
+    inclined = (
+        f"inclination {fit.inclination_deg:.4f}° ± {figure(fit.inclination_sd_arcsec)}″, "
+        f"{fit.n} settings, {fit.estimate.freedom} degrees of freedom"
+    )
+    remarks: tuple[str, ...] = (inclined,)
+    if (turned := fit.declination_deg) is not None:
+        declined = f"declination {turned:.4f}° ± {figure(fit.declination_sd_arcsec)}″"
+        remarks = (declined, inclined)
+    return replace(fit, findings=tuple(_examine(fit, at)), remarks=(*remarks, *sheet.notes))
 
 
 def _derive(sheet: DiSheet, found: SheetEstimate, mark: Pointing) -> dict[str, Any]:
@@ -154,59 +162,47 @@ def _mark(sheet: DiSheet) -> Pointing:
 
 
 def _examine(fit: DiFluxFit, at: Settings) -> Iterator[Finding]:
-    """The findings of a sheet, in the order of its parts: mark, meridian, scale, scatter.
-
-    The field turned round with a fluxgate turned round reads the same at all settings.
-    """
+    """The findings of a sheet, in the order of its parts: mark, meridian, scale, scatter. The field
+    turned round with a fluxgate turned round reads the same at all settings."""
     if fit.sheet.mark_azimuth_deg is None:
-        yield tell("no mark")
+        yield report("no mark")
     elif not np.isfinite(fit.mark.sd_deg):
-        yield tell("mark read once")
+        yield report("mark read once")
     sides = at.horizontal[~at.from_meridian & (np.abs(np.sin(at.zenith)) <= LEVEL_SIN)]
     off = np.abs(wrap_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2).max(initial=0.0)
     if off > OFF_MERIDIAN_DEG:
-        yield tell("off the meridian", off=off)
+        yield report("off the meridian", off=off)
     if not fit.scaled and np.abs(fit.sheet.reading).max() > 0:
-        yield tell("no scale")
+        yield report("no scale")
     if fit.scale <= 0:
-        yield tell("reads backwards")
+        yield report("reads backwards")
     if fit.noise_arcsec > WIDE_ARCSEC:
-        yield tell("settings disagree", by=fit.noise_arcsec)
+        yield report("settings disagree", by=fit.noise_arcsec)
     worst = max(np.abs(fit.collimation_arcsec)) / 3600.0
     if worst > BIG_ERROR_DEG:
-        yield tell("collimation", off=worst)
-
-
-def _remarks(fit: DiFluxFit) -> tuple[str, ...]:
-    declination = fit.declination_deg
-    first = (
-        ()
-        if declination is None
-        else (f"declination {declination:.4f}° ± {figure(fit.declination_sd_arcsec)}″",)
-    )
-    return (
-        *first,
-        f"inclination {fit.inclination_deg:.4f}° ± {figure(fit.inclination_sd_arcsec)}″, "
-        f"{fit.n} settings, {fit.estimate.freedom} degrees of freedom",
-    )
+        yield report("collimation", off=worst)
 
 
 def estimate_sheet(
     sheet: DiSheet, magnitude: float | None, measured: bool
 ) -> tuple[SheetEstimate, Settings]:
-    """The unknowns from either end of the meridian that may be north: the one that fits better.
-
-    Two level settings half a turn apart look alike; with δ, ε and the offset in both kinds of
-    settings only the right end fits.
-    """
-    _check(sheet)
+    """The unknowns from either end of the meridian that may be north: the one that fits better. Two
+    level settings half a turn apart look alike; with δ, ε and the offset in both kinds of settings
+    only the right end fits."""
+    flat = level(sheet)
+    settings = [len(np.unique(sheet.setting[rows])) for rows in (flat, ~flat)]
+    if settings[0] < 4 or settings[1] < 3:
+        raise CoverageError(
+            f"{settings[0]} settings with the telescope level and {settings[1]} others were given",
+            undetermined="meridian, inclination and collimation together",
+            turns="take four of each: east and west, north and south, sensor up and down",
+        )
     scale = magnitude or sheet.magnitude or USUAL_FIELD
     tried = []
     for meridian in _ends(sheet):
         at = _settings(sheet, meridian)
         azimuth = at.horizontal - np.where(at.from_meridian, 0.0, meridian)
-        steep = ~level(sheet)
-        inclination = np.arctan(np.tan(at.zenith[steep]) * np.cos(azimuth[steep]))
+        inclination = np.arctan(np.tan(at.zenith[~flat]) * np.cos(azimuth[~flat]))
         start = np.array([meridian, float(np.median(inclination)), 0.0, 0.0, 0.0, scale])
         tried.append((kernel.estimate(at, start, sheet.setting, scale_known=not measured), at))
     return min(tried, key=lambda both: abs(both[0].noise / both[0].params[-1]))
@@ -214,7 +210,7 @@ def estimate_sheet(
 
 def _settings(sheet: DiSheet, meridian: float) -> Settings:
     """What the kernel needs. Of the settings by name the first looks north; in the others the
-    zenith reading tells which way, since tan I = tan v cos A has one sign."""
+    zenith reading shows which way, since tan I = tan v cos A has one sign."""
     h, v = np.radians(sheet.horizontal_deg), np.radians(sheet.zenith_deg)
     nominal = _nominal(sheet, meridian)
     if nominal.any():
@@ -225,10 +221,8 @@ def _settings(sheet: DiSheet, meridian: float) -> Settings:
 
 
 def _ends(sheet: DiSheet) -> list[float]:
-    """The circle's readings, rad, that may be magnetic north: square to the level settings.
-
-    Where the inclination's settings have readings of the circle the first looks north.
-    """
+    """The circle's readings, rad, that may be magnetic north: square to the level settings. Where
+    the inclination's settings have readings of the circle the first looks north."""
     flat = level(sheet)
     doubled = np.exp(2j * np.radians(sheet.horizontal_deg[flat])).mean()
     meridian = float(np.angle(doubled) / 2 - np.pi / 2)
@@ -249,14 +243,3 @@ def _nominal(sheet: DiSheet, meridian: float) -> Mask:
 def level(sheet: DiSheet) -> Mask:
     """The settings with the telescope level, for the declination."""
     return np.abs(np.sin(np.radians(sheet.zenith_deg))) > LEVEL_SIN
-
-
-def _check(sheet: DiSheet) -> None:
-    flat_rows = level(sheet)
-    flat, steep = (len(np.unique(sheet.setting[rows])) for rows in (flat_rows, ~flat_rows))
-    if flat < 4 or steep < 3:
-        raise CoverageError(
-            f"{flat} settings with the telescope level and {steep} others were given",
-            undetermined="meridian, inclination and collimation together",
-            turns="take four of each: east and west, north and south, sensor up and down",
-        )

@@ -9,11 +9,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from agonic.alignment.calibration import make_calibration, make_provenance
-from agonic.alignment.explanations import find_explanations, tell_misfit
-from agonic.alignment.findings import tell
+from agonic.alignment.explanations import find_explanations, report_misfit
+from agonic.alignment.findings import report
 from agonic.alignment.maths import north as kernel
-from agonic.alignment.maths.north import North, Swing, fit_reversals
-from agonic.alignment.maths.solution import RARE
+from agonic.alignment.maths.north import North, Swing
+from agonic.alignment.maths.two_frames import RARE
 from agonic.alignment.north.platform import Aligned, align_platform
 from agonic.alignment.session.laboratory import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
@@ -32,7 +32,7 @@ LIKELY = 0.5
 
 class Drift(NamedTuple):
     """How far the zero moves over the readings, its standard error, and what is to be allowed for,
-    degrees; infinite where nothing tells it."""
+    degrees; infinite where nothing shows it."""
 
     size_deg: float = 0.0
     sd_deg: float = float("inf")
@@ -44,17 +44,11 @@ class Drift(NamedTuple):
         return abs(self.size_deg) > DRIFTS * self.sd_deg
 
 
-NOT_TOLD = Drift()
+UNKNOWN = Drift()
 
 
 def estimate_drift(size_deg: float, sd_deg: float) -> Drift:
-    """A drift that was found with a standard error, averaged over its being there and not.
-
-    >>> estimate_drift(5.0, 1.0).seen, round(estimate_drift(5.0, 1.0).allowed_deg, 1)
-    (True, 4.9)
-    >>> estimate_drift(0.5, 1.0).allowed_deg
-    0.0
-    """
+    """A drift that was found with a standard error, averaged over its being there and not."""
     if not np.isfinite(sd_deg) or not sd_deg > 0:
         return Drift(size_deg, sd_deg)
     found = average_over_term(np.array([size_deg]), np.array([[sd_deg**2]]), slice(0, 1), LIKELY)
@@ -65,10 +59,8 @@ def estimate_drift(size_deg: float, sd_deg: float) -> Drift:
 @dataclass(frozen=True, kw_only=True)
 class Azimuth:
     """The azimuth of a sighting, degrees clockwise from true north; standard error in arcseconds.
-
     `collimation_arcsec` is the theodolite's, NaN where one face only was read; `excess` is how many
-    times the stated noise the readings scatter, 1 where chance explains it.
-    """
+    times the stated noise the readings scatter, 1 where chance explains it."""
 
     name: Annotated[str, Shown()]
     azimuth_deg: Annotated[float, Shown()]
@@ -85,7 +77,7 @@ class NorthFit(Judged):
     ----------
     by : what each method gives, the gyro's north on the circle: "swing", "reversal", "transit".
     method : the one with the smallest standard error, which the rest goes by.
-    swing : the damped sinusoid. drift : of the gyro's zero, as the readings tell it.
+    swing : the damped sinusoid. drift : of the gyro's zero, as the readings show it.
     constant, constant_sd : c of the transits, degrees per (unit · s).
     azimuths : of what was sighted.
     aligned : the magnetometer's alignment with the platform; `calibration` the same to save.
@@ -95,7 +87,7 @@ class NorthFit(Judged):
     by: Annotated[dict[str, North], Shown()]
     method: str
     swing: Swing | None = None
-    drift: Drift = NOT_TOLD
+    drift: Drift = UNKNOWN
     constant: Annotated[float | None, Shown(key="transit_constant")] = None
     constant_sd: Annotated[float | None, Shown(key="transit_constant_sd")] = None
     azimuths: Annotated[tuple[Azimuth, ...], Shown()] = ()
@@ -144,72 +136,69 @@ def fit_north(session: NorthSession) -> NorthFit:
 
     Source: patent CN 108871301 B; the Schuler mean after M. Schuler (1932).
 
-    >>> from agonic.alignment.simulation.north import simulate_north
+    >>> from agonic.alignment.simulation.laboratory import simulate_north
     >>> made = simulate_north(seed=1)
     >>> fit = fit_north(made.session)
     >>> fit.method, bool(abs(fit.north_deg - made.north_deg) * 3600 < 4 * fit.sd_arcsec)
     ('swing', True)
     """
-    fit = _found(session)
+    fit = _find_north(session)
     azimuths = tuple(_azimuth(fit, sighting) for sighting in session.sightings)
-    found = None
+    whole = replace(fit, azimuths=azimuths)
     if session.platform is not None:
         found = align_platform(session, fit.north_deg, fit.sd_arcsec)
-    whole = replace(
-        fit,
-        azimuths=azimuths,
-        aligned=found,
-        calibration=None if found is None else _calibration(session, found, fit.method),
-    )
+        settings = {"method": fit.method, "constant_arcsec": session.constant_arcsec}
+        arrays = {one.name: one.field for one in session.instruments}
+        calibration = make_calibration(
+            found.rot_mb,
+            found.covariance,
+            session.instruments[0],
+            make_provenance(session.sources, arrays, {"fit": "north", **settings}, *METHOD),
+            frame="b",
+            before=session.calibration,
+        )
+        whole = replace(whole, aligned=found, calibration=calibration)
     judged = replace(whole, findings=tuple(_examine(whole)))
     return judged if judged.verdict == "refused" else replace(judged, remarks=_describe(judged))
 
 
-def _found(session: NorthSession) -> NorthFit:
+def _find_north(session: NorthSession) -> NorthFit:
     """North by every method that there are readings for."""
     by: dict[str, North] = {}
     sd = None if session.reading_sd_arcsec is None else session.reading_sd_arcsec / 3600.0
-    swing, constant, constant_sd = None, None, None
+    swing, constant, constant_sd, transits = None, None, None, session.transits
     if session.swing is not None:
         swing = kernel.fit_swing(session.swing.time_s, session.swing.reading_deg, sd)
         by["swing"] = swing.north
     if session.turning_deg is not None:
-        by["reversal"] = fit_reversals(session.turning_deg, sd)
-    if session.transits is not None:
-        by["transit"], constant, constant_sd = _transit(session)
+        by["reversal"] = kernel.fit_reversals(session.turning_deg, sd)
+    if transits is not None:
+        # of t1, t2, t3: Δt = (t2 − t1) − (t3 − t2), so its variance is (1 + 4 + 1) that of one
+        amplitude = (transits.amplitude_east + transits.amplitude_west) / 2
+        one_sd = session.time_sd_s
+        by["transit"], constant, constant_sd = kernel.fit_transits(
+            transits.setting_deg,
+            amplitude * (transits.east_s - transits.west_s),
+            None if one_sd is None else amplitude * np.sqrt(6.0) * one_sd,
+            session.transit_constant,
+            session.transit_constant_sd,
+        )
     read = (by[name] for name in ("swing", "reversal") if name in by)
     known = (estimate_drift(one.drift_deg, one.drift_sd_deg) for one in read)
-    drift = next((one for one in known if np.isfinite(one.sd_deg)), NOT_TOLD)
+    drift = next((one for one in known if np.isfinite(one.sd_deg)), UNKNOWN)
     # north is where the zero was at some moment of the record, and nobody knows at which
     by = {
         name: one._replace(sd_deg=float(np.hypot(one.sd_deg, drift.allowed_deg / 2)))
         for name, one in by.items()
     }
-    method = min(by, key=lambda name: (not np.isfinite(by[name].sd_deg), by[name].sd_deg))
     return NorthFit(
         session=session,
         by=by,
-        method=method,
+        method=min(by, key=lambda name: (not np.isfinite(by[name].sd_deg), by[name].sd_deg)),
         swing=swing,
         drift=drift,
         constant=constant,
         constant_sd=constant_sd,
-    )
-
-
-def _transit(session: NorthSession) -> tuple[North, float, float]:
-    """By transits: a half-period is the difference of two times, Δt that of two half-periods."""
-    transits = session.transits
-    assert transits is not None, "asked for only with transits"
-    amplitude = (transits.amplitude_east + transits.amplitude_west) / 2
-    # t1, t2, t3 are stopped: Δt = (t2 − t1) − (t3 − t2), so its variance is (1 + 4 + 1) that of one
-    one_sd = session.time_sd_s
-    return kernel.fit_transits(
-        transits.setting_deg,
-        amplitude * (transits.east_s - transits.west_s),
-        None if one_sd is None else amplitude * np.sqrt(6.0) * one_sd,
-        session.transit_constant,
-        session.transit_constant_sd,
     )
 
 
@@ -227,51 +216,32 @@ def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
     )
 
 
-def _calibration(session: NorthSession, found: Aligned, method: str) -> Alignment | Chain:
-    """field_b = rotation.apply(field_m), after the magnetometer's own calibration."""
-    magnetometer, reference = session.instruments
-    settings = {"fit": "north", "method": method, "constant_arcsec": session.constant_arcsec}
-    arrays = {one.name: one.field for one in (magnetometer, reference)}
-    return make_calibration(
-        found.rot_mb,
-        found.covariance,
-        magnetometer,
-        make_provenance(session.sources, arrays, settings, *METHOD),
-        frame="b",
-        before=session.calibration,
-    )
-
-
 def _examine(fit: NorthFit) -> Iterator[Finding]:
-    """The findings of a fit: the gyro, what was sighted, the platform."""
-    yield from _examine_gyro(fit)
-    for one in fit.azimuths:
-        differ = 2 * abs(one.collimation_arcsec)
-        if differ > 2 * BAD_FACES_ARCSEC:
-            yield tell("faces", name=one.name, by=differ)
-    if fit.aligned is not None:
-        yield from _examine_platform(fit.aligned)
-
-
-def _examine_gyro(fit: NorthFit) -> Iterator[Finding]:
-    """Methods that disagree, a short record, a zero that moves, and readings that scatter."""
+    """Methods that disagree, a short record, a zero that moves, and readings that scatter; then
+    what was sighted, and the platform."""
     best = fit.by[fit.method]
     for name, other in fit.by.items():
         apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
         if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
-            yield tell("methods disagree", one=fit.method, other=name, by=3600 * apart)
+            yield report("methods disagree", one=fit.method, other=name, by=3600 * apart)
     if fit.swing is not None and fit.session.swing is not None and fit.period_s is not None:
         periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
         if not fit.swing.converged or periods < FEW_PERIODS:
-            yield tell("short swing", periods=periods)
+            yield report("short swing", periods=periods)
     if fit.drift.seen:
-        yield tell("zero drifts", by=3600 * abs(fit.drift.size_deg))
+        yield report("zero drifts", by=3600 * abs(fit.drift.size_deg))
     read = {fit.method: best.excess} | {one.name: one.excess for one in fit.azimuths}
     name, excess = max(read.items(), key=lambda item: item[1])
     if excess > 1.0:
-        yield tell("readings scatter", name=name, excess=excess)
+        yield report("readings scatter", name=name, excess=excess)
     if not np.isfinite(best.sd_deg):
-        yield tell("no spread")
+        yield report("no spread")
+    for one in fit.azimuths:
+        differ = 2 * abs(one.collimation_arcsec)
+        if differ > 2 * BAD_FACES_ARCSEC:
+            yield report("faces", name=one.name, by=differ)
+    if fit.aligned is not None:
+        yield from _examine_platform(fit.aligned)
 
 
 def _examine_platform(found: Aligned) -> Iterator[Finding]:
@@ -279,10 +249,10 @@ def _examine_platform(found: Aligned) -> Iterator[Finding]:
     after it was set."""
     solution = found.solution
     if len(found.orientation) < 2:
-        yield tell("orientations")
+        yield report("orientations")
     elif solution.p_value < RARE:
         more = figure(float(np.sqrt(solution.chi2 / solution.freedom)))
-        yield tell_misfit(
+        yield report_misfit(
             "platform misfit",
             f"the residuals are {more} times what the noise explains",
             find_explanations(solution, found.time, found.orientation),
@@ -290,7 +260,7 @@ def _examine_platform(found: Aligned) -> Iterator[Finding]:
             "calibration",
         )
     if found.settled_by.any():
-        yield tell("platform settles", by=float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
+        yield report("platform settles", by=float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
 
 
 def _describe(fit: NorthFit) -> tuple[str, ...]:

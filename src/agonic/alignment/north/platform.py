@@ -1,4 +1,4 @@
-"""How a magnetometer sits on a platform whose azimuth and tilt a theodolite and levels tell."""
+"""How a magnetometer sits on a platform by a theodolite (azimuth) and levels (tilt)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from agonic.alignment.maths.solution import RARE, Solution, solve
-from agonic.alignment.maths.stretches import average, find_rows
-from agonic.alignment.maths.two_frames import compute_rotation_vector, compute_turn_sd, make_prior
+from agonic.alignment.maths.columns import average, find_rows
+from agonic.alignment.maths.two_frames import (
+    RARE,
+    Solution,
+    compute_rotation_vector,
+    compute_turn_sd,
+    make_prior,
+    solve,
+)
 from agonic.alignment.session.laboratory import NorthSession, Platform
 from agonic.alignment.session.observed import average_beside, make_measured
 from agonic.alignment.session.session import compute_unix_s
@@ -27,12 +33,10 @@ BATCHES = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Aligned:
-    """The alignment of a magnetometer with its platform (forward, right, down).
-
-    `solution` has the rotation and what else was solved for; `heading_deg` (k,) is true, `time`
-    (k,) that of an orientation's readings; `settled_by` (3,), rad, is what the platform surely
-    turned by within the orientations, else zero.
-    """
+    """The alignment of a magnetometer with its platform (forward, right, down). `solution` has the
+    rotation and what else was solved for; `heading_deg` (k,) is true, `time` (k,) that of an
+    orientation's readings; `settled_by` (3,), rad, is what the platform surely turned by within the
+    orientations, else zero."""
 
     solution: Solution
     heading_deg: Array
@@ -62,12 +66,10 @@ class Aligned:
 
 
 def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: float) -> Aligned:
-    """The alignment of a session's magnetometer with its platform, R_mb.
-
-    Vectors in two frames as with a star sensor, the platform's attitude R_bn from azimuth and
-    levels. What north is wrong by turns all azimuths alike: a turn of the reference about down with
-    north's standard error as its prior, beside what is stated of the reference's axes.
-    """
+    """The alignment of a session's magnetometer with its platform, R_mb. Vectors in two frames as
+    with a star sensor, the platform's attitude R_bn from azimuth and levels. What north is wrong by
+    turns all azimuths alike: a turn of the reference about down with north's standard error as its
+    prior, beside what is stated of the reference's axes."""
     platform = session.platform
     assert platform is not None, "asked for only with a platform"
     heading = platform.reading_deg - north_deg + (180.0 if platform.mirror else 0.0)
@@ -76,16 +78,26 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
     turns = (axes_sd, axes_sd, float(np.hypot(axes_sd, north_sd_arcsec)))
     prior = make_prior({"alignment"}, session.pier.sd, turns)
 
-    magnetometer, reference = session.instruments
+    (magnetometer, reference), field = session.instruments, session.corrected
 
     def align(rows: list[Index]) -> Solution:
-        fields = average_beside(rows, magnetometer, session.corrected, reference)
+        fields = average_beside(rows, magnetometer, field, reference)
         measured = make_measured(session, fields, rot_bn, _attitude_covariance(platform))
         return solve(measured, prior, session.pier.difference)
 
-    rows = _find_rows(session, platform)
+    if magnetometer.station is None:
+        raise AgonicError("the magnetometer's table says no orientation; add a column orientation")
+    rows = find_rows(magnetometer.station, platform.orientation)
+    without = [str(n) for n, own in zip(platform.orientation, rows, strict=True) if not len(own)]
+    if without:
+        raise AgonicError(f"orientation {', '.join(without)} has no readings of the magnetometer")
     found, settled = align(rows), np.zeros(3)
-    if find_settling_chance(_list_residuals(session, found, rows)) < RARE:
+    now, then = compute_unix_s(magnetometer), compute_unix_s(reference)
+    beside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
+    onto_m = found.unknowns.rot_mc @ found.measured.rot_cn @ found.unknowns.rot_nr
+    both = zip(rows, onto_m, strict=True)
+    # what is left of each reading, but for a constant
+    if find_settling_chance([field[own] - beside[own] @ turn.T for own, turn in both]) < RARE:
         first, last = (
             align([own[half(len(own))] for own in rows]).unknowns.rot_mc
             for half in (lambda n: slice(0, (n + 1) // 2), lambda n: slice(n // 2, n))
@@ -96,31 +108,9 @@ def align_platform(session: NorthSession, north_deg: float, north_sd_arcsec: flo
         solution=found,
         heading_deg=heading % 360.0,
         orientation=platform.orientation,
-        time=average(compute_unix_s(magnetometer), rows),
+        time=average(now, rows),
         settled_by=settled,
     )
-
-
-def _list_residuals(session: NorthSession, found: Solution, rows: list[Index]) -> list[Array]:
-    """What is left of each reading, (n, 3) by orientation, but for a constant."""
-    magnetometer, reference = session.instruments
-    now, then = compute_unix_s(magnetometer), compute_unix_s(reference)
-    beside = np.stack([np.interp(now, then, b) for b in reference.field.T], axis=1)
-    onto_m = found.unknowns.rot_mc @ found.measured.rot_cn @ found.unknowns.rot_nr
-    field = session.corrected
-    return [field[own] - beside[own] @ turn.T for own, turn in zip(rows, onto_m, strict=True)]
-
-
-def _find_rows(session: NorthSession, platform: Platform) -> list[Index]:
-    """The magnetometer's rows of each orientation."""
-    station = session.instruments[0].station
-    if station is None:
-        raise AgonicError("the magnetometer's table says no orientation; add a column orientation")
-    rows = find_rows(station, platform.orientation)
-    without = [str(n) for n, own in zip(platform.orientation, rows, strict=True) if not len(own)]
-    if without:
-        raise AgonicError(f"orientation {', '.join(without)} has no readings of the magnetometer")
-    return rows
 
 
 def _attitude_covariance(platform: Platform) -> Array:
@@ -142,19 +132,10 @@ def _attitude_covariance(platform: Platform) -> Array:
 
 
 def find_settling_chance(left: list[Array]) -> float:
-    """How often chance alone would move readings along a line in time by as much as they do.
-
-    Of each orientation batches of what is `left` (n, 3) of its readings are fitted with a line; the
+    """How often chance alone would move readings along a line in time by as much as they do. Of
+    each orientation batches of what is `left` (n, 3) of its readings are fitted with a line; the
     squares of the slopes over those of what the lines leave are an F-test, all axes together. It is
-    1 where no orientation has readings enough.
-
-    >>> rng = np.random.default_rng(0)
-    >>> still = [rng.normal(size=(60, 3)) for _ in range(8)]
-    >>> bool(find_settling_chance(still) > 1e-4)
-    True
-    >>> find_settling_chance([one - np.linspace(0, 3, 60)[:, None] for one in still]) < 1e-4
-    True
-    """
+    1 where no orientation has readings enough."""
     explained, unexplained, lines = 0.0, 0.0, 0
     at = np.linspace(-1.0, 1.0, BATCHES)
     for values in left:

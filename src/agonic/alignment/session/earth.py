@@ -37,16 +37,8 @@ _FIELDS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EarthRotation:
-    """Daily polar motion and UT1 − TAI, (n,) rows at UTC midnights.
-
-    Parameters
-    ----------
-    unix_s : the midnights. ut1_tai_s : UT1 − TAI, s; without leap seconds, so it can be
-        interpolated. pole_x_rad, pole_y_rad : polar motion.
-    ut1_sd_s, pole_sd_rad : their standard errors, predictions included.
-    measured_until : the last moment that is measured, not predicted.
-    source : which table.
-    """
+    """Daily polar motion and UT1 − TAI (without leap seconds, so it can be interpolated), (n,) rows
+    at UTC midnights, their standard errors, and the last moment that is measured, not predicted."""
 
     unix_s: Array
     ut1_tai_s: Array
@@ -63,10 +55,8 @@ class EarthRotation:
         return float(self.unix_s[-1])
 
     def at(self, unix_s: ArrayLike) -> tuple[Array, Array, Array]:
-        """UT1 − TAI, s, and the pole's x and y, rad, (n,) by cubic splines between the days.
-
-        Raises `ValidityError` outside the table.
-        """
+        """UT1 − TAI, s, and the pole's x and y, rad, (n,) by cubic splines between the days. Raises
+        `ValidityError` outside the table."""
         when = np.atleast_1d(np.asarray(unix_s, dtype=np.float64))
         outside = (when < self.unix_s[0]) | (when > self.ends)
         if outside.any():
@@ -115,11 +105,6 @@ def load_earth_rotation() -> EarthRotation:
     """The table finals2000A of the IERS that is installed (package astropy-iers-data), offline.
 
     Source: IERS Rapid Service, Bulletin A: measured from 1973, predicted for a year.
-
-    >>> earth = load_earth_rotation()
-    >>> ut1_tai, x, y = earth.at(1_175_774_400.0)  # 2007-04-05 12:00
-    >>> round(float(ut1_tai[0]), 3)
-    -33.072
     """
     from astropy_iers_data import IERS_A_FILE, __version__
 

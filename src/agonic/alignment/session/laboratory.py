@@ -18,9 +18,7 @@ from agonic.samples import Samples
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Attitude:
     """How the platform stands: north-east-down into its axes, (3, 3), with covariance (3, 3), rad².
-
-    `frame` is the letter of its axes: "b" (forward, right, down) or "c" (star sensor).
-    """
+    `frame` is the letter of its axes: "b" (forward, right, down) or "c" (star sensor)."""
 
     rot_pn: Array
     covariance: Array
@@ -29,17 +27,12 @@ class Attitude:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoilSession(Recorded):
-    """Readings of a magnetometer while a coil's current is reversed.
-
-    Parameters
-    ----------
-    magnetometer : readings in nT with times and `current_A`.
-    geometric_axis : (3,) of the coil as drawn, in axes of the letter `geometric_frame`.
-    alignment : magnetometer axes into those of the platform. attitude : of the platform.
-    site : needed for Earth-fixed and inertial axes.
-    settle_s : readings so soon after a change of current are left out.
-    current_sd : relative standard deviation of the current's scale.
-    """
+    """Readings of a magnetometer while a coil's current is reversed. `magnetometer`: readings in nT
+    with times and `current_A`. `geometric_axis`: (3,) of the coil as drawn, in axes of the letter
+    `geometric_frame`. `alignment`: magnetometer axes into those of the platform. `attitude`: of the
+    platform. `site`: needed for Earth-fixed and inertial axes. `settle_s`: readings so soon after a
+    change of current are left out. `current_sd`: relative standard deviation of the current's
+    scale."""
 
     magnetometer: Samples
     reference: Samples | None = None
@@ -51,6 +44,11 @@ class CoilSession(Recorded):
     settle_s: float = 0.0
     current_sd: float = 0.0
     coil: str = "coil"
+
+    @property
+    def rot_pm(self) -> Array:
+        """Magnetometer axes into the platform's."""
+        return np.eye(3) if self.alignment is None else self.alignment.rotation.as_matrix()
 
     def _list_mistakes(self) -> Iterator[str]:
         samples = self.magnetometer
@@ -82,16 +80,11 @@ class CoilSession(Recorded):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiSheet:
-    """Readings of a DI-flux measurement, angles in degrees.
-
-    Parameters
-    ----------
-    mark_deg : (m,) readings of the circle to the azimuth mark, both faces. mark_azimuth_deg : where
-        that is, clockwise from true north, if known.
-    horizontal_deg, zenith_deg, reading : (n,) of both circles and of the fluxgate.
-    setting : (n,) the number of the setting of each reading: repeats share one.
-    time : UTC seconds since 1970, (n,). magnitude : of the field at the pillar, nT, if known.
-    """
+    """Readings of a DI-flux measurement, angles in degrees. `mark_deg`: (m,) readings of the circle
+    to the azimuth mark, both faces. `mark_azimuth_deg`: where that is, clockwise from true north,
+    if known. `horizontal_deg`, `zenith_deg`, `reading`: (n,) of both circles and of the fluxgate.
+    `setting`: (n,) the number of the setting of each reading: repeats share one. `time`: UTC
+    seconds since 1970, (n,). `magnitude`: of the field at the pillar, nT, if known."""
 
     mark_deg: Array
     horizontal_deg: Array
@@ -111,11 +104,9 @@ class DiSheet:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Transits:
-    """Passages of the spin axis past a setting of the theodolite, (n,) each.
-
-    `setting_deg` N′ on the circle; `east_s`, `west_s` how long it stays on either side;
-    `amplitude_east`, `amplitude_west` in any unit, if the same.
-    """
+    """Passages of the spin axis past a setting of the theodolite, (n,) each. `setting_deg` N′ on
+    the circle; `east_s`, `west_s` how long it stays on either side; `amplitude_east`,
+    `amplitude_west` in any unit, if the same."""
 
     setting_deg: Array
     east_s: Array
@@ -134,10 +125,8 @@ class SwingRecord:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sighting:
-    """Readings (n,) of the circle to a mark or an instrument, degrees, in one face or both.
-
-    With `mirror` the theodolite looks into a mirror on it, whose normal points back.
-    """
+    """Readings (n,) of the circle to a mark or an instrument, degrees, in one face or both. With
+    `mirror` the theodolite looks into a mirror on it, whose normal points back."""
 
     name: str
     reading_deg: Array
@@ -147,10 +136,8 @@ class Sighting:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Platform:
     """Static orientations of a platform: circle readings to its forward axis, and its tilt, (k,).
-
     Axes forward, right, down. `circle_sd_arcsec` and `level_sd_arcsec` are those of one sighting
-    and of roll and pitch.
-    """
+    and of roll and pitch."""
 
     orientation: NDArray[np.int64]
     reading_deg: Array
@@ -163,21 +150,15 @@ class Platform:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NorthSession(Recorded):
-    """What was read to find true north, and what north is carried to.
-
-    Parameters
-    ----------
-    turning_deg : (n,) readings at the turning points, in order. transits, swing : the same gyro by
-        transits, or followed all the time. Any of the three, on one circle.
-    reading_sd_arcsec, time_sd_s : of one reading of the circle and of one time; `None`: from the
-        spread.
-    transit_constant, transit_constant_sd : c of the gyro, degrees per (unit of amplitude · s),
-        where it is known.
-    constant_arcsec, constant_sd_arcsec : true north less the gyro's, the instrument's constant.
-    sightings : marks and instruments that get an azimuth.
-    platform, magnetometer, reference : for the alignment of a magnetometer: orientations, readings
-        with `station` the number of the orientation, and the field north-east-down beside it.
-    """
+    """What was read to find true north, and what north is carried to. `turning_deg`: (n,) readings
+    at the turning points, in order. `transits`, `swing`: the same gyro by transits, or followed all
+    the time. Any of the three, on one circle. `reading_sd_arcsec`, `time_sd_s`: of one reading of
+    the circle and of one time; `None`: from the spread. `transit_constant`, `transit_constant_sd`:
+    c of the gyro, degrees per (unit of amplitude · s), where it is known. `constant_arcsec`,
+    `constant_sd_arcsec`: true north less the gyro's, the instrument's constant. `sightings`: marks
+    and instruments that get an azimuth. `platform`, `magnetometer`, `reference`: for the alignment
+    of a magnetometer: orientations, readings with `station` the number of the orientation, and the
+    field north-east-down beside it."""
 
     turning_deg: Array | None = None
     transits: Transits | None = None

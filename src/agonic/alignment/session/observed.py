@@ -9,15 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths.solution import ROUNDS, Solution, solve
-from agonic.alignment.maths.stretches import (
+from agonic.alignment.maths.columns import (
     Stretches,
     average,
     average_stretches,
     find_rows,
     sum_each,
 )
-from agonic.alignment.maths.two_frames import Measured, compute_rotation_vector, make_prior
+from agonic.alignment.maths.two_frames import (
+    ROUNDS,
+    Measured,
+    Solution,
+    compute_rotation_vector,
+    make_prior,
+    solve,
+)
 from agonic.alignment.session.earth import EarthRotation, load_earth_rotation
 from agonic.alignment.session.laboratory import NorthSession
 from agonic.alignment.session.session import PRESENT, Session, Site, StarReadings, put_on_clock
@@ -31,16 +37,10 @@ from agonic.samples import Samples
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observed:
-    """What each of k orientations says.
-
-    Parameters
-    ----------
-    orientation : (k,) numbers. time : (k,) UTC seconds since 1970.
-    measured : means of magnetometer, reference and attitude, with what they are uncertain by.
-    boresight_i : (k, 3). readings : (k, 2) of star sensor and magnetometer.
-    star_noise : (2,) rad, of one reading across and about the boresight: the scatter within
-        orientations, NaN where there is none to tell.
-    """
+    """What each of k orientations says: its number (k,), time (k,) UTC seconds since 1970, the
+    means with what they are uncertain by, the boresight (k, 3), and the readings (k, 2) of star
+    sensor and magnetometer. `star_noise` (2,) rad is that of one reading across and about the
+    boresight: the scatter within orientations, NaN without any."""
 
     orientation: NDArray[np.int64]
     time: Array
@@ -64,23 +64,25 @@ class Observed:
 
 
 def observe(session: Session) -> Observed:
-    """The session as one observation an orientation.
+    """The session as one observation an orientation, of every star reading
 
-        rot_cn = rot_ci · rot_eiᵀ · rot_en
+        rot_cn = rot_ci · rot_eiᵀ · rot_en,
 
-    of every star reading, averaged over the orientation as rotation vectors. Raises `AgonicError`
-    where neither a standard deviation is stated nor the scatter tells it, and `ValidityError`
-    outside the table of the Earth's rotation.
-    """
+    averaged over the orientation as rotation vectors. Raises `AgonicError` where noise is neither
+    stated nor seen, and `ValidityError` outside the table of the Earth's rotation."""
     star, site = session.star, session.site
     attitude, rot_ei = average_attitudes(site, star, load_earth_rotation())
     rot_ne = rot_en(site.latitude_deg, site.longitude_deg).T
     rot_cn = attitude @ np.swapaxes(rot_ne @ rot_ei, 1, 2)
     rows = find_rows(star.orientation, session.orientations)
-    first = rot_cn[[own[0] for own in rows]]
-    turns = _turns(rot_cn, first, rows)
-    star_noise = _star_scatter(turns, rows)
-    means, spreads = _means(turns, _covariance(star, star_noise), rows)
+    first, from_first = rot_cn[[own[0] for own in rows]], rot_cn.copy()
+    for own, start in zip(rows, first, strict=True):
+        from_first[own] = rot_cn[own] @ start.T
+    turns = compute_rotation_vector(from_first)  # camera axes, from the first attitude there
+    star_noise = _measure_star_noise(turns, rows)
+    weights = np.asarray(np.linalg.inv(_choose_covariance(star, star_noise)), dtype=np.float64)
+    spreads = np.asarray(np.linalg.inv(sum_each(weights, rows)), dtype=np.float64)
+    means = (spreads @ sum_each(weights @ turns[..., None], rows))[..., 0]
     station = session.magnetometer.station
     assert station is not None, "checked when the session is"
     stood = find_rows(station.astype(np.int64), session.orientations)
@@ -114,34 +116,24 @@ def make_measured(
     """Means with the attitudes (k, 3, 3) of their orientations; noise as stated, or by scatter."""
     beside = fields.beside
     assert beside is not None, "averaged with the reference"
-    own = _choose_noise(session.noise, fields.scatter, "magnetometer")
-    theirs = _choose_noise(session.reference_noise, beside.scatter, "reference")
-    return Measured(
-        fields.field,
-        beside.field,
-        rot_cn,
-        covariance,
-        own / np.sqrt(fields.counts),
-        theirs * beside.share,
-    )
-
-
-def _choose_noise(stated: float | None, scatter: Array, name: str) -> float:
-    """Standard deviation of a reading on an axis, stated or from the scatter."""
-    value = float(np.sqrt((scatter**2).mean())) if stated is None else stated
-    if not np.isfinite(value):
-        raise AgonicError(
-            f"the noise of the {name} is neither stated nor shown by repeated readings; give "
-            "noise_nT"
-        )
-    return value
+    noises = []
+    for stated, scatter, name in (
+        (session.noise, fields.scatter, "magnetometer"),
+        (session.reference_noise, beside.scatter, "reference"),
+    ):
+        noises.append(float(np.sqrt((scatter**2).mean())) if stated is None else stated)
+        if not np.isfinite(noises[-1]):
+            raise AgonicError(
+                f"the noise of the {name} is neither stated nor shown by repeated readings; give "
+                "noise_nT"
+            )
+    own, theirs = noises[0] / np.sqrt(fields.counts), noises[1] * beside.share
+    return Measured(fields.field, beside.field, rot_cn, covariance, own, theirs)
 
 
 def average_attitudes(site: Site, star: StarReadings, earth: EarthRotation) -> tuple[Array, Array]:
-    """True attitudes rot_ci (n, 3, 3), with what the air and motion did taken out, and rot_ei.
-
-    The sensor sees a star of direction u at Q u and reports rot_ci Q, so rot_ci = reported Qᵀ.
-    """
+    """True attitudes rot_ci (n, 3, 3), with what the air and motion did taken out, and rot_ei. The
+    sensor sees a star of direction u at Q u and reports rot_ci Q, so rot_ci = reported Qᵀ."""
     rotation_ei = earth.rot_ei(star.time)
     turn = compute_apparent_turn(site, star, rotation_ei)
     return star.rot_ci @ np.swapaxes(turn, 1, 2), rotation_ei
@@ -159,24 +151,7 @@ def compute_apparent_turn(site: Site, star: StarReadings, rotation_ei: Array) ->
     return find_smallest_rotation(star.boresight_i, seen)
 
 
-def _turns(rot_cn: Array, first: Array, rows: list[Index]) -> Array:
-    """Rotation vectors (n, 3), camera axes, from the first attitude of its orientation to each."""
-    from_first = rot_cn.copy()
-    for own, start in zip(rows, first, strict=True):
-        from_first[own] = rot_cn[own] @ start.T
-    return compute_rotation_vector(from_first)
-
-
-def _means(turns: Array, covariance: Array, rows: list[Index]) -> tuple[Array, Array]:
-    """The weighted mean of the turns of each orientation, (k, 3), and their covariances."""
-    weights = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-    information = sum_each(weights, rows)
-    spreads = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    weighted = sum_each((weights @ turns[..., None])[..., 0], rows)
-    return (spreads @ weighted[..., None])[..., 0], spreads
-
-
-def _star_scatter(turns: Array, rows: list[Index]) -> Array:
+def _measure_star_noise(turns: Array, rows: list[Index]) -> Array:
     """Standard deviation of one attitude, across and about the boresight, rad."""
     squares = np.sum([((turns[own] - turns[own].mean(axis=0)) ** 2).sum(0) for own in rows], axis=0)
     freedom = sum(len(own) - 1 for own in rows)
@@ -185,8 +160,8 @@ def _star_scatter(turns: Array, rows: list[Index]) -> Array:
     return np.sqrt(np.array([(squares[0] + squares[1]) / 2, squares[2]]) / freedom)
 
 
-def _covariance(star: StarReadings, scatter: Array) -> Array:
-    """What is stated of every attitude, or else what the scatter tells."""
+def _choose_covariance(star: StarReadings, scatter: Array) -> Array:
+    """What is stated of every attitude, or else what the scatter shows."""
     if star.covariance is not None:
         return star.covariance
     if not np.isfinite(scatter).all() or scatter.min() <= 0:
@@ -200,9 +175,7 @@ def _covariance(star: StarReadings, scatter: Array) -> Array:
 def solve_session(
     session: Session, observed: Observed, groups: Collection[str], rounds: int = ROUNDS
 ) -> Solution:
-    """The most probable unknowns, those of `groups` free.
-
-    What the session knows with a standard deviation (pier, axes of the reference) joins by itself.
-    """
+    """The most probable unknowns, those of `groups` free. What the session knows with a standard
+    deviation (pier, axes of the reference) joins by itself."""
     prior = make_prior({"alignment", *groups}, session.pier.sd, session.reference_sd_arcsec)
     return solve(observed.measured, prior, session.pier.difference, rounds=rounds)

@@ -35,11 +35,9 @@ PRESENT, REMOVED = "present", "removed"
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """Where the piers stand: degrees, longitude positive east.
-
-    `coordinates` "astronomical" follow the plumb line, as the north and down of the reference do;
-    "geodetic" ones are square to the ellipsoid and differ by the deflection of the vertical.
-    """
+    """Where the piers stand: degrees, longitude positive east. `coordinates` "astronomical" follow
+    the plumb line, as the north and down of the reference do; "geodetic" ones are square to the
+    ellipsoid and differ by the deflection of the vertical."""
 
     latitude_deg: float
     longitude_deg: float
@@ -57,16 +55,12 @@ class Site:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StarReadings:
-    """Attitudes of a star sensor: inertial (J2000, GCRS) components into its own, c.
-
-    Parameters
-    ----------
-    time : (n,) UTC seconds since 1970. orientation : (n,) whole numbers of the static orientations.
-    rot_ci : (n, 3, 3); its third row is the boresight.
-    covariance : (n, 3, 3) rad² of the small rotation in camera axes, third axis the boresight;
-        `None` where the scatter within the orientations is to tell.
-    refraction, aberration : "present" where the sensor does not take them out, else "removed".
-    """
+    """Attitudes of a star sensor: inertial (J2000, GCRS) components into its own, c. `time`: (n,)
+    UTC seconds since 1970. `orientation`: (n,) whole numbers of the static orientations. `rot_ci`:
+    (n, 3, 3); its third row is the boresight. `covariance`: (n, 3, 3) rad² of the small rotation in
+    camera axes, third axis the boresight; `None` where the scatter within the orientations is to
+    show it. `refraction`, `aberration`: "present" where the sensor does not take them out, else
+    "removed"."""
 
     time: Array
     orientation: NDArray[np.int64]
@@ -101,10 +95,8 @@ class StarReadings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pier:
-    """The field at the magnetometer's pier less that at the reference's, nT, in its axes.
-
-    `sd` is the standard deviation of each component: 0 where the difference is exact.
-    """
+    """The field at the magnetometer's pier less that at the reference's, nT, in its axes. `sd` is
+    the standard deviation of each component: 0 where the difference is exact."""
 
     difference: Array = field(default_factory=lambda: np.zeros(3))
     sd: float | None = None
@@ -127,17 +119,12 @@ class Mounting(Struct, frozen=True, kw_only=True):
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
     """What every session has: readings of a magnetometer, perhaps of a reference beside it.
-
-    Parameters
-    ----------
-    magnetometer : its readings in nT. calibration : of it, applied before everything else.
-    reference : the field beside it, north-east-down, which takes out the ambient's changes.
-    pier : difference of the field between the two. noise, reference_noise : standard deviation of
-        one reading on one axis, nT; `None`: by the scatter within the orientations.
-    reference_sd_arcsec : how well the reference's axes are known to be north, east and down;
-        `None`: exactly, unless they are solved for.
-    sources : the files that were read.
-    """
+    `magnetometer`: its readings in nT. `calibration`: of it, applied before everything else.
+    `reference`: the field beside it, north-east-down, which takes out the ambient's changes.
+    `pier`: difference of the field between the two. `noise`, `reference_noise`: standard deviation
+    of one reading on one axis, nT; `None`: by the scatter within the orientations.
+    `reference_sd_arcsec`: how well the reference's axes are known to be north, east and down;
+    `None`: exactly, unless they are solved for. `sources`: the files that were read."""
 
     magnetometer: Samples | None
     reference: Samples | None
@@ -227,10 +214,8 @@ def compute_unix_s(samples: Samples) -> Array:
 
 
 def put_on_clock(reference: Samples, samples: Samples) -> Array:
-    """The times (m,) of a reference, s, on the clock of other samples.
-
-    Without any dates both count from one moment.
-    """
+    """The times (m,) of a reference, s, on the clock of other samples. Without any dates both count
+    from one moment."""
     assert reference.time is not None, "a reference is read with times"
     if reference.epoch is None and samples.epoch is None:
         return reference.time
@@ -240,12 +225,10 @@ def put_on_clock(reference: Samples, samples: Samples) -> Array:
 
 
 def check_session(session: Session) -> Session:
-    """The session, or an error that says what does not fit together and what to do.
-
-    Raises `AgonicError` for times that do not meet, orientations without readings, attitudes that
-    are no rotations and covariances that are none; `UnitError` for magnitudes that cannot be those
-    of one place.
-    """
+    """The session, or an error that says what does not fit together and what to do. Raises
+    `AgonicError` for times that do not meet, orientations without readings, attitudes that are no
+    rotations and covariances that are none; `UnitError` for magnitudes that cannot be those of one
+    place."""
     for mistake in _list_session_mistakes(session):
         raise mistake
     return session

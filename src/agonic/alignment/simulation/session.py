@@ -98,10 +98,8 @@ _VARIATION = 30.0
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedSession(Readable):
     """A session and its truth: rotations, the field's offset, bias and matrix of the magnetometer.
-
     `rot_mc` turns star sensor components into the magnetometer's; `reference_turn` (3,) is the
-    small rotation, rad, of the reference's axes about north, east and down.
-    """
+    small rotation, rad, of the reference's axes about north, east and down."""
 
     session: Session
     rot_mc: Annotated[Array, Shown(key="matrix_mc")]

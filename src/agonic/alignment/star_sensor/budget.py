@@ -106,11 +106,9 @@ def _of_light(session: Session) -> tuple[Effect, ...]:
 
 
 def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
-    """Where north and down are, at the site and for the reference; the two piers; the platform.
-
-    A difference of the piers is corrected only where one is given; of the platform's own field the
-    readings with it turned tell.
-    """
+    """Where north and down are, at the site and for the reference; the two piers; the platform. A
+    difference of the piers is corrected only where one is given; of the platform's own field the
+    readings with it turned show it."""
     session, groups, pier = fit.session, fit.solution.groups, fit.session.pier
     plumb, platform = session.site.coordinates == "astronomical", fit.platform
     axes = float(fit.sd[3:6].max()) / ARCSEC_RAD
@@ -118,34 +116,25 @@ def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
     known = "astronomical coordinates contain it" if plumb else "the coordinates are geodetic"
     unsolved = "taken as exactly north, east, down: their error goes into the result"
     given = "taken as exact" if pier.difference.any() else "none was given"
-    given = f"{given}: 0.24 nT are 1″ at 50 000 nT"
-    treated: Treatment = "corrected" if plumb else "not corrected"
-    stated = pier.difference.any() or pier.sd is not None
-    differ: Treatment = "corrected" if stated else "not known"
-    left: Treatment = "not corrected" if platform else "not known"
+    given = STANDARD_ERROR if apart else f"{given}: 0.24 nT are 1″ at 50 000 nT"
     size, remark = 0.0, "turn it beneath a magnetometer that stands still: agonic fit remanence"
     if platform is not None:
         size = platform.size_arcsec + 2 * platform.sd_arcsec
         remark = f"at most, from {platform.n} settings; across the axis of the turn"
-
-    def solved(group: str, otherwise: Treatment) -> Treatment:
-        return "solved for" if group in groups else otherwise
-
+    treated: list[Treatment] = ["not known"] * 4
+    treated[0] = "corrected" if plumb else "not corrected"
+    if pier.difference.any() or pier.sd is not None:
+        treated[2] = "corrected"
+    if platform:
+        treated[3] = "not corrected"
+    for k, group in enumerate(("reference", "pier", "bias"), start=1):
+        if group in groups:
+            treated[k] = "solved for"
     return (
-        Effect("deflection of the vertical", DEFLECTION_ARCSEC, treated, f"at most; {known}"),
-        Effect(
-            "axes of the reference",
-            axes,
-            solved("reference", "not known"),
-            STANDARD_ERROR if axes else unsolved,
-        ),
-        Effect(
-            "difference between the piers",
-            apart,
-            solved("pier", differ),
-            STANDARD_ERROR if apart else given,
-        ),
-        Effect("remanence of the platform", size, solved("bias", left), remark),
+        Effect("deflection of the vertical", DEFLECTION_ARCSEC, treated[0], f"at most; {known}"),
+        Effect("axes of the reference", axes, treated[1], STANDARD_ERROR if axes else unsolved),
+        Effect("difference between the piers", apart, treated[2], given),
+        Effect("remanence of the platform", size, treated[3], remark),
     )
 
 

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.figures import draw_figure, draw_residuals
+from agonic.alignment.figures import draw_axes, draw_dome, draw_figure, draw_residuals, draw_sky
 from agonic.alignment.findings import judge, write_by_axis
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
-from agonic.alignment.star_sensor.figures import draw_axes, draw_dome, draw_sky
 from agonic.alignment.star_sensor.plan import AlignmentPlan
 from agonic.alignment.star_sensor.result import AlignmentFit
 from agonic.maths.equation.symmetric import pack_symmetric
@@ -55,31 +54,40 @@ RESIDUAL_HEAD = (
     "Expected sd, nT",
     "Direction, ″",
 )
+DOME_CAPTION = "Over the site: north up, east right, the horizon at the rim"
+SKY_CAPTION = (
+    "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
+    "larger the residual"
+)
 MATRIX_HEAD = ("Magnetometer", "star sensor x", "y", "z")
 
 
 def describe_alignment(fit: AlignmentFit) -> Document:
-    """The alignment with its standard errors, residuals, error budget and the sky.
-
-    >>> from agonic.alignment.star_sensor.fit import fit_alignment
-    >>> from agonic.alignment.simulation.session import simulate_session
-    >>> made = describe_alignment(fit_alignment(simulate_session(orientations=5).session))
-    >>> print(made.to_text().splitlines()[0])
-    ! magnetometer: check (alignment with a star sensor, 5 orientations)
-    >>> made.to_html().count('class="dome"'), made.to_html().count('class="dot"')
-    (2, 10)
-    """
-    session, refused = fit.session, fit.verdict == "refused"
+    """The alignment with its standard errors, residuals, error budget and the sky."""
+    session, refused, solution = fit.session, fit.verdict == "refused", fit.solution
+    site, cost = session.site, fit.worst_sd_arcsec * ARCSEC_RAD * solution.magnitude
+    direction = float(np.sqrt((fit.residuals_arcsec**2).mean()))
+    ratio = solution.chi2 / max(solution.freedom, 1)
+    rank = f"rank {fit.rank} of {int(solution.free.sum())}"
+    worst = f"{significant(fit.worst_sd_arcsec, 2)}″"
+    residual = quantity(fit.residual_rms, "nT", 2)
     return Document(
         schema="agonic/fit-alignment@1",
         kind="Alignment with a star sensor",
         name=session.magnetometer.name,
         title=session.name or session.magnetometer.name,
         method=f"alignment with a {session.star.name}, {fit.n} orientations",
-        about=_about(fit),
+        about=f"{session.date}, {group_digits(site.latitude_deg, 4)}° north, "
+        f"{group_digits(site.longitude_deg, 4)}° east ({site.coordinates}); "
+        f"{session.magnetometer.name}, {session.star.name}, {session.reference.name}",
         **judge(fit),
         move=next(iter(moves(fit.findings)), WHEN_ALIGNED),
-        key_figures=_key_figures(fit),
+        key_figures=[
+            ("Alignment, worst axis", worst, f"{significant(cost, 2)} nT"),
+            ("Residual", residual, f"{significant(direction, 2)}″"),
+            ("χ² a degree of freedom", significant(ratio, 3), f"{solution.freedom} degrees"),
+            ("Condition", significant(fit.condition, 2), rank),
+        ],
         entries=_entries(fit),
         entries_title="",
         sections=[*([] if refused else [_describe_alignment(fit)]), *_list_evidence(fit)],
@@ -87,29 +95,6 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         calibration=fit.calibration,
         styles=["alignment.css"],
     )
-
-
-def _about(fit: AlignmentFit) -> str:
-    site, session = fit.session.site, fit.session
-    return (
-        f"{session.date}, {group_digits(site.latitude_deg, 4)}° north, "
-        f"{group_digits(site.longitude_deg, 4)}° east ({site.coordinates}); "
-        f"{session.magnetometer.name}, {session.star.name}, {session.reference.name}"
-    )
-
-
-def _key_figures(fit: AlignmentFit) -> list[tuple[str, str, str]]:
-    worst, solution = fit.worst_sd_arcsec, fit.solution
-    cost = worst * ARCSEC_RAD * solution.magnitude
-    direction = float(np.sqrt((fit.residuals_arcsec**2).mean()))
-    ratio = solution.chi2 / max(solution.freedom, 1)
-    rank = f"rank {fit.rank} of {int(solution.free.sum())}"
-    return [
-        ("Alignment, worst axis", f"{significant(worst, 2)}″", f"{significant(cost, 2)} nT"),
-        ("Residual", quantity(fit.residual_rms, "nT", 2), f"{significant(direction, 2)}″"),
-        ("χ² a degree of freedom", significant(ratio, 3), f"{solution.freedom} degrees"),
-        ("Condition", significant(fit.condition, 2), rank),
-    ]
 
 
 def _entries(fit: AlignmentFit) -> dict[str, str]:
@@ -225,24 +210,12 @@ def _numbers(fit: AlignmentFit) -> dict[str, Any]:
 
 
 def _list_evidence(fit: AlignmentFit) -> list[Section]:
-    """Residuals, the sky, and the error budget."""
-    found, numbers = fit.solution, fit.observed.orientation
-    drawn = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
-    residuals = Table(RESIDUAL_HEAD, _residual_rows(fit), "numbers small", scrolls=True)
-    budget = Table(BUDGET_HEAD, _budget_rows(fit), "budget", scrolls=True)
-    return [
-        Section("Residuals of each orientation", [drawn, residuals]),
-        Section("Where the star sensor looked", [lambda: _skies(fit)], style="pair"),
-        Section("Error budget", [BUDGET_NOTE, budget]),
-    ]
-
-
-def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
-    """Each orientation: where it looked, what is left in nT and in arcseconds."""
-    seen = fit.observed
+    """Residuals of each orientation in nT and arcseconds, the sky, and the error budget, in which a
+    size of 0 means that nothing is known of it."""
+    found, seen = fit.solution, fit.observed
     azimuth = np.degrees(np.arctan2(seen.boresight_n[:, 1], seen.boresight_n[:, 0])) % 360
-    sd = np.sqrt((fit.solution.residuals_sd**2).mean(axis=1))
-    return [
+    sd = np.sqrt((found.residuals_sd**2).mean(axis=1))
+    rows = [
         [
             str(number),
             datetime.fromtimestamp(float(seen.time[k]), UTC).strftime("%H:%M:%S"),
@@ -254,29 +227,32 @@ def _residual_rows(fit: AlignmentFit) -> list[list[str]]:
         ]
         for k, number in enumerate(seen.orientation.tolist())
     ]
+    effects = [
+        [
+            effect.name,
+            *(
+                significant(effect.size_arcsec * per, 3) if effect.size_arcsec else NOTHING
+                for per in (1.0, ARCSEC_RAD * found.magnitude)
+            ),
+            effect.treatment,
+            write_minus(effect.remark),
+        ]
+        for effect in error_budget(fit)
+    ]
+    drawn = partial(draw_residuals, found.residuals, found.residuals_sd, seen.orientation)
 
+    def draw_skies() -> list[Markup]:
+        dots = seen.orientation, fit.residuals_arcsec
+        over_site = draw_figure(draw_dome(seen.boresight_n, *dots), DOME_CAPTION)
+        return [over_site, draw_figure(draw_sky(seen.boresight_i, *dots), SKY_CAPTION)]
 
-def _skies(fit: AlignmentFit) -> list[Markup]:
-    seen = fit.observed
-    over_site = draw_dome(seen.boresight_n, seen.orientation, fit.residuals_arcsec)
-    among_stars = draw_sky(seen.boresight_i, seen.orientation, fit.residuals_arcsec)
-    up = "Over the site: north up, east right, the horizon at the rim"
-    pole = (
-        "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
-        "larger the residual"
-    )
-    return [draw_figure(over_site, up), draw_figure(among_stars, pole)]
-
-
-def _budget_rows(fit: AlignmentFit) -> list[list[str]]:
-    """The error budget, a row an effect; a size of 0 means that nothing is known of it."""
-    rows = []
-    for effect in error_budget(fit):
-        size_nT = effect.size_arcsec * ARCSEC_RAD * fit.solution.magnitude
-        sizes = (effect.size_arcsec, size_nT)
-        shown = [significant(size, 3) if size else NOTHING for size in sizes]
-        rows.append([effect.name, *shown, effect.treatment, write_minus(effect.remark)])
-    return rows
+    residuals = Table(RESIDUAL_HEAD, rows, "numbers small", scrolls=True)
+    budget = Table(BUDGET_HEAD, effects, "budget", scrolls=True)
+    return [
+        Section("Residuals of each orientation", [drawn, residuals]),
+        Section("Where the star sensor looked", [draw_skies], style="pair"),
+        Section("Error budget", [BUDGET_NOTE, budget]),
+    ]
 
 
 KEYS = ("azimuth_deg", "elevation_deg", "roll_deg")
@@ -288,29 +264,26 @@ ROLL = (
 
 
 def describe_plan(plan: AlignmentPlan) -> Document:
-    """The orientations with their dome, a column to fill in, and the standard errors to expect.
+    """The orientations with their dome, a column to fill in, and the standard errors to expect."""
+    rows: list[list[str]] = []
+    for orientation, sd in zip(plan.orientations, plan.sd_arcsec, strict=True):
+        known = f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined"
+        rows.append([str(len(rows) + 1), *(f"{angle:g}°" for angle in orientation), known, ""])
+    boresight, numbers = rot_cn(*np.array(plan.orientations).T)[:, 2], np.arange(1, len(rows) + 1)
 
-    >>> from agonic.alignment.star_sensor.plan import plan_alignment
-    >>> made = describe_plan(plan_alignment([18_870, 1_390, 45_750], wanted_sd_arcsec=2.0))
-    >>> made.to_text().splitlines()[0][:40], made.to_html().count("<svg")
-    ('6 orientations of 20 readings each: the ', 1)
-    """
+    def draw() -> Markup:
+        drawn = draw_dome(boresight, numbers, np.ones(len(rows)))
+        return draw_figure(drawn, "North is up, east to the right.")
+
+    table = Table(PLAN_HEAD, rows, "orientations", scrolls=True)
     return Document(
         schema="agonic/plan-alignment@1",
         kind="Plan of a session",
         name="Alignment with a star sensor",
-        status=f"{len(plan.orientations)} orientations of {plan.readings} readings each: the "
+        status=f"{len(rows)} orientations of {plan.readings} readings each: the "
         f"alignment to ± {significant(plan.worst_sd_arcsec, 2)}″ about its worst axis",
         sections=[
-            Section(
-                "Orientations",
-                [
-                    Table(PLAN_HEAD, _plan_rows(plan), "orientations", scrolls=True),
-                    lambda: _dome(plan),
-                ],
-                printed=True,
-                style="pair plan",
-            ),
+            Section("Orientations", [table, draw], printed=True, style="pair plan"),
             Section("", [ROLL], printed=True),
             Section("Standard errors to expect", [_describe_expected(plan)], printed=True),
         ],
@@ -320,21 +293,6 @@ def describe_plan(plan: AlignmentPlan) -> Document:
         },
         styles=["alignment.css"],
     )
-
-
-def _plan_rows(plan: AlignmentPlan) -> list[list[str]]:
-    """Each orientation in its order, and how well the alignment is known after it."""
-    rows: list[list[str]] = []
-    for orientation, sd in zip(plan.orientations, plan.sd_arcsec, strict=True):
-        known = f"{significant(sd, 3)}″" if np.isfinite(sd) else "not determined"
-        rows.append([str(len(rows) + 1), *(f"{angle:g}°" for angle in orientation), known, ""])
-    return rows
-
-
-def _dome(plan: AlignmentPlan) -> Markup:
-    boresight, count = rot_cn(*np.array(plan.orientations).T)[:, 2], len(plan.orientations)
-    drawn = draw_dome(boresight, np.arange(1, count + 1), np.ones(count))
-    return draw_figure(drawn, "North is up, east to the right.")
 
 
 def _describe_expected(plan: AlignmentPlan) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""`plan_alignment`: the orientations of a session, and what they will tell, before the night."""
+"""`plan_alignment`: the orientations of a session, and what they will show, before the night."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.alignment.maths import two_frames as kernel
 from agonic.alignment.maths.two_frames import (
     GROUPS,
     SIZE,
     Measured,
     Unknowns,
+    compute_information,
     compute_turn_sd,
     invert,
     make_prior,
+    predict_field_c,
+    start_unknowns,
+    weigh,
 )
 from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError, check_choice
@@ -45,24 +48,22 @@ def list_candidates(lowest_deg: float = 40.0) -> list[Orientation]:
     ]
 
 
-def compute_information(at: Unknowns, like: Measured, chosen: list[Orientation]) -> Array:
-    """What one more orientation each would tell, JᵀC⁻¹J (j, 18, 18), as noisy as those before."""
-    attitude = rot_cn(*np.array(chosen).T)
+def predict_information(at: Unknowns, like: Measured, chosen: list[Orientation]) -> Array:
+    """What one more orientation each would add, JᵀC⁻¹J (j, 18, 18), as noisy as those before."""
     count = len(chosen)
     reference = np.broadcast_to(like.reference.mean(axis=0), (count, 3))
+    turned = np.median(like.attitude_covariance, axis=0)
     one = Measured(
         field=reference,
         reference=reference,
-        rot_cn=attitude,
-        attitude_covariance=np.broadcast_to(
-            np.median(like.attitude_covariance, axis=0), (count, 3, 3)
-        ),
+        rot_cn=rot_cn(*np.array(chosen).T),
+        attitude_covariance=np.broadcast_to(turned, (count, 3, 3)),
         noise=np.full(count, np.median(like.noise)),
         reference_noise=np.full(count, np.median(like.reference_noise)),
     )
-    expected = kernel.predict_field_c(at, one) @ at.rot_mc.T
+    expected = predict_field_c(at, one) @ at.rot_mc.T
     field = expected @ np.linalg.inv(at.matrix).T + at.bias
-    return kernel.compute_information(at, one._replace(field=field), each=True)
+    return compute_information(at, one._replace(field=field))
 
 
 def choose_additions(
@@ -74,14 +75,11 @@ def choose_additions(
     enough: Callable[[list[int], float], bool],
 ) -> list[int]:
     """Which of `chosen` to add one after the other, each the one that shrinks the worst most.
-
-    `information` (18, 18) and `prior` (18,) are what is known already, `enough(added, worst)`
-    says when to stop, the worst being the largest standard error, nT, of a combination of the free
-    unknowns.
-    """
-    known = kernel.weigh(information, prior, magnitude)
-    nothing = np.where(np.isfinite(prior), 0.0, np.inf)
-    parts = np.array([kernel.weigh(one, nothing, magnitude) for one in each])
+    `information` (18, 18) and `prior` (18,) are what is known already, `enough(added, worst)` says
+    when to stop, the worst being the largest standard error, nT, of a combination of the free
+    unknowns."""
+    known = weigh(information, prior, magnitude)
+    parts = weigh(each, np.where(np.isfinite(prior), 0.0, np.inf), magnitude)
     added: list[int] = []
     while True:
         worst = float(1 / np.sqrt(max(np.linalg.eigvalsh(known)[0], 1e-30)))
@@ -137,7 +135,7 @@ def _direction(unit: Array, axes: tuple[str, str, str]) -> str:
 
 
 FEWEST, MOST = 4, 120
-"""Orientations of a plan; with fewer nothing tells a mistake."""
+"""Orientations of a plan; with fewer nothing shows a mistake."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -215,7 +213,7 @@ def plan_alignment(
         check_choice("solve", group, tuple(GROUPS))
     field = np.asarray(field_n, dtype=np.float64)
     magnitude = float(np.linalg.norm(field))
-    at = kernel.start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
+    at = start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
     root = np.sqrt(readings)
     star = np.array([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec]) * ARCSEC_RAD / root
     like = Measured(
@@ -228,7 +226,7 @@ def plan_alignment(
     )
     prior = make_prior({"alignment", *solve}, pier_sd, reference_sd_arcsec)
     chosen = list_candidates(lowest_elevation_deg)
-    each = compute_information(at, like, chosen)
+    each = predict_information(at, like, chosen)
 
     def covariance(picked: list[int]) -> Array:
         return invert(each[picked].sum(axis=0), prior)

@@ -9,8 +9,12 @@ from typing import Annotated
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths.solution import Solution
-from agonic.alignment.maths.two_frames import GROUPS, compute_rotation_vector, compute_turn_sd
+from agonic.alignment.maths.two_frames import (
+    GROUPS,
+    Solution,
+    compute_rotation_vector,
+    compute_turn_sd,
+)
 from agonic.alignment.remanence import RemanenceFit, fit_remanence
 from agonic.alignment.session.observed import Observed
 from agonic.alignment.session.session import Session
@@ -165,10 +169,8 @@ class AlignmentFit(Judged):
 
 
 def _angle_jacobian(angles_rad: Array) -> Array:
-    """∂(α, β, γ)/∂turn for R = R3(γ) R2(β) R3(α) and exp([turn]×) R.
-
-    Passive R_i(v) is the active rotation by −v, so turn = −(γ̇ z + β̇ R3(γ) y + α̇ R3(γ) R2(β) z).
-    """
+    """∂(α, β, γ)/∂turn for R = R3(γ) R2(β) R3(α) and exp([turn]×) R. Passive R_i(v) is the active
+    rotation by −v, so turn = −(γ̇ z + β̇ R3(γ) y + α̇ R3(γ) R2(β) z)."""
     _, beta, gamma = angles_rad
     sine = np.sin(beta) if abs(np.sin(beta)) > 1e-9 else 1e-9
     about = -np.array(

@@ -1,8 +1,8 @@
-"""`read_session`, `read_north`, `read_coil`: a description in TOML and the tables beside it."""
+"""Sessions as a description in TOML and the tables beside it: readers and writers of each kind."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -10,8 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.files.description import Description, read_description
-from agonic.alignment.files.tables import GON_DEG, read_stars, read_table, state_errors
+from agonic.alignment.files.description import Description, read_description, write_description
+from agonic.alignment.files.tables import (
+    GON_DEG,
+    format_stars,
+    format_table,
+    make_diagonal,
+    read_stars,
+    read_table,
+    state_errors,
+)
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import (
     Attitude,
@@ -23,6 +31,7 @@ from agonic.alignment.session.laboratory import (
     Transits,
 )
 from agonic.alignment.session.session import (
+    Recorded,
     Session,
     Site,
     StarReadings,
@@ -30,13 +39,16 @@ from agonic.alignment.session.session import (
     compute_unix_s,
 )
 from agonic.arrays import Array
+from agonic.atomic import make_folder, write_atomically
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
+from agonic.calibration.steps import require_calibration
 from agonic.errors import AgonicError
-from agonic.files.calibration import load
+from agonic.exports.csv import write_csv
+from agonic.files.calibration import load, save
 from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
-from agonic.maths.rotations.attitude import rot_nb
+from agonic.maths.rotations.attitude import angles_deg, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_ci, rot_en
 from agonic.samples import Samples
 
@@ -67,7 +79,7 @@ def read_session(path: Path | str) -> Session:
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.alignment.simulation.session import simulate_session
     >>> made = simulate_session(orientations=4, readings=3)
-    >>> from agonic.alignment.files.write import write_session
+    >>> from agonic.alignment.files.sessions import write_session
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_session(made.session, folder)
     ...     read_session(folder).orientations.tolist()
@@ -78,10 +90,17 @@ def read_session(path: Path | str) -> Session:
     if part is not None and (part.across_sd_arcsec is None) != (part.about_sd_arcsec is None):
         description.mistakes.append("[star] across_sd_arcsec and about_sd_arcsec go together")
     description.require()
-    star, scale = _read_stars(description), description.head.time_scale
+    scale = description.head.time_scale
+    star = read_stars(description.find(part.file), part.turns)
+    description.add_source(part.file, len(star))
+    star = state_errors(star, part.across_sd_arcsec, part.about_sd_arcsec)
+    in_utc = star.time - _ahead_s(star.time, scale)
+    star = replace(star, time=in_utc, **description.given["star"])
     made = {**description.given, **_read_instruments(description), "star": star}
     for name in ("magnetometer", "reference"):
-        made[name] = _turn_into_utc(made[name], scale)
+        ahead = float(_ahead_s(compute_unix_s(made[name])[:1], scale)[0])
+        epoch = made[name].epoch - timedelta(seconds=ahead)
+        made[name] = made[name].with_columns(epoch=epoch)
     made["magnetometer"] = _number_orientations(made["magnetometer"], star)
     made["remanence"] = description.read_samples("remanence")
     return check_session(Session(**made, sources=tuple(description.sources)))
@@ -90,17 +109,10 @@ def read_session(path: Path | str) -> Session:
 def _read_instruments(description: Description) -> dict[str, Any]:
     """Magnetometer, reference and calibration, as far as a description has them."""
     read = {name: description.read_samples(name) for name in ("magnetometer", "reference")}
-    return {**read, "calibration": description.load_calibration()}
-
-
-def _read_stars(description: Description) -> StarReadings:
-    """The star sensor's readings, in UTC."""
-    part, scale = description.parts["star"], description.head.time_scale
-    read = read_stars(description.find(part.file), part.turns)
-    description.add_source(part.file, len(read))
-    read = state_errors(read, part.across_sd_arcsec, part.about_sd_arcsec)
-    time = read.time - _ahead_s(read.time, scale)
-    return replace(read, time=time, **description.given["star"])
+    part, known = description.parts["magnetometer"], None
+    if part is not None and part.calibration:
+        known = require_calibration(load(description.find(part.calibration)))
+    return {**read, "calibration": known}
 
 
 def _ahead_s(time: Array, scale: str) -> Array:
@@ -112,18 +124,9 @@ def _ahead_s(time: Array, scale: str) -> Array:
     return np.asarray(leap + {"TAI": 0.0, "GPS": GPS_TAI_S, "TT": TT_TAI_S}[scale])
 
 
-def _turn_into_utc(samples: Samples, scale: str) -> Samples:
-    """Samples whose epoch is in a time scale, in UTC."""
-    ahead = float(_ahead_s(compute_unix_s(samples)[:1], scale)[0])
-    assert samples.epoch is not None, "unix_of refuses samples without"
-    return samples.with_columns(epoch=samples.epoch - timedelta(seconds=ahead))
-
-
 def _number_orientations(samples: Samples, star: StarReadings) -> Samples:
     """With the numbers of the orientations, by the star sensor's times where the table has none.
-
-    Readings while the platform was turned belong to none and are left out.
-    """
+    Readings while the platform was turned belong to none and are left out."""
     if samples.station is not None:
         wanted = np.isin(samples.station, star.orientation)
         if not wanted.any():
@@ -157,8 +160,8 @@ def read_north(path: Path | str) -> NorthSession:
     description at once, and `AgonicError` where its parts do not belong together.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from agonic.alignment.simulation.north import simulate_north
-    >>> from agonic.alignment.files.write import write_north
+    >>> from agonic.alignment.simulation.laboratory import simulate_north
+    >>> from agonic.alignment.files.sessions import write_north
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_north(simulate_north(orientations=0).session, folder)
     ...     len(read_north(folder).turning_deg)
@@ -220,72 +223,66 @@ def read_coil(path: Path | str) -> CoilSession:
 
     >>> from tempfile import TemporaryDirectory
     >>> from agonic.alignment.simulation.laboratory import simulate_coil
-    >>> from agonic.alignment.files.write import write_coil
+    >>> from agonic.alignment.files.sessions import write_coil
     >>> with TemporaryDirectory() as folder:
     ...     _ = write_coil(simulate_coil(reversals=4).session, folder)
     ...     read_coil(folder).geometric_axis.tolist()
     [0.0, 0.0, 1.0]
     """
     description = read_description(path, COIL)
-    parts, mistakes = description.parts, description.mistakes
-    if parts["attitude"] is not None:
-        mistakes.extend(_list_attitude_mistakes(parts["attitude"], parts["site"] is not None))
-    axis = description.given.get("geometric_axis")
+    mistakes, made = description.mistakes, dict(description.given)
+    attitude, missing = description.parts["attitude"], description.parts["site"] is None
+    if attitude is not None:
+        made["attitude"] = _make_attitude(attitude, made.get("site"), missing, mistakes)
+    axis = made.get("geometric_axis")
     if axis is not None and not axis.any():
         mistakes.append("[coil] axis has no length")
     description.require()
-    made = {**description.given, **_read_instruments(description)}
+    made |= _read_instruments(description)
     made["alignment"], before = _load_alignment(description)
     made["calibration"] = made["calibration"] or before
-    made["attitude"] = _make_attitude(parts["attitude"], made.get("site"))
     return CoilSession(**made, sources=tuple(description.sources))
 
 
-def _list_attitude_mistakes(part: Any, site: bool) -> list[str]:
-    """Angles that are missing, or of both kinds."""
-    levelled = [name for name in LEVELLED if getattr(part, name) is not None]
-    stellar = [name for name in STELLAR if getattr(part, name) is not None]
-    wanted = f"{', '.join(LEVELLED)}, or {', '.join(STELLAR)}"
+def _make_attitude(
+    part: Any, site: Site | None, no_site: bool, mistakes: list[str]
+) -> Attitude | None:
+    """North-east-down into the platform's axes, by levels and azimuth or by the stars; None and
+    what is wrong where angles are missing, or of both kinds."""
+    levelled, stellar = (
+        [name for name in names if getattr(part, name) is not None] for names in (LEVELLED, STELLAR)
+    )
     if bool(levelled) == bool(stellar):
-        return [f"[attitude] needs {wanted}, one of the two"]
+        wanted = f"{', '.join(LEVELLED)}, or {', '.join(STELLAR)}"
+        mistakes.append(f"[attitude] needs {wanted}, one of the two")
+        return None
     missing = sorted(set(LEVELLED if levelled else STELLAR) - {*levelled, *stellar})
-    said = [f"[attitude] needs {', '.join(missing)} too"] if missing else []
-    if stellar and not site:
-        said.append("[attitude] of a star sensor needs a [site]")
-    if part.utc is not None and _moment(part.utc) is None:
-        said.append(f"[attitude] utc {part.utc!r} is not a time such as 2024-03-12T21:00:00Z")
-    return said
-
-
-def _moment(text: str) -> float | None:
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
+    wrong = [f"[attitude] needs {', '.join(missing)} too"] if missing else []
+    if stellar and no_site:
+        wrong.append("[attitude] of a star sensor needs a [site]")
+    unix = None
+    if part.utc is not None:
+        try:
+            moment = datetime.fromisoformat(part.utc)
+            unix = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+        except ValueError:
+            example = "such as 2024-03-12T21:00:00Z"
+            wrong.append(f"[attitude] utc {part.utc!r} is not a time {example}")
+    mistakes.extend(wrong)
+    if mistakes:
         return None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def _make_attitude(part: Any, site: Site | None) -> Attitude | None:
-    """North-east-down into the platform's axes: by levels and azimuth, or by the stars."""
-    if part is None:
-        return None
-    if part.utc is None:
-        level, turn = part.level_sd_arcsec, part.heading_sd_arcsec
+    if unix is None or site is None:
         # small errors: levels about the platform's own axes, the azimuth about down
-        rotation = rot_nb(part.roll_deg or 0.0, part.pitch_deg or 0.0, part.heading_deg or 0.0).T
-        down = rotation[:, 2]
-        flat = np.eye(3) - np.outer(down, down)
-        covariance = (level**2 * flat + turn**2 * np.outer(down, down)) * ARCSEC_RAD**2
+        rotation = rot_nb(part.roll_deg, part.pitch_deg, part.heading_deg).T
+        along = np.outer(rotation[:, 2], rotation[:, 2])
+        level, turn = part.level_sd_arcsec**2, part.heading_sd_arcsec**2
+        covariance = (level * (np.eye(3) - along) + turn * along) * ARCSEC_RAD**2
         return Attitude(rot_pn=rotation, covariance=covariance, frame="b")
-    unix = _moment(part.utc)
-    assert site is not None, "checked with the description"
-    assert unix is not None, "checked with the description"
     rot_ei = load_earth_rotation().rot_ei([unix])[0]
-    sd = np.array([part.across_sd_arcsec, part.across_sd_arcsec, part.about_sd_arcsec])
-    star = rot_ci(part.ra_deg or 0.0, part.dec_deg or 0.0, part.rot_deg or 0.0)
+    star = rot_ci(part.ra_deg, part.dec_deg, part.rot_deg)
     return Attitude(
         rot_pn=star @ rot_ei.T @ rot_en(site.latitude_deg, site.longitude_deg),
-        covariance=np.diag(sd**2) * ARCSEC_RAD**2,
+        covariance=make_diagonal(part.across_sd_arcsec, part.about_sd_arcsec),
         frame="c",
     )
 
@@ -304,3 +301,102 @@ def _load_alignment(description: Description) -> tuple[Alignment | None, Calibra
         before = found.steps[:-1]
         return found.steps[-1], before[0] if len(before) == 1 else Chain(steps=before)
     raise AgonicError(f"{file} is a {found.kind}, no alignment; fit one, or leave [alignment] out")
+
+
+def write_session(session: Session, folder: Path | str) -> list[Path]:
+    """Write a session's description and tables, and return their paths, session.toml last.
+
+    Parameters: `session`; `folder`, made where it is not there. Raises `AgonicError` where a file
+    cannot be written.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.alignment.simulation.session import simulate_session
+    >>> with TemporaryDirectory() as folder:
+    ...     files = write_session(simulate_session(orientations=4, readings=3).session, folder)
+    ...     print(*(file.name for file in files))
+    star.csv magnetometer.csv reference.csv session.toml
+    """
+    stars = {"star": format_stars(session.star)}
+    return _write(session, folder, SESSION, stars, {"": {"time_scale": "UTC"}})
+
+
+def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
+    """Write north.toml and its tables, as `read_north` reads them; return their paths.
+
+    Parameters: `session`; `folder`, made where it is not there.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.alignment.simulation.laboratory import simulate_north
+    >>> with TemporaryDirectory() as folder:
+    ...     files = write_north(simulate_north(orientations=0).session, folder)
+    ...     print(*(file.name for file in files))
+    reversal.csv transit.csv swing.csv north.toml
+    """
+    turning = session.turning_deg
+    tables = {} if turning is None else {"reversal": format_table({"reading_deg": turning})}
+    for name, (attribute, kind) in TABLES.items():
+        if (part := getattr(session, attribute)) is not None:
+            tables[name] = format_table({key: getattr(part, key) for key in list_columns(kind)})
+    sighted = [
+        {"name": one.name, "readings_deg": one.reading_deg, "mirror": one.mirror}
+        for one in session.sightings
+    ]
+    return _write(session, folder, NORTH, tables, {"sighting": sighted})
+
+
+def write_coil(session: CoilSession, folder: Path | str) -> list[Path]:
+    """Write coil.toml with its tables, as `read_coil` reads them; return their paths.
+
+    Parameters: `session`; `folder`, made where it is not there. The attitude is written as roll,
+    pitch and heading of the platform.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from agonic.alignment.simulation.laboratory import simulate_coil
+    >>> with TemporaryDirectory() as folder:
+    ...     files = write_coil(simulate_coil(reversals=4).session, folder)
+    ...     print(*(file.name for file in files))
+    magnetometer.csv reference.csv alignment.json coil.toml
+    """
+    stood = None if session.attitude is None else _describe_attitude(session.attitude)
+    return _write(session, folder, COIL, {}, {"attitude": stood})
+
+
+def _write(
+    session: Recorded,
+    folder: Path | str,
+    name: str,
+    tables: Mapping[str, str],
+    beside: Mapping[str, Any],
+) -> list[Path]:
+    """Write tables by the name of their section, readings, what is calibrated, the description."""
+    home = make_folder(folder)
+    files = {one: write_atomically(home / f"{one}.csv", text) for one, text in tables.items()}
+    for one in ("magnetometer", "reference", "remanence"):
+        if (samples := getattr(session, one, None)) is not None:
+            files[one] = write_csv(samples, home / f"{one}.csv")
+    if (turn := getattr(session, "alignment", None)) is not None:
+        files["alignment"] = save(turn, home / "alignment.json")
+    sections: dict[str, Any] = {one: {"file": file.name} for one, file in files.items()}
+    if "reference" in sections:
+        sections["reference"]["axes"] = "NED"
+    written = [*files.values()]
+    if session.calibration is not None:
+        written.append(save(session.calibration, home / "calibration.json"))
+        sections["magnetometer"]["calibration"] = written[-1].name
+    return [*written, write_description(session, home, name, {**sections, **beside})]
+
+
+def _describe_attitude(attitude: Attitude) -> dict[str, float]:
+    if attitude.frame != "b":
+        raise AgonicError("an attitude in a star sensor's axes is not written; give ra, dec, rot")
+    roll, pitch, heading = (float(a) for a in angles_deg(attitude.rot_pn.T))
+    down = attitude.rot_pn[:, 2]
+    about = float(down @ attitude.covariance @ down)
+    level = (float(np.trace(attitude.covariance)) - about) / 2
+    return {
+        "roll_deg": roll,
+        "pitch_deg": pitch,
+        "heading_deg": heading,
+        "level_sd_arcsec": float(np.sqrt(max(level, 0.0))) / ARCSEC_RAD,
+        "heading_sd_arcsec": float(np.sqrt(about)) / ARCSEC_RAD,
+    }

@@ -4,26 +4,139 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from agonic.alignment.coil.result import CoilFit, Direction, Level
-from agonic.alignment.findings import tell
-from agonic.alignment.maths import columns as kernel
-from agonic.alignment.maths.columns import CoilEstimate
-from agonic.alignment.maths.stretches import Stretches, average, split
+from agonic.alignment.findings import report
+from agonic.alignment.maths.columns import (
+    CoilEstimate,
+    Stretches,
+    average,
+    choose_drift,
+    estimate_coil,
+    fit_columns,
+    split,
+)
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import CoilSession
 from agonic.alignment.session.observed import average_beside
 from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array
 from agonic.errors import CoverageError, ValidityError
-from agonic.health import Finding, figure
+from agonic.health import Finding, Judged, figure
+from agonic.health.finding import Severity
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
+from agonic.maths.rotations.vectors import skew
+from agonic.readable import Shown
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Direction:
+    """The axis (3,) in the axes of a frame's letter, with the covariance (3, 3) of the vector."""
+
+    frame: str
+    axis: Annotated[Array, Shown()]
+    covariance: Annotated[Array, Shown()]
+
+    def turn(self, frame: str, matrix: Array, spread: Array | None = None) -> Direction:
+        """In other axes; `spread` is the covariance of the turn's own rotation vector there."""
+        axis = matrix @ self.axis
+        covariance = matrix @ self.covariance @ matrix.T
+        if spread is not None:
+            covariance = covariance + skew(axis) @ spread @ skew(axis).T
+        return Direction(frame=frame, axis=axis, covariance=covariance)
+
+    @property
+    def sd_arcsec(self) -> Annotated[float, Shown()]:
+        """Standard error of the direction about its worst axis."""
+        return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance)[-1], 0.0)) / ARCSEC_RAD)
+
+    @property
+    def angles_deg(self) -> tuple[float, float]:
+        """Azimuth and elevation in north-east-down; else longitude and latitude on the sphere:
+        right ascension and declination in inertial axes."""
+        x, y, z = self.axis
+        up = -z if self.frame == "n" else z
+        return float(np.degrees(np.arctan2(y, x)) % 360), float(np.degrees(np.arcsin(up)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """The coil at one size of the current: constant, and how far from that of all, nT/A."""
+
+    current_A: Annotated[float, Shown()]
+    constant: Annotated[float, Shown()]
+    sd: Annotated[float, Shown()]
+    departure: Annotated[float, Shown()]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoilFit(Judged):
+    """The result of `fit_coil`.
+
+    Parameters
+    ----------
+    current : (k,) of the stretches in which it was constant. read : their means, and stretches :
+        the same without the ambient field, where the reference's axes are known.
+    estimate : the coil's vector by the ampere in the magnetometer's axes, with its covariance.
+    directions : the axis in every frame that the session leads to, by letter: m magnetometer, b or
+        c platform, n north-east-down, e Earth-fixed, i inertial at `time`.
+    geometric_deg, geometric_sd_arcsec : the angle to the axis as drawn.
+    levels : the constant at each size of the current. p_linear : how often they differ so much by
+        chance.
+    """
+
+    session: CoilSession
+    current: Array
+    read: Stretches
+    stretches: Stretches
+    estimate: CoilEstimate
+    directions: Annotated[dict[str, Direction], Shown(key="axes")]
+    geometric_deg: Annotated[float | None, Shown()] = None
+    geometric_sd_arcsec: Annotated[float | None, Shown()] = None
+    levels: Annotated[tuple[Level, ...], Shown()] = ()
+    p_linear: Annotated[float, Shown()] = 1.0
+    time: Annotated[float | None, Shown(key="unix_s")] = None
+    findings: tuple[Finding, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> Annotated[int, Shown()]:
+        """How many stretches of constant current."""
+        return len(self.stretches.time)
+
+    @property
+    def reversals(self) -> Annotated[int, Shown()]:
+        """How often the current changed its sign."""
+        sign = np.sign(self.current)
+        return int((np.diff(sign[sign != 0]) != 0).sum())
+
+    @property
+    def axis(self) -> Array:
+        """The unit vector (3,) in the magnetometer's axes."""
+        return self.directions["m"].axis
+
+    @property
+    def axis_sd_arcsec(self) -> float:
+        """Its standard error about the worst axis."""
+        return self.directions["m"].sd_arcsec
+
+    @property
+    def constant(self) -> Annotated[float, Shown(key="constant_nT_A")]:
+        """The coil constant, nT/A."""
+        return float(np.linalg.norm(self.estimate.linear))
+
+    @property
+    def constant_sd(self) -> Annotated[float, Shown(key="constant_sd_nT_A")]:
+        """Its standard error, with that of the current's scale."""
+        along = float(np.sqrt(self.axis**2 @ self.estimate.covariance[:, 0, 0]))
+        return float(np.hypot(along, self.session.current_sd * self.constant))
+
 
 RARE = 1e-3
 STANDS_OUT = 4.0
@@ -74,8 +187,8 @@ def fit_coil(session: CoilSession) -> CoilFit:
     current, read, seen = _read(session)
     level = _levels(current)
     even = int(level.max()) > 0
-    drift = kernel.choose_drift(current, seen, MOST_DRIFT, even=even)
-    found = kernel.estimate(current, seen, drift, even=even)
+    drift = choose_drift(current, seen, MOST_DRIFT, even=even)
+    found = estimate_coil(current, seen, drift, even=even)
     time = None
     if session.magnetometer.epoch is not None:  # the middle of the measurement
         time = float(compute_unix_s(session.magnetometer)[[0, -1]].mean())
@@ -117,25 +230,17 @@ def _read(session: CoilSession) -> tuple[Array, Stretches, Stretches]:
     read = average_beside(rows, samples, session.corrected, session.reference)
     seen = read
     if session.attitude is not None and read.beside is not None:
-        onto_m = _onto_p(session).T @ session.attitude.rot_pn
+        onto_m = session.rot_pm.T @ session.attitude.rot_pn
         seen = read._replace(field=read.field - read.beside.field @ onto_m.T, beside=None)
     return average(current, rows), read, seen
-
-
-def _onto_p(session: CoilSession) -> Array:
-    """Magnetometer axes into the platform's."""
-    if session.alignment is None:
-        return np.eye(3)
-    return np.asarray(session.alignment.rotation.as_matrix())
 
 
 def _levels(current: Array) -> NDArray[np.int64]:
     """The number of each stretch's size of current, from the smallest; −1 for none."""
     size = np.abs(current)
-    near = SAME_CURRENT * float(size.max())
     order = np.argsort(size)
-    step = np.diff(size[order], prepend=0.0) > near
     number = np.empty(len(size), dtype=np.int64)
+    step = np.diff(size[order], prepend=0.0) > SAME_CURRENT * float(size.max())
     number[order] = np.cumsum(step) - 1
     return number
 
@@ -152,7 +257,7 @@ def _directions(
     known = {"m": last}
     alignment, attitude, site = session.alignment, session.attitude, session.site
     if alignment is not None:
-        last = last.turn(alignment.frame_out, _onto_p(session), alignment.covariance)
+        last = last.turn(alignment.frame_out, session.rot_pm, alignment.covariance)
         known[last.frame] = last
     if attitude is None:
         return known
@@ -163,8 +268,7 @@ def _directions(
         known["e"] = known["n"].turn("e", rot_en(site.latitude_deg, site.longitude_deg))
         with suppress(ValidityError):  # where the Earth's rotation is not known
             if time is not None:
-                rot_ie = load_earth_rotation().rot_ei([time])[0].T
-                known["i"] = known["e"].turn("i", rot_ie)
+                known["i"] = known["e"].turn("i", load_earth_rotation().rot_ei([time])[0].T)
     return known
 
 
@@ -177,9 +281,8 @@ def _geometry(
     drawn = session.geometric_axis / np.linalg.norm(session.geometric_axis)
     here = directions[session.geometric_frame]
     away = here.axis - drawn * (here.axis @ drawn)
-    length = float(np.linalg.norm(away))
     sd = here.sd_arcsec
-    if length > 2 * sd * ARCSEC_RAD:  # nearer, the angle has no direction of its own
+    if float(np.linalg.norm(away)) > 2 * sd * ARCSEC_RAD:  # nearer, the angle has no direction
         # the angle grows as the axis moves away from the drawn one, square to the axis itself
         along = away - here.axis * (away @ here.axis)
         along = along / np.linalg.norm(along)
@@ -189,7 +292,11 @@ def _geometry(
 
 def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...], float]:
     """The constant at each level, and how often by chance they differ so much."""
-    each, sd = kernel.estimate_levels(fit.current, fit.stretches, fit.estimate.drift, level)
+    scale = float(np.abs(fit.current).max())
+    columns = (level[:, None] == np.arange(level.max() + 1)) * fit.current[:, None] / scale
+    found = fit_columns(fit.stretches, columns, fit.estimate.drift)
+    each = found.coefficients / scale
+    sd = np.sqrt(np.diag(found.spread)[:, None] * found.variance) / scale
     along, error = each @ fit.axis, np.sqrt((sd**2) @ fit.axis**2)
     mean = float((along / error**2).sum() / (1 / error**2).sum())
     chi2 = float((((along - mean) / error) ** 2).sum())
@@ -199,18 +306,6 @@ def _linearity(fit: CoilFit, level: NDArray[np.int64]) -> tuple[tuple[Level, ...
         for size, a, e in zip(sizes, along, error, strict=True)
     )
     return levels, float(chdtrc(len(along) - 1, chi2))
-
-
-def _examine(fit: CoilFit) -> Iterator[Finding]:
-    """The findings of a fit. A coil that does not settle spoils what the mistakes are told by."""
-    settling = list(_judge_settling(fit))
-    yield from settling
-    if not settling:
-        yield from _find_mistakes(fit)
-        yield from _check_reference(fit)
-        yield from _check_drift(fit)
-    yield from _check_session(fit)
-    yield from _check_residuals(fit)
 
 
 def _describe(fit: CoilFit) -> tuple[str, ...]:
@@ -226,17 +321,24 @@ def _describe(fit: CoilFit) -> tuple[str, ...]:
     return (*said, f"the axis is {away} from the nominal axis")
 
 
-def _check_session(fit: CoilFit) -> Iterator[Finding]:
-    """Currents of one sign, a reference that is missing, and where the axis can be told."""
+def _examine(fit: CoilFit) -> Iterator[Finding]:
+    """The findings of a fit. A coil that does not settle spoils what shows the mistakes."""
+    settling = list(_judge_settling(fit))
+    yield from settling
+    if not settling:
+        yield from _find_mistakes(fit)
+        yield from _check_reference(fit)
+        yield from _check_drift(fit)
     if (fit.current > 0).all() or (fit.current < 0).all():
-        yield tell("one polarity")
+        yield report("one polarity")
     if fit.session.reference is None:
-        yield tell("no reference")
+        yield report("no reference")
     site, fixed = fit.session.site, "e" in fit.directions
     if fixed and site is not None and site.coordinates == "geodetic":
-        yield tell("geodetic coordinates", otherwise="")
+        yield report("geodetic coordinates", otherwise="")
     if fixed and "i" not in fit.directions:
-        yield tell("no inertial axis")
+        yield report("no inertial axis")
+    yield from _check_residuals(fit)
 
 
 def _check_residuals(fit: CoilFit) -> Iterator[Finding]:
@@ -244,15 +346,24 @@ def _check_residuals(fit: CoilFit) -> Iterator[Finding]:
     if fit.p_linear < RARE:
         worst = max(fit.levels, key=lambda level: abs(level.departure / level.sd))
         off = 1e6 * worst.departure / fit.constant
-        yield tell("nonlinear", current=figure(worst.current_A, 3), off=off)
+        yield report("nonlinear", current=figure(worst.current_A, 3), off=off)
     even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
     if spread.any() and (even**2 / spread).max() > STANDS_OUT**2:
         largest = float(np.abs(fit.current).max())
         left = float(np.linalg.norm(even)) * largest**2
-        yield tell("even in the current", left=left, largest=largest)
+        yield report("even in the current", left=left, largest=largest)
     length = float(fit.estimate.correlation.max())
     if length > CORRELATED:
-        yield tell("correlated residuals", length=length)
+        yield report("correlated residuals", length=length)
+
+
+def _compare(fit: CoilFit, one: CoilEstimate, *others: CoilEstimate) -> tuple[float, float]:
+    """By how much the constant of some of the readings differs from that of others, or of all, and
+    the standard error."""
+    other = others[0].linear if others else fit.estimate.linear
+    variance = sum((each.covariance for each in others), one.covariance)[:, 0, 0]
+    moved = float((one.linear - other) @ fit.axis)
+    return moved, float(np.sqrt(variance @ fit.axis**2))
 
 
 def _judge_settling(fit: CoilFit) -> Iterator[Finding]:
@@ -264,24 +375,24 @@ def _judge_settling(fit: CoilFit) -> Iterator[Finding]:
         current, _, seen = _read(replace(session, settle_s=session.settle_s + half_s))
     except CoverageError:
         return
-    late = kernel.estimate(current, seen, fit.estimate.drift, even=len(fit.levels) > 0)
-    moved = abs(float((late.linear - fit.estimate.linear) @ fit.axis))
-    sd, share = float(np.sqrt(late.covariance[:, 0, 0] @ fit.axis**2)), moved / fit.constant
-    if moved >= SURE * sd and share >= SETTLED:
-        yield tell("coil not settled", "refuse" if share > UNSETTLED else "check", by=100 * share)
+    late = estimate_coil(current, seen, fit.estimate.drift, even=len(fit.levels) > 0)
+    moved, sd = _compare(fit, late)
+    share = abs(moved) / fit.constant
+    if abs(moved) >= SURE * sd and share >= SETTLED:
+        severity: Severity = "refuse" if share > UNSETTLED else "check"
+        yield report("coil not settled", severity, by=100 * share)
 
 
 def _find_mistakes(fit: CoilFit) -> Iterator[Finding]:
-    """What the size of the current and the axis as drawn tell."""
+    """What the size of the current and the axis as drawn show."""
     largest, away = float(np.abs(fit.current).max()), fit.geometric_deg
     if largest > MOST_A:
-        yield tell("large current", largest=largest)
+        yield report("large current", largest=largest)
     if away is not None and away > FAR_DEG:
         reverse = away > REVERSED_DEG and 180 - away <= FAR_DEG
         turned = "the coil or the sign of its current is reversed"
-        yield tell(
-            "axis not as drawn", away=away, cause=turned if reverse else "is it another coil?"
-        )
+        cause = turned if reverse else "is it another coil?"
+        yield report("axis not as drawn", away=away, cause=cause)
 
 
 def _check_reference(fit: CoilFit) -> Iterator[Finding]:
@@ -290,17 +401,17 @@ def _check_reference(fit: CoilFit) -> Iterator[Finding]:
     if beside is None:
         return
     own = fit.read._replace(field=beside.field, beside=None)
-    drift = kernel.choose_drift(fit.current, own, MOST_DRIFT, even=False)
-    seen = kernel.estimate(fit.current, own, drift, even=False)
+    drift = choose_drift(fit.current, own, MOST_DRIFT, even=False)
+    seen = estimate_coil(fit.current, own, drift, even=False)
     size = float(np.linalg.norm(seen.linear))
     sure = np.abs(seen.linear) > SURE * np.sqrt(seen.covariance[:, 0, 0])
     if sure.any() and size > SHARE * fit.constant:
-        yield tell("coil in the reference", share=100 * size / fit.constant)
+        yield report("coil in the reference", share=100 * size / fit.constant)
     ambient = fit.read.counts @ (fit.read.field - fit.current[:, None] * fit.estimate.linear)
     more = float(np.linalg.norm(ambient) / np.linalg.norm(fit.read.counts @ beside.field)) - 1
     if abs(more) > OTHER_SIZE:
         way = "more" if more > 0 else "less"
-        yield tell("ambient field differs", by=100 * abs(more), way=way)
+        yield report("ambient field differs", by=100 * abs(more), way=way)
 
 
 def _check_drift(fit: CoilFit) -> Iterator[Finding]:
@@ -310,11 +421,9 @@ def _check_drift(fit: CoilFit) -> Iterator[Finding]:
         return
     drift, even = min(fit.estimate.drift, half // 4), len(fit.levels) > 0
     first, second = (
-        kernel.estimate(fit.current[rows], fit.stretches.select(rows), drift, even=even)
+        estimate_coil(fit.current[rows], fit.stretches.select(rows), drift, even=even)
         for rows in (slice(0, half), slice(half, None))
     )
-    moved = float((second.linear - first.linear) @ fit.axis)
-    variance = (first.covariance + second.covariance)[:, 0, 0]
-    sd = float(np.sqrt(variance @ fit.axis**2))
+    moved, sd = _compare(fit, second, first)
     if abs(moved) > max(SURE * sd, DRIFTS * fit.constant):
-        yield tell("constant drifts", by=100 * moved / fit.constant)
+        yield report("constant drifts", by=100 * moved / fit.constant)

@@ -1,1 +1,0 @@
-"""The magnetic axis and constant of a coil, from current reversals."""
