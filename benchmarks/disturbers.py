@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 import agonic as ag
-from agonic.attitude.disturbers.choice import choose_sources
-from agonic.attitude.disturbers.plan import judge_disturbers
+from agonic.attitude.disturbers.choice import choose_sources, judge_disturbers
 from agonic.attitude.problem import Settings
 from agonic.calibration.sources import list_columns, name_sources
 from agonic.calibration.timing import follow

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.inertial.pair.calibration import point_ahead
 from agonic.inertial.pair.simulate import SimulatedShots
+from agonic.inertial.pair.solve import point_ahead
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from benchmarks import tables
 

@@ -10,9 +10,9 @@ os.environ["COLUMNS"] = "88"  # help texts are as wide on every terminal
 from agonic import verification
 from agonic.attitude import evidence as attitude
 from agonic.ellipsoid import solve
-from agonic.health import evidence, mounting, outliers, readings, resolution
+from agonic.health import evidence, mounting, outliers, readings, scale
 from agonic.model import verdict
-from agonic.recording import calibrated, held_out
+from agonic.recording import calibrated, parts
 from agonic.version import __version__
 
 project = "agonic"
@@ -45,11 +45,11 @@ myst_substitutions = {  # limits are quoted from the source
         evidence,
         outliers,
         readings,
-        resolution,
+        scale,
         mounting,
         verification,
         calibrated,
-        held_out,
+        parts,
         solve,
         verdict,
     )

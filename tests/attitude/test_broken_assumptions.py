@@ -25,7 +25,7 @@ from benchmarks.faults import (
 from scipy.linalg import polar
 
 import agonic as ag
-from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.known_heading import compute_mounted_heading
 from agonic.model.terms import HIDDEN
 
 PLACE = ag.Reference.vector(FIELD_N, frame="n")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.disturbers.choice import choose_sources, list_candidates
-from agonic.attitude.disturbers.plan import judge_disturbers
+from agonic.attitude.disturbers.choice import choose_sources, judge_disturbers, list_candidates
 from agonic.attitude.problem import Settings
 from agonic.simulation import simulate
 

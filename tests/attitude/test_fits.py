@@ -9,8 +9,8 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
+from agonic.attitude.fit import fit_levelled, fit_vector
 from agonic.attitude.interference import fit_interference
-from agonic.attitude.levelled import fit_levelled, fit_vector
 from agonic.attitude.problem import Settings, normalise
 from agonic.field.place import field_along
 from agonic.maths.equation.channels import compute_residuals

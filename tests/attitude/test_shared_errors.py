@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.attitude.heading_column import check_heading_column
-from agonic.attitude.levelled import fit_levelled, fit_vector
+from agonic.attitude.fit import fit_levelled, fit_vector
+from agonic.attitude.known_heading import check_heading_column
 from agonic.maths.equation.coverage import level_directions
 from agonic.simulation import simulate
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.levelled import fit_levelled
+from agonic.attitude.fit import fit_levelled
 
 QUIET = {"sensors": 1, "stray_nT_A": ((0.0, 0.0, 0.0),), "latency_s": 0.0, "heading_sd_deg": 0.0}
 

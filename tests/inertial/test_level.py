@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.known_heading import compute_mounted_heading
 from agonic.inertial.problem import Settings
 from agonic.inertial.start import SLOW_M_S, choose_speed
 from agonic.simulation import simulate

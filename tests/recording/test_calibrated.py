@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.recording.earlier_calibration import judge
+from agonic.recording.comparison import judge
 from agonic.simulation import magnet_attached, mixed, quantised, simulate, with_outliers
 
 FIELD = ag.Reference.constant(50_000.0)

@@ -18,7 +18,7 @@ import agonic as ag
 from agonic.calibration.interference import Interference
 from agonic.maths.rotations.attitude import down_b
 from agonic.recording.calibrated import calibrate_as_named
-from agonic.recording.earlier_calibration import judge
+from agonic.recording.comparison import judge
 from agonic.simulation import simulate
 
 PLACE = ag.Reference.horizontal_vertical(25_000.0, 43_301.27018922)

@@ -12,7 +12,7 @@ import pytest
 
 import agonic as ag
 from agonic.cli import run
-from agonic.recording.held_out import compare_folds, fit_folds
+from agonic.recording.parts import compare_folds, fit_folds
 
 N = 500
 TIME = 0.1 * np.arange(N)

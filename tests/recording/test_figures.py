@@ -8,7 +8,7 @@ import pytest
 
 import agonic as ag
 from agonic.recording.figures import draw_headings, draw_histogram, draw_magnitude, draw_strip
-from agonic.recording.residuals import compute_residuals
+from agonic.recording.quantities import compute_residuals
 from agonic.report.axes import Axis, along_rows
 from agonic.simulation import simulate
 from tests.recording.handmade import samples_of, tumble

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.course import with_course
+from agonic.attitude.heading_source import with_course
 from agonic.maths.rotations import tilt as kernel
 from agonic.simulation import simulate
 

@@ -10,7 +10,7 @@ from agonic.attitude.fit import fit_channels_alone, open_channels_parts
 from agonic.attitude.problem import Settings
 from agonic.ellipsoid import fit_ellipsoid_alone, open_ellipsoid_parts
 from agonic.errors import CoverageError
-from agonic.recording.held_out import cut_blocks
+from agonic.recording.parts import cut_blocks
 from agonic.simulation import simulate
 
 LEVELLED = {"channels": ("magnitude", "dip"), "settings": Settings()}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.maths.equation.coverage import icosphere
-from agonic.recording.residuals import compute_residuals
+from agonic.recording.quantities import compute_residuals
 from tests.recording.handmade import FIELD, NOISE, calibrated, samples_of, tumble
 
 

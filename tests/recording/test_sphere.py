@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from agonic.recording.figures import pack_sphere
-from agonic.recording.residuals import compute_residuals
+from agonic.recording.quantities import compute_residuals
 from tests.recording.handmade import BIAS, NOISE
 
 

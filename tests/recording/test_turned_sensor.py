@@ -10,7 +10,7 @@ from agonic.ellipsoid import fit_ellipsoid
 from agonic.fit import Fit
 from agonic.maths.rotations.attitude import down_b
 from agonic.maths.rotations.turn_beside import find_turn_beside
-from agonic.recording.turned_sensor import undo_turn
+from agonic.recording.mounting import undo_turn
 from agonic.samples import Samples
 from agonic.simulation.vehicle import simulate_vehicle
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from agonic.health import Finding
 from agonic.recording.document import choose_move
-from agonic.recording.held_out import HALVES, check_halves, check_unseen_dip
+from agonic.recording.parts import HALVES, find_refusals
 from agonic.report.verdict import WHEN_GOOD
 from agonic.verification import DIP
 
@@ -36,19 +36,20 @@ def test_without_a_move_the_check_that_failed_says_what_to_do(good):
 def test_unseen_readings_that_dip_far_off_refuse_a_fit(good):
     """As with roll and pitch of another vehicle, which a fit to them may swallow."""
     check = replace(good.verification.checks[0], name=DIP, value=45.0)
-    refusal = check_unseen_dip((*good.verification.checks, check))
+    (refusal,) = find_refusals((*good.verification.checks, check))
     assert (refusal.name, refusal.severity) == ("attitude", "refuse")
     assert "off by 45°" in refusal.what
-    assert check_unseen_dip((replace(check, value=6.0),)) is None  # a failed check, no more
-    assert check_unseen_dip(good.verification.checks) is None
+    failed = replace(check, value=6.0)  # no more than a failed check
+    assert not [*find_refusals((*good.verification.checks, failed))]
+    assert not [*find_refusals(good.verification.checks)]
 
 
 def test_halves_that_point_elsewhere_refuse_a_fit(good):
     halves = replace(good.verification.checks[0], name=HALVES, value=0.3, limit=2.0)
-    assert check_halves((halves,)) is None
-    assert check_halves((replace(halves, value=6.0, passed=False),)) is None  # failed, no more
+    assert not [*find_refusals((halves,))]
+    assert not [*find_refusals((replace(halves, value=6.0, passed=False),))]  # failed, no more
     stated = replace(halves, value=20.0, limit=25.0)
-    assert check_halves((stated,)) is None  # by no more than they state
-    refusal = check_halves((replace(halves, value=20.0, passed=False),))
+    assert not [*find_refusals((stated,))]  # by no more than they state
+    (refusal,) = find_refusals((replace(halves, value=20.0, passed=False),))
     assert (refusal.name, refusal.severity) == ("halves contradict", "refuse")
     assert "20° apart" in refusal.what

@@ -92,7 +92,11 @@ def find_parameters(near: Affine, problem: Problem, scale: Scale) -> Array:
     if isinstance(near, Interference):
         slopes = near.coefficients
         if "second" in near.sources:
-            bias, matrix, slopes = _of_difference(bias, matrix, slopes, near.sources)
+            names = signals(near.sources)  # `_of_readings` backwards
+            of_second = [names.index(f"second_{axis}") for axis in "xyz"]
+            back = np.eye(3) - slopes[:, of_second]  # (1 + K)⁻¹
+            one = np.asarray(np.linalg.inv(back))
+            bias, matrix, slopes = one @ bias, matrix @ back, one @ slopes
         bias = bias + slopes @ scale.middle
     bias = (bias - scale.centre) / scale.size
     own = nearest_parameters(bias, matrix * (scale.size / near.magnitude), problem.basis)
@@ -134,26 +138,13 @@ def _in_units(params: Numbers, problem: Problem, scale: Scale) -> tuple[Numbers,
 def _of_readings(
     bias: Numbers, matrix: Numbers, slopes: Numbers, sources: tuple[str, ...]
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """From slopes on the difference second − raw to slopes on the second reading itself.
-
-    W (raw − b − K (second − raw)) = W (1 + K) (raw − (1 + K)⁻¹ b − (1 + K)⁻¹ K second)
-    """
+    """From slopes on the difference second − raw to slopes on the second reading itself. W (raw − b
+    − K (second − raw)) = W (1 + K) (raw − (1 + K)⁻¹ b − (1 + K)⁻¹ K second)"""
     names = signals(sources)
     of_second = [names.index(f"second_{axis}") for axis in "xyz"]
     one = np.eye(3) + slopes[..., of_second]
     own = np.linalg.solve(one, bias[..., None])[..., 0]
     return own, matrix @ one, np.linalg.solve(one, slopes)
-
-
-def _of_difference(
-    bias: Array, matrix: Array, slopes: Array, sources: tuple[str, ...]
-) -> tuple[Array, Array, Array]:
-    """From slopes on the second reading to those on the difference: `_of_readings` backwards."""
-    names = signals(sources)
-    of_second = [names.index(f"second_{axis}") for axis in "xyz"]
-    back = np.eye(3) - slopes[:, of_second]  # (1 + K)⁻¹
-    one = np.asarray(np.linalg.inv(back))
-    return one @ bias, matrix @ back, one @ slopes
 
 
 def _entries(matrix: Numbers, gauge: str) -> Numbers:

@@ -106,10 +106,9 @@ def remove_delay(calibration: Calibration, samples: Samples) -> Samples:
 
 def bring_forward(samples: Samples, late_s: float) -> tuple[Samples, Mask]:
     """The samples beside the attitude of their own moments, where that was recorded `late_s` later;
-    and the rows (n,) of whose moment no attitude was recorded (ends, gaps).
-
-    Nothing is recorded before it was measured: readings that seem early beside the attitude
-    show that the attitude, the accelerometer or the gyro is late.
+    and the rows (n,) of whose moment no attitude was recorded (ends, gaps). Nothing is recorded
+    before it was measured: readings that seem early beside the attitude show that the attitude, the
+    accelerometer or the gyro is late.
 
     >>> s = Samples(time=[0, 1, 2], field=np.eye(3), roll_deg=[0, 2, 8], pitch_deg=[0, 0, 0])
     >>> forward, unknown = bring_forward(s, 0.5)
@@ -130,14 +129,7 @@ def bring_forward(samples: Samples, late_s: float) -> tuple[Samples, Mask]:
 
 
 def advance(field: Array, samples: Samples, calibration: Calibration) -> Array:
-    """The field (n, 3) of samples at the moments of their rows, from readings that came late.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> made = Affine(bias=[0, 0, 0], matrix=np.eye(3), latency_s=0.5)
-    >>> s = Samples(time=[0, 1, 2], field=[[2.0, 0, 0], [3.0, 0, 0], [4.0, 0, 0]])
-    >>> advance(s.field, s, made)[:, 0].tolist()
-    [2.5, 3.5, 4.0]
-    """
+    """The field (n, 3) of samples at the moments of their rows, from readings that came late."""
     latency_s = getattr(calibration, "latency_s", 0.0)
     if not latency_s or samples.time is None:
         return field
@@ -145,13 +137,9 @@ def advance(field: Array, samples: Samples, calibration: Calibration) -> Array:
 
 
 def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _Found:
-    """The fit with the delay in its calibration, and its error in that of the heading.
-
-    While the vehicle turns at ω, an error δτ of the delay turns the heading by about ω δτ. Its rms
-    at the rates of this log joins the standard error of the heading.
-
-    Parameters: `samples` whose rates these are.
-    """
+    """The fit with the delay in its calibration, and its error in that of the heading. While the
+    vehicle turns at ω, an error δτ of the delay turns the heading by about ω δτ. Its rms at the
+    rates of this log joins the standard error of the heading."""
     if latency is None:
         return fit
     sd = latency.left_sd_s
@@ -189,11 +177,7 @@ def _count_delay(finding: Finding, own: Coverage, joined: Coverage) -> Finding:
 
 def measure_rate(samples: Samples) -> float:
     """How fast the sensor turned, rms, rad/s: by the gyro, else by the recorded attitude; 0 where
-    neither tells.
-
-    >>> measure_rate(Samples(field=np.eye(3), rotation_rate=[[0, 0, 2.0], [0, 2.0, 0], [0, 0, 2]]))
-    2.0
-    """
+    neither tells."""
     if samples.rotation_rate is not None:
         return float(np.sqrt((samples.rotation_rate**2).sum(axis=1).mean()))
     roll, pitch, heading = (getattr(samples, name) for name in _ANGLES)

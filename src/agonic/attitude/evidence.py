@@ -10,9 +10,9 @@ from scipy.linalg import polar
 
 from agonic.arrays import Array, Index, Mask
 from agonic.attitude.calibration import make_mean_calibration
-from agonic.attitude.heading_column import check_azimuth, check_heading_column
-from agonic.attitude.mounted_heading import (
-    MountedHeading,
+from agonic.attitude.known_heading import (
+    check_azimuth,
+    check_heading_column,
     check_turned_sensor,
     compute_mounted_heading,
 )
@@ -33,6 +33,7 @@ from agonic.health import (
     inspect,
 )
 from agonic.health.evidence import HEADING_REFUSED_DEG
+from agonic.health.finding import Severity
 from agonic.maths.equation.channels import (
     Problem,
     compute_distances,
@@ -65,16 +66,20 @@ def assess(
     settings: Settings,
     posterior: Posterior | None,
 ) -> Fit:
-    """The fit with residuals of every row, coverage, findings and remarks.
-
-    Parameters: as the fit has them; `turned` where a turn of the sensor was found.
-    """
+    """The fit with residuals of every row, coverage, findings and remarks."""
     weights = np.zeros(len(samples))
     weights[usable] = estimate.weights
     plain = make_mean_calibration(estimate, problem, scale, samples)
     cleaned = samples.field - field_of_terms(problem, estimate.solution.params) * scale.size
     coverage = _coverage(plain, cleaned, weights > 0, problem, settings)
-    channels = _channels(estimate, problem, scale.size)
+    channels = {
+        kind: Channel(
+            residuals=compute_residuals(problem, kind, estimate.solution.params) * scale.size,
+            noise=noise.sd * scale.size,
+            correlation=noise.correlation,
+        )
+        for kind, noise in estimate.noise.items()
+    }
     fit = Fit(
         calibration=affine,
         n=int(usable.sum()),
@@ -106,11 +111,22 @@ def assess(
     column = None if bent else _check_heading(plain, cleaned, samples, problem, weights > 0)
     if column is not None:
         found = tuple(f for f in found if f.name != column.name)
-    felt, doubted = problem.shared is not None, told is not None and told.severity != "note"
+    said = [] if told is not None and told.severity != "note" else [t.sentence for t in tests]
+    if tilt_sd:
+        felt = problem.shared is not None
+        which = "the tilt by accelerometer and gyro is" if felt else "roll and pitch are"
+        said.append(f"{which} good to {figure(tilt_sd)}° by the field's dip")
     fit = replace(
         fit,
-        accuracy=_state_accuracy(fit, mounted),
-        remarks=_remarks(fit, tilt_sd, felt=felt, doubted=doubted),
+        accuracy=Accuracy(
+            bias_sd=float(fit.sd[:3].max()),
+            unit=affine.unit_in,
+            own_deg=mounted.own_sd_deg,
+            inclination_deg=coverage.inclination_deg,
+            vehicle_deg=mounted.vehicle_sd_deg,
+            alone=set(channels) == {"magnitude"},
+        ),
+        remarks=tuple(said),
     )
     return fit.with_findings(*found, told, column)
 
@@ -127,18 +143,6 @@ def _check_heading(
     declination = logged - heading_by_vectors_deg(magnetic_north, down)
     mean = float(np.degrees(np.angle(np.exp(1j * np.radians(declination)).mean())))
     return check_heading_column(heading_by_vectors_deg(own, down) + mean, logged, mean)
-
-
-def _channels(estimate: Estimate, problem: Problem, size: float) -> dict[str, Channel]:
-    """Residuals, noise and correlation of each kind, in the unit of the readings."""
-    return {
-        kind: Channel(
-            residuals=compute_residuals(problem, kind, estimate.solution.params) * size,
-            noise=noise.sd * size,
-            correlation=noise.correlation,
-        )
-        for kind, noise in estimate.noise.items()
-    }
 
 
 def find_dip_deg(problem: Problem, settings: Settings) -> float:
@@ -177,9 +181,7 @@ def _coverage(
 
 def _half_seen(e: Evidence, problem: Problem, cleaned: Array) -> Finding | None:
     """A level vehicle that never turned half of the way: bias and soft iron look the same there.
-
-    What is stated then is mostly the prior, whatever the standard error says.
-    """
+    What is stated then is mostly the prior, whatever the standard error says."""
     if problem.dip is None or "azimuth" in problem.channels:
         return None
     seen = find_headings_seen((cleaned - e.bias) @ e.shape.T, problem.dip.down)
@@ -235,50 +237,23 @@ def _findings(
     found = [*seen, *filter(None, (check_scale(gain, samples.unit, size), coarse, half))]
     found += [f for f in examined if half is None or f.name != half.name]
     if tilt_sd is not None and tilt_sd > ATTITUDE_DOUBTFUL_DEG:
-        found.append(_doubt_attitude(tilt_sd, felt=problem.shared is not None))
+        why = "roll and pitch are wrong or late, or a magnet or steel stands near"
+        move = "check the attitude, its axes and its delay; fly gentle turns"
+        if problem.shared is not None:  # felt by an accelerometer
+            why = (
+                "a magnet or steel stands near, the vehicle speeds up and brakes, or the axes or "
+                "units of accelerometer and gyro are wrong"
+            )
+            move = (
+                "turn slowly, without jolts; check axes, units and times of accelerometer and gyro"
+            )
+        what = f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model"
+        grave: Severity = "refuse" if tilt_sd > HEADING_REFUSED_DEG else "check"
+        found.append(Finding("attitude", grave, f"{what}: {why}", move))
     if problem.relative is None:
         dip = evidence.coverage.inclination_deg
         found += filter(None, (check_azimuth(channels, evidence.radius, dip),))
     return tuple(found)
-
-
-def _doubt_attitude(tilt_sd: float, felt: bool) -> Finding:
-    """The finding that roll and pitch, recorded or felt by an accelerometer, are not those."""
-    why = "roll and pitch are wrong or late, or a magnet or steel stands near"
-    move = "check the attitude, its axes and its delay; fly gentle turns"
-    if felt:
-        why = (
-            "a magnet or steel stands near, the vehicle speeds up and brakes, or the axes or units "
-            "of accelerometer and gyro are wrong"
-        )
-        move = "turn slowly, without jolts; check axes, units and times of accelerometer and gyro"
-    return Finding(
-        "attitude",
-        "refuse" if tilt_sd > HEADING_REFUSED_DEG else "check",
-        f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model: {why}",
-        move,
-    )
-
-
-def _state_accuracy(fit: Fit, mounted: MountedHeading) -> Accuracy:
-    """How well the result is known, in the sensor's own axes and in the vehicle's."""
-    return Accuracy(
-        bias_sd=float(fit.sd[:3].max()),
-        unit=fit.calibration.unit_in,
-        own_deg=mounted.own_sd_deg,
-        inclination_deg=fit.coverage.inclination_deg,
-        vehicle_deg=mounted.vehicle_sd_deg,
-        alone=set(fit.channels) == {"magnitude"},
-    )
-
-
-def _remarks(fit: Fit, tilt_sd: float | None, *, felt: bool, doubted: bool) -> tuple[str, ...]:
-    """What else there is to say of the result, in words."""
-    said = [test.sentence for test in fit.tests if not doubted]
-    if tilt_sd:
-        which = "the tilt by accelerometer and gyro is" if felt else "roll and pitch are"
-        said.append(f"{which} good to {figure(tilt_sd)}° by the field's dip")
-    return tuple(said)
 
 
 WIDEST_GAP_DEG = 60.0
@@ -308,8 +283,6 @@ def find_headings_seen(field: Array, down: Array) -> HeadingsSeen:
 
 def describe_turns(field: Array, down: Array) -> str:
     """The headings and the tilt that a vehicle would have to add.
-
-    Parameters: field and down (n, 3) in body axes, of the readings that count.
 
     >>> level = np.tile([0.0, 0.0, 1.0], (2, 1))
     >>> describe_turns(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)

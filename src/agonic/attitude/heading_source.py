@@ -1,8 +1,7 @@
-"""Whether a heading that should not come from the magnetometer does, or the gyro contradicts it."""
+"""Headings of another origin than the magnetometer: the course over ground, and whether one that is
+said to be such follows the magnetometer, or the gyro contradicts it."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,14 +9,73 @@ from agonic.arrays import Array
 from agonic.attitude.fit import CHANNELS, fit_channels_alone
 from agonic.attitude.problem import Settings
 from agonic.calibration.affine import Affine
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, LogError
 from agonic.health import Finding, figure
+from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.one_pass import median
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+WINDOW_S = 1.0
+"""Half of the time over which a velocity is taken."""
+SPEED_SD_M_S = 0.2
+SLIP_DEG = 2.0
+"""How far a car or a rover moves beside its nose, in turns and on slopes."""
+CLEARLY = 5.0
+UNKNOWN_SD_DEG = 180.0
+
+
+def with_course(samples: Samples, *, speed_sd_m_s: float = SPEED_SD_M_S) -> Samples:
+    """The samples with the course over ground as their heading, and its standard deviation.
+
+        course = atan2(v_east, v_north),   sd² = (sd of a speed / speed)² + slip²
+
+    where the speed is five times its own sd and more; elsewhere the sd is 180°. For a car or a
+    rover that drives forwards, never for a boat, a plane or a copter, which drift aside.
+
+    Parameters: samples with times and positions; `speed_sd_m_s` of a velocity over two seconds.
+    Raises `LogError` without times or positions, or where nothing moved.
+
+    >>> time = np.arange(0.0, 20.0, 0.5)
+    >>> east = Samples(field=np.ones((40, 3)), time=time, latitude_deg=np.zeros(40),
+    ...                longitude_deg=4e-5 * time, unit="nT")
+    >>> float(with_course(east).heading_deg[20].round(1))
+    90.0
+    """
+    time, latitude, longitude = samples.time, samples.latitude_deg, samples.longitude_deg
+    if time is None or latitude is None or longitude is None:
+        raise LogError(
+            f"the course of {samples.name} needs times and positions (latitude_deg, longitude_deg)"
+        )
+    north = np.radians(latitude) * SEMI_MAJOR_M
+    east = np.unwrap(np.radians(longitude)) * SEMI_MAJOR_M * np.cos(np.radians(latitude))
+    before, after = time - WINDOW_S, time + WINDOW_S  # over a window about each row
+    span = np.maximum(np.minimum(after, time[-1]) - np.maximum(before, time[0]), 1e-3)
+    velocity = [
+        (np.interp(after, time, along) - np.interp(before, time, along)) / span
+        for along in (north, east)
+    ]
+    speed = np.hypot(*velocity)
+    known = speed > CLEARLY * speed_sd_m_s
+    if not known.any():
+        raise LogError(
+            f"{samples.name} never moved faster than {float(speed.max()):.2g} m/s, so its course "
+            f"is not known; drive faster than {CLEARLY * speed_sd_m_s:.2g} m/s"
+        )
+    sd = np.hypot(np.degrees(speed_sd_m_s / np.maximum(speed, speed_sd_m_s)), SLIP_DEG)
+    course = np.degrees(np.arctan2(velocity[1], velocity[0])) % 360.0
+    if samples.heading_deg is not None:
+        course = np.where(known, course, samples.heading_deg)
+    return samples.with_columns(
+        heading_deg=course,
+        heading_sd_deg=np.where(known, sd, UNKNOWN_SD_DEG),
+        heading_source="the course over ground",
+        heading_estimated=False,
+    )
+
 
 TELLS_DEG = 3.0
 """Where readings and calibrated field point apart by less, it cannot be told which one a heading
@@ -40,14 +98,9 @@ def check_heading_source(
     samples: Samples, reference: Reference, calibration: Affine | None = None
 ) -> Finding | None:
     """The finding that a log's heading cannot teach a calibration; `None` where nothing is against.
-
     A heading that comes from the magnetometer agrees with the field as it was read, or as the
     autopilot corrected it on board, and not with the calibrated field. One by a filter that has not
-    settled turns otherwise than the gyro does.
-
-    Parameters: samples with roll, pitch and heading; a calibration made without the heading, which
-    is fitted by roll and pitch where there is none.
-    """
+    settled turns otherwise than the gyro does."""
     if samples.heading_deg is None or samples.roll_deg is None or samples.pitch_deg is None:
         return None  # the fit says what is missing
     named = samples.heading_source or "the logged heading"
@@ -89,20 +142,16 @@ def _find_followed(
     logged = samples.heading_deg[rows]
     calibrated = kernel.heading_deg(calibration.correct(samples.field[rows]), tilt)
     other = _scatter_deg(logged - calibrated)
-    for what, field in _list_read(samples):
+    taken = {"the magnetometer's own readings": samples.field}
+    if samples.logged is not None:  # what a compass on board could have taken for the field
+        corrected = (samples.field - samples.logged.bias) @ samples.logged.matrix.T
+        taken = {"the magnetometer as it was corrected on board": corrected, **taken}
+    for what, field in taken.items():
         read = kernel.heading_deg(field[rows], tilt)
         own = _scatter_deg(logged - read)
         if _scatter_deg(read - calibrated) > TELLS_DEG and own < min(NEARER * other, FOLLOWS_DEG):
             return what, own, other
     return None
-
-
-def _list_read(samples: Samples) -> Iterator[tuple[str, Array]]:
-    """What a compass on board could have taken for the field."""
-    if samples.logged is not None:
-        corrected = (samples.field - samples.logged.bias) @ samples.logged.matrix.T
-        yield "the magnetometer as it was corrected on board", corrected
-    yield "the magnetometer's own readings", samples.field
 
 
 def _scatter_deg(difference_deg: Array) -> float:

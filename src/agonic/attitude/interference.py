@@ -27,12 +27,10 @@ ALIKE = 0.3
 def find_placement(
     samples: Samples, reference: Reference, channels: tuple[str, ...], settings: Settings
 ) -> Finding | None:
-    """What the current does to either sensor, and whether a mix of the two can cancel it.
-
-    A mix that keeps the field, u = raw₁ + P (raw₂ − raw₁), cancels disturbances d₁ and d₂ where
-    P (d₂ − d₁) = −d₁: it exists unless d₁ = d₂, and the smallest magnifies noise by about
-    1 + |d₁|/|d₂ − d₁|. None without a current that varies.
-    """
+    """What the current does to either sensor, and whether a mix of the two can cancel it. A mix
+    that keeps the field, u = raw₁ + P (raw₂ − raw₁), cancels disturbances d₁ and d₂ where P (d₂ −
+    d₁) = −d₁: it exists unless d₁ = d₂, and the smallest magnifies noise by about 1 + |d₁|/|d₂ −
+    d₁|. None without a current that varies."""
     current = samples.current_A
     if current is None or not np.ptp(current) > 0 or samples.second is None:
         return None
@@ -45,14 +43,11 @@ def find_placement(
     except AgonicError:
         return None
     low, high = np.percentile(current, (5, 95))
-    first, second = (_slope(fit) * (high - low) for fit in fits)
+    first, second = (
+        (high - low) * c.matrix @ c.cleaned(np.zeros(3), current_A=-1.0)  # nT by these amperes
+        for c in (fit.calibration for fit in fits)
+    )
     return judge_placement(first, second, float(reference.magnitudes(len(samples)).mean()))
-
-
-def _slope(fit: Fit) -> Array:
-    """Field that an ampere adds, nT."""
-    calibration = fit.calibration
-    return np.asarray(calibration.matrix @ calibration.cleaned(np.zeros(3), current_A=-1.0))
 
 
 def judge_placement(first: Array, second: Array, magnitude: float) -> Finding:

@@ -69,11 +69,9 @@ class LatencyFit(Readable):
 
     @property
     def left_sd_s(self) -> float:
-        """The standard deviation of the delay that is left then.
-
-        A latency that is not significant is not zero: what was found counts with its error, but no
-        more than `LATENCY_SD_S`, the delays that sensors have.
-        """
+        """The standard deviation of the delay that is left then. A latency that is not significant
+        is not zero: what was found counts with its error, but no more than `LATENCY_SD_S`, the
+        delays that sensors have."""
         if self.significant:
             return self.sd_s
         found = np.hypot(self.sd_s, self.latency_s) if self.known else np.inf
@@ -168,9 +166,8 @@ def _is_known(found: kernel.Estimate, limit_s: float) -> bool:
 
 
 def find_latency(samples: Samples) -> LatencyFit | None:
-    """The delay of the readings, or `None` where nothing in the log could tell it.
-
-    Several fits to one log ask for it: as long as the samples live it is found once.
+    """The delay of the readings, or `None` where nothing in the log could tell it. Several fits to
+    one log ask for it: as long as the samples live it is found once.
 
     >>> find_latency(Samples(field=np.eye(3))) is None
     True

@@ -60,8 +60,7 @@ def calibrate(
     from agonic.health.miscoding import WORDS
     from agonic.recording.document import describe_recording
     from agonic.recording.each_sensor import calibrate_each
-    from agonic.recording.files import write_folder
-    from agonic.recording.next_step import choose_command
+    from agonic.recording.files import choose_command, write_folder
 
     word = name if name in WORDS else None
     if word is None and name is not None and store is None:

@@ -42,8 +42,8 @@ def report(
     from agonic.console.output import print_json, say
     from agonic.console.place import find_reference
     from agonic.files.calibration import load
+    from agonic.recording.comparison import judge
     from agonic.recording.document import describe_recording
-    from agonic.recording.earlier_calibration import judge
 
     given = require_calibration(load(cal))
     step = find_step(given, Network) or find_step(given, Thermal)

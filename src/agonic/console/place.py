@@ -41,7 +41,7 @@ def find_scalar_reference(
     `wanted` true requires it, false leaves it aside, `None` takes it where the log has it; `sd` is
     how far it may be off as a whole, nT. Raises `AgonicError` where it is no magnitude of a field.
     """
-    from agonic.health.scalar import check_scalar
+    from agonic.health.scale import check_scalar
     from agonic.reference import Reference
 
     if wanted is False or (wanted is None and samples.scalar is None):

@@ -21,7 +21,7 @@ from agonic.maths.equation.coverage import icosphere
 from agonic.population import History
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.figures import thin
-from agonic.recording.residuals import find_level
+from agonic.recording.quantities import find_level
 from agonic.report.labels import unit_label
 from agonic.report.tables import list_shares
 from agonic.report.verdict import MEANINGS

@@ -26,8 +26,13 @@ from agonic.health.readings import (
     find_usable_rows,
     inspect,
 )
-from agonic.health.resolution import check_resolution, find_quantisation, find_rounding
-from agonic.health.scale import check_magnitude, check_scale
+from agonic.health.scale import (
+    check_magnitude,
+    check_resolution,
+    check_scale,
+    find_quantisation,
+    find_rounding,
+)
 
 __all__ = [
     "FEWEST",

@@ -24,7 +24,7 @@ from agonic.errors import CoverageError, check_choice
 from agonic.health.evidence import FEWEST, MOST_ROWS
 from agonic.health.finding import Finding, figure, sort_findings
 from agonic.health.miscoding import KINDS, WORDS, Kind
-from agonic.health.resolution import find_steps
+from agonic.health.scale import find_steps
 from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.one_pass import find_length, median
 from agonic.new_rows import find_changed, find_fresh
@@ -71,11 +71,8 @@ class Undone(NamedTuple):
 
 
 def undo_decoding(samples: Samples) -> Measured:
-    """The samples as they were measured, and what had been done to their numbers.
-
-    Raises `CoverageError` where that is known and cannot be undone, or where the readings never
-    change.
-    """
+    """The samples as they were measured, and what had been done to their numbers. Raises
+    `CoverageError` where that is known and cannot be undone, or where the readings never change."""
     if samples not in _FOUND:
         _FOUND[samples] = _find_and_undo(samples)
     return _FOUND[samples] or Measured(samples, np.ones(len(samples), dtype=bool), ())
@@ -122,7 +119,15 @@ def _find_and_undo(samples: Samples) -> Measured | None:
         rows, field = rows[kept], found.field[kept]
     if not findings:
         return None
-    _refuse_wide(field, findings[-1])
+    some = field[choose_evenly(len(field), ENOUGH)]
+    ellipsoid = fit_ellipsoid(some)
+    off = np.minimum(ellipsoid.measure(some) / ellipsoid.radius, 1.0)
+    spread = float(np.sqrt(np.mean(off**2)))
+    if spread > WIDE:
+        still = f"undone, they still scatter by {figure(100 * spread)} % of the field"
+        raise CoverageError(
+            f"{findings[-1].what}; {still}", turns="correct the logger and record again"
+        )
     place = np.full(len(samples), -1)
     place[rows] = np.arange(len(rows))
     place = place[np.flatnonzero(fresh)][np.cumsum(fresh) - 1]  # what only repeats goes with it
@@ -169,7 +174,14 @@ def _try_each(field: Array) -> Iterator[Undone]:
                 put = np.where(axes, whole, field)
                 if _stands_still(put, field):
                     continue
-                beside = _compare_distances(field[some], ellipsoid, put[some], unit / 4)
+                # by their own ellipsoid and by that of the others, whichever is less: one that is
+                # hardly determined is another by chance
+                after_own = fit_ellipsoid(put[some])
+                off = after_own.measure(put[some])
+                beside = min(
+                    _compare(one.measure(field[some]), off, unit / 4)
+                    for one in (ellipsoid, after_own)
+                )
                 if beside > -AGAINST:
                     gain = path + beside * (not kind.shifts) - PRICE * _count_lost(put)
                     yield Undone(kind, put, axes, unit, gain)
@@ -280,14 +292,6 @@ def hold_shape(rows: int) -> float:
     return rows * (1e-2 / SHAPE_SD) ** 2
 
 
-def _compare_distances(before: Array, own: Ellipsoid, after: Array, least: float) -> float:
-    """The log-likelihood that readings (k, 3) gain about an ellipsoid, by their own and by that of
-    the others, whichever is less: an ellipsoid that is hardly determined is another by chance."""
-    other = fit_ellipsoid(after)
-    off = other.measure(after)
-    return min(_compare(one.measure(before), off, least) for one in (own, other))
-
-
 def _compare(before: Array, after: Array, least: float) -> float:
     """The log-likelihood that is gained from distances (n,) to others; NaN where one is lost."""
     usual = [median(off[np.isfinite(off)]) for off in (before, after) if np.isfinite(off).any()]
@@ -315,14 +319,3 @@ def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
     what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
     move = "check the logger and the program that reads it" if doubtful else ""
     return Finding("outliers", "check" if doubtful else "note", what, move)
-
-
-def _refuse_wide(field: Array, told: Finding) -> None:
-    """Raise `CoverageError` where readings that a fault was undone of are on no ellipsoid."""
-    some = field[choose_evenly(len(field), ENOUGH)]
-    ellipsoid = fit_ellipsoid(some)
-    off = np.minimum(ellipsoid.measure(some) / ellipsoid.radius, 1.0)
-    spread = float(np.sqrt(np.mean(off**2)))
-    if spread > WIDE:
-        still = f"undone, they still scatter by {figure(100 * spread)} % of the field"
-        raise CoverageError(f"{told.what}; {still}", turns="correct the logger and record again")

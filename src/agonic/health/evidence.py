@@ -44,13 +44,11 @@ MOST_ROWS = 20_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """What a magnitude fit leaves to be examined, all in the unit of the readings.
-
-    `readings` (n, 3), `time` (n,) or None, `residuals` (n,), `weights` (n,), `normals` (n, 3) the
-    unit directions in which a residual is measured; `bias` and `radius` of the readings' ellipsoid
-    and `shape` (3, 3) the matrix over its mean gain; `noise`; `known_radius` what the radius is at
-    least, as far as that is known; `unknowns` those that the readings have to determine.
-    """
+    """What a magnitude fit leaves to be examined, all in the unit of the readings. `readings` (n,
+    3), `time` (n,) or None, `residuals` (n,), `weights` (n,), `normals` (n, 3) the unit directions
+    in which a residual is measured; `bias` and `radius` of the readings' ellipsoid and `shape` (3,
+    3) the matrix over its mean gain; `noise`; `known_radius` what the radius is at least, as far as
+    that is known; `unknowns` those that the readings have to determine."""
 
     readings: Array
     time: Array | None

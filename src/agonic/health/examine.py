@@ -34,12 +34,10 @@ def examine(
     *,
     attitude_aided: bool = False,
 ) -> tuple[Finding, ...]:
-    """The findings of a fit, the gravest first; one cause is not reported twice.
-
-    Readings in a plane are no fault of an attitude-aided fit. Without any sign of `changes` two
-    biases are not sought, nor, where nobody looked (`None`), among many readings whose residuals
-    are alike in all directions; `left` is what terms leave, over the radius.
-    """
+    """The findings of a fit, the gravest first; one cause is not reported twice. Readings in a
+    plane are no fault of an attitude-aided fit. Without any sign of `changes` two biases are not
+    sought, nor, where nobody looked (`None`), among many readings whose residuals are alike in all
+    directions; `left` is what terms leave, over the radius."""
     shape = None if attitude_aided else _static(evidence) or _flat(evidence)
     few = None if attitude_aided or shape else _few_orientations(evidence)
     if shape is not None or (few is not None and few.severity == "refuse"):

@@ -25,11 +25,7 @@ Verdict = Literal["good", "check", "refused"]
 
 
 def figure(value: float, digits: int = 2) -> str:
-    """A number with so many significant digits, never as a power of ten.
-
-    >>> figure(31_234.5), figure(0.00571), figure(2.0, 3)
-    ('31000', '0.0057', '2')
-    """
+    """A number with so many significant digits, never as a power of ten."""
     return np.format_float_positional(
         value, precision=digits, unique=False, fractional=False, trim="-"
     )

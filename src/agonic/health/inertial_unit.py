@@ -60,14 +60,7 @@ _FOUND: WeakKeyDictionary[Samples, tuple[Fault, ...]] = WeakKeyDictionary()
 
 def repair(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
     """The samples without what cannot be repaired of accelerometer and gyro, and the findings.
-
-    Samples without a fault are returned themselves: what was found of them is kept with them.
-
-    >>> still = Samples(field=np.eye(3), acceleration=[[0.0, 0.0, -1.0]] * 3)
-    >>> samples, (finding,) = repair(still)
-    >>> samples.acceleration[0].tolist(), finding.what
-    ([0.0, 0.0, -9.80665], 'the acceleration is 1 in size where gravity is 9.8 m/s²: it is in g')
-    """
+    Samples without a fault are returned themselves: what was found of them is kept with them."""
     faults = find_faults(samples)
     if not faults:
         return samples, ()
@@ -98,10 +91,8 @@ def leave_out_faulty(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
 
 
 def find_faults(samples: Samples) -> tuple[Fault, ...]:
-    """The faults of accelerometer and gyro, one of each at most.
-
-    Several fits to one log ask for them: as long as the samples live they are found once.
-    """
+    """The faults of accelerometer and gyro, one of each at most. Several fits to one log ask for
+    them: as long as the samples live they are found once."""
     if samples not in _FOUND:
         _FOUND[samples] = _find_faults(samples)
     return _FOUND[samples]
@@ -109,7 +100,7 @@ def find_faults(samples: Samples) -> tuple[Fault, ...]:
 
 def _find_faults(samples: Samples) -> tuple[Fault, ...]:
     found: dict[str, Fault] = {}
-    for check in (_check_nothing, _check_scale, _check_still, _check_turning, _check_gravity):
+    for check in (_check_nothing, _check_scale, _check_still, _check_turning):
         for fault in check(samples):
             found.setdefault(fault.column, fault)
             samples = samples.with_columns(**{fault.column: fault.repaired})
@@ -119,9 +110,7 @@ def _find_faults(samples: Samples) -> tuple[Fault, ...]:
 def _check_turning(samples: Samples) -> Iterator[Fault]:
     if (finding := check_turning(samples)) is not None:
         yield Fault("rotation_rate", finding)
-
-
-def _check_gravity(samples: Samples) -> Iterator[Fault]:
+        samples = samples.with_columns(rotation_rate=None)
     if (finding := check_gravity_turning(samples)) is not None:
         yield Fault("acceleration", finding)
 
@@ -136,16 +125,19 @@ def _check_nothing(samples: Samples) -> Iterator[Fault]:
 
 
 def _check_scale(samples: Samples) -> Iterator[Fault]:
-    """An acceleration in another unit: what it is at rest is not gravity.
-
-    Its direction is all that a fit takes, so one of unknown unit is scaled to gravity.
-    """
+    """An acceleration in another unit: what it is at rest is not gravity. Its direction is all that
+    a fit takes, so one of unknown unit is scaled to gravity."""
     force = samples.acceleration
     if force is None:
         return
     telling = find_telling(samples)
     assert telling.acceleration is not None
-    size = _measure_size(telling.time, telling.acceleration)
+    # vibration adds to it, unless it is smoothed out, and turning takes from it where it is
+    sizes = [median(find_length(telling.acceleration))]
+    if telling.time is not None and len(telling) >= FEWEST:
+        smooth = low_pass(telling.acceleration, median(np.diff(telling.time)), _SMOOTHED_S)
+        sizes.append(median(find_length(smooth)))
+    size = min(sizes, key=lambda one: abs(np.log(max(one, 1e-300) / STANDARD_GRAVITY_M_S2)))
     share = size / STANDARD_GRAVITY_M_S2
     factor, unit = 1 / share, ""
     for known, name in _ACCELERATION_UNITS:
@@ -166,16 +158,6 @@ def _check_scale(samples: Samples) -> Iterator[Fault]:
     )
 
 
-def _measure_size(time: Array | None, force: Array) -> float:
-    """The usual size of the acceleration, m/s²; vibration adds to it, unless it is smoothed out,
-    and turning takes from it where it is: of both that which is nearer to gravity."""
-    sizes = [median(find_length(force))]
-    if time is not None and len(time) >= FEWEST:
-        smooth = low_pass(force, median(np.diff(time)), _SMOOTHED_S)
-        sizes.append(median(find_length(smooth)))
-    return min(sizes, key=lambda size: abs(np.log(max(size, 1e-300) / STANDARD_GRAVITY_M_S2)))
-
-
 def _check_still(samples: Samples) -> Iterator[Fault]:
     """Axes that stand still while the others move, and streams that stop while the field moves."""
     for column, sensor in _SENSORS:
@@ -188,11 +170,9 @@ def _check_still(samples: Samples) -> Iterator[Fault]:
 
 
 def _is_noisy(values: Array) -> bool:
-    """Whether the readings (n, 3) flicker, so that an axis that does not is no axis at rest.
-
-    Third differences of a smooth motion, as a computer makes it, go on alike; those of noise go to
-    and fro.
-    """
+    """Whether the readings (n, 3) flicker, so that an axis that does not is no axis at rest. Third
+    differences of a smooth motion, as a computer makes it, go on alike; those of noise go to and
+    fro."""
     jerk = np.diff(values, n=3, axis=0)
     to_and_fro = (jerk[1:] * jerk[:-1]).sum(axis=0) < 0
     return bool((to_and_fro & (np.median(np.abs(jerk), axis=0) > 0)).any())
@@ -262,9 +242,8 @@ def find_stopped_rows(values: Array, others: Sequence[Array]) -> Mask:
 
 
 def check_clipping(samples: Samples) -> Finding | None:
-    """The finding that the gyro reads one largest rate again and again: it turned faster.
-
-    Not where readings repeat anyway, as those of a coarse gyro do.
+    """The finding that the gyro reads one largest rate again and again: it turned faster. Not where
+    readings repeat anyway, as those of a coarse gyro do.
 
     >>> time = np.arange(200) / 10
     >>> rate = np.clip(np.stack([0.0 * time, 0.0 * time, 2.0 * np.sin(time)], axis=1), -1.0, 1.0)

@@ -7,6 +7,7 @@ reading is lost; or None where this cannot have happened to them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,11 +30,8 @@ NEAR_POWER = 0.03
 
 class Kind(NamedTuple):
     """A fault: the word that asks for its inverse, "" where readings are lost by it; the inverse,
-    and what happened, in words.
-
-    Where its inverse `shifts` readings by a row, an axis that is read a little late is on a better
-    ellipsoid by it too: the path alone shows the fault.
-    """
+    and what happened, in words. Where its inverse `shifts` readings by a row, an axis that is read
+    a little late is on a better ellipsoid by it too: the path alone shows the fault."""
 
     word: str
     undo: Callable[[Array], Array | None]
@@ -94,11 +92,6 @@ def exchange_bytes(numbers: Array) -> Array | None:
     return np.asarray(exchanged - WORD * (exchanged >= WORD // 2))
 
 
-def carry_low_byte(numbers: Array) -> Array | None:
-    """Numbers that were added up of a high byte and a low one with a sign."""
-    return np.asarray(numbers + BYTE * (numbers % BYTE >= BYTE // 2))
-
-
 def drop_extended(numbers: Array) -> Array | None:
     """Without those that a low byte with a sign made −128 to −1; others have one below 128."""
     lost = (numbers >= -BYTE // 2) & (numbers < 0)
@@ -109,30 +102,33 @@ def drop_extended(numbers: Array) -> Array | None:
     return np.where(lost, np.nan, numbers)
 
 
-def advance_low_byte(numbers: Array) -> Array | None:
-    """Numbers with the low byte of the one before; that of the last is not known."""
+def advance(numbers: Array, *, low_byte: bool) -> Array | None:
+    """Numbers with the low, or high, byte of the one before; that of the last is not known."""
     low = numbers % BYTE
-    return np.append((numbers - low)[:-1] + low[1:], np.nan)
-
-
-def advance_high_byte(numbers: Array) -> Array | None:
-    """Numbers with the high byte of the one before; that of the last is not known."""
-    low = numbers % BYTE
-    return np.append((numbers - low)[1:] + low[:-1], np.nan)
+    high = numbers - low
+    return np.append(high[:-1] + low[1:] if low_byte else high[1:] + low[:-1], np.nan)
 
 
 KINDS = (
     Kind("", drop_gross, f"over {GROSS} times as large as most, which no sensor gives"),
     Kind("int16", sign, "signed numbers were printed as unsigned"),
     Kind("swapped", exchange_bytes, "the two bytes of each number were exchanged"),
-    Kind("carried", carry_low_byte, "the low byte was read as signed"),
     Kind(
-        "",
-        drop_extended,
-        "the sign of the low byte was extended over the high byte",
+        "carried", lambda n: n + BYTE * (n % BYTE >= BYTE // 2), "the low byte was read as signed"
     ),
-    Kind("advanced", advance_low_byte, "the low byte is that of the reading before", True),
-    Kind("caught-up", advance_high_byte, "the high byte is that of the reading before", True),
+    Kind("", drop_extended, "the sign of the low byte was extended over the high byte"),
+    Kind(
+        "advanced",
+        partial(advance, low_byte=True),
+        "the low byte is that of the reading before",
+        True,
+    ),
+    Kind(
+        "caught-up",
+        partial(advance, low_byte=False),
+        "the high byte is that of the reading before",
+        True,
+    ),
     Kind("unwrapped", unwrap, "numbers wrap at the end of their range, or were cut to fewer bits"),
     Kind("", drop_markers, "a marker that stands for no reading"),
 )

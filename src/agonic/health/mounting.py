@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from agonic.arrays import Array
@@ -49,16 +51,27 @@ FEWEST_TILTS = 8
 """So many directions of gravity, in steps of about 15°, tell the 48 namings of axes apart."""
 
 
-def find_mounting(readings: Array, down: Array, vertical: Array | None = None) -> Array | None:
-    """The turn (3, 3) by right angles that the readings are in, where no other comes near it.
+class Best(NamedTuple):
+    """The turn by right angles that leaves least of the vertical, whether it is by far the best,
+    and what it and the axes as named leave."""
 
-    Parameters: as in `check_mounting`. `None` too where the axes are those they are named for.
-    """
-    turns = right_angles()
-    misfit = vertical_misfit(readings, down, turns, vertical=vertical)
+    turn: Array
+    clear: bool
+    left: float
+    own: float
+
+
+def _find_best(misfit: Array) -> Best:
+    """Of what each turn by right angles leaves, (24,)."""
     best, rival = np.argsort(misfit)[:2]
     clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
-    return turns[best] if clear and misfit[0] > _find_crosstalk(readings) else None
+    return Best(right_angles()[best], bool(clear), float(misfit[best]), float(misfit[0]))
+
+
+def find_mounting(readings: Array, down: Array, vertical: Array | None = None) -> Array | None:
+    """The turn (3, 3) by right angles that the readings are in, where no other comes near it."""
+    best = _find_best(vertical_misfit(readings, down, right_angles(), vertical=vertical))
+    return best.turn if best.clear and best.own > _find_crosstalk(readings) else None
 
 
 REVERSED_FIELD = Finding(
@@ -71,14 +84,9 @@ REVERSED_FIELD = Finding(
 
 
 def check_mounting(readings: Array, down: Array, vertical: Array | None = None) -> Finding | None:
-    """The finding that the sensor sits in the vehicle by another right angle than its axes say.
-
-    A vehicle that keeps level tells which axis is upright; where two axes would do as well, what
-    moves the readings is something else, and nothing is said.
-
-    Parameters: readings (n, 3) and the direction of down in body axes (n, 3); `vertical` field of
-    the place, (n,), where roll and pitch were recorded, which may be counted the wrong way round.
-    """
+    """The finding that the sensor sits in the vehicle by another right angle than its axes say. A
+    vehicle that keeps level tells which axis is upright; where two axes would do as well, what
+    moves the readings is something else, and nothing is said."""
     mirrored = None if vertical is None else _check_mirrored(readings, down, vertical)
     if mirrored is not None:
         return mirrored
@@ -108,16 +116,10 @@ def check_axes(
     upwards: bool | None = None,
     beside: str = "the accelerometer beside it",
 ) -> Finding | None:
-    """The finding that the axes of the readings are not those of the accelerometer beside them.
-
-    The magnitude of the field is the same whatever its axes are called; its vertical part is
-    constant for the right ones only. Every exchange and reversal of axes is tried, on readings
-    near gravity, each weighed by w = 1/(σ² + (|a|/g − 1)²).
-
-    Parameters: calibrated field (n, 3) and its magnitude, acceleration (n, 3) m/s²; `upwards`
-    whether the field points up there. Without it, all axes and none reversed cannot be told apart,
-    and the naming with fewer reversals is told. `beside` says what the acceleration is from.
-    """
+    """The finding that the axes of the readings are not those of the accelerometer beside them. The
+    magnitude of the field is the same whatever its axes are called; its vertical part is constant
+    for the right ones only. Every exchange and reversal of axes is tried, on readings near gravity,
+    each weighed by w = 1/(σ² + (|a|/g − 1)²)."""
     thinned = slice(None, None, -(-len(field) // MOST_ROWS))
     field, acceleration = field[thinned], acceleration[thinned]
     felt = np.sqrt(np.einsum("ni,ni->n", acceleration, acceleration))
@@ -127,51 +129,47 @@ def check_axes(
     off = felt / gravity - 1
     calm = np.abs(off) < NEAR_GRAVITY
     down = down_from_force(acceleration[calm])
-    if _tilts(down) < FEWEST_TILTS:
+    if len(np.unique(np.rint(4 * down) @ (81.0, 9.0, 1.0))) < FEWEST_TILTS:
         return None
-    turns, weights = right_angles(), 1 / (UPRIGHT_SD**2 + off[calm] ** 2)
-    misfit = vertical_misfit(field[calm] / magnitude, down, turns, weights, centred=True)
-    best, rival = np.argsort(misfit)[:2]
-    clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
-    if misfit[0] < VERTICAL_DOUBTFUL or not clear:
+    weights = 1 / (UPRIGHT_SD**2 + off[calm] ** 2)
+    unit = field[calm] / magnitude
+    best = _find_best(vertical_misfit(unit, down, right_angles(), weights, centred=True))
+    if best.own < VERTICAL_DOUBTFUL or not best.clear:
         return None
-    turn = _choose_sign(turns[best], down, field[calm], upwards)
+    turn = best.turn  # or its reverse: by the field's sign, or that which reverses fewer axes
+    reverse = bool(np.count_nonzero(turn < 0) >= 2)
+    if upwards is not None:
+        reverse = bool((np.einsum("ni,ij,nj->", down, turn, field[calm]) < 0) != upwards)
+    turn = 0.0 - turn if reverse else turn
     return Finding(
         "axes",
         "check",
         f"the axes are not those of {beside}: {describe_renaming(turn)} (the "
-        f"vertical field is then constant to {figure(100 * misfit[best])} %, as named to "
-        f"{figure(100 * misfit[0])} %)",
+        f"vertical field is then constant to {figure(100 * best.left)} %, as named to "
+        f"{figure(100 * best.own)} %)",
         f"name the axes of the magnetometer, or those of {beside}, rightly and calibrate again: "
         "the calibration holds for the axes as named, a heading from both would be wrong",
     )
 
 
 def _check_mirrored(readings: Array, down: Array, vertical: Array) -> Finding | None:
-    """The finding that roll or pitch is counted the wrong way round, or the two are exchanged.
-
-    Each is a mirror image of the attitude, which no mounting of a sensor is. Soft iron and a
+    """The finding that roll or pitch is counted the wrong way round, or the two are exchanged. Each
+    is a mirror image of the attitude, which no mounting of a sensor is. Soft iron and a
     misalignment are allowed for: a vehicle that tilts by a few degrees shows no more than they do.
-
-    The vertical field's sign tells a mirror image from a sensor upside down.
-    """
-    size = median(find_length(readings))
-    turns = right_angles()
-    unit = readings / max(size, 1e-300)
-    misfit = vertical_misfit(unit, down, turns, vertical=vertical, talk=TALK)
-    best, rival = np.argsort(misfit)[:2]
-    looks = next((said for said, mirror in MIRRORS if np.array_equal(-turns[best], mirror)), None)
-    clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
-    if looks is None or not clear or misfit[0] < MIRRORED:
+    The vertical field's sign tells a mirror image from a sensor upside down."""
+    unit, turns = readings / max(median(find_length(readings)), 1e-300), right_angles()
+    best = _find_best(vertical_misfit(unit, down, turns, vertical=vertical, talk=TALK))
+    looks = next((said for said, mirror in MIRRORS if np.array_equal(-best.turn, mirror)), None)
+    if looks is None or not best.clear or best.own < MIRRORED:
         return None
-    if find_side(readings, down, -turns[best], vertical) <= 0:
+    if find_side(readings, down, -best.turn, vertical) <= 0:
         return None
     return Finding(
         "attitude",
         "refuse",
         f"{looks} in the attitude beside these readings, or an axis of the magnetometer is "
-        f"reversed: the vertical field is then constant to {figure(100 * misfit[best])} %, as "
-        f"recorded to {figure(100 * misfit[0])} %",
+        f"reversed: the vertical field is then constant to {figure(100 * best.left)} %, as "
+        f"recorded to {figure(100 * best.own)} %",
         "correct roll and pitch (right wing down and nose up are positive), or name the axes of "
         "the magnetometer rightly, and calibrate again",
     )
@@ -189,16 +187,3 @@ def find_side(readings: Array, down: Array, turn: Array, vertical: Array | float
 def _find_crosstalk(readings: Array) -> float:
     """How much of the vertical may vary where the axes are those they are named for."""
     return CROSSTALK * float(np.linalg.norm(readings.std(axis=0)))
-
-
-def _tilts(down: Array) -> int:
-    """How many directions of gravity were visited, in steps of about 15°."""
-    return len(np.unique(np.rint(4 * down) @ (81.0, 9.0, 1.0)))
-
-
-def _choose_sign(turn: Array, down: Array, field: Array, upwards: bool | None) -> Array:
-    """The turn or its reverse: the one that fits the field's sign, or that reverses fewer axes."""
-    if upwards is None:
-        return turn if np.count_nonzero(turn < 0) < 2 else 0.0 - turn
-    vertical = float(np.einsum("ni,ij,nj->", down, turn, field))
-    return turn if (vertical < 0) == upwards else 0.0 - turn

@@ -34,19 +34,18 @@ class Gathered(NamedTuple):
 
 
 def find_gathered(e: Evidence) -> Gathered | None:
-    """Where outliers come far more often than elsewhere, None where they are as spread as rows.
-
-    An outlier's own reading may be anywhere: the readings before and after it that fit tell where
-    it should have been. Of k events among as many rows as could begin one, a region that holds the
+    """Where outliers come far more often than elsewhere, None where they are as spread as rows. An
+    outlier's own reading may be anywhere: the readings before and after it that fit tell where it
+    should have been. Of k events among as many rows as could begin one, a region that holds the
     share s of these rows has more by chance with the binomial probability of k and s, which is to
-    be less than `SIGNIFICANT` over the number of regions.
-    """
+    be less than `SIGNIFICANT` over the number of regions."""
     fits = e.weights > 0
-    since = _count_since(~fits)
+    rows = np.arange(len(fits))  # those since the last outlier: many before the first
+    since = rows - np.maximum.accumulate(np.where(fits, -APART - 1, rows))
     events = ~fits & (np.r_[APART, since[:-1]] >= APART)
     if np.count_nonzero(events) < FEWEST or np.count_nonzero(fits) < 100:
         return None
-    should = _interpolate(e.readings, fits)
+    should = np.stack([np.interp(rows, rows[fits], axis[fits]) for axis in e.readings.T], axis=1)
     able = events | (fits & (since > APART))
     found = [*(_divide_axis(should, fits, axis) for axis in range(3))]
     found.append(find_cells((should - e.bias) @ e.shape.T))
@@ -59,17 +58,6 @@ def find_gathered(e: Evidence) -> Gathered | None:
         return None
     there = found[best[1]] == best[2]
     return Gathered(_describe(e, should[there & fits], best[1]), there & ~fits)
-
-
-def _count_since(outlier: Mask) -> Index:
-    """Rows since the last outlier, (n,): zero at an outlier, many before the first."""
-    rows = np.arange(len(outlier))
-    return rows - np.maximum.accumulate(np.where(outlier, rows, -APART - 1))
-
-
-def _interpolate(readings: Array, fits: Mask) -> Array:
-    at, rows = np.flatnonzero(fits), np.arange(len(fits))
-    return np.stack([np.interp(rows, at, axis[fits]) for axis in readings.T], axis=1)
 
 
 def _divide_axis(readings: Array, fits: Mask, axis: int) -> Index:
@@ -155,14 +143,9 @@ def _name_gathered(e: Evidence, scattered: Finding) -> Finding:
 
 
 def find_stretches(outlier: Mask) -> Index:
-    """The first and last rows (k, 2) of stretches in which outliers (n,) come together.
-
-    The likeliest path between two shares of outliers, one for the stretches and one for the rest
-    (Viterbi 1967).
-
-    >>> find_stretches(np.repeat([False, True, False], [50, 20, 50])).tolist()
-    [[50, 69]]
-    """
+    """The first and last rows (k, 2) of stretches in which outliers (n,) come together. The
+    likeliest path between two shares of outliers, one for the stretches and one for the rest
+    (Viterbi 1967)."""
     n = len(outlier)
     start = np.flatnonzero(np.r_[True, outlier[1:] != outlier[:-1]])  # of runs that are alike
     out, length = outlier[start], np.diff(np.r_[start, n])

@@ -1,19 +1,20 @@
-"""What can be said of readings before any fit: frozen, clipped, stale, too few."""
+"""What can be said of readings before any fit: frozen, sticking, clipped, stale, too few."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.health.dead_zone import check_dead_zones, find_dead_zones, find_rows_in
 from agonic.health.decoding import find_decoding
-from agonic.health.evidence import FEWEST
-from agonic.health.finding import Finding
-from agonic.health.resolution import find_quantisation
-from agonic.health.scale import check_gravity
+from agonic.health.evidence import FEWEST, MOST_ROWS
+from agonic.health.finding import Finding, figure
+from agonic.health.scale import check_gravity, find_quantisation
+from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.one_pass import find_length, median
+from agonic.new_rows import find_changed
 from agonic.samples import Samples
 
 _STEADIEST = 3e-7
@@ -23,36 +24,73 @@ _UNREAD = ("times left out", "acc left out", "gyro left out")
 
 
 def inspect(samples: Samples) -> tuple[Finding, ...]:
-    """Everything that the readings alone give away.
-
-    >>> flat = Samples(field=np.random.default_rng(0).normal(size=(50, 3)) * [1, 0, 1])
-    >>> [finding.name for finding in inspect(flat)]
-    ['frozen axis']
-    """
-    stuck = [find_stuck_rows(samples.field, axis) for axis in range(len(samples.axes))]
+    """Everything that the readings alone give away."""
+    field = samples.field
+    stuck = [find_stuck_rows(field, axis) for axis in range(len(samples.axes))]
     found = [
         *check_rejected(samples.rejected, len(samples) + sum(samples.rejected.values())),
         *find_decoding(samples),
         check_gravity(samples),
-        _few(samples),
-        *(_check_frozen(rows, axis) for axis, rows in enumerate(stuck)),
-        _check_clipped(find_clipped_rows(samples.field) & ~np.any(stuck, axis=0)),
-        check_dead_zones(samples.field, find_dead_zones(samples.field), samples.unit),
-        _stale(samples.field),
-        _gaps(samples),
-        _check_corrected(samples),
-        _unread(samples),
-        _check_normalised(samples.field),
+        *_list_few(samples),
+        *_list_frozen(stuck),
+        *_list_clipped(find_clipped_rows(field) & ~np.any(stuck, axis=0)),
+        *_list_dead_zones(field, samples.unit),
+        *_list_facts(samples),
+        *_list_normalised(field),
     ]
     return tuple(finding for finding in found if finding is not None)
 
 
-def find_usable_rows(field: Array) -> Mask:
-    """Rows (n,) whose three axes all read what the field was: neither clipped, stuck nor in a
-    dead zone.
+def _list_few(samples: Samples) -> Iterator[Finding]:
+    if len(samples) < FEWEST:
+        yield Finding(
+            "too few readings",
+            "refuse",
+            f"only {len(samples)} readings: with nine unknowns none are left to check the result",
+            "record at least a few hundred while turning the sensor about all axes",
+        )
 
-    An axis that hardly ever moves leaves all rows in, for the fit to be refused on them.
-    """
+
+def _list_facts(samples: Samples) -> Iterator[Finding]:
+    """What the log says of itself: readings that repeat, gaps, corrections, what was not read."""
+    fresh = np.count_nonzero(find_changed(samples.field)) - 1
+    share = 1.0 - fresh / (len(samples) - 1) if len(samples) > 1 else 0.0
+    if share >= 0.05:
+        yield Finding(
+            "repeated readings",
+            "note",
+            f"{100 * share:.0f} % of the readings repeat the one before: the log runs faster than "
+            "the sensor",
+        )
+    if samples.time is not None and len(samples) >= FEWEST:
+        steps = np.diff(samples.time)
+        count = int((steps > max(20 * median(steps), 1.0)).sum())
+        if count:
+            many = f"{count} gap{'s' if count > 1 else ''} in time"
+            yield Finding("gaps", "note", f"{many}, the longest {steps.max():.1f} s")
+    if samples.corrected:
+        yield Finding(
+            "corrected readings",
+            "check",
+            "the autopilot or the device had corrected these readings in a way that the log does "
+            "not state, so the result comes on top of that correction and is not exported to an "
+            "autopilot",
+            "record uncorrected readings, or calibrate from the vehicle's own log, or join the "
+            "result and the parameters in force then (agonic export --on OLD.param)",
+        )
+    unread = [note for note in samples.notes if note.startswith(_UNREAD)]
+    if unread:
+        yield Finding(
+            "not read",
+            "note",
+            f"not all of the log could be read: {'; '.join(unread)}",
+            "the result is from the rest; name columns and units in the header, or with --columns",
+        )
+
+
+def find_usable_rows(field: Array) -> Mask:
+    """Rows (n,) whose three axes all read what the field was: neither clipped, stuck nor in a dead
+    zone. An axis that hardly ever moves leaves all rows in, for the fit to be refused on them."""
     spoilt = find_clipped_rows(field) | find_rows_in(field, find_dead_zones(field))
     for axis in range(3):
         stuck = find_stuck_rows(field, axis)
@@ -93,57 +131,26 @@ def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
     ]
 
 
-def _check_normalised(field: Array) -> Finding | None:
-    """Readings that a driver has divided by their own length: no magnitude is left to fit.
-
-    No sensor is so steady: even in one place its noise is some parts in 10⁵.
-    """
-    if len(field) < FEWEST:
-        return None
+def _list_normalised(field: Array) -> Iterator[Finding]:
+    """Readings that a driver has divided by their own length: no magnitude is left to fit. No
+    sensor is so steady: even in one place its noise is some parts in 10⁵."""
     size = find_length(field)
-    middle = float(size.mean())
-    turned = max(float(np.ptp(axis)) for axis in field.T) > 0.1 * middle
-    if not (0 < middle < np.inf) or not turned or float(size.std()) > _STEADIEST * middle:
-        return None
-    return Finding(
-        "normalised",
-        "refuse",
-        "all readings have exactly the same length: they were normalised, and the information on "
-        "bias and soft iron is lost",
-        "have the driver record the readings as measured",
-    )
-
-
-def _unread(samples: Samples) -> Finding | None:
-    """A clock, an accelerometer or a gyroscope that is in the log and could not be read."""
-    told = [note for note in samples.notes if note.startswith(_UNREAD)]
-    if not told:
-        return None
-    return Finding(
-        "not read",
-        "note",
-        f"not all of the log could be read: {'; '.join(told)}",
-        "the result is from the rest; name columns and units in the header, or with --columns",
-    )
-
-
-def _few(samples: Samples) -> Finding | None:
-    if len(samples) >= FEWEST:
-        return None
-    return Finding(
-        "too few readings",
-        "refuse",
-        f"only {len(samples)} readings: with nine unknowns none are left to check the result",
-        "record at least a few hundred while turning the sensor about all axes",
-    )
+    middle = float(size.mean()) if len(field) >= FEWEST else 0.0
+    turned = np.ptp(field, axis=0).max(initial=0.0) > 0.1 * middle
+    if 0 < middle < np.inf and turned and float(size.std()) <= _STEADIEST * middle:
+        yield Finding(
+            "normalised",
+            "refuse",
+            "all readings have exactly the same length: they were normalised, and the information "
+            "on bias and soft iron is lost",
+            "have the driver record the readings as measured",
+        )
 
 
 def find_stuck_rows(field: Array, axis: int) -> Mask:
-    """Rows (n,) of long stretches in which an axis stands still while the others move.
-
-    An axis in coarse steps, that mostly repeats anyway, is not taken for stuck, nor one that comes
-    back to the end of its range.
-    """
+    """Rows (n,) of long stretches in which an axis stands still while the others move. An axis in
+    coarse steps, that mostly repeats anyway, is not taken for stuck, nor one that comes back to the
+    end of its range."""
     return find_stuck_values(field[:, axis], lambda: np.delete(field, axis, axis=1))
 
 
@@ -173,30 +180,27 @@ def _throughout(stuck: Mask) -> bool:
     return int(np.count_nonzero(~stuck)) < min(FEWEST, len(stuck))
 
 
-def _check_frozen(stuck: Mask, axis: int) -> Finding | None:
-    """An axis that stands still, throughout or for a time, while the others move."""
-    if not stuck.any():
-        return None
-    what = (
-        f"stands still while the others move, in {int(stuck.sum())} readings "
-        f"from row {int(np.argmax(stuck))} on, which were left out"
-    )
-    move, dead = "check the sensor and its wiring", _throughout(stuck)
-    if dead:
-        what = f"{'never' if stuck.all() else 'hardly ever'} changes while the others do"
-        move += "; with two axes it can only be used as a level compass"
-    said = f"axis {'xyz'[axis]} {what}"
-    return Finding("frozen axis", "refuse" if dead else "check", said, move)
+def _list_frozen(stuck: Sequence[Mask]) -> Iterator[Finding]:
+    """Axes that stand still, throughout or for a time, while the others move."""
+    for axis, rows in zip("xyz", stuck, strict=True):
+        if not rows.any():
+            continue
+        what = (
+            f"stands still while the others move, in {int(rows.sum())} readings "
+            f"from row {int(np.argmax(rows))} on, which were left out"
+        )
+        move, dead = "check the sensor and its wiring", _throughout(rows)
+        if dead:
+            what = f"{'never' if rows.all() else 'hardly ever'} changes while the others do"
+            move += "; with two axes it can only be used as a level compass"
+        yield Finding("frozen axis", "refuse" if dead else "check", f"axis {axis} {what}", move)
 
 
 def find_clipped_rows(field: Array) -> Mask:
-    """Rows (n,) in which an axis sits at the end of its range.
-
-    A clipped axis piles up at one value while the other axes still move. At an honest extreme the
-    pile is low (a sensor passes it quickly) and the others are near their middle, within
-    √(2 R q) for a sphere of radius R in steps of q. Where one axis is clipped, others that end at
-    the same value are.
-    """
+    """Rows (n,) in which an axis sits at the end of its range. A clipped axis piles up at one value
+    while the other axes still move. At an honest extreme the pile is low (a sensor passes it
+    quickly) and the others are near their middle, within √(2 R q) for a sphere of radius R in steps
+    of q. Where one axis is clipped, others that end at the same value are."""
     ends: list[tuple[float, Mask]] = []
     limits: set[float] = set()
     for axis in range(3):
@@ -223,55 +227,96 @@ def _piles_up(values: Array, others: Array, at_end: Mask) -> bool:
     return bool(spread > 3 * np.sqrt(2 * radius * step))
 
 
-def _check_clipped(clipped: Mask) -> Finding | None:
-    if not clipped.any():
-        return None
-    share = 100 * clipped.mean()
-    return Finding(
-        "clipping",
-        "check",
-        f"{int(clipped.sum())} readings ({share:.1f} %) sit at the end of the sensor's range and "
-        "were left out",
-        "choose a larger range, or move the sensor away from magnets and iron",
-    )
+def _list_clipped(clipped: Mask) -> Iterator[Finding]:
+    if clipped.any():
+        yield Finding(
+            "clipping",
+            "check",
+            f"{int(clipped.sum())} readings ({100 * clipped.mean():.1f} %) sit at the end of the "
+            "sensor's range and were left out",
+            "choose a larger range, or move the sensor away from magnets and iron",
+        )
 
 
-def _stale(field: Array) -> Finding | None:
-    x, y, z = (column[1:] == column[:-1] for column in field.T)
-    share = float((x & y & z).mean()) if len(field) > 1 else 0.0
-    if share < 0.05:
-        return None
-    return Finding(
-        "repeated readings",
-        "note",
-        f"{100 * share:.0f} % of the readings repeat the one before: the log runs faster than the "
-        "sensor",
-    )
+FEWEST_TIMES, FEWEST_LEVELS = 5, 40
+PILED, APART = 5.0, 10.0
+"""A level comes so many times as often as others, and is so many of their steps apart."""
+SAME = 1e-6
+"""Of an axis' range: readings closer than that are one level, which arithmetic has rounded."""
+TURNED = 0.2
+"""Of their range: by so much the other axes move while one sticks."""
 
 
-def _gaps(samples: Samples) -> Finding | None:
-    if samples.time is None or len(samples) < FEWEST:
-        return None
-    steps = np.diff(samples.time)
-    gaps = steps > max(20 * median(steps), 1.0)
-    if not gaps.any():
-        return None
-    return Finding(
-        "gaps",
-        "note",
-        f"{int(gaps.sum())} gap{'s' if gaps.sum() > 1 else ''} in time, "
-        f"the longest {steps.max():.1f} s",
-    )
+class DeadZone(NamedTuple):
+    """The reading `level` that an `axis` gives for all between `low` and `high`."""
+
+    axis: int
+    level: float
+    low: float
+    high: float
 
 
-def _check_corrected(samples: Samples) -> Finding | None:
-    if not samples.corrected:
-        return None
-    return Finding(
-        "corrected readings",
-        "check",
-        "the autopilot or the device had corrected these readings in a way that the log does not "
-        "state, so the result comes on top of that correction and is not exported to an autopilot",
-        "record uncorrected readings, or calibrate from the vehicle's own log, or join the result "
-        "and the parameters in force then (agonic export --on OLD.param)",
-    )
+def find_dead_zones(field: Array) -> list[DeadZone]:
+    """Zones of each axis (n, 3) in which it gives one reading while the others move. There one
+    level comes far more often than those about it, and those next to it are missing: an axis that
+    rests, or turns level in coarse steps, comes often by a level and by the next as well.
+
+    >>> rng = np.random.default_rng(0)
+    >>> field = rng.uniform(-50, 50, size=(2000, 3))
+    >>> find_dead_zones(field)
+    []
+    >>> field[np.abs(field[:, 1]) < 2, 1] = 0.0
+    >>> [(zone.axis, zone.level) for zone in find_dead_zones(field)]
+    [(1, 0.0)]
+    """
+    some = field[choose_evenly(len(field), MOST_ROWS)]
+    return [zone for axis in range(3) for zone in _find_on_axis(some, axis)]
+
+
+def find_rows_in(field: Array, zones: list[DeadZone]) -> Mask:
+    """Rows (n,) in which an axis sticks."""
+    inside = np.zeros(len(field), dtype=bool)
+    for zone in zones:
+        inside |= (field[:, zone.axis] > zone.low) & (field[:, zone.axis] < zone.high)
+    return inside
+
+
+def _list_dead_zones(field: Array, unit: str) -> Iterator[Finding]:
+    zones = find_dead_zones(field)
+    if zones:
+        where = " and ".join(
+            f"{'xyz'[zone.axis]} at {figure(zone.level)} (between {figure(zone.low)} and "
+            f"{figure(zone.high)} {unit})"
+            for zone in zones[:3]
+        )
+        yield Finding(
+            "dead zone",
+            "check",
+            f"an axis sticks at one reading while the others move: {where}, in "
+            f"{int(find_rows_in(field, zones).sum())} readings, which were left out; a heading "
+            "from such readings is wrong, whatever the calibration",
+            "check whether a driver or a filter cuts small readings off, or replace the sensor",
+        )
+
+
+def _find_on_axis(field: Array, axis: int) -> list[DeadZone]:
+    values = field[:, axis]
+    same = SAME * np.ptp(values)
+    if not 0 < same < np.inf:
+        return []
+    levels, counts = np.unique(np.round(values / same), return_counts=True)
+    if len(levels) <= FEWEST_LEVELS:
+        return []
+    often = counts[1:-1] >= max(FEWEST_TIMES, PILED * median(counts))
+    others = np.delete(field, axis, axis=1)
+    zones = []
+    for k in 1 + np.flatnonzero(often):
+        near = np.diff(levels[max(k - FEWEST_LEVELS // 2, 0) : k + FEWEST_LEVELS // 2])
+        if levels[k + 1] - levels[k - 1] < APART * np.sort(near)[:-2].mean():
+            continue
+        there = others[np.round(values / same) == levels[k]]
+        moved = np.ptp(np.percentile(there, (5, 95), axis=0), axis=0)
+        if (moved > TURNED * np.ptp(others, axis=0)).any():
+            at = (levels[k], levels[k - 1] + 0.5, levels[k + 1] - 0.5)
+            zones.append(DeadZone(axis, *(float(level * same) for level in at)))
+    return zones

@@ -111,9 +111,7 @@ class _Split(NamedTuple):
     @property
     def stands_out(self) -> bool:
         """Whether these are two states, and not the halves of one, or one and what is left of it.
-
-        Where they last, each is seen by many rows that follow one another.
-        """
+        Where they last, each is seen by many rows that follow one another."""
         if not ALIKE < self.radii[0] / max(self.radii[1], 1e-9) < 1 / ALIKE:
             return False
         if self.lasts:
@@ -132,11 +130,9 @@ def _measure_cost(off: Array) -> float:
 
 
 def check_states(e: Evidence, left: float | None) -> Finding | None:
-    """The finding that two sensors are mixed, or that the bias was another for a while.
-
-    It is told where it leaves as little as terms do: `left`, noise and memory over the radius, if
-    there are any. Of few readings, 36 with ten outliers, 13 unknowns put half on either ellipsoid.
-    """
+    """The finding that two sensors are mixed, or that the bias was another for a while. It is told
+    where it leaves as little as terms do: `left`, noise and memory over the radius, if there are
+    any. Of few readings, 36 with ten outliers, 13 unknowns put half on either ellipsoid."""
     if len(e.readings) < 5 * FEWEST:
         return None
     raw, at = (e.readings - e.bias) / e.radius, (e.residuals / e.radius, e.normals)
@@ -174,12 +170,10 @@ def check_states(e: Evidence, left: float | None) -> Finding | None:
 
 
 def find_states(points: Array, residuals: Array, normals: Array, rejected: Mask) -> States | None:
-    """Two biases among the rows of a fit; None where there is one.
-
-    Of what lasts, the rows of the commonest state are searched once more, for a third bias.
-    Parameters: points (n, 3) of the calibrated field over its magnitude, residuals (n,) and normals
-    (n, 3) of the fit in the same unit, and which rows it rejected (n,).
-    """
+    """Two biases among the rows of a fit; None where there is one. Of what lasts, the rows of the
+    commonest state are searched once more, for a third bias. Parameters: points (n, 3) of the
+    calibrated field over its magnitude, residuals (n,) and normals (n, 3) of the fit in the same
+    unit, and which rows it rejected (n,)."""
     rows = choose_evenly(len(points), ENOUGH)
     points, rejected = points[rows], rejected[rows]
     residuals, normals = residuals[rows], normals[rows]
@@ -218,11 +212,9 @@ def _find_edges(changed: Mask) -> Index:
 
 
 def spreads_by_direction(residuals: Array, normals: Array) -> bool:
-    """Whether squares of residuals go with the direction, as of a bias that is one of two.
-
-    n R² of the regression of r² on the squares of the normals is χ² of five by chance (Breusch and
-    Pagan 1979).
-    """
+    """Whether squares of residuals go with the direction, as of a bias that is one of two. n R² of
+    the regression of r² on the squares of the normals is χ² of five by chance (Breusch and Pagan
+    1979)."""
     square = residuals**2
     design = _list_squares(normals)
     left = square - _regress(square, design) @ design
@@ -244,9 +236,13 @@ def _regress(values: Array, design: Array) -> Array:
 def _find_split(points: Array, guesses: Iterator[Mask]) -> _Split | None:
     """The best split from any of the guesses, None where none is one."""
     one = _measure_cost(_fit(points, np.zeros(len(points), dtype=np.int8))[0][0])
-    weighed = [(_weigh_guess(points, guess), guess) for guess in guesses]
-    likely = sorted((cost, k) for k, (cost, _) in enumerate(weighed) if cost < PROMISING * one)
-    tried = [_alternate(points, weighed[k][1]) for _, k in likely[:MOST_GUESSES]]
+    weighed = []
+    for guess in guesses:
+        if FEWEST <= np.count_nonzero(guess) <= len(guess) - FEWEST:
+            off, _, _ = _fit(points, guess.astype(np.int8))
+            weighed.append((_measure_cost(np.where(guess, off[1], off[0])), guess))
+    likely = sorted((pair for pair in weighed if pair[0] < PROMISING * one), key=lambda p: p[0])
+    tried = [_alternate(points, guess) for _, guess in likely[:MOST_GUESSES]]
     found = (split for split in tried if split is not None)
     best = min(found, key=lambda split: split.cost, default=None)
     if best is None or not best.stands_out:
@@ -262,7 +258,9 @@ def _guess(
     many; every second; some in succession; those whose residual goes
     with the shift δ that makes r² = σ² + (n·δ)²."""
     yield rejected
-    yield _leave_over(points)
+    left = fit_ellipsoid(points).measure(points)
+    weighed = _weigh(left[None] / max(_measure_noise(left), 1e-9))
+    yield np.asarray(find_path(weighed, SWITCH_PRICE) == 1)
     yield rows % 2 == 1
     part = np.arange(len(points)) * PARTS // len(points)
     yield from ((part >= a) & (part < b) for a, b in combinations(range(PARTS + 1), 2))
@@ -270,22 +268,6 @@ def _guess(
     square = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]])
     shift = np.linalg.eigh(square)[1][:, -1]
     yield residuals * (normals @ shift) > 0.0
-
-
-def _leave_over(points: Array) -> Mask:
-    """The rows in succession that are far from the ellipsoid that is nearest to most of all."""
-    left = fit_ellipsoid(points).measure(points)
-    noise = max(_measure_noise(left), 1e-9)
-    return np.asarray(find_path(_weigh(left[None] / noise), SWITCH_PRICE) == 1)
-
-
-def _weigh_guess(points: Array, second: Mask) -> float:
-    """What a guess of the rows of the second state leaves of each row by itself."""
-    state = second.astype(np.int8)
-    if min(np.count_nonzero(second), np.count_nonzero(~second)) < FEWEST:
-        return np.inf
-    off, _, _ = _fit(points, state)
-    return _measure_cost(np.where(second, off[1], off[0]))
 
 
 def _alternate(points: Array, second: Mask) -> _Split | None:

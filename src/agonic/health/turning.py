@@ -94,11 +94,9 @@ def check_turning(samples: Samples) -> Finding | None:
 
 
 def check_gravity_turning(samples: Samples) -> Finding | None:
-    """The finding that gravity turns in the accelerometer otherwise than by the gyro.
-
-    The opposite sign of gravity turns alike: of P and −P, which cannot be told apart, the one that
-    reverses fewer axes is told first.
-    """
+    """The finding that gravity turns in the accelerometer otherwise than by the gyro. The opposite
+    sign of gravity turns alike: of P and −P, which cannot be told apart, the one that reverses
+    fewer axes is told first."""
     if samples.acceleration is None or not _can_tell(samples):
         return None
     samples = find_telling(samples)
@@ -157,11 +155,7 @@ def find_renaming(
     units: tuple[tuple[float, str], ...],
 ) -> Renaming | None:
     """What the gyro has to be renamed by to turn as another sensor does; `None` where it does, or
-    nothing else comes far nearer.
-
-    Parameters: `sum_of` the seconds over which it is smoothed gives the products of
-    `sum_products`, and how far off a bias may be.
-    """
+    nothing else comes far nearer."""
     time = samples.time
     assert time is not None
     turns, found = np.concatenate([right_angles(), -right_angles()]), []
@@ -182,12 +176,10 @@ def find_renaming(
 
 def _find_probable_naming(samples: Samples) -> Array | None:
     """The turn (3, 3) from the axes of the gyro to those of an accelerometer that reads as if its
-    axes were others; `None` where its own names are as probable.
-
-    Other namings have to be more probable in most windows, not in a few: what accelerates a vehicle
-    may follow its attitude by chance. Of those that hardly differ none is told by which the gyro
-    explains far less of the change.
-    """
+    axes were others; `None` where its own names are as probable. Other namings have to be more
+    probable in most windows, not in a few: what accelerates a vehicle may follow its attitude by
+    chance. Of those that hardly differ none is told by which the gyro explains far less of the
+    change."""
     time, rate, force = samples.time, samples.rotation_rate, samples.acceleration
     if time is None or rate is None or force is None or not explains_change(samples):
         return None
@@ -228,9 +220,7 @@ def _find_late(samples: Samples, turn: Array) -> float:
 
 def explains_change(samples: Samples) -> bool:
     """Whether the gyro turns as the magnetometer does: it leaves less than half of its change.
-
-    False too where hardly anything turns, or the field itself changes more.
-    """
+    False too where hardly anything turns, or the field itself changes more."""
     if not _can_tell(samples):
         return False
     products, farthest = _sum_of_field(find_telling(samples))(_SMOOTHED_S[0])

@@ -46,15 +46,13 @@ UNKNOWNS = 14
 
 class Inertial(NamedTuple):
     """The attitude that an inertial unit feels, heading left out, in the axes of the readings.
-
     `down` (n, 3), NaN where there is none, and `down_by` (n, 3, q) what errors add to it: of the
     accelerometer's bias (3, m/s²), and with a gyro of its bias (3, rad/s), its scale (3), a speed
     (3, m/s), and delays of the field's readings and of the acceleration (s). Then `ahead` (n, 3) is
     a level direction of steady heading, `part` (n,) numbers the parts in which it is steady, and
-    `azimuth_by` (n, q) is what the errors add to the azimuth of the field.
-    `force_sd`, m/s², and `rate_sd`, rad/s, are the noise of a row that goes through the low-pass
-    and the integral: of the accelerometer with all that shakes it, and of the gyro.
-    """
+    `azimuth_by` (n, q) is what the errors add to the azimuth of the field. `force_sd`, m/s², and
+    `rate_sd`, rad/s, are the noise of a row that goes through the low-pass and the integral: of the
+    accelerometer with all that shakes it, and of the gyro."""
 
     down: Array
     down_by: Array
@@ -76,10 +74,8 @@ class Inertial(NamedTuple):
 
 
 def estimate_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inertial:
-    """The attitude without heading by the accelerometer, and the gyro where there is one.
-
-    Raises `LogError` without an accelerometer.
-    """
+    """The attitude without heading by the accelerometer, and the gyro where there is one. Raises
+    `LogError` without an accelerometer."""
     force, rate, time = samples.acceleration, samples.rotation_rate, samples.time
     if force is None:
         raise LogError(
@@ -120,10 +116,7 @@ def find_parts(time: Array) -> list[Index]:
 def _estimate_part(
     felt: Inertial, rows: Index, time: Array, force: Array, rate: Array, settling_s: float
 ) -> tuple[float, float]:
-    """What readings (m, 3) without pauses tell, put into their rows.
-
-    Returns the variances of `force_sd` and `rate_sd`.
-    """
+    """What readings (m, 3) without pauses tell, put into their rows."""
     rate_variance, rotation = measure_rate_variance(rate), rate
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step)) + 1)

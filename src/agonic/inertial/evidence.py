@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.attitude.heading_column import check_azimuth
+from agonic.attitude.known_heading import check_azimuth
 from agonic.calibration.base import correct_field
 from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.fit import Fit
@@ -39,11 +39,9 @@ FEWEST = 50
 
 
 def check_inclination(solved: Solved) -> Finding | None:
-    """The finding that the log does not tell the dip that nothing else told.
-
-    Errors of the tilt make its effect on the readings seem smaller, by their share of its variance
-    (regression dilution), and with it the vertical intensity Z: dI = dZ/Z · sin 2I/2.
-    """
+    """The finding that the log does not tell the dip that nothing else told. Errors of the tilt
+    make its effect on the readings seem smaller, by their share of its variance (regression
+    dilution), and with it the vertical intensity Z: dI = dZ/Z · sin 2I/2."""
     if not solved.settings.inclination_free:
         return None
     variance = float(solved.found.solution.covariance[-1, -1])
@@ -62,11 +60,9 @@ def check_inclination(solved: Solved) -> Finding | None:
 
 
 def check_speed(fit: Fit, solved: Solved) -> Finding | None:
-    """The finding that a speed kept in turns would look like a lean.
-
-    Of a speed v the estimate misses C v, C being what the log leaves of the prior's variance, and
-    that leans level by ω × C v/g, at the mean rate ω.
-    """
+    """The finding that a speed kept in turns would look like a lean. Of a speed v the estimate
+    misses C v, C being what the log leaves of the prior's variance, and that leans level by ω × C
+    v/g, at the mean rate ω."""
     rate = solved.samples.rotation_rate
     if rate is None or solved.felt.ahead is None or solved.sds[9] > SLOW_M_S:
         return None
@@ -88,12 +84,9 @@ def check_speed(fit: Fit, solved: Solved) -> Finding | None:
 
 
 def check_gyro(fit: Fit, solved: Solved) -> Finding | None:
-    """The finding that the gyro does not turn as the field does.
-
-    A vehicle that brakes leans the vertical that is felt, and with it the azimuth of the field: so
-    the gyro is blamed only where it contradicts the joint estimate too, which knows the tilt by
-    the field.
-    """
+    """The finding that the gyro does not turn as the field does. A vehicle that brakes leans the
+    vertical that is felt, and with it the azimuth of the field: so the gyro is blamed only where it
+    contradicts the joint estimate too, which knows the tilt by the field."""
     if solved.walk_deg < WALKS_DEG:
         return None
     magnitude = fit.calibration.magnitude
@@ -118,11 +111,9 @@ def check_contradiction(solved: Solved) -> Finding | None:
 def check_gravity(
     fit: Fit, samples: Samples, given: Reference | None, settings: Settings
 ) -> Finding | None:
-    """The finding that the acceleration has the sign of gravity, where a bad fit shows it.
-
-    Then the field seems to dip by as much towards the sky. A dip that was found beside the unit
-    says nothing of its sign.
-    """
+    """The finding that the acceleration has the sign of gravity, where a bad fit shows it. Then the
+    field seems to dip by as much towards the sky. A dip that was found beside the unit says nothing
+    of its sign."""
     bad = fit.verdict == "refused" or any(one.name == "disturbed" for one in fit.findings)
     if given is None or given.values.ndim == 1 or given.source == FOUND or not bad:
         return None
@@ -139,10 +130,8 @@ def check_gravity(
 
 def check_felt_dip(fit: Fit, samples: Samples, given: Reference | None) -> Finding | None:
     """The finding that a field calibrated by its magnitude dips towards the sky where it should
-    towards the ground, by what the accelerometer feels.
-
-    The magnitude sees no sign; which of the two sensors has the opposite one, nothing tells.
-    """
+    towards the ground, by what the accelerometer feels. The magnitude sees no sign; which of the
+    two sensors has the opposite one, nothing tells."""
     known = None if given is None else given.inclination_deg
     if known is None or samples.acceleration is None:
         return None

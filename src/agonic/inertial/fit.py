@@ -1,24 +1,26 @@
-"""`fit_inertial`: for what cannot be turned over, from raw accelerometer and gyro."""
+"""`fit_inertial`: for what cannot be turned over, from raw accelerometer and gyro; `InertialFit`: a
+calibration with the errors of these."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.attitude.calibration import make_calibration, make_mean_calibration
 from agonic.attitude.delay import find_and_undo, keep_latency
 from agonic.attitude.fit import make_fit
-from agonic.attitude.heading_column import check_heading_column
 from agonic.attitude.heading_source import check_heading_source
+from agonic.attitude.known_heading import check_heading_column
 from agonic.attitude.problem import Gauge, Model
 from agonic.calibration.affine import Affine
 from agonic.errors import LogError
 from agonic.fit import Fit
 from agonic.health import FEWEST, Finding
 from agonic.health.inertial_unit import check_clipping, repair
+from agonic.inertial.attitude import Inertial
 from agonic.inertial.evidence import (
     check_contradiction,
     check_gravity,
@@ -29,12 +31,62 @@ from agonic.inertial.evidence import (
 )
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.problem import Settings, orient
-from agonic.inertial.result import InertialFit
 from agonic.inertial.solve import join_headings, keep_level, solve, solve_part
 from agonic.inertial.start import Solved
 from agonic.new_rows import interpolate_repeated
 from agonic.reference import Reference
 from agonic.samples import Samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InertialFit(Fit):
+    """A calibration beside accelerometer and gyro, and what was found of these.
+
+    `samples` are those that were fitted, with roll and pitch as they were felt, and `reference`
+    theirs; `felt` is that attitude, with the errors found taken out, but level as the accelerometer
+    reads it where the vehicle stays near level: so calibration and tilt go together afterwards.
+    `inertial_errors` (q,) and their `inertial_sd`: the accelerometer's bias, m/s², and with a gyro
+    its bias, rad/s, its scale, the speed, m/s, that the vehicle keeps in turns, and how late, s,
+    beside the gyro the readings are beyond what was undone, and the acceleration; where the dip is
+    an unknown it is the last, rad. `accelerometer_gain` (3, 3) is what the accelerometer reads over
+    what it feels, where there is a gyro. `heading_source` is what told the headings that
+    joined, and `solved` the estimate by which parts of the rows are fitted.
+    """
+
+    samples: Samples
+    reference: Reference
+    felt: Inertial
+    inertial_errors: Array
+    inertial_sd: Array
+    accelerometer_gain: Array | None
+    settings: Settings
+    solved: Solved
+    heading_source: str | None = None
+
+    @property
+    def accelerometer_bias(self) -> Array:
+        """What the accelerometer reads too much, (3,) m/s²."""
+        return self.inertial_errors[:3]
+
+    @property
+    def gyro_bias(self) -> Array | None:
+        """What the gyro reads too much, (3,) rad/s; `None` without one."""
+        return None if self.felt.ahead is None else self.inertial_errors[3:6]
+
+    @property
+    def source(self) -> str:
+        """What told the attitude."""
+        unit = "accelerometer" if self.felt.ahead is None else "accelerometer and gyro"
+        return unit if self.heading_source is None else f"{unit}, and {self.heading_source}"
+
+    def find_rows(self, samples: Samples) -> Index | None:
+        """The rows of the fit that some of its samples are; `None` where they are others."""
+        if self.samples.time is None or samples.time is None:
+            return None
+        rows = np.searchsorted(self.samples.time, samples.time)
+        rows = np.minimum(rows, len(self.samples) - 1)
+        return rows if np.array_equal(self.samples.time[rows], samples.time) else None
+
 
 LEAST_SD_DEG = 0.2
 """Of a heading: none is known better beside readings of another moment."""
@@ -46,9 +98,7 @@ UNKNOWN_OFFSET_SD = 1.0
 
 def find_headings(solved: Solved) -> tuple[Headings | None, Finding | None]:
     """The headings that can join an estimate made without them, and what speaks against them.
-
-    Headings of another zero, or where the declination is not known, tell by their changes alone.
-    """
+    Headings of another zero, or where the declination is not known, tell by their changes alone."""
     samples, felt = solved.samples, solved.felt
     if samples.heading_deg is None or samples.heading_estimated or felt.ahead is None:
         return None, None
@@ -271,10 +321,7 @@ def open_inertial_parts(
     whole: InertialFit, samples: Samples, reference: Reference | None
 ) -> Callable[[Mask], Affine]:
     """What gives the calibration by some of the rows (n,) of readings of a fit; acceleration and
-    rates count in all rows.
-
-    Readings that the fit does not have are fitted anew.
-    """
+    rates count in all rows. Readings that the fit does not have are fitted anew."""
     numbers = whole.find_rows(samples)
 
     def fit(rows: Mask) -> Affine:

@@ -8,10 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.known_heading import compute_mounted_heading
 from agonic.errors import CoverageError
-from agonic.inertial.fit import fit_inertial
-from agonic.inertial.result import InertialFit
+from agonic.inertial.fit import InertialFit, fit_inertial
 from agonic.maths.equation.coverage import make_level_axes
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -36,14 +35,10 @@ class Drive(NamedTuple):
 def predict_heading_sd(
     fit: InertialFit, past: Samples, reference: Reference, drive: Drive, down: Array
 ) -> float:
-    """The standard error, degrees, of a level heading by a fit that has a drive's readings too.
-
-    The readings that the drive would give by the present fit, with the noise and the errors of the
-    unit that it found, are fitted together with those of the past. So the prediction knows all that
-    the fit itself knows of its errors.
-
-    Parameters: a fit to the samples of the `past`, or to more; the constant field of the place;
-    `down` (3,), where the sensor's axes have down when the vehicle is level.
+    """The standard error, degrees, of a level heading by a fit that has a drive's readings too. The
+    readings that the drive would give by the present fit, with the noise and the errors of the unit
+    that it found, are fitted together with those of the past. So the prediction knows all that the
+    fit itself knows of its errors.
 
     >>> from agonic.simulation import simulate, with_inertial_unit
     >>> made = simulate("circle", tilt_deg=2.0, n=600, rate_Hz=10.0)

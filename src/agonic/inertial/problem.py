@@ -72,10 +72,7 @@ def with_tilt(samples: Samples, felt: Inertial) -> Samples:
 def pose(
     tilted: Samples, reference: Reference, felt: Inertial, settings: Settings, taken_out: Array
 ) -> tuple[Problem, Scale]:
-    """The problem of the rows whose tilt is known, and its scale.
-
-    Parameters: `taken_out` as of `Shared`.
-    """
+    """The problem of the rows whose tilt is known, and its scale."""
     gauge = FREE if settings.gauge == "auto" else settings.gauge
     problem, scale = normalise(tilted, reference, ("magnitude", "dip"), gauge, settings)
     relative = None

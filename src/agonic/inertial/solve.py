@@ -46,17 +46,14 @@ _STEADY = 1e-3
 
 
 def keep_level(solved: Solved) -> Solved:
-    """The estimate in axes whose level is the one that the accelerometer reads, bias and all.
-
-    A matrix without a turn of its own cannot be turned, and stays; so does that of a sensor which
-    was turned all ways.
-
-    An accelerometer's bias b is taken out of every down d before the field is compared with it, but
-    whoever takes a heading has the tilt from the accelerometer as it reads. On a vehicle that stays
-    near level the two differ by one turn of all rows, which the bias and the turn between the
-    sensors share as they like. So the calibration is turned along, W → exp(ρ) W: then what is not
-    known of b does not touch the heading either. The turn that leaves least of the downs'
-    differences δd is
+    """The estimate in axes whose level is the one that the accelerometer reads, bias and all. A
+    matrix without a turn of its own cannot be turned, and stays; so does that of a sensor which was
+    turned all ways. An accelerometer's bias b is taken out of every down d before the field is
+    compared with it, but whoever takes a heading has the tilt from the accelerometer as it reads.
+    On a vehicle that stays near level the two differ by one turn of all rows, which the bias and
+    the turn between the sensors share as they like. So the calibration is turned along, W → exp(ρ)
+    W: then what is not known of b does not touch the heading either. The turn that leaves least of
+    the downs' differences δd is
 
         Σ |δd − ρ × d|² → min,   δd = −(b − (b·d) d)/g,   (1 − ⟨d dᵀ⟩) ρ = −⟨d⟩ × b/g.
     """
@@ -91,13 +88,7 @@ def keep_level(solved: Solved) -> Solved:
 
 
 def find_lean(down: Array) -> Array:
-    """The turn of level by each m/s² of an accelerometer's bias, (3, 3) rad.
-
-    Parameters: downs (n, 3) of a vehicle in its axes.
-
-    >>> find_lean(np.tile([0.0, 0.0, 1.0], (2, 1))).round(3).tolist()
-    [[0.0, 0.102, 0.0], [-0.102, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    """
+    """The turn of level by each m/s² of an accelerometer's bias, (3, 3) rad."""
     mean = down.mean(axis=0)
     told = np.eye(3) - down.T @ down / len(down) + _STEADY * np.outer(mean, mean)
     return np.asarray(-np.linalg.solve(told, skew(mean)) / STANDARD_GRAVITY_M_S2) + 0.0
@@ -129,12 +120,10 @@ def _turn_parameters(solved: Solved, turn: Array, lean: Array) -> Array:
 
 
 def solve(samples: Samples, reference: Reference | None, settings: Settings) -> Solved:
-    """The estimate: first beside the attitude that is felt, then with the attitude free.
-
-    Without horizontal and vertical intensity these are found first; an error of a known dip, of the
+    """The estimate: first beside the attitude that is felt, then with the attitude free. Without
+    horizontal and vertical intensity these are found first; an error of a known dip, of the
     reference's standard deviation, is one unknown of all rows. What is left of a delay is another:
-    a log may read its sensors anywhere between two of its rows.
-    """
+    a log may read its sensors anywhere between two of its rows."""
     if samples.time is not None and len(samples) > 1:
         interval = float(np.median(np.diff(samples.time)))
         settings = replace(settings, delay_sd_s=float(np.hypot(LATENCY_SD_S, interval / 12**0.5)))

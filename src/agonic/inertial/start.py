@@ -48,11 +48,10 @@ small to act twice."""
 
 class Solved(NamedTuple):
     """An estimate with the problem that it solves, of which rows, and the attitude it rests on.
-
     `walk_deg`, °/√s, is by how much the gyro walks away from the attitudes of a joint estimate,
     `tilt_noise` the variance of the errors of their tilt over that of the tilt itself;
-    `contradictory` where no such attitudes were found; `joined` is that estimate, and its problem.
-    """
+    `contradictory` where no such attitudes were found; `joined` is that estimate, and its
+    problem."""
 
     found: Estimate
     problem: Problem
@@ -80,13 +79,10 @@ def find_field(
     samples: Samples, given: Reference | None, settings: Settings
 ) -> tuple[Reference, Array]:
     """Horizontal and vertical intensity that readings and inertial unit agree on, and the unknowns
-    that were found with them.
-
-    Without a magnitude it is the one that makes the mean gain one. Some hundred rows tell which of
-    several dips leads to the least noise, for the dip of the wrong hemisphere is a minimum too; but
-    one by which the dip scatters as little as the magnitude is the right one. Only that is refined,
-    by some thousand rows.
-    """
+    that were found with them. Without a magnitude it is the one that makes the mean gain one. Some
+    hundred rows tell which of several dips leads to the least noise, for the dip of the wrong
+    hemisphere is a minimum too; but one by which the dip scatters as little as the magnitude is the
+    right one. Only that is refined, by some thousand rows."""
     felt = estimate_attitude(samples)
     rows = np.flatnonzero(felt.known)
     rows = rows[:: max(1, len(rows) // _ENOUGH)]
@@ -133,11 +129,9 @@ def make_dipping(sizes: Array, dip: float) -> Reference:
 def choose_speed(
     samples: Samples, reference: Reference, settings: Settings, near: Array | None = None
 ) -> Solved:
-    """The estimate of a vehicle that hardly moves, or of one that keeps a speed in turns.
-
-    A speed in a steady turn leans the vertical just as a bias of the accelerometer does, so it is
-    taken to be there only where it makes the residuals much smaller.
-    """
+    """The estimate of a vehicle that hardly moves, or of one that keeps a speed in turns. A speed
+    in a steady turn leans the vertical just as a bias of the accelerometer does, so it is taken to
+    be there only where it makes the residuals much smaller."""
     still = _solve_with(samples, reference, settings, SLOW_M_S, near)
     if still.felt.ahead is None or not _leans(still):
         return still
@@ -155,11 +149,9 @@ def _leans(solved: Solved) -> bool:
 
 
 def _compare_lengths(one: Solved, other: Solved) -> float:
-    """The logarithm of how much more probable one estimate makes the readings than another.
-
-    Both count as many independent rows, those of the longer correlation: rows that one takes to be
-    independent and the other not would outweigh everything else.
-    """
+    """The logarithm of how much more probable one estimate makes the readings than another. Both
+    count as many independent rows, those of the longer correlation: rows that one takes to be
+    independent and the other not would outweigh everything else."""
     gain = _describe_length(other) - _describe_length(one)
     for channel, noise in one.found.noise.items():
         against = other.found.noise[channel]
@@ -188,12 +180,10 @@ def _solve_with(
     speed_sd_m_s: float,
     near: Array | None = None,
 ) -> Solved:
-    """The estimate from the rows whose attitude is known.
-
-    With a gyro some thousand rows are enough, for what they find is only where the joint estimate
-    starts. The errors of the inertial unit act to first order, so those that were found are taken
-    out and the attitude is felt again, until little is left.
-    """
+    """The estimate from the rows whose attitude is known. With a gyro some thousand rows are
+    enough, for what they find is only where the joint estimate starts. The errors of the inertial
+    unit act to first order, so those that were found are taken out and the attitude is felt again,
+    until little is left."""
     felt = estimate_attitude(samples)
     known = np.flatnonzero(felt.known)
     if len(known) < FEWEST:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.known_heading import compute_mounted_heading
 from agonic.calibration.affine import Affine
 from agonic.coverage import Coverage
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding
+from agonic.inertial.fit import InertialFit
 from agonic.inertial.plan import Drive, predict_heading_sd
-from agonic.inertial.result import InertialFit
 from agonic.live.level import Plan, choose_step, see_level
 from agonic.live.state import LiveParams
 from agonic.live.track import Track

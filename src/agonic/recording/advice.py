@@ -30,23 +30,27 @@ NORMALISED = "normalised"
 def adapt_advice(
     findings: Iterable[Finding], samples: Samples, reference: Reference | None = None
 ) -> tuple[Finding, ...]:
-    """The findings, what helps against them suited to where the samples were recorded.
-
-    The `reference` is the one that they were calibrated by, if any.
-
-    >>> still = Finding("static", "refuse", "the sensor did not turn", "turn it")
-    >>> [found.name for found in adapt_advice([still], Samples(field=[[1.0, 2, 3]], frame="n"))]
-    ['axes of the Earth']
-    """
+    """The findings, what helps against them suited to where the samples were recorded. The
+    `reference` is the one that they were calibrated by, if any."""
     found = tuple(findings)
     if any(finding.name == NORMALISED for finding in found):
         return tuple(finding for finding in found if finding.name in (NORMALISED, NOT_READ))
     if samples.frame in ("n", "e"):
         kept = (finding for finding in found if finding.name not in TURNING)
-        return (_name_axes_of_the_earth(samples), *kept)
+        axes = "north, east and down" if samples.frame == "n" else "Earth-fixed"
+        told = Finding(
+            "axes of the Earth",
+            "refuse",
+            f"the readings are components {axes}, not in the axes of a sensor: they hold no bias "
+            "and no gain of it",
+            "give the readings as the sensor made them",
+        )
+        return (told, *kept)
     if move := _choose_move(samples):
         found = tuple(
-            replace(finding, move=move) if _asks_to_turn(finding, samples) else finding
+            replace(finding, move=move)
+            if finding.name in TURNING and (finding.name == "static" or is_in_space(samples))
+            else finding
             for finding in found
         )
     else:
@@ -54,7 +58,14 @@ def adapt_advice(
     if samples.frame == "b":
         found = tuple(map(_correct_orientation, found))
     if reference is not None and samples.altitude_m is None and is_in_space(samples):
-        found = (_miss_altitude(), *found)
+        missing = Finding(
+            "altitude",
+            "check",
+            "the track is that of a spacecraft and has no altitude: the field was taken from the "
+            "world model at sea level, where it is stronger by some 20 % than at 400 km",
+            "log the altitude (altitude_m), or give it: agonic fit inflight LOG --altitude METRES",
+        )
+        found = (missing, *found)
     return sort_findings(found)
 
 
@@ -89,10 +100,6 @@ def is_in_space(samples: Samples) -> bool:
     return bool(len(speeds) and median(speeds) > SPACE_SPEED_M_S)
 
 
-def _asks_to_turn(finding: Finding, samples: Samples) -> bool:
-    return finding.name in TURNING and (finding.name == "static" or is_in_space(samples))
-
-
 def _name_other_ways(finding: Finding, placeless: bool) -> Finding:
     """A refusal for want of turning, with what makes up for it: the place, or another method."""
     if finding.name not in TURNING or finding.name == "static" or finding.severity != "refuse":
@@ -116,16 +123,6 @@ def _correct_orientation(finding: Finding) -> Finding:
     )
 
 
-def _miss_altitude() -> Finding:
-    return Finding(
-        "altitude",
-        "check",
-        "the track is that of a spacecraft and has no altitude: the field was taken from the world "
-        "model at sea level, where it is stronger by some 20 % than at 400 km",
-        "log the altitude (altitude_m), or give it: agonic fit inflight LOG --altitude METRES",
-    )
-
-
 def _choose_move(samples: Samples) -> str:
     """What helps where the sensor cannot be turned at will; "" where it can."""
     if is_in_space(samples):
@@ -140,14 +137,3 @@ def _choose_move(samples: Samples) -> str:
             "all three axes while recording"
         )
     return ""
-
-
-def _name_axes_of_the_earth(samples: Samples) -> Finding:
-    axes = "north, east and down" if samples.frame == "n" else "Earth-fixed"
-    return Finding(
-        "axes of the Earth",
-        "refuse",
-        f"the readings are components {axes}, not in the axes of a sensor: they hold no bias and "
-        "no gain of it",
-        "give the readings as the sensor made them",
-    )

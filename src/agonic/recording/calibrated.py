@@ -24,28 +24,28 @@ from agonic.fit import Fit
 from agonic.health import Finding, Verdict, sentences, undo_decoding, verdict_of
 from agonic.health.evidence import HEADING_REFUSED_DEG
 from agonic.logs.any_form import Given, as_samples
+from agonic.maths.equation.coverage import find_rms_sd, heading_jacobian_deg
+from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.maths.one_pass import find_length, median
 from agonic.new_rows import interpolate_repeated
 from agonic.readable import Readable
 from agonic.recording.advice import adapt_fit
 from agonic.recording.choice.choose import Kind, choose, fall_back
 from agonic.recording.choice.fits import Choice, describe_latency, list_sources
-from agonic.recording.held_out import (
+from agonic.recording.ladder import Rung, build_ladder
+from agonic.recording.parts import (
     CHANCE,
+    CHANGED,
     Folds,
+    Stretch,
     compare_folds,
     describe_failed,
-    find_refusals,
-    fit_folds,
-)
-from agonic.recording.ladder import Rung, build_ladder
-from agonic.recording.stretch import (
-    CHANGED,
-    Stretch,
     describe_part,
-    find_all_rows,
     find_change,
+    find_refusals,
+    find_rows,
+    fit_folds,
     list_parts,
-    state_heading_deg,
 )
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -123,9 +123,7 @@ class Calibrated(Readable):
     @cached_property
     def ladder(self) -> tuple[Rung, ...]:
         """The fits from the simplest to the chosen one; none where it was made before, or refused.
-
-        They are fitted when this is first asked for.
-        """
+        They are fitted when this is first asked for."""
         if self.folds is None or self.verdict == "refused":
             return ()
         return build_ladder(
@@ -158,13 +156,14 @@ def calibrate_as_named(
     kind: Kind = "auto",
     **settings: Any,
 ) -> Calibrated:
-    """`calibrate` along the axes that the readings are named for, whatever their mounting.
-
-    Where the bias changed on the way, a stretch is calibrated: the last, or one that tells enough.
-    """
+    """`calibrate` along the axes that the readings are named for, whatever their mounting. Where
+    the bias changed on the way, a stretch is calibrated: the last, or one that tells enough."""
     meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference, unit))
     meant = interpolate_repeated(meant)
-    return _calibrate_as_measured(meant, known, kind, settings).with_finding(*wrong)
+    choice, made = _choose_and_verify(meant, known, kind, settings)
+    if made is None or made.verdict == "refused":
+        made = _calibrate_stretch(meant, known, choice, kind, settings) or made or _verify(choice)
+    return made.with_finding(*wrong)
 
 
 def undo_damage(
@@ -174,15 +173,6 @@ def undo_damage(
     measured = undo_decoding(samples)
     known = None if reference is None else reference.select(measured.kept)
     return measured.samples, known, measured.findings
-
-
-def _calibrate_as_measured(
-    meant: Samples, known: Reference | None, kind: Kind, settings: Mapping[str, Any]
-) -> Calibrated:
-    choice, made = _choose_and_verify(meant, known, kind, settings)
-    if made is not None and made.verdict != "refused":
-        return made
-    return _calibrate_stretch(meant, known, choice, kind, settings) or made or _verify(choice)
 
 
 def _calibrate_stretch(
@@ -199,7 +189,7 @@ def _calibrate_stretch(
     timed = samples.time is not None
     clock = samples.time if samples.time is not None else np.arange(float(len(samples)))
     for part in list_parts(changed, clock)[:_MOST_TRIED]:
-        rows = find_all_rows(clock, part)
+        rows = find_rows(clock, part)
         known = None if reference is None else reference.select(rows)
         try:
             if not _may_tell(whole, part):
@@ -236,15 +226,22 @@ def _may_tell(whole: Choice, part: Sequence[Stretch]) -> bool:
     samples = whole.samples
     if samples.time is None:
         return True
-    rows = find_all_rows(samples.time, part)
+    rows = find_rows(samples.time, part)
     try:
         fitted = whole.open_parts(samples, whole.reference)(rows)
     except AgonicError:
         return True
     if not isinstance(fitted, Affine) or fitted.covariance is None:
         return True
-    field = correct_field(fitted, samples)[rows]
-    return state_heading_deg(fitted, field, whole.fit) < HEADING_REFUSED_DEG
+    assert fitted.magnitude is not None
+    size, seen = find_length(correct_field(fitted, samples)[rows]), whole.fit.coverage
+    at = (seen.inclination_deg, fitted.magnitude, fitted.matrix, fitted.gauge, seen.down)
+    by_heading = heading_jacobian_deg(*at)
+    m = by_heading.shape[-1]  # sources on board come after
+    stated = find_rms_sd(by_heading, fitted.covariance[:m, :m])
+    # with the scatter of its own field, for the whole's holds the change
+    own = robust_scale(size - median(size)) * 3 / float(np.trace(fitted.matrix))
+    return float(stated) * own / whole.fit.noise < HEADING_REFUSED_DEG
 
 
 def calibrate_whole(
@@ -259,10 +256,8 @@ def calibrate_whole(
 def _choose_and_verify(
     samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
 ) -> tuple[Choice, Calibrated | None]:
-    """The choice for all rows, or a weaker one that is not refused, and its result.
-
-    None where the fit itself is refused, whatever held-out parts would say of it.
-    """
+    """The choice for all rows, or a weaker one that is not refused, and its result. None where the
+    fit itself is refused, whatever held-out parts would say of it."""
     choice = choose(samples, reference, kind, settings)
     fit, made = _verify_unless_refused(choice)
     if kind != "auto" or choice.method == "ellipsoid" or fit.verdict != "refused":
@@ -276,19 +271,18 @@ def _choose_and_verify(
 
 def _verify_unless_refused(choice: Choice) -> tuple[Fit, Calibrated | None]:
     fit = adapt_fit(choice.fit, choice.samples, choice.reference)
-    made = None if fit.verdict == "refused" else _verify(choice)
-    return fit if made is None else made.fit, made
+    if fit.verdict == "refused":
+        return fit, None
+    made = _verify(choice)
+    return made.fit, made
 
 
 def calibrate_recording(
     recording: Recording, reference: Reference | None = None, **settings: Any
 ) -> Calibrated:
     """Calibrate a recording of any length by the magnitude, and verify it on the rows kept of it.
-
-    The calibration uses all readings; held-out parts are judged, and pictures drawn, by some
-    100 000 rows that are spread evenly, the `samples` of the result.
-
-    Parameters: as in `fit_recording`. Raises `CoverageError` where nothing can be fitted at all.
+    The calibration uses all readings; held-out parts are judged, and pictures drawn, by some 100
+    000 rows that are spread evenly, the `samples` of the result.
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory

@@ -22,8 +22,7 @@ from agonic.recording.numbers import (
     list_entries,
     list_numbers,
 )
-from agonic.recording.quantities import mixes_sensors
-from agonic.recording.residuals import compute_residuals, find_held_out
+from agonic.recording.quantities import compute_residuals, find_held_out, mixes_sensors
 from agonic.recording.sections import (
     describe_disturbers,
     describe_ladder,
@@ -89,16 +88,7 @@ def describe_recording(
     failures: Iterable[tuple[str, str]] = (),
     schema: str = "agonic/calibrate@1",
 ) -> Document:
-    """What is said and shown of every magnetometer of a log.
-
-    Parameters
-    ----------
-    results, title : as in `render`. written : the files of each sensor, by its name.
-    failures : the names of sensors that could not be fitted at all, and why. schema : of the JSON.
-
-    >>> describe_recording([]).to_text()
-    'No magnetometer was found in the log.'
-    """
+    """What is said and shown of every magnetometer of a log."""
     most = figures.MOST_POINTS // max(len(results), 1)
     sensors = [
         describe_sensor(
@@ -166,14 +156,15 @@ def describe_sensor(
     number: int = 1,
     most: int = figures.MOST_POINTS,
 ) -> Document:
-    """What is said and shown of one sensor.
-
-    `number` counts the sensors of a page, on which `most` points are drawn of this one.
-    """
+    """What is said and shown of one sensor. `number` counts the sensors of a page, on which `most`
+    points are drawn of this one."""
     fit, calibration = result.fit, result.fit.calibration
     files, warnings, texts = written or Written([], [])
     refused = result.verdict == "refused"
     residuals = cache(lambda: compute_residuals(result))
+    latency = "" if result.latency is None else describe_latency(result.latency)
+    any_error = any(rung.errors_deg for rung in result.ladder)
+    drawn = partial(figures.draw_headings, result)
     bar = tables.draw_shares(fit.shares) if fit.shares else ""
     made = [Section("What the heading's error is made of", [bar])] if bar else []
     figures_of_fit = [
@@ -188,7 +179,7 @@ def describe_sensor(
         name=result.samples.name,
         method=f"{result.method}, {calibration.model} model, {group_digits(fit.n)} readings",
         verdict=result.verdict,
-        status=_describe_result(result),
+        status=sentence(result.status.removesuffix(latency).strip()),  # which has a line of its own
         findings=(*fit.findings, *result.failed),
         move=choose_move(result),
         remarks=warnings,
@@ -200,7 +191,7 @@ def describe_sensor(
         sections=[
             *([] if refused else made),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
-            *_describe_headings(result),
+            *([Section("Heading before and after", [drawn])] if any_error else []),
             *describe_ladder(result),
             *([] if refused else figures_of_fit[:1]),
             *describe_disturbers(result),
@@ -217,13 +208,6 @@ def describe_sensor(
     )
 
 
-def _describe_headings(result: Calibrated) -> list[Section]:
-    """The heading's error over the headings, by each fit of the ladder that one has for it."""
-    if not any(rung.errors_deg for rung in result.ladder):
-        return []
-    return [Section("Heading before and after", [lambda: figures.draw_headings(result)])]
-
-
 def _write_command(result: Calibrated) -> str:
     """What calibrates the sensor anew; nothing where it was not read from a file."""
     samples = result.samples
@@ -232,12 +216,6 @@ def _write_command(result: Calibrated) -> str:
     return (
         f"agonic calibrate {shlex.quote(samples.source.name)} --sensor {shlex.quote(samples.name)}"
     )
-
-
-def _describe_result(result: Calibrated) -> str:
-    """The status without the latency, which has a line of its own."""
-    latency = "" if result.latency is None else describe_latency(result.latency)
-    return sentence(result.status.removesuffix(latency).strip())
 
 
 def choose_move(result: Calibrated) -> str:

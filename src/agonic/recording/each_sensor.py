@@ -16,7 +16,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from agonic.arrays import Array
-from agonic.attitude.course import with_course
+from agonic.attitude.heading_source import with_course
 from agonic.console.options import Place, ScalarChoice, SensorChoice
 from agonic.console.parse import parse_mounting
 from agonic.console.place import find_reference, open_beside_scalar
@@ -30,7 +30,6 @@ from agonic.logs.remote import name_locally
 from agonic.maths.one_pass import median
 from agonic.recording.calibrated import Calibrated, calibrate_as_named, calibrate_recording
 from agonic.recording.mounting import calibrate, turn_back, turn_readings
-from agonic.reference import Reference
 from agonic.samples import Samples
 
 TOGETHER = 0.6
@@ -43,17 +42,13 @@ ATTITUDE = ("levelled", "inertial", "vector")
 BETTER = 0.8
 """Share of the unseen spread that a mix has to be below where its verdict is no better."""
 
-Again = Callable[[Samples], Calibrated]
-"""What calibrates samples that have a second magnetometer beside them, mixing the two."""
-
 
 def report_pairs(results: Sequence[Calibrated]) -> list[Calibrated]:
     """The results, with a finding where one thing disturbs a sensor and another."""
     told = []
     for result in results:
-        others = [other for other in results if other is not result]
-        found = [one for other in others if (one := compare(result, other)) is not None]
-        told.append(result.with_finding(found[0]) if found else result)
+        found = (compare(result, other) for other in results if other is not result)
+        told.append(result.with_finding(*list(filter(None, found))[:1]))
     return told
 
 
@@ -108,25 +103,26 @@ def _average(one: Calibrated, time: Array) -> Array | None:
     return means if means.std() > STANDS_OUT * least else None
 
 
-def take_mixes(results: Sequence[Calibrated], again: Again, chosen: str) -> list[Calibrated]:
-    """The results, each as a mix with another sensor where that is better.
-
-    Parameters: `again` calibrates with the second sensor; `chosen` is "auto", or the name of the
-    second sensor, which is then taken whatever comes of it.
-    """
+def take_mixes(
+    results: Sequence[Calibrated], again: Callable[[Samples], Calibrated], chosen: str
+) -> list[Calibrated]:
+    """The results, each as a mix with another sensor where that is better."""
     taken = []
     for result in results:
         others = [one for one in results if one is not result]
         if chosen != "auto":
             others = [one for one in others if one.samples.name == chosen]
         mixes = [mixed for other in others if (mixed := _mix(result, other, again)) is not None]
-        best = min(mixes, key=_rank, default=None)
-        better = best is not None and (chosen != "auto" or _is_better(best, result))
-        taken.append(best if best is not None and better else result)
+        best = min(mixes, key=_rank, default=result)
+        verdict, spread = _rank(result)  # the same verdict asks for clearly less spread
+        better = _rank(best) < (verdict, BETTER * spread)
+        taken.append(best if chosen != "auto" or better else result)
     return taken
 
 
-def _mix(result: Calibrated, other: Calibrated, again: Again) -> Calibrated | None:
+def _mix(
+    result: Calibrated, other: Calibrated, again: Callable[[Samples], Calibrated]
+) -> Calibrated | None:
     """A sensor calibrated as a mix with another; none where that cannot be had."""
     try:
         mixed = again(result.samples.with_second(other.samples))
@@ -144,27 +140,8 @@ def _rank(one: Calibrated) -> tuple[int, float]:
     return ("good", "check", "refused").index(one.verdict), one.verification.spread_after
 
 
-def _is_better(mixed: Calibrated, alone: Calibrated) -> bool:
-    """Whether a mix has the better verdict, or the same and clearly less spread."""
-    if mixed.verdict != alone.verdict:
-        return _rank(mixed) < _rank(alone)
-    return mixed.verification.spread_after < BETTER * alone.verification.spread_after
-
-
-def require_reference(reference: Reference | None) -> Reference:
-    """The field of the place, which a mix needs."""
-    if reference is None:
-        raise AgonicError(
-            "a mix of two magnetometers needs the field of the place: give --at LAT,LON or --field"
-        )
-    return reference
-
-
 if TYPE_CHECKING:
     from agonic.logs.large.mission import Mission
-
-_Job = tuple[str, Callable[[], Calibrated]]
-"""The name of a sensor, and what calibrates it."""
 
 
 def calibrate_each(
@@ -180,13 +157,10 @@ def calibrate_each(
     mounting: str | None = None,
     word: str | None = None,
 ) -> tuple[Log, list[Calibrated], list[tuple[str, str]]]:
-    """The log, the sensors that could be fitted, and the names of others with the reason.
-
-    `scalar` names a scalar magnetometer beside the sensors. With `course` the course over ground is
-    taken for the heading. `second`: "auto" mixes in another
-    sensor where that is better; a name, that one. `mounting`: where the axes of the sensor point.
-    `word`: how numbers are to be read.
-    """
+    """The log, the sensors that could be fitted, and the names of others with the reason. `scalar`
+    names a scalar magnetometer beside the sensors. With `course` the course over ground is taken
+    for the heading. `second`: "auto" mixes in another sensor where that is better; a name, that
+    one. `mounting`: where the axes of the sensor point. `word`: how numbers are to be read."""
     turn = None if mounting is None else parse_mounting(mounting)
     if turn is not None and second is not None:
         raise AgonicError("--mounting turns one sensor; mix in a second one (--second) without it")
@@ -218,10 +192,13 @@ def calibrate_each(
 
     def mix(samples: Samples) -> Calibrated:
         reference, settings = find_reference(samples, *place)
-        known = require_reference(reference)
-        return calibrate_as_named(
-            samples, known, kind="interference", sources=("second",), **settings
-        )
+        if reference is None:
+            raise AgonicError(
+                "a mix of two magnetometers needs the field of the place: give --at LAT,LON or "
+                "--field"
+            )
+        settings |= {"kind": "interference", "sources": ("second",)}
+        return calibrate_as_named(samples, reference, **settings)
 
     given = place.at is not None or place.field is not None or method in ATTITUDE
     with open_beside_scalar(scalar) as beside:
@@ -239,7 +216,9 @@ def calibrate_each(
     return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures
 
 
-def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[tuple[str, str]]]:
+def _run(
+    jobs: Sequence[tuple[str, Callable[[], Calibrated]]],
+) -> tuple[list[Calibrated], list[tuple[str, str]]]:
     results: list[Calibrated] = []
     failures: list[tuple[str, str]] = []
     for name, run in progress(jobs, "Calibrating"):
@@ -258,11 +237,9 @@ def _run(jobs: Sequence[_Job]) -> tuple[list[Calibrated], list[tuple[str, str]]]
 def open_missions(
     log: Path, sensor: str | None, unit: str | None, all_rows: Mapping[str, str | bool | None]
 ) -> tuple[Mission, ...]:
-    """One for each magnetometer of a table too long for memory; none where it is not.
-
-    Nor where a column names the sensor row by row. `all_rows` are options that need all rows at
-    once, with what was given, if anything.
-    """
+    """One for each magnetometer of a table too long for memory; none where it is not. Nor where a
+    column names the sensor row by row. `all_rows` are options that need all rows at once, with what
+    was given, if anything."""
     from agonic.logs.large.mission import is_long, open_mission  # few logs are as long
 
     if not is_long([log]):

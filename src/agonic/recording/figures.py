@@ -16,7 +16,7 @@ from agonic.maths.equation.coverage import icosphere
 from agonic.maths.one_pass import find_length, median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder import Rung
-from agonic.recording.residuals import FEWEST, Residuals, find_held_out, find_level
+from agonic.recording.quantities import FEWEST, Residuals, find_held_out, find_level
 from agonic.report.axes import Axis, Columns, along_rows, down, right
 from agonic.report.digits import count, degrees, group_digits, percent, quantity
 from agonic.report.labels import unit_label
@@ -48,17 +48,18 @@ def list_corners() -> list[float]:
 
 
 def pack_sphere(result: Calibrated, residuals: Residuals, most: int) -> dict[str, Any]:
-    """All that the page's script needs to draw one sensor.
-
-    Points are raw − bias as base64 int16 in `step`s of raw units; `matrix` turns them into the
-    field, `bias` back into readings. Magnitudes are coloured up to the relative `deviation` from
-    `levelRaw` before and `level` after; `counts` and `means` (null where few) are per cell.
-    """
+    """All that the page's script needs to draw one sensor. Points are raw − bias as base64 int16 in
+    `step`s of raw units; `matrix` turns them into the field, `bias` back into readings. Magnitudes
+    are coloured up to the relative `deviation` from `levelRaw` before and `level` after; `counts`
+    and `means` (null where few) are per cell."""
     calibration = result.fit.calibration
     centred = (result.cleaned - calibration.bias)[thin(len(result.samples), most)]
     radius = median(find_length(centred)) or 1.0
     middle, extent = find_middle(centred)
-    points, step = _quantise(centred, radius)
+    size = np.linalg.norm(centred, axis=1, keepdims=True)
+    inside = centred * np.minimum(1.0, _REACH * radius / np.maximum(size, radius))
+    step = max(float(np.abs(inside).max()), radius) / _STEPS
+    points = np.round(inside / step).astype("<i2")
     return {
         "points": base64.b64encode(points.tobytes()).decode(),
         "step": step,
@@ -76,10 +77,8 @@ def pack_sphere(result: Calibrated, residuals: Residuals, most: int) -> dict[str
 
 
 def find_middle(centred: Array) -> tuple[Array, float]:
-    """Where the cloud of readings is shown about, (3,) from the bias, and how far it reaches.
-
-    About the bias, or where that lies outside the cloud, as of a refused fit, about its middle.
-    """
+    """Where the cloud of readings is shown about, (3,) from the bias, and how far it reaches. About
+    the bias, or where that lies outside the cloud, as of a refused fit, about its middle."""
     middle = np.median(centred, axis=0)
     away = np.linalg.norm(centred - middle, axis=1)
     if float(np.linalg.norm(middle)) > 1.5 * float(np.percentile(away, 90)):
@@ -94,10 +93,8 @@ def thin(n: int, most: int) -> NDArray[np.int64]:
 
 
 def find_deviation_limit(result: Calibrated) -> float:
-    """The relative deviation of the magnitude at which colour is full, to one digit.
-
-    It covers 98 % of the readings before the correction, and is the same before and after.
-    """
+    """The relative deviation of the magnitude at which colour is full, to one digit. It covers 98 %
+    of the readings before the correction, and is the same before and after."""
     magnitude = result.verification.magnitude_before
     relative = np.abs(magnitude / max(float(magnitude.mean()), np.finfo(float).tiny) - 1.0)
     reach = max(float(np.percentile(relative, 98)), 1e-4)
@@ -112,13 +109,6 @@ def describe_coverage(result: Calibrated) -> str:
     return f"{visited} of {len(cells)} directions were visited"
 
 
-def _quantise(centred: Array, radius: float) -> tuple[NDArray[np.int16], float]:
-    size = np.linalg.norm(centred, axis=1, keepdims=True)
-    inside = centred * np.minimum(1.0, _REACH * radius / np.maximum(size, radius))
-    step = max(float(np.abs(inside).max()), radius) / _STEPS
-    return np.round(inside / step).astype("<i2"), step
-
-
 PICK = "Drag along a strip of time for the command that calibrates that interval."
 TURNING = "Drag to turn (start sideways on a touch screen) or use the arrow keys; Home turns back."
 
@@ -127,7 +117,8 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
     """Two canvases that turn together, with what they show in words; `most` points are drawn."""
     n, verification = len(result.samples), result.verification
     calibration = result.fit.calibration
-    extent = find_middle(result.cleaned - calibration.bias)[1]
+    middle, extent = find_middle(result.cleaned - calibration.bias)
+    about = "their own centre, as the bias lies outside" if middle.any() else "the bias"
     size = quantity(extent, unit_label(calibration.unit_in), 3)
     level = quantity(find_level(result), unit_label(calibration.unit_out), 3)
     limit = percent(find_deviation_limit(result))
@@ -138,7 +129,7 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
             _draw_sphere(
                 "before",
                 f"Raw readings, whose magnitude spreads by {percent(verification.spread_before)}.",
-                f"Before: readings as logged, {_say_middle(result)}, axes drawn from {size} "
+                f"Before: readings as logged, about {about}, axes drawn from {size} "
                 "outwards; the cross is where a reading of zero lies.",
             ),
             _draw_sphere(
@@ -166,11 +157,6 @@ def draw_spheres(result: Calibrated, most: int) -> list[Markup]:
             class_="aside",
         ),
     ]
-
-
-def _say_middle(result: Calibrated) -> str:
-    middle = find_middle(result.cleaned - result.fit.calibration.bias)[0]
-    return "about their own centre, as the bias lies outside" if middle.any() else "about the bias"
 
 
 def _draw_sphere(part: str, shows: str, caption: str, **attributes: str) -> Markup:
@@ -214,17 +200,12 @@ def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
         class_="wide",
     )
     keys = {"before": "before", "after": "after the correction"}
+    picked = result.samples.time is not None and result.samples.source is not None
     return [
-        caption("Magnitude over time", draw_magnitude(result), keys, _say_how(result)),
+        caption("Magnitude over time", draw_magnitude(result), keys, PICK if picked else ""),
         *strips,
         element("div", histogram, sphere, class_="pair"),
     ]
-
-
-def _say_how(result: Calibrated) -> str:
-    """How an interval is picked, where the log has times and a name."""
-    picked = result.samples.time is not None and result.samples.source is not None
-    return PICK if picked else ""
 
 
 def _caption_strip(result: Calibrated, residuals: Residuals, name: str, noise: str) -> Markup:
@@ -259,7 +240,9 @@ def draw_histogram(residuals: Residuals, bins: int = 60) -> Markup:
     limit = residuals.limit
     counts, edges = np.histogram(residuals.values, bins=bins, range=(-limit, limit))
     at = np.linspace(-limit, limit, 201)
-    expected = len(residuals.values) * (edges[1] - edges[0]) * _normal(at, residuals.noise)
+    noise = max(residuals.noise, 1e-300)  # nothing where there is none
+    normal = np.exp(-0.5 * np.minimum(np.abs(at) / noise, 40.0) ** 2) / (noise * np.sqrt(2 * np.pi))
+    expected = len(residuals.values) * (edges[1] - edges[0]) * normal * (residuals.noise > 0.0)
     x = Axis(f"residual, {residuals.unit}", -limit, limit)
     y = Axis("readings", 0.0, 1.05 * float(max(counts.max(), expected.max(), 1.0)))
     steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)
@@ -268,13 +251,6 @@ def draw_histogram(residuals: Residuals, bins: int = 60) -> Markup:
         path(f"M{points(right(x, at), down(y, expected))}", "normal"),
     ]
     return plot(x, y, layers, "Histogram of residuals with the normal curve of the stated noise")
-
-
-def _normal(at: Array, sd: float) -> Array:
-    """The normal density; nothing where there is no noise."""
-    if sd == 0.0:
-        return np.zeros_like(at)
-    return np.asarray(np.exp(-0.5 * (at / sd) ** 2) / (sd * np.sqrt(2 * np.pi)))
 
 
 def draw_magnitude(result: Calibrated) -> Markup:

@@ -27,7 +27,7 @@ from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.mounting import right_angles
 from agonic.maths.rotations.tilt import two_axis_deg
 from agonic.readable import Shown
-from agonic.recording.held_out import cut_blocks, predict
+from agonic.recording.parts import cut_blocks, predict
 from agonic.reference import Reference
 from agonic.report.fields import FRACTION
 from agonic.report.labels import unit_label
@@ -47,13 +47,11 @@ AIDS = {
 
 @dataclass(frozen=True)
 class Rung:
-    """One fit of a ladder.
-
-    `parameters` that it estimates; `spread` of the magnitude of unseen readings over its mean, and
-    `held_out_rms` the same in the unit of the field, NaN where parts of the log could not be
-    fitted; `heading_error_deg` of a level vehicle, rms over all headings, with its standard error,
-    and `errors_deg`, its mean at even headings; `why` it was chosen, or not; `unit` of the field.
-    """
+    """One fit of a ladder. `parameters` that it estimates; `spread` of the magnitude of unseen
+    readings over its mean, and `held_out_rms` the same in the unit of the field, NaN where parts of
+    the log could not be fitted; `heading_error_deg` of a level vehicle, rms over all headings, with
+    its standard error, and `errors_deg`, its mean at even headings; `why` it was chosen, or not;
+    `unit` of the field."""
 
     name: Annotated[str, Shown("Fit")]
     parameters: Annotated[int, Shown("Unknowns")]
@@ -79,14 +77,16 @@ def build_ladder(
     reason: str,
     single: bool,
 ) -> tuple[Rung, ...]:
-    """The ladder of fits to samples, up to the one that was chosen.
-
-    Each is judged on blocks of time that it has not seen, as the chosen one was: `single` where
-    each block was left out in its turn. Its heading is compared with that of the chosen fit, whose
-    own uncertainty counts in (`predict_heading_error`).
-    """
-    chosen = fit.calibration
-    near = _start_near(chosen, samples)
+    """The ladder of fits to samples, up to the one that was chosen. Each is judged on blocks of
+    time that it has not seen, as the chosen one was: `single` where each block was left out in its
+    turn. Its heading is compared with that of the chosen fit, whose own uncertainty counts in
+    (`predict_heading_error`)."""
+    chosen = plain = fit.calibration
+    if isinstance(chosen, Interference):
+        inputs = stack_inputs(chosen.sources, None, select_columns(chosen, samples))
+        plain = chosen.at(inputs.mean(axis=0))
+    # without the turn that only an attitude shows
+    near = Affine(bias=plain.bias, matrix=polar(plain.matrix)[1], magnitude=plain.magnitude)
     rows = find_even_rows(len(samples), MOST_ROWS)
     some, known = samples.select(rows), None if reference is None else reference.select(rows)
     every = np.ones(len(some), dtype=bool)
@@ -95,7 +95,9 @@ def build_ladder(
     fold = block if single else block % 2
     compare = partial(predict_heading_error, fit=fit, samples=some)
     unit = unit_label(chosen.unit_out)
-    heading = compare(_identity(chosen))._asdict()
+    gain = float(np.trace(chosen.matrix)) / 3
+    as_recorded = Affine(bias=np.zeros(3), matrix=gain * np.eye(3))
+    heading = compare(as_recorded)._asdict()
     before = verification.spread_before
     size = chosen.magnitude or np.nan
     rungs = [Rung("as recorded", 0, before, before * size, **heading, unit=unit)]
@@ -117,7 +119,9 @@ def build_ladder(
     own = Rung(
         _name(chosen, method), _count(chosen), *held_out, **compare(chosen)._asdict(), unit=unit
     )
-    rungs.append(replace(own, chosen=True, why=_explain(fit, method, reason)))
+    if method == "ellipsoid" and fit.tests:
+        reason = "; ".join(dict.fromkeys(test.sentence for test in fit.tests))
+    rungs.append(replace(own, chosen=True, why=reason))
     return tuple(sorted(rungs, key=lambda rung: rung.parameters))
 
 
@@ -145,22 +149,6 @@ def _list_others(fit: Fit, method: str) -> Iterator[tuple[str, _OpenParts, str]]
         yield name, beside, "what disturbs on board is missing"
 
 
-def _start_near(chosen: Affine, samples: Samples) -> Affine:
-    """Where the fits beside the chosen one start: the same with sources on board at their mean,
-    without the turn that only an attitude shows."""
-    plain = chosen
-    if isinstance(chosen, Interference):
-        inputs = stack_inputs(chosen.sources, None, select_columns(chosen, samples))
-        plain = chosen.at(inputs.mean(axis=0))
-    return Affine(bias=plain.bias, matrix=polar(plain.matrix)[1], magnitude=plain.magnitude)
-
-
-def _identity(chosen: Affine) -> Affine:
-    """The readings as they are, in the size of the field."""
-    gain = float(np.trace(chosen.matrix)) / 3
-    return Affine(bias=np.zeros(3), matrix=gain * np.eye(3))
-
-
 def _name(chosen: Affine, method: str) -> str:
     parts = [NAMES[chosen.model]]
     parts += [AIDS[method]] if method in AIDS else []
@@ -174,13 +162,6 @@ def _count(calibration: Affine) -> int:
     return 3 + matrix if matrix else len(calibration.parameters)
 
 
-def _explain(fit: Fit, method: str, reason: str) -> str:
-    """Why a fit was chosen."""
-    if method != "ellipsoid" or not fit.tests:
-        return reason
-    return "; ".join(dict.fromkeys(test.sentence for test in fit.tests))
-
-
 class HeadingError(NamedTuple):
     """The rms error of a level heading, its standard error, and its mean at even headings."""
 
@@ -190,18 +171,14 @@ class HeadingError(NamedTuple):
 
 
 def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> HeadingError:
-    """The error of a level heading by one calibration as another fit sees it.
-
-    With truth at the fit's calibration plus an error δ of covariance C, the error at heading k is
-    e_k + J_k δ, e the difference of the two headings. Then m = mean (e + J δ)² has
+    """The error of a level heading by one calibration as another fit sees it. With truth at the
+    fit's calibration plus an error δ of covariance C, the error at heading k is e_k + J_k δ, e the
+    difference of the two headings. Then m = mean (e + J δ)² has
 
         E m = mean e² + tr Q,   var m = 2 tr Q² + 4 eᵀ J C Jᵀ e / n²,   Q = J C Jᵀ / n,
 
     and the error is √E m with standard deviation √var m / (2 √E m). A mounting by right angles is
     not counted as an error of a calibration that cannot know it.
-
-    Parameters: samples give what the sources on board do. Returns degrees; NaN where two
-    magnetometers are mixed or nothing is determined.
     """
     chosen, coverage = fit.calibration, fit.coverage
     if chosen.magnitude is None or "second" in (*chosen.needs, *rung.needs):
@@ -216,12 +193,13 @@ def predict_heading_error(rung: Affine, *, fit: Fit, samples: Samples) -> Headin
     n = len(jacobian)
     by_heading = jacobian @ chosen.covariance[:m, :m] @ jacobian.T
     raw = chosen.magnitude * directions @ np.linalg.inv(chosen.matrix).T + chosen.bias
-    added = _evaluate_sources(chosen, samples) - _evaluate_sources(
-        rung, samples
-    )  # (k, 3), at several moments
+    # (k, 3), at several moments
+    added = _evaluate_sources(chosen, samples) - _evaluate_sources(rung, samples)
     field = (raw + added[:, None] - rung.bias) @ rung.matrix.T
     if chosen.gauge == FREE and rung.gauge != FREE:
-        field = field @ _mount(chosen.matrix @ np.linalg.inv(rung.matrix)).T
+        turn = chosen.matrix @ np.linalg.inv(rung.matrix)
+        turns = right_angles()
+        field = field @ turns[int(np.argmax(np.einsum("kij,ij->k", turns, turn)))].T
     field, directions = field @ axes, directions @ axes
     turned = two_axis_deg(field[..., 0], field[..., 1])
     true = two_axis_deg(directions[:, 0], directions[:, 1])
@@ -243,9 +221,3 @@ def _evaluate_sources(calibration: Affine, samples: Samples, moments: int = 25) 
     columns: dict[str, Any] = select_columns(calibration, few)
     x = stack_inputs(calibration.sources, None, columns)
     return np.asarray(x @ calibration.coefficients.T)
-
-
-def _mount(turn: Array) -> Array:
-    """The turn by right angles that is nearest to a matrix (3, 3)."""
-    turns = right_angles()
-    return np.asarray(turns[int(np.argmax(np.einsum("kij,ij->k", turns, turn)))])

@@ -10,7 +10,7 @@ import numpy as np
 from agonic.calibration.affine import Affine
 from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
 from agonic.calibration.sources import name_sources
-from agonic.health import Finding, sentences
+from agonic.health import sentences
 from agonic.maths.one_pass import median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.choice.fits import describe_latency
@@ -89,8 +89,9 @@ def list_entries(result: Calibrated) -> dict[str, str]:
     if fit.shares:
         shares = ", ".join(tables.list_shares(fit.shares, most=4))
         entries["Made of"] = f"{shares} (of the heading’s variance)"
-    if (mounted := find_mounting_note(fit.findings)) is not None:
-        entries["Mounting"] = sentences(mounted.what)
+    for finding in fit.findings:  # of a turn that the calibration undoes
+        if finding.name == "mounting" and finding.severity == "note":
+            entries["Mounting"] = sentences(finding.what)
     if result.latency is not None:
         entries["Latency"] = describe_latency(result.latency)
     if result.disturbers is not None and result.disturbers.shapes:
@@ -102,11 +103,6 @@ def list_entries(result: Calibrated) -> dict[str, str]:
             more = sum(own.startswith(label) for own in entries)
             entries[f"{label} {more + 1}" if more else label] = f"{_join_numbers(group)}{known}"
     return entries
-
-
-def find_mounting_note(findings: Sequence[Finding]) -> Finding | None:
-    """The note of a turn that the calibration undoes."""
-    return next((f for f in findings if f.name == "mounting" and f.severity == "note"), None)
 
 
 def _label_source(name: str) -> tuple[str, str]:
@@ -225,11 +221,6 @@ def _list_cells(q: Quantity, compared: bool) -> list[str]:
     return cells
 
 
-def _chance(p: float) -> str:
-    """A probability; one too small for a number of the machine is no zero."""
-    return f"= {p:.2g}" if p > 0.0 else "< 1e-300"
-
-
 def describe_method(result: Calibrated) -> Markup:
     """The method and why, and the choice of model in words with the statistics behind them."""
     fit, calibration = result.fit, result.fit.calibration
@@ -248,7 +239,8 @@ def describe_method(result: Calibrated) -> Markup:
             element(
                 "span",
                 f" {test.larger} against {test.smaller}: statistic "
-                f"{test.statistic:.3g}, p {_chance(test.p_value)}",
+                f"{test.statistic:.3g}, p "
+                + (f"= {test.p_value:.2g}" if test.p_value > 0.0 else "< 1e-300"),
                 class_="aside",
             ),
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from agonic.attitude.disturbers.plan import JudgedDisturber
+from agonic.attitude.disturbers.choice import JudgedDisturber
 from agonic.calibration.sources import name_sources
 from agonic.ellipsoid.plan import PlannedSets
 from agonic.readable import make_record
@@ -20,13 +20,7 @@ ERRORS = ("Step", "Positions", "Readings", "Bias x, y, z", "Heading")
 
 
 def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = None) -> Document:
-    """What each step of rotation tells, and the coarsest that is enough.
-
-    >>> from agonic.ellipsoid.plan import plan_calibration
-    >>> made = describe_plan(plan_calibration(steps_deg=(30, 10), wanted_deg=0.5), wanted_deg=0.5)
-    >>> made.status
-    'Turn in steps of 30°: 36 positions, 2 readings at each, 0.49° of heading.'
-    """
+    """What each step of rotation tells, and the coarsest that is enough."""
     chosen = choose_sets(sets, wanted_deg)
     rows = [
         [

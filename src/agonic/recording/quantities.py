@@ -1,22 +1,25 @@
-"""The numbers of a calibration beside those that the log held before."""
+"""The numbers of a calibration beside those that the log held before, and what is left after it: in
+each reading, and in each of the 80 directions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg import polar
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
+from agonic.calibration.decomposition import decompose
 from agonic.calibration.interference import Interference, signals
-from agonic.maths.equation.affine import model_basis, split
+from agonic.maths.equation.affine import magnitude_residual, model_basis, split
+from agonic.maths.equation.coverage import find_cells, icosphere
 from agonic.recording.calibrated import Calibrated
+from agonic.report.digits import group_digits, quantity, show_sign
 from agonic.report.labels import per_label, unit_label
+from agonic.report.strips import robust_limit
 
 _AXES = ("x", "y", "z")
 ADDED = "Added by "
@@ -32,9 +35,6 @@ _ENTRIES = {
     "zx": (2, 0),
     "zy": (2, 1),
 }
-
-
-_MOVED: WeakKeyDictionary[Affine, list[tuple[Affine, Affine]]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,18 +66,20 @@ def list_quantities(result: Calibrated) -> list[Group]:
     new = result.fit.calibration
     gain, out = _ratio(new.unit_out, new.unit_in), unit_label(new.unit_out)
     if mixes_sensors(new):
-        groups = [
+        return [
             _group(result, "Constant", out, _AXES, lambda c: -c.matrix @ c.bias),
             _group(result, "Weights of this sensor", gain, _ENTRIES, lambda c: _pick(c.matrix)),
             _group(result, "Weights of the second sensor", gain, _ENTRIES, _weights_of_second),
+            *_list_sources(result),
         ]
-    else:
-        names = list(_ENTRIES)[: 9 if new.gauge == "free" else 6]
-        groups = [
-            _group(result, "Bias", unit_label(new.unit_in), _AXES, lambda c: c.bias),
-            _group(result, "Matrix", gain, names, lambda c: _pick(c.matrix)[: len(names)]),
-        ]
-    return groups + _list_sources(result)
+    names, into = list(_ENTRIES)[: 9 if new.gauge == "free" else 6], unit_label(new.unit_in)
+    sd = result.fit.sd
+    by_entry = sd[3 : 3 + len(names)]
+    return [
+        _group(result, "Bias", into, _AXES, lambda c: c.bias, sd[:3]),
+        _group(result, "Matrix", gain, names, lambda c: _pick(c.matrix)[: len(names)], by_entry),
+        *_list_sources(result),
+    ]
 
 
 def list_views(result: Calibrated) -> list[Group]:
@@ -86,10 +88,12 @@ def list_views(result: Calibrated) -> list[Group]:
     new = result.fit.calibration
     if mixes_sensors(new):
         return []
-    sensitivity = _ratio(new.unit_in, new.unit_out)
+    sensitivity, (_, size_sd, _, angle_sd) = _ratio(new.unit_in, new.unit_out), decompose(new)
     groups = [
-        _group(result, "Scale factor", sensitivity, _AXES, lambda c: c.scale_factors),
-        _group(result, "Non-orthogonality", "°", _PAIRS, lambda c: c.nonorthogonality_deg),
+        _group(result, "Scale factor", sensitivity, _AXES, lambda c: c.scale_factors, size_sd),
+        _group(
+            result, "Non-orthogonality", "°", _PAIRS, lambda c: c.nonorthogonality_deg, angle_sd
+        ),
     ]
     if new.gauge == "free":
         groups.append(_group(result, "Turn about", "°", _AXES, turn_deg))
@@ -97,14 +101,8 @@ def list_views(result: Calibrated) -> list[Group]:
 
 
 def turn_deg(calibration: Affine) -> Array:
-    """The parts (3,) of the turn from the sensor's axes to those of the field, about x, y and z.
-
-    Of matrix = R S with S symmetric the rotation vector of R (polar decomposition).
-
-    >>> quarter = Affine(bias=[0, 0, 0], matrix=[[0, -2, 0], [2, 0, 0], [0, 0, 2]])
-    >>> turn_deg(quarter).round(6).tolist()
-    [0.0, 0.0, 90.0]
-    """
+    """The parts (3,) of the turn from the sensor's axes to those of the field, about x, y and z. Of
+    matrix = R S with S symmetric the rotation vector of R (polar decomposition)."""
     from scipy.spatial.transform import Rotation  # slow to load
 
     turn = polar(calibration.matrix)[0]
@@ -135,24 +133,13 @@ def _list_sources(result: Calibrated) -> list[Group]:
     new = result.fit.calibration
     if not isinstance(new, Interference):
         return []
-    return [
-        _group(
-            result,
-            f"{ADDED}{name}",
-            f"{unit_label(new.unit_in)} {per_label(name)}",
-            _AXES,
-            partial(_signal, k),
-            compared=False,
-        )
-        for k, name in enumerate(signals(new.sources))
-        if not name.startswith("second")
+    slopes, names = new.coefficients, signals(new.sources)
+    sds = result.fit.sd[-slopes.size :].reshape(slopes.shape)
+    groups = [
+        _list_rows(f"{ADDED}{name}", f"{unit_label(new.unit_in)} {per_label(name)}", _AXES, *pair)
+        for name, *pair in zip(names, slopes.T, sds.T, strict=True)
     ]
-
-
-def _signal(k: int, calibration: Affine) -> Array:
-    """What a unit of the k-th signal adds to the readings, (3,)."""
-    assert isinstance(calibration, Interference)
-    return np.asarray(calibration.coefficients[:, k])
+    return [one for name, one in zip(names, groups, strict=True) if not name.startswith("second")]
 
 
 def _group(
@@ -161,71 +148,132 @@ def _group(
     unit: str,
     labels: Iterable[str],
     view: Callable[[Affine], Array],
-    *,
-    compared: bool = True,
+    sd: Array | None = None,
 ) -> Group:
-    """The numbers that `view` takes out of the new calibration and, compared, of the logged one."""
-    new, logged = result.fit.calibration, _find_logged(result) if compared else None
-    value, errors = view(new).tolist(), propagate_sd(new, view).tolist()
-    before = [None] * len(value) if logged is None else view(logged).tolist()
-    rows = zip(labels, value, errors, before, strict=True)
-    return Group(
-        name=name,
-        unit=unit,
-        rows=tuple(Quantity(name=n, value=v, sd=s, logged=b) for n, v, s, b in rows),
+    """The numbers that `view` takes out of the new calibration and of the logged one."""
+    new, logged = result.fit.calibration, result.samples.logged
+    before = None
+    if logged is not None and not mixes_sensors(new):
+        put = replace(new, bias=logged.bias, matrix=logged.matrix, covariance=None)
+        before = view(put)
+    return _list_rows(
+        name, unit, labels, view(new), propagate_sd(new, view) if sd is None else sd, before
     )
 
 
+def _list_rows(
+    name: str,
+    unit: str,
+    labels: Iterable[str],
+    value: Array,
+    sd: Array,
+    before: Array | None = None,
+) -> Group:
+    logged = [None] * len(value) if before is None else before.tolist()
+    rows = zip(labels, value.tolist(), sd.tolist(), logged, strict=True)
+    quantities = (Quantity(name=n, value=v, sd=s, logged=b) for n, v, s, b in rows)
+    return Group(name=name, unit=unit, rows=tuple(quantities))
+
+
 def propagate_sd(calibration: Affine, view: Callable[[Affine], Array]) -> Array:
-    """Standard errors of numbers that follow from a calibration: sd² = diag(J C Jᵀ)."""
-    assert calibration.covariance is not None, "a fit always carries a covariance"
-    there = [view(ahead) - view(behind) for ahead, behind in _move_each(calibration)]
-    jacobian = np.array(there).T / (2 * _steps(calibration))
-    spread = jacobian @ calibration.covariance @ jacobian.T
+    """Standard errors of numbers that follow from a calibration: sd² = diag(J C Jᵀ), J by moving
+    each parameter by a millionth of its kind."""
+    covariance, basis = calibration.covariance, model_basis("full", calibration.gauge)
+    assert covariance is not None, "a fit always carries a covariance"
+    m, slopes = basis.shape[1], getattr(calibration, "coefficients", np.zeros((3, 0)))
+    steps = np.full(len(covariance), 1e-6 * float(np.linalg.norm(calibration.matrix)))
+    steps[:3] = 1e-6 * max(float(np.linalg.norm(calibration.bias)), 1.0)
+    steps[m:] = 1e-6 * max(float(np.linalg.norm(slopes)), 1e-6)
+
+    def look(by: Array) -> Array:
+        bias, matrix = split(basis @ by[:m])
+        numbers: dict[str, Any] = {"bias": calibration.bias + bias, "covariance": None}
+        numbers["matrix"] = calibration.matrix + matrix
+        if slopes.size:
+            numbers["coefficients"] = slopes + by[m:].reshape(3, -1)
+        return view(replace(calibration, **numbers))
+
+    jacobian = np.array([look(by) - look(-by) for by in np.diag(steps)]).T / (2 * steps)
+    spread = jacobian @ covariance @ jacobian.T
     return np.asarray(np.sqrt(np.maximum(np.diag(spread), 0.0)))
 
 
-def _steps(calibration: Affine) -> Array:
-    """How far to move each parameter: a millionth of its kind."""
-    size = 12 if calibration.gauge == "free" else 9
-    assert calibration.covariance is not None
-    steps = np.full(len(calibration.covariance), 1e-6 * float(np.linalg.norm(calibration.matrix)))
-    steps[:3] = 1e-6 * max(float(np.linalg.norm(calibration.bias)), 1.0)
-    if isinstance(calibration, Interference):
-        steps[size:] = 1e-6 * max(float(np.linalg.norm(calibration.coefficients)), 1e-6)
-    return steps
+FEWEST = 10
+"""Readings in a cell below which their mean says nothing."""
+
+_LEAST = 1e-9  # of a range, so that readings without any spread can be drawn
 
 
-def _move_each(calibration: Affine) -> list[tuple[Affine, Affine]]:
-    """The calibration with each parameter moved to and fro; made once for all that is shown."""
-    pairs = _MOVED.get(calibration)  # asked once: its key is all that it holds
-    if pairs is None:
-        steps = np.diag(_steps(calibration))
-        pairs = [(_move(calibration, by), _move(calibration, -by)) for by in steps]
-        _MOVED[calibration] = pairs
-    return pairs
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Residuals:
+    """Distances from the model and weights, (n,) each; means over the cells (80,), NaN where few.
+    All in `unit`, that of the readings; `noise` is what the fit states."""
+
+    values: Array
+    weights: Array
+    means: Array
+    noise: float
+    unit: str
+
+    @property
+    def limit(self) -> float:
+        """Half the height of a strip: what counted in the fit, at least five times the noise."""
+        return robust_limit(self.values, max(5.0 * self.noise, _LEAST), self.weights)
+
+    @property
+    def mean_limit(self) -> float:
+        """The mean at which colour is full: the largest, but never less than the noise."""
+        return max(self.noise, float(np.nanmax(np.abs(self.means), initial=0.0)), _LEAST)
+
+    @property
+    def worst(self) -> str:
+        """The cell with the largest mean, in words."""
+        if np.isnan(self.means).all():
+            return f"No direction holds {FEWEST} readings."
+        cell = int(np.nanargmax(np.abs(self.means)))
+        x, y, z = (show_sign(group_digits(float(v), 2)) for v in icosphere()[0][cell])
+        value = show_sign(quantity(float(self.means[cell]), self.unit, 2))
+        return f"The largest is {value}, towards ({x}, {y}, {z})."
 
 
-def _move(calibration: Affine, by: Array) -> Affine:
-    """The calibration with its parameters moved."""
-    basis = model_basis("full", calibration.gauge)
-    size = basis.shape[1]
-    bias, matrix = split(basis @ by[:size])
-    more: dict[str, Array] = {}
-    if isinstance(calibration, Interference):
-        more["coefficients"] = calibration.coefficients + by[size:].reshape(3, -1)
-    return _put(calibration, calibration.bias + bias, calibration.matrix + matrix, **more)
+def compute_residuals(result: Calibrated) -> Residuals:
+    """The residuals of the fit, worked out again where it kept none (a fit from moments)."""
+    fit, calibration, values = result.fit, result.fit.calibration, result.fit.residuals
+    if values is None:
+        here = (calibration.bias, calibration.matrix, find_level(result))
+        values = magnitude_residual(result.cleaned, *here, differentiate=False)[0]
+    weights = np.ones(len(values)) if fit.weights is None else fit.weights
+    return Residuals(
+        values=values,
+        weights=weights,
+        means=_cell_means(result, values, weights),
+        noise=fit.noise,
+        unit=unit_label(calibration.unit_in),
+    )
 
 
-def _put(calibration: Affine, bias: Array, matrix: Array, **more: Array) -> Affine:
-    """The calibration with other numbers, whose errors are not known."""
-    numbers: dict[str, Any] = {"bias": bias, "matrix": matrix, "covariance": None, **more}
-    return replace(calibration, **numbers)
-
-
-def _find_logged(result: Calibrated) -> Affine | None:
-    """The earlier correction as a calibration, so that its numbers are made the same way."""
-    logged = result.samples.logged
-    if logged is None or mixes_sensors(result.fit.calibration):
+def find_held_out(result: Calibrated) -> Mask | None:
+    """The rows held out of the fit (n,) where they are a part of it; `None` where every reading
+    was judged in its turn, by a fit to others, and where the readings are others altogether."""
+    held_out, weights = result.verification.held_out, result.fit.weights
+    if held_out is None:
         return None
-    return _put(result.fit.calibration, logged.bias, logged.matrix)
+    counted = np.ones(len(held_out), dtype=bool) if weights is None else weights > 0
+    return None if held_out[counted].all() else held_out
+
+
+def find_level(result: Calibrated) -> float:
+    """The magnitude that the calibrated readings lie around, in the unit of the field."""
+    return result.fit.calibration.magnitude or float(np.mean(result.verification.magnitude_after))
+
+
+def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:
+    corrected = result.corrected
+    if len(corrected) != len(values):  # a refused fit takes readings beyond what is a field
+        return np.full(80, np.nan)
+    cells = find_cells(corrected)
+    total = np.bincount(cells, weights, minlength=80)
+    sums = np.bincount(cells, weights * values, minlength=80)
+    means = np.full(80, np.nan)
+    np.divide(sums, total, out=means, where=total >= FEWEST)
+    return means

@@ -13,10 +13,9 @@ from agonic.attitude.disturbers.choice import POWER, Trial
 from agonic.attitude.problem import find_terms
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import name_sources
-from agonic.health import Finding, sort_findings
+from agonic.health import sort_findings
 from agonic.model.gram import BLOCKS
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.ladder import Rung
 from agonic.recording.numbers import describe_heading, describe_origin
 from agonic.report import tables
 from agonic.report.digits import degrees, percent, quantity, with_sd
@@ -53,15 +52,10 @@ def _say_sensor(result: Calibrated, width: int) -> Iterator[str]:
         said.append(f"heading good to {describe_heading(result)[0]}{made}")
     said.append(MEANINGS[result.verdict][1])
     yield wrap(", ".join(said), width=width, indent="", label=f"{SIGNS[result.verdict]} ")
-    grave = list_grave(result)
+    grave = sort_findings(result.objections)
     if grave:
         more = f" (and {len(grave) - 1} more)" if len(grave) > 1 else ""
         yield wrap(f"{sentence(grave[0].sentence)}{more}", width=width)
-
-
-def list_grave(result: Calibrated) -> list[Finding]:
-    """What speaks against a result, the gravest first."""
-    return [one for one in sort_findings(result.objections) if one.severity != "note"]
 
 
 def _say_files(
@@ -95,9 +89,9 @@ def describe_ladder(result: Calibrated) -> list[Section]:
                 make_table(
                     rungs, taken=lambda one: one.chosen, style="numbers ladder", scrolls=True
                 ),
-                _say_why(rungs),
+                *(f"✓ {one.name}: {one.why}." for one in rungs if one.chosen),
                 _say_of_network(result),
-                _explain_ladder(),
+                element("p", OF_LADDER, class_="aside"),
             ],
             printed=True,
         )
@@ -111,11 +105,6 @@ def summarise_ladder(result: Calibrated) -> dict[str, str]:
         f"{'✓ ' if one.chosen else ''}{one.name} {degrees(one.heading_error_deg)}" for one in rungs
     )
     return {"Ladder": f"heading error: {', '.join(steps)}"} if rungs else {}
-
-
-def _say_why(rungs: tuple[Rung, ...]) -> str:
-    chosen = next(rung for rung in rungs if rung.chosen)
-    return f"✓ {chosen.name}: {chosen.why}."
 
 
 def _say_of_network(result: Calibrated) -> str:
@@ -135,17 +124,12 @@ def _say_of_network(result: Calibrated) -> str:
     )
 
 
-def _explain_ladder() -> Markup:
-    return element(
-        "p",
-        "Spread and residual are those of the magnitude in blocks of time that the fit had not "
-        "seen. The heading error is that of a level vehicle, rms over all headings, as the chosen "
-        "fit sees it, with its standard error; the chosen fit’s own is its standard error of a "
-        "heading. A mounting by right angles is not counted.",
-        class_="aside",
-    )
-
-
+OF_LADDER = (
+    "Spread and residual are those of the magnitude in blocks of time that the fit had not seen. "
+    "The heading error is that of a level vehicle, rms over all headings, as the chosen fit sees "
+    "it, with its standard error; the chosen fit’s own is its standard error of a heading. A "
+    "mounting by right angles is not counted."
+)
 TRIED = ("Sources", "Signals", "Reduction of held-out residual variance")
 MOVED = ("Source", "Range", "Moves the field by", "Share of its size")
 

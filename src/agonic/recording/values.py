@@ -39,11 +39,19 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     ),
     "turn_deg": lambda result: _find_turn(result)[0],
     "turn_sd_deg": lambda result: _find_turn(result)[1],
-    "ellipsoid": lambda result: _describe_ellipsoid(result),
+    "ellipsoid": lambda result: (
+        None
+        if mixes_sensors(result.fit.calibration)
+        else (found := find_raw_ellipsoid(result.fit.calibration)) and found._asdict()
+    ),
     "gauge": lambda result: result.fit.calibration.gauge,
     "sources": lambda result: getattr(result.fit.calibration, "sources", None),
     "coefficients": lambda result: getattr(result.fit.calibration, "coefficients", None),
-    "coefficients_sd": lambda result: _coefficients_sd(result),
+    "coefficients_sd": lambda result: (
+        result.fit.sd[_count_affine(result.fit.calibration) :].reshape(3, -1)
+        if hasattr(result.fit.calibration, "coefficients")
+        else None
+    ),
     "second_sensor": lambda result: getattr(result.fit.calibration, "second_sensor", None),
     "latency_s": lambda result: result.latency.latency_s if result.latency else None,
     "latency_sd_s": lambda result: result.latency.sd_s if result.latency else None,
@@ -114,13 +122,6 @@ def _find_turn(result: Calibrated) -> tuple[Array | None, Array | None]:
     return turn_deg(calibration), propagate_sd(calibration, turn_deg)
 
 
-def _describe_ellipsoid(result: Calibrated) -> dict[str, Any] | None:
-    """The ellipsoid of raw readings; none of a mix of two sensors."""
-    calibration = result.fit.calibration
-    found = None if mixes_sensors(calibration) else find_raw_ellipsoid(calibration)
-    return None if found is None else found._asdict()
-
-
 def _count_affine(calibration: Affine) -> int:
     """How many parameters stand before the coefficients of sources."""
     return len(FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS)
@@ -134,8 +135,3 @@ def _state_vehicle(fit: Fit) -> float | None:
     if known.vehicle_deg is not None:
         return known.vehicle_deg
     return None if known.alone else fit.coverage.heading_sd_deg
-
-
-def _coefficients_sd(result: Calibrated) -> Array | None:
-    sd = result.fit.sd[_count_affine(result.fit.calibration) :]
-    return sd.reshape(3, -1) if len(sd) else None

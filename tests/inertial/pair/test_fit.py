@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 import agonic as ag
 from agonic.alignment.simulation.laboratory import simulate_gravity
 from agonic.inertial.maths.shots import Shots, linearise
-from agonic.inertial.pair.calibration import point_ahead
 from agonic.inertial.pair.simulate import SimulatedShots
+from agonic.inertial.pair.solve import point_ahead
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.units import STANDARD_GRAVITY_M_S2

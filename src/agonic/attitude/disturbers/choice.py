@@ -1,4 +1,5 @@
-"""Which recorded disturbers belong into a fit, and in which form.
+"""Which recorded disturbers belong into a fit, and in which form; and whether a recording tells
+what each of them does.
 
 Every set of sources is a term of the one model (`model.recorded`): it competes with drifts, bends
 and noise with memory for the residuals of the fit without it. The set that explains most is added,
@@ -8,6 +9,7 @@ in the shape that suits it best, and the fit is made anew, while any explains so
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +20,9 @@ from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import Settings, find_terms
 from agonic.calibration.inputs import list_disturbers
 from agonic.calibration.sources import MEMBER, list_columns, name_sources
+from agonic.errors import LogError
 from agonic.health import Finding
+from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.model.recorded import Weighed
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -61,11 +65,9 @@ class SourceChoice(NamedTuple):
 
 
 def choose_sources(samples: Samples, reference: Reference, settings: Settings) -> SourceChoice:
-    """The sources that disturb, by the steadiness of the magnitude, and all that was tried.
-
-    Errors of an attitude last and go with it, as a throttle in a climb does: the magnitude has
-    none. Parameters as in `fit_channels`; candidates are the disturbers that the samples hold.
-    """
+    """The sources that disturb, by the steadiness of the magnitude, and all that was tried. Errors
+    of an attitude last and go with it, as a throttle in a climb does: the magnitude has none.
+    Parameters as in `fit_channels`; candidates are the disturbers that the samples hold."""
     log = Log(samples, reference, settings, find_usable(samples), {})
     candidates = list_candidates(samples.select(log.usable))
     chosen: tuple[str, ...] = ()
@@ -73,7 +75,7 @@ def choose_sources(samples: Samples, reference: Reference, settings: Settings) -
     shapes: list[Shape] = []
     alike: list[tuple[str, ...]] = []
     for _ in range(MOST):
-        left = [one for one in candidates if not _shares(one, chosen)]
+        left = [one for one in candidates if {*list_columns(one)}.isdisjoint(list_columns(chosen))]
         told = [one for one in left if _is_alike(log.samples, one, chosen)]
         alike += [one for one in told if one not in alike]
         left = [one for one in left if one not in told]
@@ -90,11 +92,9 @@ def choose_sources(samples: Samples, reference: Reference, settings: Settings) -
 def _compare(
     log: Log, chosen: tuple[str, ...], candidates: Sequence[tuple[str, ...]]
 ) -> list[Trial]:
-    """The candidates beside those chosen, that one taken which explains most.
-
-    Where none explains anything, the field may follow what is switched late or slowly: the
-    likeliest are tried once more in all their timings.
-    """
+    """The candidates beside those chosen, that one taken which explains most. Where none explains
+    anything, the field may follow what is switched late or slowly: the likeliest are tried once
+    more in all their timings."""
     weighed = weigh_sources(log, chosen, candidates)
     if weighed is None:
         return []
@@ -131,17 +131,10 @@ def _make_trial(sources: tuple[str, ...], weighed: Weighed, i: int) -> Trial:
 
 
 def list_candidates(samples: Samples) -> list[tuple[str, ...]]:
-    """The sets of sources to try, the simplest first.
-
-    Every column alone, as it is and, where it is a duty, as what a motor draws then; columns that
-    differ in a number or an axis also as their sum and each for itself. Of columns that always
-    move together only the first, or their sum, is a candidate.
-
-    >>> turn = np.random.default_rng(0).normal(size=(2, 50))
-    >>> sources = {"motor1_duty": abs(turn[0]), "motor2_duty": abs(turn[1])}
-    >>> list_candidates(Samples(field=np.ones((50, 3)), disturbers=sources))[-2]
-    ('motor1_duty^1.5', 'motor2_duty^1.5')
-    """
+    """The sets of sources to try, the simplest first. Every column alone, as it is and, where it is
+    a duty, as what a motor draws then; columns that differ in a number or an axis also as their sum
+    and each for itself. Of columns that always move together only the first, or their sum, is a
+    candidate."""
     columns = samples.columns()
     families: dict[str, list[str]] = {}
     for name in list_moving(samples):
@@ -185,11 +178,6 @@ def _is_alike(samples: Samples, sources: tuple[str, ...], chosen: tuple[str, ...
     return bool((left.var(axis=0) < (1 - ALIKE**2) * x.var(axis=0)).all())
 
 
-def _shares(sources: tuple[str, ...], chosen: tuple[str, ...]) -> bool:
-    """Whether sources take a column that is taken."""
-    return not set(list_columns(sources)).isdisjoint(list_columns(chosen))
-
-
 def describe_gain(choice: SourceChoice) -> Finding | None:
     """What the sources are good for, on readings that were not fitted."""
     if not choice.sources:
@@ -205,3 +193,100 @@ def describe_gain(choice: SourceChoice) -> Finding | None:
         less = f": that reduces the variance of held-out residuals by {100 * choice.gain:.0f} %"
     what = f"the readings move with {name_sources(choice.sources)}{less}{''.join(shaped)}"
     return Finding("disturbers", "note", what)
+
+
+LITTLE = 0.1
+"""Share of a column's changes that must be its own: the standard error grows by 1/√share."""
+ALONG = 0.9
+"""Correlation from which a column is named as one that moves along."""
+NOISE_NT = 300.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedDisturber:
+    """What a recording tells of one source. `share` of its changes that neither the others nor the
+    attitude explain, 0…1; `attitude` the share that the attitude alone explains; `along` the others
+    that move with it; `sd` the standard error, nT per unit, of what it adds to an axis; `move` what
+    to record, "" where nothing is missing."""
+
+    source: str
+    low: float
+    high: float
+    share: float
+    attitude: float
+    along: tuple[str, ...]
+    sd: float
+    move: str
+
+
+def judge_disturbers(samples: Samples, *, noise: float = NOISE_NT) -> tuple[JudgedDisturber, ...]:
+    """Whether the disturbers of a recording can be told apart, from each other and from the iron.
+
+        share = 1 − R²,   sd = noise / (s √(n share))
+
+    with R² of a source on all others and on the attitude, s its standard deviation, n rows. A duty
+    counts as the current of a motor does, to the power 1.5.
+    """
+    names = list_moving(samples)
+    if not names:
+        raise LogError(
+            f"{samples.name}: nothing that could disturb changes in this log; record the currents, "
+            "the duties of the motors, or what is switched on board, and switch it while recording"
+        )
+    sources = [f"{name}^{POWER:g}" if is_duty(name) else name for name in names]
+    x = find_terms(samples, tuple(sources))
+    turning = _describe_turning(samples)
+    return tuple(_judge(k, sources, x, turning, noise) for k in range(len(sources)))
+
+
+def _judge(k: int, sources: list[str], x: Array, turning: Array, noise: float) -> JudgedDisturber:
+    column, others = x[:, k], np.delete(x, k, axis=1)
+    spread = float(column.std())
+    attitude = _explain(column, turning)
+    share = 1.0 - _explain(column, np.hstack([others, turning]))
+    correlation = np.atleast_2d(np.corrcoef(x.T))[k]
+    along = tuple(one for j, one in enumerate(sources) if j != k and abs(correlation[j]) > ALONG)
+    apart, move = max(share, 1e-6), ""
+    if share < LITTLE and along:
+        move = f"switch it by itself: it moves together with {name_sources(along)}"
+    elif share < LITTLE:
+        move = "change it alone: in this log the others and the attitude together explain it"
+        if attitude > 1.0 - LITTLE:
+            move = (
+                "change it while the vehicle keeps its attitude: it only followed the attitude here"
+            )
+    return JudgedDisturber(
+        source=sources[k],
+        low=float(column.min()),
+        high=float(column.max()),
+        share=share,
+        attitude=attitude,
+        along=along,
+        sd=noise / (spread * np.sqrt(len(x) * apart)),
+        move=move,
+    )
+
+
+def _explain(column: Array, others: Array) -> float:
+    """R² of a column on others (n, m) and a constant."""
+    if not others.shape[1]:
+        return 0.0
+    basis = np.column_stack([np.ones(len(column)), others])
+    left = column - basis @ np.linalg.lstsq(basis, column, rcond=None)[0]
+    return float(np.clip(1.0 - left.var() / column.var(), 0.0, 1.0))
+
+
+def _describe_turning(samples: Samples) -> Array:
+    """Functions of the attitude (n, m) that bias and matrix could stand for; few without any. The
+    field in the body's axes and its products, from roll, pitch and heading; from roll and pitch
+    down alone; from the readings where there is no attitude."""
+    if samples.roll_deg is None or samples.pitch_deg is None:
+        of_body = samples.field - samples.field.mean(axis=0)
+    elif samples.heading_deg is None:
+        of_body = down_b(samples.roll_deg, samples.pitch_deg)
+    else:
+        turn = rot_nb(samples.roll_deg, samples.pitch_deg, samples.heading_deg)
+        of_body = np.concatenate([turn[:, 0], turn[:, 2]], axis=1)
+    of_body = of_body / max(float(np.abs(of_body).max()), 1e-300)
+    products = [of_body[:, i] * of_body[:, j] for i in range(3) for j in range(i, 3)]
+    return np.column_stack([of_body, *products])

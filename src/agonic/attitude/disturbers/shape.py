@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from agonic.attitude.problem import (
     select_usable,
 )
 from agonic.calibration.sources import (
-    Source,
     list_columns,
     name_sources,
     parse_source,
@@ -57,10 +56,8 @@ class Log(NamedTuple):
 def weigh_sources(
     log: Log, chosen: tuple[str, ...], sets: Sequence[tuple[str, ...]], margin_s: float = 0.0
 ) -> Weighed | None:
-    """Sets of sources beside the fit with those chosen; None where rows are too few to tell.
-
-    Rows within `margin_s` of either end, which delayed columns do not tell, are left out.
-    """
+    """Sets of sources beside the fit with those chosen; None where rows are too few to tell. Rows
+    within `margin_s` of either end, which delayed columns do not tell, are left out."""
     problem, scale, found = _fit(log, chosen)
     time, kept = log.samples.time, log.usable
     if time is not None and margin_s > 0.0:
@@ -135,11 +132,7 @@ class Shape(NamedTuple):
     sd: float
 
     def describe(self) -> str:
-        """The shape in words, after the sources.
-
-        >>> Shape(("current_A@0.2",), "delay", 0.2, 0.01).describe()
-        'current_A is recorded 0.200 ± 0.010 s late'
-        """
+        """The shape in words, after the sources."""
         plain = [
             parse_source(one)._replace(late_s=0.0, time_constant_s=0.0) for one in self.sources
         ]
@@ -160,23 +153,18 @@ def find_shapes(
 ) -> tuple[tuple[str, ...], list[Shape]]:
     """The sources in the shapes that surely suit them better beside `others`, and these shapes."""
     shapes: list[Shape] = []
-    for kinds in _list_kinds(log.samples, sources):
+    kinds_of: list[list[tuple[What, float]]] = []  # first powers, then timings
+    parsed = [parse_source(one) for one in sources]
+    if all(one.form == "^" for one in parsed):
+        kinds_of.append([("power", value) for value in POWERS if value != parsed[0].value])
+    if log.samples.time is not None and len(log.samples) > 1:
+        kinds_of.append(_list_timings(log.samples))
+    for kinds in kinds_of:
         found = _find_shape(log, others, sources, kinds)
         if found is not None:
             sources = found.sources
             shapes.append(found)
     return sources, shapes
-
-
-def _list_kinds(samples: Samples, sources: Sequence[str]) -> list[list[tuple[What, float]]]:
-    """What is compared with the usual shape: first powers, then timings."""
-    kinds: list[list[tuple[What, float]]] = []
-    parsed = [parse_source(one) for one in sources]
-    if all(one.form == "^" for one in parsed):
-        kinds.append([("power", value) for value in POWERS if value != parsed[0].value])
-    if samples.time is not None and len(samples) > 1:
-        kinds.append(_list_timings(samples))
-    return kinds
 
 
 def list_timings(samples: Samples, sources: tuple[str, ...]) -> list[tuple[str, ...]]:
@@ -185,15 +173,10 @@ def list_timings(samples: Samples, sources: tuple[str, ...]) -> list[tuple[str, 
 
 
 def _list_timings(samples: Samples) -> list[tuple[What, float]]:
-    step = find_step_s(samples)
+    assert samples.time is not None
+    step = max(median(np.diff(samples.time)), _SHORTEST_S)
     delays: list[tuple[What, float]] = [("delay", by) for by in DELAYS_S]
     return [*delays, *(("time constant", step * by) for by in TIME_CONSTANTS)]
-
-
-def find_step_s(samples: Samples) -> float:
-    """The step of time constants, s: that of the rows, or 0.1 s where that is longer."""
-    assert samples.time is not None
-    return max(median(np.diff(samples.time)), _SHORTEST_S)
 
 
 def _find_shape(
@@ -202,11 +185,9 @@ def _find_shape(
     sources: tuple[str, ...],
     kinds: Sequence[tuple[What, float]],
 ) -> Shape | None:
-    """The likeliest of these shapes, refined, where it surely suits better than the usual one.
-
-    A delay and a filter hardly differ where a load swings: of those that are about as likely once
-    refined the first is taken, by the rows that all of them tell.
-    """
+    """The likeliest of these shapes, refined, where it surely suits better than the usual one. A
+    delay and a filter hardly differ where a load swings: of those that are about as likely once
+    refined the first is taken, by the rows that all of them tell."""
     found = _list_likely(log, others, sources, kinds)
     refined = [(what, _refine(log, others, sources, what, value)) for what, value in found]
     refined.sort(key=lambda kind: (kind[0] != "delay", abs(kind[1])))
@@ -293,16 +274,9 @@ def _measure_move(
 
 def _respell(sources: Sequence[str], what: What, value: float) -> tuple[str, ...]:
     """The sources with another power, delay or time constant."""
-    return tuple(spell_source(_reshape(parse_source(one), what, value)) for one in sources)
-
-
-def _reshape(source: Source, what: What, value: float) -> Source:
-    value = float(f"{value:.4g}")
-    if what == "power":
-        return source._replace(value=value)
-    return (
-        source._replace(late_s=value) if what == "delay" else source._replace(time_constant_s=value)
-    )
+    part = {"power": "value", "delay": "late_s", "time constant": "time_constant_s"}[what]
+    new: dict[str, Any] = {part: float(f"{value:.4g}")}
+    return tuple(spell_source(parse_source(one)._replace(**new)) for one in sources)
 
 
 def find_timing_sd(shapes: Sequence[Shape]) -> dict[str, float]:

@@ -136,11 +136,9 @@ def _refine(record: Record, path_at: Callable[[Array], Path], limit_s: float) ->
 
 
 def _conclude(record: Record, path: Path, latency: float, weights: Array) -> Estimate:
-    """The estimate with its standard error √(Σ J ρ Jᵀ)/H, ρ the correlation of the residuals.
-
-    H, the curvature of the cost, is the change of the score over one interval of time: in ΣJ² the
-    noise of an attitude would pass for motion.
-    """
+    """The estimate with its standard error √(Σ J ρ Jᵀ)/H, ρ the correlation of the residuals. H,
+    the curvature of the cost, is the change of the score over one interval of time: in ΣJ² the
+    noise of an attitude would pass for motion."""
     half = median(np.diff(record.time)) / 2
     seen = _projected(record, path, latency, weights)
     noise = _weigh_rows(record, seen.residuals)[1]
@@ -151,7 +149,9 @@ def _conclude(record: Record, path: Path, latency: float, weights: Array) -> Est
         there = _standardise(_projected(record, path, at, weights), weights, noise)
         scores.append(float((trust * there[0] * there[1]).sum()))
     curvature = (scores[0] - scores[1]) / (2 * half)
-    scatter = compute_score_variance(z, fall, trust)
+    # by the correlation of z or by batches of time, whichever is larger
+    by_batches = (_compute_batch_variance(z, fall, count) for count in _BATCHES)
+    scatter = max(_scatter(z, trust * fall), *by_batches)
     sd = np.sqrt(scatter) / curvature if curvature > 0 else np.inf
     at_once = _fit_stretches(record, path, 0.0, weights)
     none = at_once.residuals[at_once.inside]
@@ -167,10 +167,8 @@ def _standardise(seen: _Projected, weights: Array, noise: Array) -> tuple[Array,
 
 
 def _weigh_blocks(z: Array, fall: Array) -> Array:
-    """Tukey's weight (n, 1) of the block of a row: small where a disturbance spoils the block.
-
-    A block's score g = Σ J z over √h, h = Σ J², is judged by the scatter of those of all blocks.
-    """
+    """Tukey's weight (n, 1) of the block of a row: small where a disturbance spoils the block. A
+    block's score g = Σ J z over √h, h = Σ J², is judged by the scatter of those of all blocks."""
     each, more = divmod(len(z), _BLOCKS)  # the first blocks have a row more
     starts = np.arange(_BLOCKS) * each + np.minimum(np.arange(_BLOCKS), more)
     g = np.add.reduceat((z * fall).sum(axis=1), starts)
@@ -185,12 +183,10 @@ def _weigh_blocks(z: Array, fall: Array) -> Array:
 
 
 def _scan(record: Record, path: Path, limit_s: float) -> float:
-    """The best latency of a coarse grid: Σ n log σ over stretches is least.
-
-    A step of the grid is a small turn at the rate of this log; about its lowest minima, and about
-    zero, it is halved down to `_SCAN_S`, as Gauss–Newton may settle on the lesser of two optima a
-    few milliseconds apart. Farther from zero is what is clearly better.
-    """
+    """The best latency of a coarse grid: Σ n log σ over stretches is least. A step of the grid is a
+    small turn at the rate of this log; about its lowest minima, and about zero, it is halved down
+    to `_SCAN_S`, as Gauss–Newton may settle on the lesser of two optima a few milliseconds apart.
+    Farther from zero is what is clearly better."""
     square = float((path.entries(record.time, 1) ** 2).sum(axis=1).mean())  # |dR/dt|² is 2 ω²
     rate = float(np.sqrt(square / 2))
     each = max(1, round(min(limit_s / _SCAN_S, limit_s * rate / _SCAN_RAD)))
@@ -305,21 +301,9 @@ def _size(residuals: Array) -> float:
 _BATCHES = (6, 12, 40)  # of time, in which scores scatter
 
 
-def compute_score_variance(z: Array, fall: Array, trust: Array) -> float:
-    """The variance of Σ J z: by the correlation of z, or by batches of time, whichever is larger.
-
-    Parameters: z, fall (the derivative J) (n, 3), in units of the noise; trust (n, 1).
-    """
-    return max(
-        _scatter(z, trust * fall), *(_compute_batch_variance(z, fall, count) for count in _BATCHES)
-    )
-
-
 def _scatter(z: Array, fall: Array) -> float:
     """The variance of Σ s, s = J·z: Σ s² (1 + 2 Σ_k ρ_k c_k), lags up to where ρ is lost in noise.
-
-    ρ is the correlation of the residuals and c that of J, which are independent of each other.
-    """
+    ρ is the correlation of the residuals and c that of J, which are independent of each other."""
     rho, along = _correlations(z), _correlations(fall)
     quiet = np.flatnonzero(rho < 2 / np.sqrt(z.size))
     last = int(quiet[0]) if len(quiet) else len(rho)
@@ -329,11 +313,9 @@ def _scatter(z: Array, fall: Array) -> float:
 
 def _compute_batch_variance(z: Array, fall: Array, count: int) -> float:
     """The variance of Σ s by the scatter of the sums of batches of time, widened by Student's t.
-
     Batches count by their information: a log with three turns has three, however long it is. No
     batch is left out or trusted less, since a turn that disagrees is what errors in turns look
-    like. The widening is that of the interval of 95 %.
-    """
+    like. The widening is that of the interval of 95 %."""
     batches = np.array_split(np.arange(len(z)), count)
     g = np.array([(z[rows] * fall[rows]).sum() for rows in batches])
     h = np.array([(fall[rows] ** 2).sum() for rows in batches])

@@ -37,11 +37,9 @@ class Path(NamedTuple):
 
 
 def attitude_path(time: Array, rot_nb: Array) -> Path:
-    """The path through recorded attitudes (n, 3, 3).
-
-    They are smoothed by the weights 1, 4, 6, 4, 1, and their times with them: what noise is left
-    is well below the Nyquist frequency, where a spline is as noisy between rows as on them.
-    """
+    """The path through recorded attitudes (n, 3, 3). They are smoothed by the weights 1, 4, 6, 4,
+    1, and their times with them: what noise is left is well below the Nyquist frequency, where a
+    spline is as noisy between rows as on them."""
     from scipy.interpolate import CubicSpline  # slow to load
 
     return Path(CubicSpline(_smooth(time), _smooth(rot_nb.reshape(-1, 9))))

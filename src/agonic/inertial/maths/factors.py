@@ -53,12 +53,9 @@ def sum_headings(
     headings: Headings, track: Track, attitudes: Array, params: Array
 ) -> tuple[Sums, float]:
     """The sums of the headings in units of their standard deviations, outliers down-weighted, and
-    the variance of white noise that would scatter their sum as much as they do.
-
-    Parameters: attitudes (n, 3, 3), and all p parameters, the offset last.
-
-    With attitudes R to magnetic north, east and down, the axis x of the sensor has v = R x̂ and the
-    heading ψ = atan2(v₂, v₁). An error δ of the state, R → exp(δ) R, moves it by
+    the variance of white noise that would scatter their sum as much as they do. With attitudes R to
+    magnetic north, east and down, the axis x of the sensor has v = R x̂ and the heading ψ =
+    atan2(v₂, v₁). An error δ of the state, R → exp(δ) R, moves it by
 
         δψ = δ₃ − v₃ (v₁ δ₁ + v₂ δ₂)/(v₁² + v₂²).
 
@@ -245,12 +242,9 @@ def find_dip_error(problem: Problem, params: Array) -> tuple[float, Array]:
 
 
 def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
-    """The sums of the acceleration.
-
-    It is smoothed, ⟨⟩: fast attitude is the gyro's to tell. What a gain stretches is the force that
-    should be there: stretching the one that was read would make its noise the smaller the larger
-    the gain.
-    """
+    """The sums of the acceleration. It is smoothed, ⟨⟩: fast attitude is the gyro's to tell. What a
+    gain stretches is the force that should be there: stretching the one that was read would make
+    its noise the smaller the larger the gain."""
     level, axes, turning, late, stretched = steady_force(log, felt, attitudes)
 
     def add(rows: slice, track: Track) -> Sums:
@@ -292,11 +286,9 @@ def sum_rate(
     log: Log, felt: Felt, states: Array, attitudes: Array, counts: Array
 ) -> tuple[Sums, Array]:
     """The sums of the rates, whose errors turn D by ∫ R δω dt, in units of a row's noise; and the
-    squares of what is left of each turn, as `sum_slips` has them.
-
-    What a scale stretches is the rate at which the states turn, for the noise of the gyro's own
-    would go together with the residuals.
-    """
+    squares of what is left of each turn, as `sum_slips` has them. What a scale stretches is the
+    rate at which the states turn, for the noise of the gyro's own would go together with the
+    residuals."""
     track, slips = felt.track, find_slips(felt.track, states)
     span = np.maximum(np.diff(log.time[track.nodes]), 1e-9)
     more = np.concatenate([slips / span[:, None], np.zeros((1, 3))])[track.interval]

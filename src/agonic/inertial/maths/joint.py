@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.inertial.maths.correlation import allow_for_correlation, solve_step
 from agonic.inertial.maths.factors import (
     Felt,
     Log,
@@ -25,10 +24,12 @@ from agonic.inertial.maths.factors import (
 )
 from agonic.inertial.maths.noise import (
     SETTLED,
+    allow_for_correlation,
     expect_noise,
-    find_memory,
     is_white,
+    measure_memory,
     settle,
+    solve_step,
     start_variances,
     weigh_slips,
 )
@@ -76,17 +77,11 @@ def estimate_jointly(
     loss: Loss,
     robust: bool = True,
 ) -> Joint:
-    """The estimate from near parameters and attitudes.
-
-    The noise of rates is that of what is left of them, over its own share of the freedom; that of
-    readings and force what pulls for long: beside iron the field is wrong for as long as the
-    vehicle is there, and one that brakes or slips leans its level for seconds. A moment in which
-    the gyro lost its turn (clipped, shaken, read too seldom) counts little.
-
-    Parameters: a problem with `shared` errors of the unit, of all rows of the log; its parameters;
-    attitudes (n, 3, 3) from the sensor's axes to magnetic north, east and down; weights (n,) of the
-    readings, and their noise and loss; whether the turns of the gyro are weighed as well.
-    """
+    """The estimate from near parameters and attitudes. The noise of rates is that of what is left
+    of them, over its own share of the freedom; that of readings and force what pulls for long:
+    beside iron the field is wrong for as long as the vehicle is there, and one that brakes or slips
+    leans its level for seconds. A moment in which the gyro lost its turn (clipped, shaken, read too
+    seldom) counts little."""
     params = np.concatenate([params, np.zeros(log.extra)])
     prior = _add_gains(problem, log.extra)
     expected = expect_noise(log, loss != squares(), robust)
@@ -98,7 +93,7 @@ def estimate_jointly(
         attitudes = find_attitudes(felt.track, states)
         readings, distances, along = sum_readings(problem, felt, attitudes, params, weights)
         if near:
-            before, memory = memory, find_memory(along, weights, felt.track.interval)
+            before, memory = memory, measure_memory(along, weights, felt.track.interval)
             variances = variances * ([memory / before] + [1.0] * (len(variances) - 1))
         if turn > 1 and log.settling_s and is_white(log, felt, attitudes, variances[1]):
             log, expected = log._replace(settling_s=0.0), expected._replace(passed=np.ones(3))

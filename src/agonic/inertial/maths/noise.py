@@ -1,4 +1,14 @@
-"""How noisy readings, force and rates are, by what a step leaves of each."""
+"""A step of the joint estimate, how noisy readings, force and rates are by what it leaves of each,
+and its covariance where what is left of readings lasts in time.
+
+A step is one of Gauss and Newton on parameters and attitudes, the attitudes eliminated.
+
+The attitudes follow the parameters by X = ∂x/∂θ, so a reading depends on these by J + J_x X. Errors
+that last in the axes of the sensor scatter the gradient as products of residuals show them
+(`noise_with_memory`): a bias takes up all of them, a matrix only what turns with the field. Seen
+are residuals along the field alone, for those across it the free attitude takes up. Where these
+show nothing, sums of all scores over longer times tell by how much the whole scatters more.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +18,181 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.inertial.maths.correlation import (
-    Step,
-    predict_cost,
-    reduce_to_params,
-    solve_step,
+from agonic.inertial.maths.factors import (
+    UP_AT_REST,
+    Felt,
+    Log,
+    choose_free,
+    compare_readings,
+    steady_force,
 )
-from agonic.inertial.maths.factors import UP_AT_REST, Felt, Log, steady_force
+from agonic.maths.equation.channels import Problem
+from agonic.maths.equation.maximum_likelihood import TOLD
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.filters.smoother import Sums
+from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal, invert
+from agonic.maths.estimation.filters.smoother import Sums, eliminate
 from agonic.maths.estimation.loss import cauchy
 from agonic.maths.estimation.noise.batch_means import measure_correlation
+from agonic.maths.estimation.noise.noise_with_memory import (
+    STRETCHES,
+    Stretches,
+    find_memory,
+    sum_scatter,
+)
 from agonic.maths.rotations.low_pass import find_passed
 from agonic.units import STANDARD_GRAVITY_M_S2
+
+_FAR = 0.05  # rad: the square of a turn is no longer small
+_FARTHEST = 1e3  # of the size of a parameter
+_LOOSE = 1e-6  # what is known of a state beforehand, over 1/rad²
+
+
+class Step(NamedTuple):
+    """A step of parameters and states, with what of them stays open."""
+
+    params: Array
+    states: Array
+    covariance: Array
+    information: Array
+    spread: Tridiagonal
+    scores: Array
+    by_params: Array
+
+    @property
+    def sds(self) -> Array:
+        """Standard errors of the parameters."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+def solve_step(
+    groups: Sequence[Sums], variances: Array, prior: leastsq.Prior, params: Array
+) -> Step:
+    """One step of Gauss and Newton, the states eliminated. Raises `LinAlgError` where it leads out
+    of all calibrations."""
+    first, *others = (g.scale(1.0 / v) for g, v in zip(groups, variances, strict=True))
+    total = first
+    for group in others:
+        total = total.add(group)
+    total = total._replace(diagonal=total.diagonal + _LOOSE * np.eye(3))
+    by_params, alone, information, pull, *_ = eliminate(total)
+    residuals, jacobian = prior(params)
+    covariance = leastsq.inverse(information + jacobian.T @ jacobian)
+    step = -covariance @ (pull + jacobian.T @ residuals)
+    if not np.abs(step).max() < _FARTHEST:
+        raise np.linalg.LinAlgError("the steps leave every possible calibration")
+    before = np.einsum("nip,ni->np", by_params, total.before)
+    after = np.einsum("nip,ni->np", np.roll(by_params, -1, axis=0), total.after)
+    scores = total.own + before + after
+    move = alone + by_params @ step
+    return Step(step, move, covariance, information, invert(total.states), scores, by_params)
+
+
+def reduce_to_params(group: Sums, by_params: Array) -> Array:
+    """What a group tells of the parameters where the states follow them, (p, p)."""
+    moved = _multiply(group.states, by_params) + group.mixed
+    along = np.tensordot(by_params, moved, axes=([0, 1], [0, 1]))
+    return np.asarray(
+        along + np.tensordot(group.mixed, by_params, axes=([0, 1], [0, 1])) + group.params
+    )
+
+
+def predict_cost(group: Sums, step: Step) -> float:
+    """Σ w r² of a group after a step, to second order; before it where it turns too far."""
+    move, by = step.states, step.params
+    if np.abs(move).max() > _FAR:
+        return group.cost
+    along = 2 * group.gradient + _multiply(group.states, move[:, :, None])[:, :, 0]
+    along = along + 2 * group.mixed @ by
+    own = (2 * group.own.sum(axis=0) + group.params @ by) @ by
+    return float(group.cost + np.sum(move * along) + own)
+
+
+def _multiply(matrix: Tridiagonal, right: Array) -> Array:
+    """H right of right sides (N, b, c)."""
+    found = matrix.diagonal @ right
+    found[1:] += matrix.below @ right[:-1]
+    found[:-1] += np.swapaxes(matrix.below, 1, 2) @ right[1:]
+    return np.asarray(found)
+
+
+_BLOCK = 4096
+
+
+def allow_for_correlation(
+    problem: Problem,
+    felt: Felt,
+    attitudes: Array,
+    params: Array,
+    weights: Array,
+    readings: Sums,
+    variance: float,
+    step: Step,
+    prior: Array,
+) -> Array:
+    """The covariance where residuals go together in time: the larger of two views of it."""
+    known, before = prior.T @ prior, step.covariance
+    length = find_length(step.scores, step.information)
+    alike = leastsq.inverse(step.information / length + known)
+    lasting = find_lasting_errors(
+        problem, felt, attitudes, params, weights, np.sqrt(variance), step.by_params, before
+    )
+    if lasting is None:
+        return alike
+    white, added = lasting
+    own = reduce_to_params(readings, step.by_params) / variance
+    apart = before @ (step.information + (white - 1.0) * own + known) @ before + added
+    precision = step.information + known
+    return max(alike, apart, key=lambda found: float(np.sum(found * precision)))
+
+
+def find_length(scores: Array, information: Array) -> float:
+    """By how much sums of scores (k, p) over longer times scatter more than white noise would."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, axes = np.linalg.eigh(information / np.outer(size, size))
+    known = values > TOLD * values[-1]
+    white = (scores / size) @ (axes[:, known] / np.sqrt(values[known]))
+    return measure_correlation(white, np.eye(int(known.sum())))
+
+
+def find_lasting_errors(
+    problem: Problem,
+    felt: Felt,
+    attitudes: Array,
+    params: Array,
+    weights: Array,
+    noise_sd: float,
+    by_params: Array,
+    covariance: Array,
+) -> tuple[float, Array] | None:
+    """The variance of white readings beside errors that last in the axes of the sensor, and what
+    these add to the covariance (p, p); `None` where products of residuals show none."""
+    track, n = felt.track, len(attitudes)
+    root = np.linalg.cholesky(covariance)
+    each = -(-n // STRETCHES)
+    block = each * max(_BLOCK // each, 1)
+    along, holds = [], []
+    for start in range(0, n, block):
+        rows = slice(start, start + block)
+        left, by_state, direct = compare_readings(
+            problem.subset(rows), attitudes[rows], felt.rate[rows], params, felt
+        )
+        before, share = track.interval[rows], track.share[rows, None, None]
+        after = np.minimum(before + 1, len(by_params) - 1)
+        moved = (1.0 - share) * by_params[before] + share * by_params[after]
+        whole = ((direct + by_state @ moved) @ root) / noise_sd
+        out = choose_free(by_state)
+        seen = np.einsum("ni,ni->n", out, left) / noise_sd
+        told = np.einsum("ni,nip->np", out, whole)
+        along.append(Stretches.of(seen, told, weights[rows], out, each))
+        weighted = whole * weights[rows, None, None]
+        holds.append(np.add.reduceat(weighted, np.arange(0, len(left), each), axis=0))
+    sums = Stretches(*(np.concatenate(of) for of in zip(*along, strict=True)))
+    memory = find_memory(sums, np.eye(len(root)), (slice(0, 3),))
+    if memory is None:
+        return None
+    scatter = sum_scatter(np.concatenate(holds), memory.each)
+    return memory.white, np.asarray(root @ scatter @ root.T)
+
 
 SETTLED = 0.02
 """Of a standard error, or of a variance: what moves less has settled."""
@@ -39,12 +211,10 @@ _LEAST_FREEDOM = 0.05  # of the residuals
 
 
 class Expected(NamedTuple):
-    """What is known beforehand of the noise of readings, force and rates, (3,) each.
-
-    The least variances; those to start from, 0 where nothing is expected: that of the rates is told
-    by third differences, which a motion that jitters makes too large; which part of white noise is
-    left of each kind, less where it is smoothed; and what a robust loss leaves of a variance.
-    """
+    """What is known beforehand of the noise of readings, force and rates, (3,) each. The least
+    variances; those to start from, 0 where nothing is expected: that of the rates is told by third
+    differences, which a motion that jitters makes too large; which part of white noise is left of
+    each kind, less where it is smoothed; and what a robust loss leaves of a variance."""
 
     least: Array
     starts: Array
@@ -77,11 +247,7 @@ def settle(
     prior: leastsq.Prior,
     params: Array,
 ) -> tuple[Step, Array]:
-    """The step with the variances that it leaves, found by turns.
-
-    Parameters: by how much the readings scatter more for long; the variance of known headings, if
-    any.
-    """
+    """The step with the variances that it leaves, found by turns."""
     for _ in range(_STEPS):
         step = solve_step(groups, variances, prior, params)
         updated = update_variances(groups[:3], variances, expected, step) / expected.left
@@ -99,8 +265,7 @@ def update_variances(
     groups: Sequence[Sums], variances: Array, expected: Expected, step: Step
 ) -> Array:
     """The variance of each kind after a step: Σ w r² over its own share of the freedom (Förstner
-    1979), which is that of restricted likelihood.
-    """
+    1979), which is that of restricted likelihood."""
     found, (_, starts, passed, _) = [], expected
     for group, variance, start, share in zip(groups, variances, starts, passed, strict=False):
         fitted = np.einsum("nij,nji->", group.states.diagonal, step.spread.diagonal)
@@ -116,7 +281,6 @@ def update_variances(
 
 def settle_variance(found: float, freedom: float, start: float) -> float:
     """The most probable variance θ of so many residuals that were expected to have another one, θ₀.
-
     What is expected is either right or far off, so u = log(θ/θ₀) has a Cauchy prior of scale s:
 
         ν/2 (u + found/θ) + log(1 + (u/s)²) is least,   θ = θ₀ eᵘ,   s = `_DOUBT`.
@@ -139,12 +303,8 @@ def measure_force(force: Sums, white: float) -> float:
     return white * measure_correlation(pulls, expected)
 
 
-def find_memory(along: Array, weights: Array, interval: Index) -> float:
-    """By how much readings scatter more for long than white noise does: batch means.
-
-    Parameters: residuals (n,) that no turn of the attitude makes, their weights, and the interval
-    between states that each is of.
-    """
+def measure_memory(along: Array, weights: Array, interval: Index) -> float:
+    """By how much readings scatter more for long than white noise does: batch means."""
     weighted = weights * along
     sums = np.bincount(interval, weighted)[:, None].astype(np.float64)
     white = np.array([[float(weighted @ weighted)]])
@@ -158,11 +318,8 @@ def weigh_slips(slips: Array, variance: float) -> Array:
 
 def is_white(log: Log, felt: Felt, attitudes: Array, below: float) -> bool:
     """Whether the force is as noisy above the corner of the low-pass as `below`, a variance, and
-    each row by itself.
-
-    Then nothing is to be smoothed away, and what the force says of fast attitude is worth as much
-    as it states. A vehicle that is shaken moves from row to row.
-    """
+    each row by itself. Then nothing is to be smoothed away, and what the force says of fast
+    attitude is worth as much as it states. A vehicle that is shaken moves from row to row."""
     level, *_ = steady_force(log._replace(settling_s=0.0), felt, attitudes)
     left = level - UP_AT_REST
     whole = float(np.mean(left**2))

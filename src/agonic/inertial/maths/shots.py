@@ -27,9 +27,7 @@ LEVEL_LEAST = 0.02
 
 class Shots(NamedTuple):
     """Normalised readings (n, 3) of n attitudes at rest, and the number of the target of each.
-
-    `target` is −1 where the sight was on none.
-    """
+    `target` is −1 where the sight was on none."""
 
     force: Array
     field: Array
@@ -61,12 +59,7 @@ def split(unknowns: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def observe(up: Array, field: Array, sight: Array) -> Channels:
-    """Size of up, size of the field, dip, elevation and azimuth of the sight, rad.
-
-    >>> north = observe(np.array([[0.0, 0.0, -1.0]]), np.array([[0.6, 0.0, 0.8]]), np.eye(3)[0])
-    >>> np.degrees(north.values[0, 2:]).round(2).tolist()
-    [53.13, 0.0, 0.0]
-    """
+    """Size of up, size of the field, dip, elevation and azimuth of the sight, rad."""
     size_u, size_v = (np.linalg.norm(w, axis=1, keepdims=True) for w in (up, field))
     size_s = float(np.linalg.norm(sight))
     u, v, s = up / size_u, field / size_v, sight / size_s
@@ -140,9 +133,7 @@ def calibrate(shots: Shots, unknowns: Array) -> tuple[Array, Array]:
 
 class Residuals(NamedTuple):
     """Residuals (n, 5), their Jacobian (n, 5, q), unit variances (3, n, 5, 5), and what is there.
-
-    The three kinds of noise: of the accelerometer, of the magnetometer, and of pointing.
-    """
+    The three kinds of noise: of the accelerometer, of the magnetometer, and of pointing."""
 
     residuals: Array
     jacobian: Array
@@ -151,11 +142,8 @@ class Residuals(NamedTuple):
 
 
 def linearise(shots: Shots, unknowns: Array) -> Residuals:
-    """Residuals, Jacobian and noise of the shots at some unknowns.
-
-    An azimuth counts with the cosine of the target's elevation, so that pointing errs alike in all
-    directions.
-    """
+    """Residuals, Jacobian and noise of the shots at some unknowns. An azimuth counts with the
+    cosine of the target's elevation, so that pointing errs alike in all directions."""
     up, field = calibrate(shots, unknowns)
     channels = observe(up, field, unknowns[SIGHT])
     _, shape, _, matrix = split(unknowns)

@@ -25,9 +25,7 @@ _STEADY = 3e-3
 
 class Linear(NamedTuple):
     """Residuals (n, c), Jacobian (n, c, q), variances (k, n, c, c) of unit noise, what is there.
-
-    `prior` (q, q) is the information of the prior, and `pull` (q,) what it adds to the gradient.
-    """
+    `prior` (q, q) is the information of the prior, and `pull` (q,) what it adds to the gradient."""
 
     residuals: Array
     jacobian: Array
@@ -47,11 +45,9 @@ class Linear(NamedTuple):
 
 
 class Weighted(NamedTuple):
-    """The step to the most probable unknowns (q,), their covariance (q, q), z (n, c) there.
-
-    `free` (n, c, c) are the blocks of P, `freedom` how many residuals the unknowns do not take;
-    `information` (q, q) is that of the residuals alone.
-    """
+    """The step to the most probable unknowns (q,), their covariance (q, q), z (n, c) there. `free`
+    (n, c, c) are the blocks of P, `freedom` how many residuals the unknowns do not take;
+    `information` (q, q) is that of the residuals alone."""
 
     step: Array
     covariance: Array
@@ -86,10 +82,9 @@ def _invert(linear: Linear, theta: Array) -> Array:
 def estimate_variances(
     linear: Linear, theta: Array, expected: Array, rounds: int = _ROUNDS
 ) -> Array:
-    """The variances (k,) of the kinds of noise, from a start; `expected` (k,) are θ₀.
-
-    Source: H. Zhou, L. Hu, J. Zhou, K. Lange, MM algorithms for variance components models,
-    Journal of Computational and Graphical Statistics 28, 2019.
+    """The variances (k,) of the kinds of noise, from a start; `expected` (k,) are θ₀. Source: H.
+    Zhou, L. Hu, J. Zhou, K. Lange, MM algorithms for variance components models, Journal of
+    Computational and Graphical Statistics 28, 2019.
 
     >>> rng = np.random.default_rng(0)
     >>> noisy = 3.0 * rng.standard_normal((500, 1))
@@ -116,10 +111,9 @@ def adjust_covariance(linear: Linear, theta: Array) -> Array:
 
         C + 2 C Σ_kl w_kl (Q_kl − P_k C P_l) C,
 
-    w the covariance of the variances, P_k = −JᵀV⁻¹V_kV⁻¹J, Q_kl = JᵀV⁻¹V_kV⁻¹V_lV⁻¹J.
-
-    Source: M. G. Kenward, J. H. Roger, Small sample inference for fixed effects from restricted
-    maximum likelihood, Biometrics 53, 1997.
+    w the covariance of the variances, P_k = −JᵀV⁻¹V_kV⁻¹J, Q_kl = JᵀV⁻¹V_kV⁻¹V_lV⁻¹J. Source: M. G.
+    Kenward, J. H. Roger, Small sample inference for fixed effects from restricted maximum
+    likelihood, Biometrics 53, 1997.
     """
     found, kinds = weigh(linear, theta), np.flatnonzero(linear.variances.any(axis=(1, 2, 3)))
     weights = _invert(linear, theta)

@@ -1,4 +1,5 @@
-"""`check_pair`: whether a setup still holds, by a few shots before a survey."""
+"""`check_pair`: whether a setup still holds, by a few shots before a survey; what may have changed
+in the instrument, and what that does to headings."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
 from agonic.arrays import Array, Index
@@ -14,26 +16,83 @@ from agonic.calibration.base import require_covariance
 from agonic.calibration.setup import Setup
 from agonic.errors import AgonicError, CoverageError, UnitError
 from agonic.health import Finding, Judged, figure
-from agonic.inertial.maths.shots import BIAS_A, BIAS_M, DIP, TARGETS, Shots, linearise
-from agonic.inertial.pair.changes import (
-    AHEAD,
-    Change,
-    estimate_change,
-    find_seen_deg,
-    list_suspects,
-)
+from agonic.inertial.maths.shots import BIAS_A, BIAS_M, DIP, TARGETS, Shots, linearise, observe
+from agonic.inertial.pair.fit import list_directions
 from agonic.inertial.pair.problem import average_shots, begin, number_targets
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import correction_jacobian, model_basis
+from agonic.maths.rotations.vectors import skew
 from agonic.readable import Shown
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
 
+AHEAD = np.eye(3)[0]
+
+
+class Suspect(NamedTuple):
+    """Three numbers that may have changed: ∂residuals (r, 3), and ∂azimuth of x (k, 3), rad."""
+
+    name: str
+    unit: str
+    by: Array
+    moved: Array
+
+
+class Change(NamedTuple):
+    """A change that would explain the shots: what, how large (3,), and its sd. `turns_deg` is what
+    it does to headings within 60° of level, rms; `chance` the probability that no change explains
+    as much by it."""
+
+    name: str
+    size: Array
+    sd: Array
+    unit: str
+    turns_deg: float
+    chance: float
+
+
+def list_suspects(
+    by_setup: Array, accelerometer: Affine, magnetometer: Affine, dip: float
+) -> tuple[Suspect, ...]:
+    """The bias of each sensor, and the turn between the two."""
+    rot_nb = Rotation.from_euler("ZYX", list_directions(), degrees=True)
+    up = rot_nb.apply([0.0, 0.0, -1.0], inverse=True)
+    field = rot_nb.apply([np.cos(dip), 0.0, np.sin(dip)], inverse=True)
+    channels = observe(up, field, AHEAD)
+    by_up, by_field = channels.by_up[:, 4], channels.by_field[:, 4]
+    size, degree = float(magnetometer.magnitude or 1.0), np.radians(1.0)
+    turns = np.stack([(skew(axis) @ magnetometer.matrix).ravel() for axis in np.eye(3)], axis=1)
+    onto = model_basis("full", magnetometer.gauge)[3:, 3:].T @ turns * degree
+    by_bias = -by_field @ magnetometer.matrix / size
+    by_force = -by_up @ accelerometer.matrix / STANDARD_GRAVITY_M_S2
+    by_turn = np.cross(field, by_field) * degree
+    unit = magnetometer.unit_in
+    return (
+        Suspect("the magnetometer's bias", unit, by_setup[:, 12:15], by_bias),
+        Suspect("the accelerometer's bias", "m/s²", by_setup[:, :3], by_force),
+        Suspect("the turn between the sensors", "°", by_setup[:, 15:] @ onto, by_turn),
+    )
+
+
+def estimate_change(suspect: Suspect, projector: Array, residuals: Array) -> tuple[Change, float]:
+    """The change at its best: (HᵀPH)⁻¹HᵀPy, and what it explains, a χ² of three; and three standard
+    errors of it, as it turns headings, rms degrees."""
+    information = suspect.by.T @ projector @ suspect.by
+    spread = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
+    # residuals are what the setup assumes against the truth: the truth is the other way
+    size = -spread @ (suspect.by.T @ projector @ residuals)
+    gain = -float(residuals @ projector @ suspect.by @ size)
+    variance = np.einsum("ki,ij,kj->k", suspect.moved, spread, suspect.moved)
+    turns_deg, sd_deg = np.degrees(np.sqrt([np.mean((suspect.moved @ size) ** 2), variance.mean()]))
+    sd, unit, chance = np.sqrt(np.diag(spread)), suspect.unit, float(chdtrc(3, gain))
+    return Change(suspect.name, size, sd, unit, float(turns_deg), chance), float(3 * sd_deg)
+
+
 FEWEST = 6
 RARE, ODD = 1e-3, 0.01
 """Probabilities: of an alarm where nothing changed, and of what one shot may explain."""
-MATTERS_DEG, SPOILS_DEG = 0.5, 2.0
-"""Changes of the heading that are worth a word, and beyond which the setup is of no use."""
+SPOILS_DEG = 2.0
+"""A change of the heading beyond which the setup is of no use."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,9 +119,7 @@ class PairCheck(Judged):
 
 class _Linear(NamedTuple):
     """Residuals (r,), by the setup's errors (r, 24), by what is free (r, f), and noise (r, r).
-
-    `shot` (r,) is the shot of each; `dip` of the field, rad.
-    """
+    `shot` (r,) is the shot of each; `dip` of the field, rad."""
 
     residuals: Array
     by_setup: Array
@@ -122,13 +179,17 @@ def check_pair(samples: Given, setup: Setup, *, pointing_sd_deg: float = 0.2) ->
     chance = float(chdtrc(freedom, statistic))
     suspects = list_suspects(linear.by_setup, accelerometer, magnetometer, linear.dip)
     changes = [estimate_change(one, projector, linear.residuals) for one in suspects]
+    odd = (ODD, -1)  # the one shot without which the others agree with the setup, if there is one
+    for i in range(len(shot) if chance < RARE else 0):
+        _, without, own = _test(linear.without(i), covariance)
+        odd = max(odd, (float(chdtrc(own, without)), i))
     check = PairCheck(
         statistic=statistic,
         freedom=freedom,
         chance=chance,
-        changes=tuple(sorted(changes, key=lambda change: change.chance)),
-        seen_deg=find_seen_deg(suspects[0], projector),
-        odd=_find_odd(linear, covariance) if chance < RARE else np.empty(0, dtype=np.intp),
+        changes=tuple(sorted((one for one, _ in changes), key=lambda change: change.chance)),
+        seen_deg=changes[0][1],
+        odd=np.array([odd[1]] if odd[1] >= 0 else [], dtype=np.intp),
         shot=shot,
     )
     return _judge(check)
@@ -178,9 +239,12 @@ def _pose(
         ],
         axis=2,
     )
+    for one in (accelerometer, magnetometer):
+        if one.noise is None:
+            raise AgonicError(f"the calibration of {one.sensor} does not say its noise")
     scatter = (
-        by_up @ accelerometer.matrix * (_noise(accelerometer) / STANDARD_GRAVITY_M_S2),
-        by_field @ magnetometer.matrix * (_noise(magnetometer) / size),
+        by_up @ accelerometer.matrix * ((accelerometer.noise or 0.0) / STANDARD_GRAVITY_M_S2),
+        by_field @ magnetometer.matrix * ((magnetometer.noise or 0.0) / size),
     )
     noise = sum(by @ np.swapaxes(by, 1, 2) for by in scatter)
     noise = noise + found.variances[2] * np.radians(pointing_sd_deg) ** 2
@@ -207,12 +271,6 @@ def _local(raw: Array, calibration: Affine) -> Array:
     return np.asarray(by @ model_basis("full", calibration.gauge))
 
 
-def _noise(calibration: Affine) -> float:
-    if calibration.noise is None:
-        raise AgonicError(f"the calibration of {calibration.sensor} does not say its noise")
-    return calibration.noise
-
-
 def _test(linear: _Linear, covariance: Array) -> tuple[Array, float, int]:
     """P with what is free projected out, χ² and its degrees of freedom."""
     total = linear.noise + linear.by_setup @ covariance @ linear.by_setup.T
@@ -221,15 +279,6 @@ def _test(linear: _Linear, covariance: Array) -> tuple[Array, float, int]:
     projector = np.asarray(inverse - across @ np.linalg.solve(linear.by_free.T @ across, across.T))
     freedom = len(linear.residuals) - int(linear.by_free.shape[1])
     return projector, float(linear.residuals @ projector @ linear.residuals), freedom
-
-
-def _find_odd(linear: _Linear, covariance: Array) -> Index:
-    """The one shot without which the others agree with the setup, if there is one."""
-    best = (ODD, -1)
-    for i in range(int(linear.shot.max()) + 1):
-        _, statistic, freedom = _test(linear.without(i), covariance)
-        best = max(best, (float(chdtrc(freedom, statistic)), i))
-    return np.array([best[1]] if best[1] >= 0 else [], dtype=np.intp)
 
 
 def _judge(check: PairCheck) -> PairCheck:

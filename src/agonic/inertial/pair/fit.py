@@ -21,11 +21,18 @@ from agonic.inertial.maths.shots import (
     observe,
     split,
 )
-from agonic.inertial.pair.calibration import METHOD, make_pair, point_ahead, widen
-from agonic.inertial.pair.evidence import describe, examine, find_prior_only
 from agonic.inertial.pair.problem import Problem, Settings, pose
-from agonic.inertial.pair.result import PairFit, Sight
-from agonic.inertial.pair.solve import Solution, compare_shots, find_outlier, solve
+from agonic.inertial.pair.result import PairFit, Sight, describe, examine, find_prior_only
+from agonic.inertial.pair.solve import (
+    METHOD,
+    Solution,
+    compare_shots,
+    find_outlier,
+    make_pair,
+    point_ahead,
+    solve,
+    widen,
+)
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.rotations.vectors import skew
@@ -40,9 +47,7 @@ _AROUND = np.arange(0.0, 360.0, 45.0)
 
 class Attitudes(NamedTuple):
     """Up and field (k, 3) in the accelerometer's axes, and azimuth, pitch and roll (k, 3), degrees.
-
-    The angles are those of an instrument whose x axis is the sight.
-    """
+    The angles are those of an instrument whose x axis is the sight."""
 
     up: Array
     field: Array
@@ -50,10 +55,8 @@ class Attitudes(NamedTuple):
 
 
 def face(unknowns: Array, body: Array, angles_deg: Array) -> Attitudes:
-    """What the sensors should see in attitudes by azimuth, pitch and roll (k, 3), degrees.
-
-    `body` (3, 3) turns components in the accelerometer's axes into the instrument's.
-    """
+    """What the sensors should see in attitudes by azimuth, pitch and roll (k, 3), degrees. `body`
+    (3, 3) turns components in the accelerometer's axes into the instrument's."""
     rot_nb = Rotation.from_euler("ZYX", angles_deg, degrees=True)
     dip = unknowns[DIP]
     up = rot_nb.apply([0.0, 0.0, -1.0], inverse=True) @ body
@@ -85,12 +88,6 @@ def average_information(jacobian: Array, angles_deg: Array) -> tuple[Array, Arra
     return slope, azimuth
 
 
-def split_turn(unknowns: Array) -> Array:
-    """The rotation (3, 3) from the magnetometer's axes to the accelerometer's, by polar parts."""
-    left, _, right = np.linalg.svd(split(unknowns)[3])
-    return np.asarray(left @ right)
-
-
 TO_ADD = 6
 _PITCHES, _AZIMUTHS = (-90.0, -45.0, 0.0, 45.0, 90.0), (0.0, 90.0, 180.0, 270.0)
 _ROLLS = tuple(float(roll) for roll in range(-135, 181, 45))
@@ -107,11 +104,7 @@ _PITCHED = {
 def choose_attitudes(
     unknowns: Array, covariance: Array, theta: Array, body: Array, target: Array
 ) -> Array:
-    """Azimuth, pitch and roll (k, 3), degrees, of the attitudes that lower tr(C T) most, in turn.
-
-    Parameters: unknowns and their covariance, the variances of the noise, the rotation into the
-    instrument's axes, and T (q, q): the mean of jᵀj of what is to be known.
-    """
+    """Azimuth, pitch and roll (k, 3), degrees, of attitudes that lower tr(C T) most, in turn."""
     angles = np.array([(a, p, r) for p in _PITCHES for a in _AZIMUTHS for r in _ROLLS])
     jacobian, variance = _observe(unknowns, theta, face(unknowns, body, angles))
     chosen = []
@@ -204,7 +197,7 @@ def fit_pair(
     solution = solve(problem)
     fit = _make_fit(samples, reference, settings, problem, solution)
     disagreeing = find_outlier(solution) is not None
-    fit = replace(fit, findings=examine(fit, problem, disagreeing))
+    fit = replace(fit, findings=tuple(examine(fit, problem, disagreeing)))
     return fit if fit.verdict == "refused" else replace(fit, remarks=describe(fit))
 
 
@@ -232,18 +225,30 @@ def _make_fit(
     prior_only = find_prior_only(problem, solution.weighted.covariance)
     target = slope + azimuth
     add = choose_attitudes(unknowns, covariance, solution.noise**2, body, target)
-    free = _free_dip(problem, solution)
+    # the dip with the prior of the place taken out again
+    known, dip = problem.prior.information[DIP, DIP], float(unknowns[DIP])
+    variance = float(solution.weighted.covariance[DIP, DIP])
+    left = 1 / variance - known
+    free_dip = (dip / variance - known * problem.prior.mean[DIP]) / left
+    sight = None
+    if sighted:
+        sight = Sight(
+            axis=unknowns[SIGHT].copy(),
+            sd_deg=float(np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[SIGHT, SIGHT])[-1]))),
+            scatter_deg=float(np.degrees(solution.noise[2])),
+        )
+    left_axes, _, right_axes = np.linalg.svd(split(unknowns)[3])
     return PairFit(
         calibration=pair.magnetometer,
         accelerometer=pair.accelerometer,
         covariance=pair.covariance,
-        rot_am=split_turn(unknowns),
+        rot_am=left_axes @ right_axes,
         turn_sd_deg=_turn_sd_deg(unknowns, covariance),
-        inclination_deg=float(np.degrees(unknowns[DIP])),
+        inclination_deg=float(np.degrees(dip)),
         inclination_sd_deg=float(np.degrees(np.sqrt(covariance[DIP, DIP]))),
-        free_inclination_deg=free[0],
-        free_inclination_sd_deg=free[1],
-        sight=_sight(solution, covariance) if sighted else None,
+        free_inclination_deg=float(np.degrees(free_dip)),
+        free_inclination_sd_deg=float(np.degrees(np.sqrt(1 / left))),
+        sight=sight,
         noise=np.array([pair.accelerometer.noise, pair.magnetometer.noise]),
         heading_sd_deg=_rms_deg(covariance, azimuth),
         slope_sd_deg=_rms_deg(covariance, slope),
@@ -260,31 +265,10 @@ def _rms_deg(covariance: Array, information: Array) -> float:
     return float(np.degrees(np.sqrt(np.einsum("ij,ji->", covariance, information))))
 
 
-def _free_dip(problem: Problem, solution: Solution) -> tuple[float, float]:
-    """Dip and its standard error, degrees, with the prior of the place taken out again."""
-    known = problem.prior.information[DIP, DIP]
-    at, variance = float(solution.unknowns[DIP]), float(solution.weighted.covariance[DIP, DIP])
-    left = 1 / variance - known
-    dip = (at / variance - known * problem.prior.mean[DIP]) / left
-    return float(np.degrees(dip)), float(np.degrees(np.sqrt(1 / left)))
-
-
-def _sight(solution: Solution, covariance: Array) -> Sight:
-    """The sight in the accelerometer's axes."""
-    values = np.linalg.eigvalsh(covariance[SIGHT, SIGHT])
-    return Sight(
-        axis=solution.unknowns[SIGHT].copy(),
-        sd_deg=float(np.degrees(np.sqrt(values[-1]))),
-        scatter_deg=float(np.degrees(solution.noise[2])),
-    )
-
-
 def _turn_sd_deg(unknowns: Array, covariance: Array) -> Array:
-    """Standard errors (3,), degrees, of the turn of the magnetometer about each axis.
-
-    A small turn w on the left of M = R S changes it by [w]× M, whose antisymmetric part in the
-    axes after R is what a change of M holds of it: to first order in soft iron.
-    """
+    """Standard errors (3,), degrees, of the turn of the magnetometer about each axis. A small turn
+    w on the left of M = R S changes it by [w]× M, whose antisymmetric part in the axes after R is
+    what a change of M holds of it: to first order in soft iron."""
     matrix = split(unknowns)[3]
     rotation, symmetric = polar(matrix)
     turns = np.stack([(skew(axis) @ rotation @ symmetric).ravel() for axis in np.eye(3)], axis=1)

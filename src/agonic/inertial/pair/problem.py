@@ -72,9 +72,7 @@ class Settings:
 
 class Scale(NamedTuple):
     """What was one of the normalised readings: of force, and centre and size of the field's.
-
-    `gravity` is negative where the log has gravity itself instead of the specific force.
-    """
+    `gravity` is negative where the log has gravity itself instead of the specific force."""
 
     gravity: float
     centre: Array
@@ -89,11 +87,9 @@ class Prior(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """The shots, their scale, the prior and the start.
-
-    `rows` are those of the samples that each shot came from, `names` what the log calls the
-    targets, and `missed` those among whose shots the sight was not kept.
-    """
+    """The shots, their scale, the prior and the start. `rows` are those of the samples that each
+    shot came from, `names` what the log calls the targets, and `missed` those among whose shots the
+    sight was not kept."""
 
     shots: Shots
     scale: Scale
@@ -105,10 +101,8 @@ class Problem(NamedTuple):
 
 
 def pose(samples: Samples, reference: Reference | None, settings: Settings) -> Problem:
-    """The problem of the attitudes at rest that samples hold.
-
-    Raises `LogError` without acceleration, `CoverageError` with too few attitudes.
-    """
+    """The problem of the attitudes at rest that samples hold. Raises `LogError` without
+    acceleration, `CoverageError` with too few attitudes."""
     rows, force, field = average_shots(samples)
     if len(rows) < FEWEST:
         raise CoverageError(
@@ -140,10 +134,8 @@ def _pose_scaled(
 
 
 def average_shots(samples: Samples) -> tuple[tuple[Index, ...], Array, Array]:
-    """The rows of each attitude at rest, and the mean force and field (n, 3) in it.
-
-    Raises `LogError` without acceleration.
-    """
+    """The rows of each attitude at rest, and the mean force and field (n, 3) in it. Raises
+    `LogError` without acceleration."""
     if samples.acceleration is None:
         raise LogError(
             f"{samples.name} was logged without acceleration; record the accelerometer with every "
@@ -219,10 +211,8 @@ def begin(shots: Shots, mounting: Array, sight: Array) -> Array:
 
 
 def find_sight(force: Array, target: Index) -> Array:
-    """The direction (3,) about which gravity turns while the sight is kept on a target.
-
-    Its sign is the one that leads along an axis. Without targets it is the first axis.
-    """
+    """The direction (3,) about which gravity turns while the sight is kept on a target. Its sign is
+    the one that leads along an axis. Without targets it is the first axis."""
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     sets = [up[target == k] for k in range(int(target.max(initial=-1)) + 1)]
     if not sets:

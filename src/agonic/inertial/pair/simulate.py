@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
-from agonic.inertial.pair.calibration import point_ahead
+from agonic.inertial.pair.solve import point_ahead
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.samples import Samples
 from agonic.units import ACCELERATION, STANDARD_GRAVITY_M_S2
@@ -18,12 +18,10 @@ from agonic.units import ACCELERATION, STANDARD_GRAVITY_M_S2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedShots:
-    """Shots, the true calibrations into the instrument's axes, and the true attitudes.
-
-    The instrument's x is its sight. `rot_nb` (n,) turns its components into north, east, down, of
-    the magnetic meridian; `sight` (3,) is in the axes of the accelerometer without its errors;
-    `bad` are the rows beside iron.
-    """
+    """Shots, the true calibrations into the instrument's axes, and the true attitudes. The
+    instrument's x is its sight. `rot_nb` (n,) turns its components into north, east, down, of the
+    magnetic meridian; `sight` (3,) is in the axes of the accelerometer without its errors; `bad`
+    are the rows beside iron."""
 
     samples: Samples
     magnetometer: Affine

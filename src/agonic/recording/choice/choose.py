@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import Any, Literal, get_args
 
 from agonic.attitude.heading_source import check_heading_source
-from agonic.attitude.mounted_heading import compute_mounted_heading
+from agonic.attitude.known_heading import compute_mounted_heading
 from agonic.attitude.problem import is_known
 from agonic.errors import AgonicError, CoverageError, LogError, check_choice
 from agonic.field.place import describe_missing
 from agonic.fit import Fit
-from agonic.health import Finding
 from agonic.health.finding import Severity
 from agonic.health.inertial_unit import find_stopped_readings, leave_out_faulty
 from agonic.inertial.evidence import check_felt_dip
@@ -37,11 +36,14 @@ def choose_surer(
     samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
 ) -> Choice:
     """The fit beside accelerometer and gyro, or that by the magnitude alone where it is as sure.
-
-    Raises `CoverageError` where the log determines neither.
-    """
+    Raises `CoverageError` where the log determines neither."""
     enough = "the magnitude alone determines the calibration as well as with the attitude"
-    alone = _try_alone(samples, reference, settings)
+    try:
+        alone: Choice | None = fit_alone(samples, reference, settings)
+    except CoverageError:
+        alone = None
+    if alone is not None and _lacks_dip(reference):
+        alone = join_disturbers(alone, samples, reference, alone.reason, settings)
     if alone is not None and alone.fit.verdict != "refused":
         opposite = check_felt_dip(alone.fit, samples, reference)
         if opposite is not None:
@@ -63,7 +65,9 @@ def choose_surer(
     if _lacks_dip(reference) and aided.fit.verdict != "refused" and not list_sources(alone.fit):
         at_dip = {"inclination_deg": aided.fit.coverage.inclination_deg, **settings}
         alone = fit_alone(samples, reference, at_dip)
-    if _is_surer(aided.fit, alone.fit):
+    ranks = [("good", "check", "refused").index(one.fit.verdict) for one in (aided, alone)]
+    by_rank, least = ranks[0] < ranks[1], SURER * alone.fit.coverage.heading_sd_deg
+    if _own_heading_deg(aided.fit) < least if ranks[0] == ranks[1] else by_rank:
         return aided
     if aided.fit.verdict == "refused":
         if alone.fit.verdict != "refused":
@@ -71,19 +75,6 @@ def choose_surer(
         if find_causes(aided) & OF_THE_RECORDING:
             return aided  # what was recorded wrongly is the first thing to know
     return replace(alone, reason=enough)
-
-
-def _try_alone(
-    samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
-) -> Choice | None:
-    """The fit by the magnitude alone, with what disturbs on board where that is known."""
-    try:
-        alone = fit_alone(samples, reference, settings)
-    except CoverageError:
-        return None
-    if not _lacks_dip(reference):
-        return alone
-    return join_disturbers(alone, samples, reference, alone.reason, settings)
 
 
 def fit_beside_unit(
@@ -96,17 +87,6 @@ def fit_beside_unit(
 
 def _lacks_dip(reference: Reference | None) -> bool:
     return reference is None or reference.values.ndim == 1
-
-
-def _is_surer(aided: Fit, alone: Fit) -> bool:
-    """Whether a fit beside the attitude is clearly better than that by the magnitude alone."""
-    if _rank(aided) != _rank(alone):
-        return _rank(aided) < _rank(alone)
-    return _own_heading_deg(aided) < SURER * alone.coverage.heading_sd_deg
-
-
-def _rank(fit: Fit) -> int:
-    return ("good", "check", "refused").index(fit.verdict)
 
 
 def _own_heading_deg(fit: Fit) -> float:
@@ -156,29 +136,15 @@ def _choose(
             "a reference with horizontal and vertical intensity"
         )
     if method == "vector" and (doubt := check_heading_source(samples, reference)) is not None:
-        return _without_heading(samples, reference, kind, settings, doubt)
+        by, told = kind, replace(doubt, severity="refuse")
+        if kind == "auto":  # roll and pitch are left, and that fit has no use for the heading
+            by, reason, told = "levelled", doubt.what, replace(doubt, severity="note")
+        chosen = fit_beside_attitude(samples, reference, by, reason, settings)
+        return replace(chosen, fit=chosen.fit.with_findings(told))
     aided = fit_beside_attitude(samples, reference, method, reason, settings)
     if kind == "auto" and aided.fit.verdict == "refused":
         return fall_back(aided, samples, reference, settings)
     return aided
-
-
-def _without_heading(
-    samples: Samples,
-    reference: Reference,
-    kind: Kind,
-    settings: Mapping[str, Any],
-    doubt: Finding,
-) -> Choice:
-    """The fit by roll and pitch alone, or the one that was asked for, with what speaks against the
-    heading."""
-    if kind != "auto":
-        chosen = fit_beside_attitude(samples, reference, kind, "as asked for", settings)
-        told = replace(doubt, severity="refuse")
-        return replace(chosen, fit=chosen.fit.with_findings(told))
-    levelled = fit_beside_attitude(samples, reference, "levelled", doubt.what, settings)
-    told = replace(doubt, severity="note")  # the fit has no use for it
-    return replace(levelled, fit=levelled.fit.with_findings(told))
 
 
 def _choose_method(samples: Samples, reference: Reference | None) -> tuple[str, str]:
@@ -221,9 +187,7 @@ def fall_back(
     aided: Choice, samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
 ) -> Choice:
     """A fit without what was recorded wrongly: without the heading, then without roll and pitch.
-
-    Where anything else refuses a fit, one that knows less would be refused too, or should be.
-    """
+    Where anything else refuses a fit, one that knows less would be refused too, or should be."""
     recorded = samples.roll_deg is not None and samples.pitch_deg is not None
     if (
         reference is not None
@@ -250,11 +214,9 @@ def find_causes(choice: Choice) -> set[str]:
 
 
 def carry_refusal(choice: Choice, refused: Choice) -> Choice:
-    """A choice with what refused the fit before it: the log's attitude has to be looked at.
-
-    What the choice says itself is not told again, nor, where it names axes, a mounting by right
-    angles or an attitude, nor what a gyro of another unit or axes made of the fit beside it.
-    """
+    """A choice with what refused the fit before it: the log's attitude has to be looked at. What
+    the choice says itself is not told again, nor, where it names axes, a mounting by right angles
+    or an attitude, nor what a gyro of another unit or axes made of the fit beside it."""
     grave = [finding for finding in refused.fit.findings if finding.severity == "refuse"]
     said = {finding.name for finding in choice.fit.findings}
     said |= {"mounting", "attitude"} if "axes" in said else set()

@@ -17,10 +17,9 @@ from agonic.attitude.disturbers.choice import (
     list_moving,
 )
 from agonic.attitude.disturbers.shape import find_timing_sd
-from agonic.attitude.fit import CHANNELS, open_channels_parts
+from agonic.attitude.fit import CHANNELS, fit_levelled, fit_vector, open_channels_parts
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
-from agonic.attitude.levelled import fit_levelled, fit_vector
 from agonic.attitude.problem import Settings
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import describe_sources
@@ -32,12 +31,11 @@ from agonic.ellipsoid import (
 from agonic.fit import Fit
 from agonic.health import Finding
 from agonic.health.inertial_unit import leave_out_faulty, repair
-from agonic.inertial.fit import fit_inertial, open_inertial_parts
-from agonic.inertial.result import InertialFit
+from agonic.inertial.fit import InertialFit, fit_inertial, open_inertial_parts
 from agonic.model.terms import HIDDEN
 from agonic.model.terms.time import STEP
 from agonic.new_rows import find_fresh
-from agonic.recording.held_out import FitPart, OpenParts
+from agonic.recording.parts import FitPart, OpenParts
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -59,13 +57,11 @@ ENOUGH = 10_000
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """A fit with the word for its method and the reason for choosing it.
-
-    `samples` are those that were fitted, with a `latency` that is significant undone beside an
-    attitude, and `reference` is that of their rows; `open_parts` gives what calibrates parts of a
-    log with the same choices; `ask_latency` finds the latency, which a refused fit has no use for;
-    `disturbers` is what was tried of them, where any were.
-    """
+    """A fit with the word for its method and the reason for choosing it. `samples` are those that
+    were fitted, with a `latency` that is significant undone beside an attitude, and `reference` is
+    that of their rows; `open_parts` gives what calibrates parts of a log with the same choices;
+    `ask_latency` finds the latency, which a refused fit has no use for; `disturbers` is what was
+    tried of them, where any were."""
 
     samples: Samples
     reference: Reference | None
@@ -121,10 +117,8 @@ def join_disturbers(
     reason: str,
     settings: Mapping[str, Any],
 ) -> Choice:
-    """The fit to the magnitude with what disturbs on board, where anything recorded does.
-
-    Without a reference the magnitude is that which the fit found for a mean gain of 1.
-    """
+    """The fit to the magnitude with what disturbs on board, where anything recorded does. Without a
+    reference the magnitude is that which the fit found for a mean gain of 1."""
     calibration = alone.fit.calibration
     refused = {one.name for one in alone.fit.findings if one.severity == "refuse"}
     if not list_moving(samples) or not refused <= MAY_BE_DISTURBED:
@@ -171,8 +165,11 @@ def fit_beside_attitude(
         fit = run(samples, reference, **settings)
     else:
         assert reference is not None
-        fit, tried = fit_with_sources(run, samples, reference, settings)
-        if list_sources(fit):
+        tried = choose_sources(samples, reference, keep_common(settings))
+        sources = {"sources": tried.sources} if tried.sources else {}
+        fit = run(samples, reference, **settings, **sources)
+        if sources:
+            fit = add_choice(fit, tried)
             reason += f", and {describe_sources(list_sources(fit))} the readings"
     if isinstance(fit, InertialFit):
         if fit.heading_source is not None:
@@ -201,19 +198,6 @@ def open_some(open_parts: OpenParts, samples: Samples, reference: Reference | No
     known = None if reference is None else reference.select(some)
     fit_part = open_parts(samples.select(some), known)
     return lambda rows: fit_part(rows[some])
-
-
-def fit_with_sources(
-    run: Callable[..., Fit],
-    samples: Samples,
-    reference: Reference,
-    settings: Mapping[str, Any],
-) -> tuple[Fit, SourceChoice]:
-    """The fit, with what disturbs on board where anything recorded does; and what was compared."""
-    found = choose_sources(samples, reference, keep_common(settings))
-    if not found.sources:
-        return run(samples, reference, **settings), found
-    return add_choice(run(samples, reference, **settings, sources=found.sources), found), found
 
 
 def add_choice(fit: Fit, found: SourceChoice) -> Fit:

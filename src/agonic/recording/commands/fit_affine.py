@@ -112,7 +112,7 @@ def aided(
     settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
     samples = _open_beside_second(log, which, between, second, settings["sources"])
     if course:
-        from agonic.attitude.course import with_course
+        from agonic.attitude.heading_source import with_course
 
         samples = with_course(samples)
     return _run(kind, samples, place, settings, out, as_json)

@@ -31,7 +31,7 @@ def disturbers(
     if log is None:
         finish(describe_steps(motors, parse_names(also)), as_json=as_json)
         return 0
-    from agonic.attitude.disturbers.plan import judge_disturbers
+    from agonic.attitude.disturbers.choice import judge_disturbers
     from agonic.console.sensors import open_sensors
 
     samples = open_sensors(log, *which, between)[1][0]  # the same stands beside each sensor

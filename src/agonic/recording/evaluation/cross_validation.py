@@ -26,7 +26,7 @@ from agonic.recording.evaluation.errors import (
     measure_errors,
     state_errors,
 )
-from agonic.recording.held_out import cut_blocks
+from agonic.recording.parts import cut_blocks
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -74,23 +74,10 @@ class Unseen(NamedTuple):
 
 
 def cross_validate(samples: Samples, known: Known, predict: Predict) -> Unseen:
-    """The errors of every row by a fit that had not seen it.
-
-    The log is cut into eight blocks of time of equal information; the even ones are judged by a
-    fit to the odd ones, and the reverse.
-
-    Parameters: samples (n rows), what is known of them, and what predicts some rows from others.
-    Raises what `predict` raises.
-
-    Source: blocks, not rows, are held out, for errors that last are no news to a neighbour
-    (Burman, Chow & Nolan 1994).
-
-    >>> still = Samples(field=np.eye(3)[[0, 1, 2] * 8], unit="nT")
-    >>> known = find_known(still, None)
-    >>> found = cross_validate(still, known, predict_as_recorded(still))
-    >>> float(np.abs(found.errors["magnitude"].found).max())
-    0.0
-    """
+    """The errors of every row by a fit that had not seen it. The log is cut into eight blocks of
+    time of equal information; the even ones are judged by a fit to the odd ones, and the reverse.
+    Source: blocks, not rows, are held out, for errors that last are no news to a neighbour (Burman,
+    Chow & Nolan 1994)."""
     block, _ = cut_blocks(samples)
     parts: list[tuple[Index, dict[str, Array], Mapping[str, float]]] = []
     refused = np.zeros(len(samples), dtype=np.intp)
@@ -247,12 +234,7 @@ def _measure(kind: str, unseen: Errors, recorded: Errors) -> Measure:
 
 
 def judge_measure(one: Measure) -> list[Finding]:
-    """What a measure tells: an error that was stated too small, readings that were made worse.
-
-    >>> told = Measure(kind="heading", unit="°", found=5.0, stated=1.0, recorded=3.0)
-    >>> [finding.name for finding in judge_measure(told)]
-    ['stated too small', 'worse than recorded']
-    """
+    """What a measure tells: an error that was stated too small, readings that were made worse."""
     told = []
     words = f"{figure(one.found)}{one.unit}"
     if one.found > HONEST * one.stated:

@@ -27,11 +27,9 @@ UNITS = {HEADING: "°", DIP: "°", MAGNITUDE: "%"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Known:
-    """What is known of the field at each row.
-
-    `magnitude` (n,), the same number in all rows where none is known; `down` (n, 3) in the axes of
-    the readings; `dip_deg` and `heading_deg` (n,); `None` where not known.
-    """
+    """What is known of the field at each row. `magnitude` (n,), the same number in all rows where
+    none is known; `down` (n, 3) in the axes of the readings; `dip_deg` and `heading_deg` (n,);
+    `None` where not known."""
 
     magnitude: Array
     down: Array | None = None
@@ -55,11 +53,9 @@ class Known:
 def find_known(
     samples: Samples, reference: Reference | None, truth: Samples | None = None
 ) -> Known:
-    """What samples, their reference and another's attitude `truth` at the same rows tell.
-
-    A heading is a truth where it is independent of the magnetometer, and roll and pitch beside it
-    make it level.
-    """
+    """What samples, their reference and another's attitude `truth` at the same rows tell. A heading
+    is a truth where it is independent of the magnetometer, and roll and pitch beside it make it
+    level."""
     n, told = len(samples), samples if truth is None else truth
     columns = {"magnitude": np.ones(n)}
     in_units = reference is not None and samples.unit != "raw"

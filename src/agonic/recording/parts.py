@@ -1,10 +1,12 @@
-"""Fits to parts of a log, to judge the rows that they have not seen."""
+"""Parts of a log: fits to some of its blocks, to judge the rows that they have not seen, and the
+stretches between the moments, or the rows, at which its bias changed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,18 +34,15 @@ HALVES_REFUSED_DEG = 15.0
 """Fits to alternate parts that point so far apart, by more than they state, know no direction."""
 CHANCE = 2.0
 """Parts may differ by so many times what their fits state."""
-_SOME = 500  # rows, drawn, that stand for all
 
 
 @dataclass(frozen=True, eq=False)
 class Folds:
     """The field of each row by the fit that had not seen the row, and by the one that had.
-
     `magnitude_sd` is the standard error of the unseen field's magnitude, `turn_deg` that of the
     angle between the two, as the fits state them; `single` where there was a fit without each
     single block, and `seen` is by the calibration itself. Then `parts` are those fits, and `whole`
-    the same of all rows.
-    """
+    the same of all rows."""
 
     unseen: Array
     seen: Array
@@ -63,11 +62,10 @@ def fit_folds(
     refused: bool = False,
 ) -> Folds | None:
     """Fits without the odd and without the even blocks of time, each applied to its unseen rows.
-
     Where these state that half of the log leaves directions uncertain, there is a fit without each
     single block instead, unless the calibration is `refused` anyway. Blocks hold as much of what
-    rows say each, so that a sensor that lay still for most of the log is not held out at rest only.
-    """
+    rows say each, so that a sensor that lay still for most of the log is not held out at rest
+    only."""
     block, weights = cut_blocks(samples)
     try:
         fit_part = open_parts(samples, reference)
@@ -77,10 +75,10 @@ def fit_folds(
     if refused:
         return halves()
     field = correct_field(calibration, samples)
-    several = all(sees_enough(field[block % 2 == k]) for k in (0, 1))
-    half = halves(AGREEMENT_LIMIT_DEG / 2) if several else None
-    if half is not None:
-        return half
+    if all(sees_enough(field[block % 2 == k]) for k in (0, 1)):
+        half = halves(AGREEMENT_LIMIT_DEG / 2)
+        if half is not None:
+            return half
     single = predict(samples, fit_part, block, weights)
     if single is None:
         return halves()
@@ -140,9 +138,9 @@ def predict(
 
 
 def _draw(weights: Array) -> Index:
-    """Some rows, drawn by their weights (n,), the same ones each time."""
+    """500 rows, drawn by their weights (n,), the same ones each time."""
     told = np.cumsum(weights)
-    drawn = np.random.default_rng(0).random(_SOME) * told[-1]
+    drawn = np.random.default_rng(0).random(500) * told[-1]
     return np.asarray(np.minimum(np.searchsorted(told, drawn, side="right"), len(told) - 1))
 
 
@@ -166,48 +164,35 @@ def compare_folds(folds: Folds | None) -> Check:
     if folds is not None:
         apart = float(np.sqrt(np.mean(angle_deg(folds.unseen, folds.seen) ** 2)))
         limit = max(limit, CHANCE * folds.turn_deg)
-        meaning = (
-            "calibrations from alternate parts of the log point differently: the field changed, or "
-            "too few directions were visited"
-        )
+        way = "differently: the field changed, or too few directions were visited"
+        way = "the same way" if apart <= limit else way
+        meaning = f"calibrations from alternate parts of the log point {way}"
     good = apart <= limit
-    if good:
-        meaning = "calibrations from alternate parts of the log point the same way"
     return Check(name=HALVES, value=apart, limit=limit, unit="°", passed=good, meaning=meaning)
 
 
-def find_refusals(checks: Sequence[Check]) -> tuple[Finding | None, ...]:
-    """Why unseen readings forbid to use a fit, where they do."""
-    return check_unseen_dip(checks), check_halves(checks)
-
-
-def check_unseen_dip(checks: Sequence[Check]) -> Finding | None:
-    """The refusal of a fit by attitude whose unseen readings dip as no other of its readings."""
+def find_refusals(checks: Sequence[Check]) -> Iterator[Finding]:
+    """Why unseen readings forbid to use a fit, where they do: those of a fit by attitude dip as no
+    other of its readings, or parts of its own log contradict it."""
     off = max((check.value for check in checks if check.name == DIP), default=0.0)
-    if not off > DIP_REFUSED_DEG:
-        return None
-    return Finding(
-        "attitude",
-        "refuse",
-        f"the dip of held-out readings is off by {figure(off)}°: roll and pitch are not those "
-        "of this sensor's vehicle, or the field was disturbed",
-        "check where roll and pitch come from and their delay, or calibrate by the magnitude alone "
-        "(--method ellipsoid)",
-    )
-
-
-def check_halves(checks: Sequence[Check]) -> Finding | None:
-    """The refusal of a fit that parts of its own log contradict."""
-    (halves,) = (check for check in checks if check.name == HALVES)
-    if halves.passed or not halves.value > HALVES_REFUSED_DEG:
-        return None
-    return Finding(
-        "halves contradict",
-        "refuse",
-        f"calibrations from alternate parts of the log point {figure(halves.value)}° apart, far "
-        "more than their standard errors: the disturbances are too strong for so few orientations",
-        "record again in one undisturbed place, turning slowly about all three axes",
-    )
+    if off > DIP_REFUSED_DEG:
+        yield Finding(
+            "attitude",
+            "refuse",
+            f"the dip of held-out readings is off by {figure(off)}°: roll and pitch are not those "
+            "of this sensor's vehicle, or the field was disturbed",
+            "check where roll and pitch come from and their delay, or calibrate by the magnitude "
+            "alone (--method ellipsoid)",
+        )
+    apart = max((c.value for c in checks if c.name == HALVES and not c.passed), default=0.0)
+    if apart > HALVES_REFUSED_DEG:
+        yield Finding(
+            "halves contradict",
+            "refuse",
+            f"calibrations from alternate parts of the log point {figure(apart)}° apart, far more "
+            "than their standard errors: the disturbances are too strong for so few orientations",
+            "record again in one undisturbed place, turning slowly about all three axes",
+        )
 
 
 def describe_failed(check: Check) -> Finding:
@@ -216,3 +201,70 @@ def describe_failed(check: Check) -> Finding:
     limit = "" if check.limit is None else f" (limit {check.limit:.3g}{unit})"
     what = f"held-out parts fail a check: {check.name}, {check.value:.3g}{unit}{limit}"
     return Finding(check.name, "check", what, check.meaning)
+
+
+Stretch = tuple[float, float]
+"""First and last moment, or row where there are no times."""
+CHANGED = "field changed"
+MOST = 0.6
+"""Of the log: what came and went was there for the rest of the time at most."""
+MARGIN = 0.02
+"""Of a stretch: so near to a change its readings may be of either side."""
+
+
+def find_change(findings: Iterable[Finding]) -> Finding | None:
+    """What findings say of a bias that changed, with its moments where one has them."""
+    told = (finding for finding in findings if finding.name == CHANGED)
+    return max(told, key=lambda finding: len(finding.moments), default=None)
+
+
+def list_parts(changed: Finding, clock: Array) -> list[tuple[Stretch, ...]]:
+    """What may be calibrated together, the longest first: most of the log without what came and
+    went again, and each stretch alone; what ends with the log, as things are now, counts twice.
+
+    >>> import numpy as np
+    >>> moved = Finding("field changed", "refuse", "the bias moved", moments=(2.0, 9.0))
+    >>> list_parts(moved, np.arange(21.0))[0]
+    ((0.0, 2.0), (9.0, 20.0))
+    """
+    found = cut_stretches(changed, clock)
+    joined = [tuple(every) for every in (found[::2], found[1::2]) if len(every) > 1]
+    parts = [part for part in joined if _measure(part) > MOST * _measure(found)]
+    parts += [(one,) for one in found]
+    return sorted(parts, key=lambda p: _measure(p) * (1 + (p[-1][1] >= clock[-1])), reverse=True)
+
+
+def cut_stretches(changed: Finding, clock: Array) -> list[Stretch]:
+    """The intervals between the changes; none where there is no change between first and last."""
+    begin, end = float(clock[0]), float(clock[-1])
+    edges = [begin, *(moment for moment in sorted(changed.moments) if begin < moment < end), end]
+    return list(pairwise(edges)) if len(edges) > 2 else []
+
+
+def _measure(part: Sequence[Stretch]) -> float:
+    return sum(last - first for first, last in part)
+
+
+def find_rows(clock: Array, part: Iterable[Stretch]) -> Mask:
+    """The rows of stretches, but for those next to a change."""
+    rows = np.zeros(len(clock), dtype=bool)
+    for first, last in part:
+        margin = MARGIN * (last - first)
+        begin, end = first + margin * (first > clock[0]), last - margin * (last < clock[-1])
+        rows |= (clock >= begin) & (clock <= end)
+    return rows
+
+
+def describe_part(changed: Finding, part: Sequence[Stretch], *, timed: bool) -> Finding:
+    """What is said of a calibration that is of one part; `timed` where its clock tells seconds."""
+    each = "from t = {:.1f} s to {:.1f} s" if timed else "from row {:.0f} to {:.0f}"
+    named = " and ".join(each.format(*stretch) for stretch in part)
+    move = "; for another stretch give its times (--between START,STOP)" if timed else ""
+    kind = "stretches" if len(part) > 1 else "stretch"
+    return replace(
+        changed,
+        severity="check",
+        what=f"{changed.what}; this calibration and its standard error hold only for the {kind} "
+        f"{named}; at other times the bias differs by the same amount",
+        move=f"use it only for that configuration of the vehicle{move}",
+    )
