@@ -118,6 +118,10 @@ def test_a_magnetic_heading_is_told_by_the_declination() -> None:
     assert found is not None
     assert "magnetic: it is off by the declination of 12°" in found.what
     assert check_heading_column(heading, (heading - 0.4) % 360, 12.0) is None
+    found = check_heading_column(heading, (90.0 - heading) % 360, 3.0)
+    assert "looks negated, counted anticlockwise, counted from east" in found.what
+    found = check_heading_column(heading, (heading + 11.8) % 360, -12.0)
+    assert "looks magnetic: it is off by the declination of -12°" in found.what
     noisy = heading + np.random.default_rng(0).normal(size=len(heading)) * 60
     assert check_heading_column(heading, noisy, 12.0) is None
 

@@ -61,12 +61,11 @@ def make_calibration(
     }
     if problem.terms is None:
         return Affine(**facts)
-    grown = _add_magnitude_sd(covariance, found, size, scale)
-    slopes = found[size:].reshape(3, -1)
+    facts["covariance"] = _add_magnitude_sd(covariance, found, size, scale)
     return Interference(
-        **facts | {"covariance": grown},
+        **facts,
         sources=settings.sources,
-        coefficients=slopes,
+        coefficients=found[size:].reshape(3, -1),
         second_sensor=samples.second_sensor if mixed else None,
         typical=None if mixed else scale.middle,
     )

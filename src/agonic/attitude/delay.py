@@ -11,7 +11,6 @@ from agonic.arrays import Array, Mask
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.maths.latency import runs
 from agonic.calibration.base import Calibration
-from agonic.coverage import Coverage
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import Fit
 from agonic.health import Finding, figure
@@ -148,7 +147,12 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
     coverage, own = fit.coverage, fit.coverage.heading_sd_deg
     coverage = replace(coverage, heading_sd_deg=float(np.hypot(own, turned)))
     accuracy = fit.accuracy and replace(fit.accuracy, delay_deg=turned)
-    findings = tuple(_count_delay(finding, fit.coverage, coverage) for finding in fit.findings)
+    # the finding on the directions has the one standard error that is stated everywhere
+    told, whole = check_coverage(fit.coverage), check_coverage(coverage)
+    findings = fit.findings
+    if told is not None and whole is not None and whole.what != told.what:
+        what = f"{whole.what}, the error of the delay included"
+        findings = tuple(replace(f, what=what) if f.what == told.what else f for f in findings)
     made = {**fit.shares, "delay": turned} if turned**2 > LEAST_SHARE * own**2 else fit.shares
     kept = replace(fit, calibration=calibration, coverage=coverage, accuracy=accuracy)
     kept = replace(kept, findings=findings, shares=dict(sorted(made.items(), key=lambda s: -s[1])))
@@ -165,14 +169,6 @@ def keep_latency(fit: _Found, samples: Samples, latency: LatencyFit | None) -> _
             "back and forth; or turn more slowly where the heading counts",
         )
     )
-
-
-def _count_delay(finding: Finding, own: Coverage, joined: Coverage) -> Finding:
-    """The finding on the directions, with the one standard error that is stated everywhere."""
-    told, whole = check_coverage(own), check_coverage(joined)
-    if told is None or whole is None or finding.what != told.what or whole.what == told.what:
-        return finding
-    return replace(finding, what=f"{whole.what}, the error of the delay included")
 
 
 def measure_rate(samples: Samples) -> float:

@@ -247,17 +247,8 @@ def fit_vector(
     >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
     True
     """
+    chosen = Settings.of(locals())
     samples, reference = as_samples(samples), Reference.required(reference)
-    chosen = Settings(
-        model=model,
-        gauge=gauge,
-        sources=tuple(sources),
-        robust=robust,
-        soft_iron_sd=soft_iron_sd,
-        turn_sd_deg=turn_sd_deg,
-        inclination_deg=inclination_deg,
-        seed=seed,
-    )
     return fit_channels(samples, reference, CHANNELS["vector"], chosen, "vector")
 
 
@@ -314,15 +305,6 @@ def fit_levelled(
     >>> bool((abs(fit.calibration.bias - flown.truth.bias) < 4 * fit.sd[:3]).all())
     True
     """
+    chosen = Settings.of(locals())
     samples, reference = as_samples(samples), Reference.required(reference)
-    chosen = Settings(
-        model=model,
-        gauge=gauge,
-        sources=tuple(sources),
-        robust=robust,
-        soft_iron_sd=soft_iron_sd,
-        turn_sd_deg=turn_sd_deg,
-        inclination_deg=inclination_deg,
-        seed=seed,
-    )
     return fit_channels(samples, reference, CHANNELS["levelled"], chosen, "levelled")

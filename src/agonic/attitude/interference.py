@@ -126,19 +126,10 @@ def fit_interference(
     >>> bool((abs(added - [60.0, -35.0, 90.0]) < 4.0).all())
     True
     """
+    chosen = Settings.of(locals())
     if not sources:
         raise AgonicError("sources is empty; name what disturbs: current_A, throttle or second")
     samples, reference = as_samples(samples), Reference.required(reference)
-    chosen = Settings(
-        model=model,
-        gauge=gauge,
-        sources=tuple(sources),
-        robust=robust,
-        soft_iron_sd=soft_iron_sd,
-        turn_sd_deg=turn_sd_deg,
-        inclination_deg=inclination_deg,
-        seed=seed,
-    )
     known = find_channels(samples, reference)
     fit = fit_channels(samples, reference, known, chosen, "interference")
     if "second" not in sources:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
@@ -61,6 +61,11 @@ class Settings:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise AgonicError(f"{name} is {value}; a prior needs it above zero, or None")
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Those among what a public function was given."""
+        return cls(**{f.name: given[f.name] for f in fields(cls) if f.name in given})
 
     def recorded(self) -> Mapping[str, Any]:
         """The settings for the provenance."""
@@ -145,7 +150,9 @@ def normalise(
             turns="turn the vehicle through all headings, banking both ways, while recording",
         )
     x = find_terms(samples, settings.sources)
-    middle, spread = _find_middle(x, samples.field), x.std(axis=0)
+    # over what was seen, not over time: on the ground before a flight motors stand still
+    middle = np.average(x, axis=0, weights=weigh_places(samples.field)) if x.size else np.zeros(0)
+    spread = x.std(axis=0)
     still = spread < 1e-9 * (np.abs(middle) + 1e-9)
     if still.any():
         names = [one for one, never in zip(signals(settings.sources), still, strict=True) if never]
@@ -180,14 +187,6 @@ def normalise(
     )
     at = (centre, size, magnitude, reference.sd, middle, spread, reference.describe())
     return problem, Scale(*at)
-
-
-def _find_middle(x: Array, readings: Array) -> Array:
-    """The mean of terms (n, k) over what was seen, not over time: on the ground before a flight
-    motors stand still, and headings there are all one."""
-    if not x.size:
-        return np.zeros(x.shape[1])
-    return np.asarray(np.average(x, axis=0, weights=weigh_places(readings)))
 
 
 def find_terms(samples: Samples, sources: tuple[str, ...]) -> Array:

@@ -61,7 +61,12 @@ def _static(e: Evidence) -> Finding | None:
     some = e.readings[choose_spread_rows(e.crowding, most=MOST_ROWS)]
     low, high = np.percentile(some, (2, 98), axis=0)
     spread = float((high - low).max() / 2)
-    at_rest = e.known_radius is not None and spread < 0.1 * e.known_radius and not _too_small(e)
+    # but not on a sphere of their own that is far smaller, as of a unit that is another: at rest
+    # they would be about as long as the field
+    turned = float(np.ptp(e.readings, axis=0).max()) > e.radius and e.noise < HOLDS * e.radius
+    known = e.known_radius or 0.0
+    too_small = turned and median(find_length(e.readings)) < 0.5 * known
+    at_rest = spread < 0.1 * known and not too_small
     if not (at_rest or (e.noise > 0.15 * e.radius and looks_like_noise(some))):
         return None
     return Finding(
@@ -70,15 +75,6 @@ def _static(e: Evidence) -> Finding | None:
         f"the sensor did not turn: its readings move by only ±{figure(spread)} {e.unit}",
         "turn it slowly about all three axes while recording",
     )
-
-
-def _too_small(e: Evidence) -> bool:
-    """Whether readings turn on a sphere of their own that is far smaller than the field: as of a
-    unit that is another. At rest they would be about as long as the field."""
-    length = median(find_length(e.readings))
-    span = float(np.ptp(e.readings, axis=0).max())
-    turned = span > e.radius and e.noise < HOLDS * e.radius
-    return turned and e.known_radius is not None and length < 0.5 * e.known_radius
 
 
 def _few_orientations(e: Evidence) -> Finding | None:
@@ -113,26 +109,19 @@ def _flat(e: Evidence) -> Finding | None:
     noise_thickness = 2.4 * e.noise / e.radius
     in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
     arc = measure_arc_deg(used)
-    if in_one_plane and arc < HALF_CIRCLE_DEG:
-        span = f"an arc of some {round(arc, -1):.0f}°"
-        what = f"all readings lie on {span} in one plane (its normal is near {axis})"
-        return Finding(
-            "plane",
-            "refuse",
-            f"{what}: bias and gain along {axis} are not determined, nor well in the plane",
-            "turn all the way round at several headings, with the nose up, down and banked",
-        )
+    short = in_one_plane and arc < HALF_CIRCLE_DEG
+    tilt = np.degrees(np.arcsin(min(thick, 1.0)))
+    what = f"near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
+    move = "tilt the nose up and down and bank by 30° or more at several headings"
     if in_one_plane:
-        what = f"all readings lie in one plane (its normal is near {axis})"
-    else:
-        tilt = np.degrees(np.arcsin(min(thick, 1.0)))
-        what = f"all readings lie near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
-    return Finding(
-        "plane" if in_one_plane else "small tilt",
-        "refuse",
-        f"{what}: bias and gain along {axis} are not determined",
-        "tilt the nose up and down and bank by 30° or more at several headings",
-    )
+        span = f"on an arc of some {round(arc, -1):.0f}° " if short else ""
+        what = f"{span}in one plane (its normal is near {axis})"
+    left = f"bias and gain along {axis} are not determined"
+    if short:
+        left += ", nor well in the plane"
+        move = "turn all the way round at several headings, with the nose up, down and banked"
+    name = "plane" if in_one_plane else "small tilt"
+    return Finding(name, "refuse", f"all readings lie {what}: {left}", move)
 
 
 def _noisy(e: Evidence) -> Finding | None:

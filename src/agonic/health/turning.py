@@ -8,7 +8,6 @@ in each. Of three sensors, the one that goes with neither of the others is the w
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -61,12 +60,11 @@ _TELLING: WeakKeyDictionary[Samples, Samples] = WeakKeyDictionary()
 
 class Renaming(NamedTuple):
     """The turn (3, 3) from the axes of the gyro to those of another sensor, and the gyro's unit;
-    `left` of the change, a share, and as named `own`."""
+    `left` of the change, a share."""
 
     left: float
     turn: Array
     unit: str
-    own: float
 
 
 def check_turning(samples: Samples) -> Finding | None:
@@ -74,7 +72,7 @@ def check_turning(samples: Samples) -> Finding | None:
     if not _can_tell(samples):
         return None
     samples = find_telling(samples)
-    found = find_renaming(samples, _sum_of_field(samples), _UNITS)
+    found = find_renaming(samples, _UNITS, felt=False)
     if found is None:
         return None
     looks = []
@@ -102,29 +100,21 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
     samples = find_telling(samples)
     turn = _find_probable_naming(samples)
     if turn is None:
-        found = find_renaming(samples, _sum_of_gravity(samples), _UNITS[:1])
+        found = find_renaming(samples, _UNITS[:1], felt=True)
         turn = None if found is None else found.turn
     if turn is None:
         return None
     late_s = _find_late(samples, turn)
-    if late_s:
-        return Finding(
-            "inertial unit",
-            "refuse",
-            "gravity does not turn in the accelerometer as the gyro does; it would if the "
-            f"accelerometer were about {figure(abs(late_s))} s {'late' if late_s > 0 else 'early'}",
-            "bring the clocks of accelerometer and gyro together",
-        )
     back = turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
     one, other = sorted((back, -back), key=lambda turn: int(np.count_nonzero(turn < 0)))
-    return Finding(
-        "inertial unit",
-        "refuse",
-        "gravity does not turn in the accelerometer as the gyro does; it would if the "
-        f"accelerometer were of other axes ({describe_renaming(one)}, or with gravity's sign the "
-        f"other way {describe_renaming(other)})",
-        "name the axes of accelerometer and gyro alike, and look which of the two is wrong",
-    )
+    looks = f"of other axes ({describe_renaming(one)}, or with gravity's sign the other way "
+    looks += f"{describe_renaming(other)})"
+    move = "name the axes of accelerometer and gyro alike, and look which of the two is wrong"
+    if late_s:
+        looks = f"about {figure(abs(late_s))} s {'late' if late_s > 0 else 'early'}"
+        move = "bring the clocks of accelerometer and gyro together"
+    what = "gravity does not turn in the accelerometer as the gyro does; it would if the "
+    return Finding("inertial unit", "refuse", f"{what}accelerometer were {looks}", move)
 
 
 def find_telling(samples: Samples) -> Samples:
@@ -150,9 +140,7 @@ def find_telling(samples: Samples) -> Samples:
 
 
 def find_renaming(
-    samples: Samples,
-    sum_of: Callable[[float], tuple[Array, Array]],
-    units: tuple[tuple[float, str], ...],
+    samples: Samples, units: tuple[tuple[float, str], ...], *, felt: bool
 ) -> Renaming | None:
     """What the gyro has to be renamed by to turn as another sensor does; `None` where it does, or
     nothing else comes far nearer."""
@@ -163,14 +151,14 @@ def find_renaming(
     for smoothed_s in _SMOOTHED_S:
         if smoothed_s > _SMOOTHED_S[0] and _LENGTHS * smoothed_s > time[-1] - time[0]:
             break
-        products, farthest = sum_of(smoothed_s)
+        products, farthest = _sum(samples, smoothed_s, felt=felt)
         own = float(measure_left(products, np.eye(3), farthest))
         if own < FAR_BETTER * EXPLAINED:
             continue  # as named it is right
         left = measure_left(products, tried, farthest)
         unit, turn = divmod(int(np.argmin(left)), len(turns))
         if left.min() <= min(EXPLAINED, FAR_BETTER * own):
-            found.append(Renaming(float(left.min()), turns[turn], units[unit][1], own))
+            found.append(Renaming(float(left.min()), turns[turn], units[unit][1]))
     return min(found, key=lambda one: one.left) if found else None
 
 
@@ -194,7 +182,7 @@ def _find_probable_naming(samples: Samples) -> Array | None:
     if sums[best] < PROBABLE * max(1.0, (STEADILY / steady) ** 2):
         return None
     likely = np.flatnonzero(sums > sums[best] - ALIKE)
-    products, farthest = _sum_of_gravity(samples)(_SMOOTHED_S[0])
+    products, farthest = _sum(samples, _SMOOTHED_S[0], felt=True)
     left = measure_left(products, turns[likely], farthest)
     likely = likely[left <= left.min() / FAR_BETTER]
     return np.asarray(turns[likely[np.argmax(sums[likely])]])
@@ -223,7 +211,7 @@ def explains_change(samples: Samples) -> bool:
     False too where hardly anything turns, or the field itself changes more."""
     if not _can_tell(samples):
         return False
-    products, farthest = _sum_of_field(find_telling(samples))(_SMOOTHED_S[0])
+    products, farthest = _sum(find_telling(samples), _SMOOTHED_S[0], felt=False)
     return bool(measure_left(products, np.eye(3), farthest) < EXPLAINED)
 
 
@@ -231,7 +219,7 @@ def _tell_which(samples: Samples, found: Renaming) -> str:
     """Which of gyro and magnetometer is wrong, where the accelerometer goes with one of them."""
     if samples.acceleration is not None:
         for smoothed_s in _SMOOTHED_S[:2]:
-            products, farthest = _sum_of_gravity(samples)(smoothed_s)
+            products, farthest = _sum(samples, smoothed_s, felt=True)
             factor = next(factor for factor, unit in _UNITS if unit == found.unit)
             either = np.stack([np.eye(3), factor * found.turn])
             own, renamed = measure_left(products, either, farthest).tolist()
@@ -249,25 +237,16 @@ def _can_tell(samples: Samples) -> bool:
     return time is not None and rate is not None and len(time) >= FEWEST
 
 
-def _sum_of_field(samples: Samples) -> Callable[[float], tuple[Array, Array]]:
-    """`sum_products` of the readings."""
+def _sum(samples: Samples, smoothed_s: float, *, felt: bool) -> tuple[Array, Array]:
+    """`sum_products` of the readings, or of the acceleration that is `felt`, smoothed over so many
+    seconds; and how far off a bias may be."""
     time, rate = samples.time, samples.rotation_rate
+    values = samples.acceleration if felt else samples.field
     assert time is not None
     assert rate is not None
-    size = max(float(np.sqrt((samples.field**2).sum(axis=1).mean())), 1e-300)
-    return lambda smoothed_s: (
-        sum_products(samples.field, rate, time, smoothed_s),
-        np.full(3, _FARTHEST * size),
-    )
-
-
-def _sum_of_gravity(samples: Samples) -> Callable[[float], tuple[Array, Array]]:
-    """`sum_products` of the acceleration."""
-    time, rate, force = samples.time, samples.rotation_rate, samples.acceleration
-    assert time is not None
-    assert rate is not None
-    assert force is not None
-    return lambda smoothed_s: (
-        sum_products(force, rate, time, smoothed_s, felt=True),
-        np.repeat([_ACCELEROMETER_BIAS, _SPEED_M_S], 3),
-    )
+    assert values is not None
+    farthest = np.repeat([_ACCELEROMETER_BIAS, _SPEED_M_S], 3)
+    if not felt:
+        size = max(float(np.sqrt((values**2).sum(axis=1).mean())), 1e-300)
+        farthest = np.full(3, _FARTHEST * size)
+    return sum_products(values, rate, time, smoothed_s, felt=felt), farthest

@@ -122,10 +122,9 @@ def check_gravity(
     found, _ = find_field(samples, magnitude, replace(settings, inclination_sd=INCLINATION_SD))
     seen = found.values.mean(axis=0)
     known, dip = np.degrees(np.arctan2([below, seen[1]], [level, seen[0]]))
-    if not _is_opposite(float(dip), float(known)):
-        return None
-    what = f"{_compare_dips(float(dip), float(known))}: the acceleration has the opposite sign"
-    return Finding("inertial unit", "refuse", what, TURN_ROUND)
+    opposite = _describe_opposite(float(dip), float(known))
+    what = f"{opposite}: the acceleration has the opposite sign"
+    return Finding("inertial unit", "refuse", what, TURN_ROUND) if opposite else None
 
 
 def check_felt_dip(fit: Fit, samples: Samples, given: Reference | None) -> Finding | None:
@@ -143,17 +142,15 @@ def check_felt_dip(fit: Fit, samples: Samples, given: Reference | None) -> Findi
     if len(below) < FEWEST or robust_scale(below - np.median(below)) > SCATTER:
         return None
     dip = float(np.degrees(np.arcsin(np.clip(np.median(below), -1.0, 1.0))))
-    if not _is_opposite(dip, known):
-        return None
-    whose = "acceleration or magnetometer have the opposite sign"
-    return Finding("inertial unit", "check", f"{_compare_dips(dip, known)}: {whose}", TURN_ROUND)
+    opposite = _describe_opposite(dip, known)
+    what = f"{opposite}: acceleration or magnetometer have the opposite sign"
+    return Finding("inertial unit", "check", what, TURN_ROUND) if opposite else None
 
 
-def _is_opposite(dip: float, known: float) -> bool:
-    return abs(known) >= OPPOSITE_DEG and abs(known + dip) <= OPPOSITE_DEG
-
-
-def _compare_dips(dip: float, known: float) -> str:
+def _describe_opposite(dip: float, known: float) -> str:
+    """A dip that is the opposite of the known one, "" where it is not."""
+    if not (abs(known) >= OPPOSITE_DEG and abs(known + dip) <= OPPOSITE_DEG):
+        return ""
     return f"the field seems to dip by {figure(dip)}° where it should by {figure(known)}°"
 
 

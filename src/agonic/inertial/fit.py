@@ -31,7 +31,7 @@ from agonic.inertial.evidence import (
 )
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.problem import Settings, orient
-from agonic.inertial.solve import join_headings, keep_level, solve, solve_part
+from agonic.inertial.solve import free_attitude, keep_level, solve, solve_part
 from agonic.inertial.start import Solved
 from agonic.new_rows import interpolate_repeated
 from agonic.reference import Reference
@@ -107,8 +107,14 @@ def find_headings(solved: Solved) -> tuple[Headings | None, Finding | None]:
         return None, None
     attitudes = orient(solved.problem, samples, felt, solved.found.solution.params)
     magnetic = np.degrees(np.arctan2(attitudes[:, 1, 0], attitudes[:, 0, 0]))
-    declination = find_declination_deg(solved.reference)
-    doubt = _check_column(magnetic[known], samples.heading_deg[known], declination)
+    declination, logged = None, samples.heading_deg[known]
+    if solved.reference.kind == "vector":
+        north, east = np.atleast_2d(solved.reference.values)[:, :2].mean(axis=0)
+        declination = float(np.degrees(np.arctan2(east, north)))
+    # without a declination any zero may be right
+    zero = np.degrees(np.angle(np.exp(1j * np.radians(logged - magnetic[known])).mean()))
+    turned_by = float(zero) if declination is None else declination
+    doubt = check_heading_column(magnetic[known] + turned_by, logged, declination or 0.0)
     if doubt is not None and doubt.severity == "refuse":
         return None, replace(doubt, severity="check", what=f"{doubt.what}; it was not used")
     plain = make_mean_calibration(solved.found, solved.problem, solved.scale, samples)
@@ -126,30 +132,6 @@ def find_headings(solved: Solved) -> tuple[Headings | None, Finding | None]:
     if doubt is not None:
         doubt = replace(doubt, what=f"{doubt.what}; only how it changes was used")
     return Headings(angle, sd, UNKNOWN_OFFSET_SD), doubt
-
-
-def _check_column(
-    magnetic_deg: Array, logged_deg: Array, declination_deg: float | None
-) -> Finding | None:
-    """Whether the column looks like a true heading; without a declination any zero may be right."""
-    if declination_deg is not None:
-        return check_heading_column(magnetic_deg + declination_deg, logged_deg, declination_deg)
-    zero = np.exp(1j * np.radians(logged_deg - magnetic_deg)).mean()
-    apart = float(np.degrees(np.angle(zero)))
-    return check_heading_column(magnetic_deg + apart, logged_deg, 0.0)
-
-
-def find_declination_deg(reference: Reference) -> float | None:
-    """The mean declination of a reference; `None` where it has none."""
-    if reference.kind != "vector":
-        return None
-    north, east = np.atleast_2d(reference.values)[:, :2].mean(axis=0)
-    return float(np.degrees(np.arctan2(east, north)))
-
-
-def name_heading(samples: Samples) -> str:
-    """What told the headings, in words."""
-    return samples.heading_source or "the logged heading"
 
 
 def without_heading(samples: Samples) -> Samples:
@@ -226,44 +208,22 @@ def fit_inertial(
     >>> bool((abs(fit.calibration.bias - made.truth.bias) < 4 * fit.sd[:3]).all())
     True
     """
-    settings = Settings(
-        model=model,
-        gauge=gauge,
-        sources=tuple(sources),
-        robust=robust,
-        soft_iron_sd=soft_iron_sd,
-        turn_sd_deg=turn_sd_deg,
-        inclination_deg=inclination_deg,
-        accelerometer_sd_m_s2=accelerometer_sd_m_s2,
-        gyro_bias_sd_deg_s=gyro_bias_sd_deg_s,
-        gyro_scale_sd=gyro_scale_sd,
-        speed_sd_m_s=speed_sd_m_s,
-        stretch_s=stretch_s,
-        heading_offset_sd_deg=heading_offset_sd_deg,
-        accelerometer_scale_sd=accelerometer_scale_sd,
-        seed=seed,
-    )
+    settings = Settings.of(locals())
     samples, late = interpolate_repeated(samples), None
     clipped = check_clipping(samples)
-    samples, wrong = _repair(samples)
+    repaired, wrong = repair(samples)
+    if samples.acceleration is not None and repaired.acceleration is None:
+        raise LogError("; ".join(one.sentence for one in wrong))
+    samples = repaired
     if latency:
         samples, reference, late = find_and_undo(samples, reference)
     solved = solve(samples, reference, settings)
     headings, doubt = find_headings(solved)
     if headings is not None:
-        solved = join_headings(solved, headings)
+        solved = free_attitude(solved._replace(headings=headings))
     level = keep_level(solved)
     fit = _judge(level, samples, reference, wrong, (doubt, clipped))
     return _make_result(keep_latency(fit, level.samples, late), level, solved)
-
-
-def _repair(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
-    """The samples without what is wrong with their inertial unit, and what was: nothing can be
-    solved beside it, and without it the rest is judged."""
-    repaired, wrong = repair(samples)
-    if samples.acceleration is not None and repaired.acceleration is None:
-        raise LogError("; ".join(one.sentence for one in wrong))
-    return repaired, wrong
 
 
 def _judge(
@@ -295,14 +255,16 @@ def _judge(
         fit = without_scale(fit, samples.unit)
     if solved.headings is None:
         return fit
-    named = f"{name_heading(samples)} was used beside the gyro"
-    return replace(fit, remarks=(*fit.remarks, named))
+    named = samples.heading_source or "the logged heading"
+    return replace(fit, remarks=(*fit.remarks, f"{named} was used beside the gyro"))
 
 
 def _make_result(fit: Fit, solved: Solved, before: Solved) -> InertialFit:
     """The fit with what was found of accelerometer and gyro; `before` its level was kept."""
     variances = np.diag(solved.found.solution.covariance)[-len(solved.sds) :]
-    source = None if solved.headings is None else name_heading(solved.samples)
+    source = None
+    if solved.headings is not None:
+        source = solved.samples.heading_source or "the logged heading"
     return InertialFit(
         **{f.name: getattr(fit, f.name) for f in fields(Fit)},
         samples=without_heading(solved.samples),

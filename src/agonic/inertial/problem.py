@@ -12,7 +12,6 @@ from agonic.attitude.problem import Settings as AttitudeSettings
 from agonic.calibration.setup import LATENCY_SD_S
 from agonic.errors import AgonicError
 from agonic.inertial.attitude import UNKNOWNS, Inertial, find_parts
-from agonic.inertial.maths.factors import GRAVITY_SD, Headings, Log
 from agonic.maths.equation.affine import FREE, correct, split
 from agonic.maths.equation.channels import Problem, field_of_terms
 from agonic.maths.equation.inertial import Relative, Shared
@@ -122,34 +121,6 @@ def without_errors(samples: Samples, errors: Array) -> Samples:
     force = force - errors[:3] - np.cross(rate, errors[9:12])
     force = force - np.cross(errors[13] * rate, force)
     return samples.with_columns(acceleration=force, rotation_rate=rate)
-
-
-def make_log(
-    samples: Samples,
-    felt: Inertial,
-    sds: Array,
-    scale_sd: float | None,
-    headings: Headings | None = None,
-) -> Log:
-    """What the inertial unit recorded, with the noise that was felt of it, and known headings."""
-    assert samples.time is not None
-    assert samples.acceleration is not None
-    assert samples.rotation_rate is not None
-    gains = GRAVITY_SD * np.eye(3)[None]
-    if scale_sd is not None:
-        gains = np.concatenate([gains, scale_sd * np.eye(9).reshape(9, 3, 3)])
-    return Log(
-        samples.time,
-        samples.acceleration,
-        samples.rotation_rate,
-        find_parts(samples.time),
-        felt.force_sd,
-        felt.rate_sd,
-        sds,
-        gains,
-        NODDING_S,
-        headings,
-    )
 
 
 def orient(problem: Problem, samples: Samples, felt: Inertial, params: Array) -> Array:

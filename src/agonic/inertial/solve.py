@@ -9,13 +9,13 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.attitude.problem import estimate_usable
 from agonic.calibration.setup import LATENCY_SD_S
-from agonic.inertial.attitude import Inertial, estimate_attitude
-from agonic.inertial.maths.factors import Headings
+from agonic.inertial.attitude import Inertial, estimate_attitude, find_parts
+from agonic.inertial.maths.factors import GRAVITY_SD, Log
 from agonic.inertial.maths.joint import Joint, estimate_jointly, estimate_part
 from agonic.inertial.problem import (
     INCLINATION_SD,
+    NODDING_S,
     Settings,
-    make_log,
     orient,
     pose,
     with_tilt,
@@ -33,7 +33,7 @@ from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.channels import Problem, compute_residuals
 from agonic.maths.equation.coverage import KEEPS_LEVEL
 from agonic.maths.equation.maximum_likelihood import Estimate
-from agonic.maths.estimation.loss import Loss, squares, tukey
+from agonic.maths.estimation.loss import squares, tukey
 from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.maths.rotations.attitude import make_rotation
 from agonic.maths.rotations.vectors import skew
@@ -63,7 +63,12 @@ def keep_level(solved: Solved) -> Solved:
         return solved
     lean = find_lean(solved.felt.down)
     turn = make_rotation(lean @ solved.errors[:3])
-    felt = _turn_felt(solved.felt, turn, lean)
+    # the attitude that was felt, in turned axes; an error of the bias leans these as well
+    down, ahead = solved.felt.down @ turn.T, solved.felt.ahead
+    down_by = turn @ solved.felt.down_by
+    down_by[:, :, :3] += skew(down) @ lean
+    ahead = None if ahead is None else ahead @ turn.T
+    felt = solved.felt._replace(down=down, down_by=down_by, ahead=ahead)
     assert problem.shared is not None
     tilted = with_tilt(solved.samples, felt)
     posed = pose(tilted, solved.reference, felt, solved.settings, problem.shared.taken_out)
@@ -92,15 +97,6 @@ def find_lean(down: Array) -> Array:
     mean = down.mean(axis=0)
     told = np.eye(3) - down.T @ down / len(down) + _STEADY * np.outer(mean, mean)
     return np.asarray(-np.linalg.solve(told, skew(mean)) / STANDARD_GRAVITY_M_S2) + 0.0
-
-
-def _turn_felt(felt: Inertial, turn: Array, lean: Array) -> Inertial:
-    """The attitude that was felt, in turned axes; an error of the bias leans these as well."""
-    down = felt.down @ turn.T
-    down_by = turn @ felt.down_by
-    down_by[:, :, :3] += skew(down) @ lean
-    ahead = None if felt.ahead is None else felt.ahead @ turn.T
-    return felt._replace(down=down, down_by=down_by, ahead=ahead)
 
 
 def _turn_parameters(solved: Solved, turn: Array, lean: Array) -> Array:
@@ -135,12 +131,7 @@ def solve(samples: Samples, reference: Reference | None, settings: Settings) -> 
         size = float(reference.magnitudes(len(samples)).mean())
         settings = replace(settings, inclination_sd=reference.sd / size)
     solved = choose_speed(samples, reference, settings, near)
-    return _free_attitude(solved) if solved.felt.ahead is not None else solved
-
-
-def join_headings(solved: Solved, headings: Headings) -> Solved:
-    """The estimate with headings that do not come from the magnetometer beside it."""
-    return _free_attitude(solved._replace(headings=headings))
+    return free_attitude(solved) if solved.felt.ahead is not None else solved
 
 
 def solve_part(whole: Solved, among: Mask) -> Solved:
@@ -157,7 +148,7 @@ def solve_part(whole: Solved, among: Mask) -> Solved:
     return keep_level(whole._replace(found=found))
 
 
-def _free_attitude(solved: Solved) -> Solved:
+def free_attitude(solved: Solved) -> Solved:
     """The joint estimate, attitudes free, from the one beside the attitude that was felt."""
     found, samples = solved.found, solved.samples
     assert samples.time is not None
@@ -172,10 +163,11 @@ def _free_attitude(solved: Solved) -> Solved:
     again = estimate_attitude(without_errors(samples, taken_out * solved.sds))
     if solved.settings.inclination_sd:
         if solved.settings.inclination_free:
-            reference = _steepen(reference, float(taken_out[-1] * solved.sds[-1]))
+            level, below = reference.values.T
+            dip = float(np.arctan2(below, level).mean() + taken_out[-1] * solved.sds[-1])
+            reference = make_dipping(np.hypot(level, below), dip)
         taken_out[-1] = 0.0  # of a reference that is known the offset stays among the unknowns
-    posed = pose_felt(samples, reference, again, solved.settings, taken_out)
-    tilted, _, problem, scale = posed
+    tilted, _, problem, scale = pose_felt(samples, reference, again, solved.settings, taken_out)
     return solved._replace(
         found=_compare(_move(found, joint.params, joint.covariance), problem, solved.usable, joint),
         problem=problem,
@@ -201,25 +193,29 @@ def _estimate(solved: Solved, felt: Inertial) -> Joint:
     samples, params = solved.samples, solved.found.solution.params
     noise, stretch_sd = solved.found.noise["magnitude"], solved.settings.accelerometer_scale_sd
     loss = noise.loss if solved.found.weights.all() else tukey()  # outliers of the start are back
+    # what each reading counts at the start, by its magnitude
+    rows, weights = np.flatnonzero(solved.usable), np.zeros(len(solved.usable))
+    left = compute_residuals(solved.problem.subset(rows), "magnitude", params)
+    weights[rows] = loss.weight((left / noise.sd) ** 2)
+    gains = GRAVITY_SD * np.eye(3)[None]
+    if stretch_sd is not None:
+        gains = np.concatenate([gains, stretch_sd * np.eye(9).reshape(9, 3, 3)])
+    time, force, rate = samples.time, samples.acceleration, samples.rotation_rate
+    assert time is not None
+    assert force is not None
+    assert rate is not None
+    noises, parts = (felt.force_sd, felt.rate_sd), find_parts(time)
+    log = Log(time, force, rate, parts, *noises, solved.sds, gains, NODDING_S, solved.headings)
     return estimate_jointly(
         solved.problem,
-        make_log(samples, felt, solved.sds, stretch_sd, solved.headings),
+        log,
         params,
         orient(solved.problem, samples, felt, params),
-        _weigh(solved, noise.sd, loss),
+        weights,
         noise.sd,
         loss,
         solved.settings.robust,
     )
-
-
-def _weigh(solved: Solved, sd: float, loss: Loss) -> Array:
-    """What each of the readings (n,) counts at the start, by its magnitude; 0 for unusable ones."""
-    rows, weights = np.flatnonzero(solved.usable), np.zeros(len(solved.usable))
-    part = solved.problem.subset(rows)
-    left = compute_residuals(part, "magnitude", solved.found.solution.params)
-    weights[rows] = loss.weight((left / sd) ** 2)
-    return weights
 
 
 def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> Estimate:
@@ -237,9 +233,3 @@ def _compare(found: Estimate, problem: Problem, usable: Mask, joint: Joint) -> E
         weights = np.minimum(weights, one.loss.weight((left / one.sd) ** 2))
     noise["magnitude"] = noise["magnitude"]._replace(sd=float(joint.sds[0]))
     return found._replace(noise=noise, residuals=residuals, weights=weights)
-
-
-def _steepen(found: Reference, more: float) -> Reference:
-    """The field with a dip that is steeper by so much, rad."""
-    level, below = found.values.T
-    return make_dipping(np.hypot(level, below), float(np.arctan2(below, level).mean()) + more)

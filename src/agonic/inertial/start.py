@@ -133,19 +133,16 @@ def choose_speed(
     in a steady turn leans the vertical just as a bias of the accelerometer does, so it is taken to
     be there only where it makes the residuals much smaller."""
     still = _solve_with(samples, reference, settings, SLOW_M_S, near)
-    if still.felt.ahead is None or not _leans(still):
+    if still.felt.ahead is None:
+        return still
+    noise, unknowns = still.found.noise, still.found.solution.params[-len(still.sds) :]
+    worse = max(noise[channel].sd for channel in ("dip", "azimuth")) > 1.2 * noise["magnitude"].sd
+    if not worse and np.abs(unknowns).max() <= 2.0:  # the vertical is as good as the readings
         return still
     near = still.found.solution.params.copy()
     near[len(near) - len(still.sds) + 9 :][:3] *= SLOW_M_S / settings.speed_sd_m_s
     moving = _solve_with(samples, reference, settings, settings.speed_sd_m_s, near)
     return moving if _compare_lengths(moving, still) > CLEARLY else still
-
-
-def _leans(solved: Solved) -> bool:
-    """Whether the vertical is worse than the readings, or its errors larger than they should be."""
-    noise, unknowns = solved.found.noise, solved.found.solution.params[-len(solved.sds) :]
-    worse = max(noise[channel].sd for channel in ("dip", "azimuth")) > 1.2 * noise["magnitude"].sd
-    return bool(worse or np.abs(unknowns).max() > 2.0)
 
 
 def _compare_lengths(one: Solved, other: Solved) -> float:

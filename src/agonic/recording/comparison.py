@@ -150,17 +150,25 @@ def compare(
     turned = _correct_as(a, b, size * level)
     heading, before = (two_axis_deg(f[:, 0], f[:, 1]) for f in (turned, level))
     difference = wrap_deg(heading - before)
-    spread = _heading_covariance(a, b, size, inclination_deg)
+    by_field, spread = np.zeros((80, 3, 3)), np.zeros((36, 36))  # nT², degrees²
+    stated = a.covariance is not None and b.covariance is not None
+    for one in (a, b) if stated else ():
+        assert one.covariance is not None
+        at = (one.bias, one.matrix, one.covariance, one.gauge)
+        by_field += field_covariance(directions, size, *at)
+        jacobian = heading_jacobian_deg(inclination_deg, size, one.matrix, one.gauge)
+        m = jacobian.shape[-1]
+        spread += jacobian @ one.covariance[:m, :m] @ jacobian.T
     return Comparison(
         directions=directions,
         field=_correct_as(a, b, size * directions) - size * directions,
-        field_sd=_field_sd(a, b, size),
+        field_sd=np.sqrt(np.linalg.eigvalsh(by_field)[:, -1]) if stated else None,
         headings_deg=before % 360.0,
         heading_deg=difference,
-        heading_sd_deg=None if spread is None else np.sqrt(np.diag(spread)),
+        heading_sd_deg=np.sqrt(np.diag(spread)) if stated else None,
         inclination_deg=inclination_deg,
         unit=a.unit_out,
-        p_value=0.0 if spread is None else _find_chance(difference, spread),
+        p_value=_find_chance(difference, spread) if stated else 0.0,
     )
 
 
@@ -182,30 +190,6 @@ def _correct_as(a: Affine, b: Affine, field: Array) -> Array:
     """What the second makes of the readings that the first corrects to a field (n, 3)."""
     raw = field @ np.linalg.inv(a.matrix).T + a.bias
     return np.asarray((raw - b.bias) @ b.matrix.T)
-
-
-def _field_sd(a: Affine, b: Affine, size: float) -> Array | None:
-    if a.covariance is None or b.covariance is None:
-        return None
-    centres = icosphere()[0]
-    spread = sum(
-        field_covariance(centres, size, one.bias, one.matrix, one.covariance, one.gauge)
-        for one in (a, b)
-        if one.covariance is not None
-    )
-    return np.asarray(np.sqrt(np.linalg.eigvalsh(spread)[:, -1]))
-
-
-def _heading_covariance(a: Affine, b: Affine, size: float, inclination_deg: float) -> Array | None:
-    """Covariance (36, 36) of the difference of the headings, degrees²."""
-    if a.covariance is None or b.covariance is None:
-        return None
-    total = np.zeros((36, 36))
-    for one, covariance in ((a, a.covariance), (b, b.covariance)):
-        jacobian = heading_jacobian_deg(inclination_deg, size, one.matrix, one.gauge)
-        m = jacobian.shape[-1]
-        total += jacobian @ covariance[:m, :m] @ jacobian.T
-    return total
 
 
 def _find_chance(difference: Array, spread: Array) -> float:

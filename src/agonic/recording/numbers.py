@@ -207,18 +207,17 @@ def _draw_groups(groups: Sequence[Group], compared: bool) -> Markup:
     rows = (
         (
             f"{group.name}, {group.unit}" if group.unit else group.name,
-            (_list_cells(q, compared) for q in group.rows),
+            ([q.name, with_sd(q.value, q.sd), *_compare(q, compared)] for q in group.rows),
         )
         for group in groups
     )
     return element("div", grouped_table(head, rows, class_="numbers"), class_="scroll")
 
 
-def _list_cells(q: Quantity, compared: bool) -> list[str]:
-    cells = [q.name, with_sd(q.value, q.sd)]
-    if compared and q.logged is not None:
-        cells += [round_to_sd(q.logged, q.sd), show_sign(round_to_sd(q.value - q.logged, q.sd))]
-    return cells
+def _compare(q: Quantity, compared: bool) -> list[str]:
+    if not compared or q.logged is None:
+        return []
+    return [round_to_sd(q.logged, q.sd), show_sign(round_to_sd(q.value - q.logged, q.sd))]
 
 
 def describe_method(result: Calibrated) -> Markup:

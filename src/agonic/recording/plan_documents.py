@@ -22,6 +22,16 @@ ERRORS = ("Step", "Positions", "Readings", "Bias x, y, z", "Heading")
 def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = None) -> Document:
     """What each step of rotation tells, and the coarsest that is enough."""
     chosen = choose_sets(sets, wanted_deg)
+    status = (
+        "No step is enough: turned like this, the heading follows from the assumed prior on soft "
+        "iron. Tilt further, or record roll and pitch (--attitude-sd)."
+    )
+    if chosen is not None:
+        each = f"{chosen.readings} reading{'s' if chosen.readings > 1 else ''} at each"
+        status = (
+            f"Turn in steps of {chosen.step_deg:g}°: {chosen.positions} positions, {each}, "
+            f"{significant(chosen.heading_sd_deg, 2)}° of heading."
+        )
     rows = [
         [
             f"{one.step_deg:g}°",
@@ -37,7 +47,7 @@ def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = Non
         schema="agonic/plan-calibration@1",
         kind="Plan of a calibration",
         name="Three sets about three axes",
-        status=_advise_step(chosen),
+        status=status,
         sections=[Section("Errors to expect", [Table(ERRORS, rows)], printed=True)],
         values={
             "sets": [make_record(one) for one in sets],
@@ -55,19 +65,6 @@ def choose_sets(sets: Sequence[PlannedSets], wanted_deg: float | None) -> Planne
         if one.determined and (wanted_deg is None or one.heading_sd_deg <= wanted_deg)
     ]
     return min(able, key=lambda one: one.positions * one.readings, default=None)
-
-
-def _advise_step(chosen: PlannedSets | None) -> str:
-    if chosen is None:
-        return (
-            "No step is enough: turned like this, the heading follows from the assumed prior on "
-            "soft iron. Tilt further, or record roll and pitch (--attitude-sd)."
-        )
-    each = f"{chosen.readings} reading{'s' if chosen.readings > 1 else ''} at each"
-    return (
-        f"Turn in steps of {chosen.step_deg:g}°: {chosen.positions} positions, {each}, "
-        f"{significant(chosen.heading_sd_deg, 2)}° of heading."
-    )
 
 
 STEP_S = 10

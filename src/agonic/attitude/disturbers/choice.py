@@ -15,7 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.attitude.disturbers.shape import Log, Shape, find_shapes, list_timings, weigh_sources
+from agonic.attitude.disturbers.shape import (
+    Log,
+    Shape,
+    find_shapes,
+    list_timings,
+    respell,
+    weigh_sources,
+)
 from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import Settings, find_terms
 from agonic.calibration.inputs import list_disturbers
@@ -114,7 +121,8 @@ def _compare(
     if log.samples.time is None:
         return tried
     likely = np.argsort(-weighed.odds)[:LIKELY]
-    timed = [(i, later) for i in likely for later in list_timings(log.samples, candidates[i])]
+    timings = list_timings(log.samples)
+    timed = [(i, respell(candidates[i], *one)) for i in likely for one in timings]
     weighed = weigh_sources(log, chosen, [later for _, later in timed])
     sure = None if weighed is None else weighed.find_sure()
     if weighed is not None and sure is not None:

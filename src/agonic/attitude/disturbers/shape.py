@@ -68,22 +68,6 @@ def weigh_sources(
     return weigh_recorded(problem, found, None if time is None else time[kept], origin, columns)
 
 
-def measure_slope(
-    log: Log, sources: tuple[str, ...], first: int, slopes: Array, *, white: bool
-) -> tuple[Array, Array, Array] | None:
-    """Of a fit with sources, what those from the `first` on add per unit, (k, 3), and what columns
-    (n, k) of all rows add beside them, with its covariance; None where rows are too few."""
-    problem, scale, found = _fit(log, sources)
-    origin = scale.centre / scale.size
-    time = None if log.samples.time is None else log.samples.time[log.usable]
-    own = slopes[log.usable]
-    measured = measure_slopes(problem, found, time, origin, own, white=white)
-    if measured is None:
-        return None
-    terms = found.solution.params[problem.basis.shape[1] :].reshape(3, -1) / scale.spread
-    return terms[:, first:].T, measured[0].reshape(-1, 3), measured[1]
-
-
 def _fit(log: Log, sources: tuple[str, ...]) -> tuple[Problem, Scale, Estimate]:
     """The problem of the usable rows with sources, its scale, and its estimate."""
     samples, reference, settings, usable, estimates = log
@@ -158,7 +142,7 @@ def find_shapes(
     if all(one.form == "^" for one in parsed):
         kinds_of.append([("power", value) for value in POWERS if value != parsed[0].value])
     if log.samples.time is not None and len(log.samples) > 1:
-        kinds_of.append(_list_timings(log.samples))
+        kinds_of.append(list_timings(log.samples))
     for kinds in kinds_of:
         found = _find_shape(log, others, sources, kinds)
         if found is not None:
@@ -167,12 +151,8 @@ def find_shapes(
     return sources, shapes
 
 
-def list_timings(samples: Samples, sources: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The sources in all their timings."""
-    return [_respell(sources, *one) for one in _list_timings(samples)]
-
-
-def _list_timings(samples: Samples) -> list[tuple[What, float]]:
+def list_timings(samples: Samples) -> list[tuple[What, float]]:
+    """The delays and time constants that are tried."""
     assert samples.time is not None
     step = max(median(np.diff(samples.time)), _SHORTEST_S)
     delays: list[tuple[What, float]] = [("delay", by) for by in DELAYS_S]
@@ -196,12 +176,12 @@ def _find_shape(
     what, value = refined[0]
     if len(refined) > 1:
         late = max(abs(value) for what, value in kinds if what == "delay")
-        sets = [_respell(sources, *kind) for kind in refined]
+        sets = [respell(sources, *kind) for kind in refined]
         weighed = weigh_sources(log, others, sets, margin_s=late)
         if weighed is not None:
             what, value = refined[int(np.argmax(weighed.odds > weighed.odds.max() - RIVALS))]
     _, sd = _measure_move(log, others, sources, what, value, white=False) or (0.0, float("inf"))
-    return Shape(_respell(sources, what, value), what, value, sd)
+    return Shape(respell(sources, what, value), what, value, sd)
 
 
 def _list_likely(
@@ -212,7 +192,7 @@ def _list_likely(
 ) -> list[tuple[What, float]]:
     """The best of each kind and sign that is surely better than the usual shape, and by half as
     much at least as the best of all."""
-    variants = [sources, *(_respell(sources, *kind) for kind in kinds)]
+    variants = [sources, *(respell(sources, *kind) for kind in kinds)]
     weighed = weigh_sources(log, others, variants)
     if weighed is None:
         return []
@@ -259,20 +239,23 @@ def _measure_move(
     """How far the log wants the value moved, and the standard error, for `white` noise or any;
     None where it does not tell."""
     by = 0.02 * abs(value)
-    before, there, after = (_respell(sources, what, one) for one in (value - by, value, value + by))
+    before, there, after = (respell(sources, what, one) for one in (value - by, value, value + by))
     slope = (find_terms(log.samples, after) - find_terms(log.samples, before)) / (2 * by)
     first = find_terms(log.samples, others).shape[1]
+    time = None if log.samples.time is None else log.samples.time[log.usable]
     try:
-        measured = measure_slope(log, others + there, first, slope, white=white)
+        problem, scale, found = _fit(log, others + there)
+        origin, own = scale.centre / scale.size, slope[log.usable]
+        measured = measure_slopes(problem, found, time, origin, own, white=white)
     except AgonicError:
         return None
     if measured is None:
         return None
-    terms, slopes, covariance = measured
-    return find_move(terms.ravel(), slopes.ravel(), covariance)
+    terms = found.solution.params[problem.basis.shape[1] :].reshape(3, -1) / scale.spread
+    return find_move(terms[:, first:].T.ravel(), measured[0].ravel(), measured[1])
 
 
-def _respell(sources: Sequence[str], what: What, value: float) -> tuple[str, ...]:
+def respell(sources: Sequence[str], what: What, value: float) -> tuple[str, ...]:
     """The sources with another power, delay or time constant."""
     part = {"power": "value", "delay": "late_s", "time constant": "time_constant_s"}[what]
     new: dict[str, Any] = {part: float(f"{value:.4g}")}

@@ -35,7 +35,6 @@ from agonic.inertial.maths.noise import (
 )
 from agonic.maths.equation.channels import Problem
 from agonic.maths.estimation import leastsq
-from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal
 from agonic.maths.estimation.filters.smoother import Sums
 from agonic.maths.estimation.loss import Loss, squares
 from agonic.maths.rotations.attitude import make_rotation
@@ -115,6 +114,8 @@ def estimate_jointly(
             near = near or done or turn == _NEAR
     at = (problem, felt, attitudes, params, weights, readings, variances[0], step)
     covariance = allow_for_correlation(*at, prior(params)[1])
+    spread, seen = step.spread.diagonal, float(states[:, 2].var(axis=0).sum())
+    tilt_errors = float(np.mean(spread[:, 0, 0] + spread[:, 1, 1]))
     return Joint(
         params,
         covariance,
@@ -127,7 +128,7 @@ def estimate_jointly(
         counts,
         np.eye(3) + np.tensordot(params[len(params) - log.extra :][: len(log.gains)], log.gains, 1),
         0.0 if log.headings is None else float(params[-1] * log.headings.offset_sd),
-        _compare_tilt(states, step.spread),
+        tilt_errors / max(seen - tilt_errors, 0.1 * tilt_errors),
         log,
     )
 
@@ -163,13 +164,6 @@ def _sum_unit(
         headings, scatter = sum_headings(log.headings, felt.track, attitudes, params)
         groups.append(headings)
     return groups, slips, scatter
-
-
-def _compare_tilt(states: Array, spread: Tridiagonal) -> float:
-    """The variance of the tilt's errors over that of the tilt (N, 3, 3) without them."""
-    errors = float(np.mean(spread.diagonal[:, 0, 0] + spread.diagonal[:, 1, 1]))
-    seen = float(states[:, 2].var(axis=0).sum())
-    return errors / max(seen - errors, 0.1 * errors)
 
 
 def _add_gains(problem: Problem, count: int) -> leastsq.Prior:

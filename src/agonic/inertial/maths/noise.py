@@ -251,7 +251,9 @@ def settle(
     for _ in range(_STEPS):
         step = solve_step(groups, variances, prior, params)
         updated = update_variances(groups[:3], variances, expected, step) / expected.left
-        updated[1] = measure_force(groups[1], updated[1])
+        # the variance of white noise that pulls as much as the force does for long: batch means
+        pulls = (groups[1].before + groups[1].after)[:, :2] / STANDARD_GRAVITY_M_S2
+        updated[1] *= measure_correlation(pulls, updated[1] * groups[1].size / 3 * np.eye(2))
         updated = np.maximum(updated, expected.least * [1.0, 0.0, _SMALLEST]) * [memory, 1.0, 1.0]
         if scatter is not None:
             updated = np.append(updated, scatter)
@@ -294,13 +296,6 @@ def settle_variance(found: float, freedom: float, start: float) -> float:
         return found
     cost = freedom / 2 * (_LOGS + found / start * np.exp(-_LOGS)) + np.log1p((_LOGS / _DOUBT) ** 2)
     return float(start * np.exp(_LOGS[np.argmin(cost)]))
-
-
-def measure_force(force: Sums, white: float) -> float:
-    """The variance of white noise that pulls as much as the force does for long: batch means."""
-    pulls = (force.before + force.after)[:, :2] / STANDARD_GRAVITY_M_S2
-    expected = white * force.size / 3 * np.eye(2)
-    return white * measure_correlation(pulls, expected)
 
 
 def measure_memory(along: Array, weights: Array, interval: Index) -> float:

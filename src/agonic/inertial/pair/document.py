@@ -31,7 +31,11 @@ def describe_pair(fit: PairFit, sensor: str, following: str = "") -> Document:
     ✓ mag: good (with its accelerometer, from 24 attitudes at rest)
     """
     refused = fit.verdict == "refused"
-    sections = [_shots(fit), *([] if refused else [_terms(fit), *_open(fit)])]
+    said = ["These shots would add most: " + "; ".join(fit.to_add) + "."]
+    if fit.prior_only:
+        said.insert(0, "Known mostly from the prior: " + "; ".join(fit.prior_only) + ".")
+    improve = Section("What more shots would improve", said, printed=bool(fit.prior_only))
+    sections = [_shots(fit), *([] if refused else [_terms(fit), improve])]
     return Document(
         schema="agonic/fit-pair@1",
         kind="Accelerometer and magnetometer together",
@@ -110,15 +114,6 @@ def _rows(sensor: Affine, unit: str) -> list[list[str]]:
             for axis, row in zip("xyz", sensor.matrix, strict=True)
         ),
     ]
-
-
-def _open(fit: PairFit) -> list[Section]:
-    """What only the prior holds, and the attitudes that would help most."""
-    said = []
-    if fit.prior_only:
-        said.append("Known mostly from the prior: " + "; ".join(fit.prior_only) + ".")
-    said.append("These shots would add most: " + "; ".join(fit.to_add) + ".")
-    return [Section("What more shots would improve", said, printed=bool(fit.prior_only))]
 
 
 def _values(fit: PairFit, sensor: str) -> dict[str, Any]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.inertial.maths.shots import (
     DIP,
     MATRIX_M,
@@ -45,47 +44,21 @@ _INCLINED = np.arange(-STEEPEST_DEG, STEEPEST_DEG + 1.0, 30.0)
 _AROUND = np.arange(0.0, 360.0, 45.0)
 
 
-class Attitudes(NamedTuple):
-    """Up and field (k, 3) in the accelerometer's axes, and azimuth, pitch and roll (k, 3), degrees.
-    The angles are those of an instrument whose x axis is the sight."""
-
-    up: Array
-    field: Array
-    angles_deg: Array
-
-
-def face(unknowns: Array, body: Array, angles_deg: Array) -> Attitudes:
-    """What the sensors should see in attitudes by azimuth, pitch and roll (k, 3), degrees. `body`
-    (3, 3) turns components in the accelerometer's axes into the instrument's."""
+def face(unknowns: Array, body: Array, angles_deg: Array) -> tuple[Array, Array]:
+    """Up and field (k, 3) that the sensors should see in attitudes by azimuth, pitch and roll
+    (k, 3), degrees, of the sight; `body` (3, 3) turns the accelerometer's axes into the
+    instrument's."""
     rot_nb = Rotation.from_euler("ZYX", angles_deg, degrees=True)
     dip = unknowns[DIP]
     up = rot_nb.apply([0.0, 0.0, -1.0], inverse=True) @ body
     field = rot_nb.apply([np.cos(dip), 0.0, np.sin(dip)], inverse=True) @ body
-    return Attitudes(up, field, angles_deg)
+    return up, field
 
 
 def list_directions() -> Array:
     """Azimuth, pitch and roll (k, 3), degrees, of all directions within 60° of level."""
     grid = np.meshgrid(_AROUND, _INCLINED, _AROUND, indexing="ij")
     return np.stack([part.ravel() for part in grid], axis=1).astype(np.float64)
-
-
-def differentiate_direction(attitudes: Attitudes, unknowns: Array, sighted: bool) -> Array:
-    """∂(slope, azimuth of the sight)/∂(unknowns), (k, 2, q), targets' own unknowns left out."""
-    targets = (len(unknowns) - SIGHT.stop) // 2
-    channels = observe(attitudes.up, attitudes.field, unknowns[SIGHT])
-    jacobian = differentiate(channels, unknowns, attitudes.up, attitudes.field, targets)[:, 3:]
-    if not sighted:
-        jacobian[:, :, SIGHT] = 0.0
-    return jacobian
-
-
-def average_information(jacobian: Array, angles_deg: Array) -> tuple[Array, Array]:
-    """Mean of jᵀj (q, q) of slope and azimuth over attitudes, each as large a part of all."""
-    weight = np.cos(np.radians(angles_deg[:, 1]))
-    weight = weight / weight.sum()
-    slope, azimuth = (np.einsum("k,ki,kj->ij", weight, j, j) for j in np.swapaxes(jacobian, 0, 1))
-    return slope, azimuth
 
 
 TO_ADD = 6
@@ -106,7 +79,7 @@ def choose_attitudes(
 ) -> Array:
     """Azimuth, pitch and roll (k, 3), degrees, of attitudes that lower tr(C T) most, in turn."""
     angles = np.array([(a, p, r) for p in _PITCHES for a in _AZIMUTHS for r in _ROLLS])
-    jacobian, variance = _observe(unknowns, theta, face(unknowns, body, angles))
+    jacobian, variance = _observe(unknowns, theta, *face(unknowns, body, angles))
     chosen = []
     for _ in range(TO_ADD):
         spread = jacobian @ covariance
@@ -118,11 +91,11 @@ def choose_attitudes(
     return angles[chosen]
 
 
-def _observe(unknowns: Array, theta: Array, attitudes: Attitudes) -> tuple[Array, Array]:
+def _observe(unknowns: Array, theta: Array, up: Array, seen: Array) -> tuple[Array, Array]:
     """Jacobian (n, 3, q) and variance (n, 3, 3) of shots at attitudes, without any target."""
     bias_a, shape, bias_m, matrix = split(unknowns)
-    force = attitudes.up @ np.linalg.inv(shape).T + bias_a
-    field = attitudes.field @ np.linalg.inv(matrix).T + bias_m
+    force = up @ np.linalg.inv(shape).T + bias_a
+    field = seen @ np.linalg.inv(matrix).T + bias_m
     shots = Shots(force, field, np.full(len(force), -1))
     found = linearise(shots, unknowns[: SIGHT.stop])
     jacobian = np.zeros((len(force), 3, len(unknowns)))
@@ -187,12 +160,7 @@ def fit_pair(
     (24, True, 0)
     """
     samples, reference = as_samples(samples), Reference.of(reference)
-    settings = Settings(
-        accelerometer_bias_sd=accelerometer_bias_sd,
-        accelerometer_shape_sd=accelerometer_shape_sd,
-        soft_iron_sd=soft_iron_sd,
-        turn_sd_deg=turn_sd_deg,
-    )
+    settings = Settings(accelerometer_bias_sd, accelerometer_shape_sd, soft_iron_sd, turn_sd_deg)
     problem = pose(samples, reference, settings)
     solution = solve(problem)
     fit = _make_fit(samples, reference, settings, problem, solution)
@@ -219,9 +187,17 @@ def _make_fit(
     pair = make_pair(samples, problem, solution, magnitude, sighted, provenance)
     covariance, unknowns = widen(solution), solution.unknowns
     body = point_ahead(unknowns[SIGHT]) if sighted else np.eye(3)
-    directions = face(unknowns, body, list_directions())
-    moved = differentiate_direction(directions, unknowns, sighted)
-    slope, azimuth = average_information(moved, directions.angles_deg)
+    angles = list_directions()
+    seen = face(unknowns, body, angles)
+    channels = observe(*seen, unknowns[SIGHT])
+    moved = differentiate(channels, unknowns, *seen, problem.shots.targets)
+    if not sighted:
+        moved[:, :, SIGHT] = 0.0
+    # mean of jᵀj (q, q) over attitudes, each as large a part of all
+    weight = np.cos(np.radians(angles[:, 1]))
+    slope, azimuth = (
+        np.einsum("k,ki,kj->ij", weight / weight.sum(), moved[:, k], moved[:, k]) for k in (3, 4)
+    )
     prior_only = find_prior_only(problem, solution.weighted.covariance)
     target = slope + azimuth
     add = choose_attitudes(unknowns, covariance, solution.noise**2, body, target)
@@ -237,6 +213,13 @@ def _make_fit(
             sd_deg=float(np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[SIGHT, SIGHT])[-1]))),
             scatter_deg=float(np.degrees(solution.noise[2])),
         )
+    # the number by which a person finds each shot: its station, else its row, from 1
+    shot = np.array([own[0] for own in problem.rows])
+    if samples.station is not None:
+        shot = samples.station[shot].astype(np.intp)
+    else:
+        one_each = all(len(own) == 1 for own in problem.rows)
+        shot = shot + 1 if one_each else np.arange(1, len(shot) + 1)
     left_axes, _, right_axes = np.linalg.svd(split(unknowns)[3])
     return PairFit(
         calibration=pair.magnetometer,
@@ -253,7 +236,7 @@ def _make_fit(
         heading_sd_deg=_rms_deg(covariance, azimuth),
         slope_sd_deg=_rms_deg(covariance, slope),
         residuals=compare_shots(problem, solution),
-        shot=_number_shots(samples, problem),
+        shot=shot,
         target=np.array([0, *problem.names]).astype(np.intp)[problem.shots.target + 1],
         left_out=np.setdiff1d(np.arange(len(problem.rows)), solution.kept),
         prior_only=prior_only,
@@ -276,12 +259,3 @@ def _turn_sd_deg(unknowns: Array, covariance: Array) -> Array:
     onto = np.linalg.inv(np.hstack([turns, shapes]))[:3]
     spread = onto @ covariance[MATRIX_M, MATRIX_M] @ onto.T
     return np.asarray(np.degrees(np.sqrt(np.diag(spread))))
-
-
-def _number_shots(samples: Samples, problem: Problem) -> Index:
-    """The number by which a person finds each shot: its station, else its row, from 1."""
-    first = np.array([own[0] for own in problem.rows])
-    if samples.station is not None:
-        return np.asarray(samples.station[first].astype(np.intp))
-    one_each = all(len(own) == 1 for own in problem.rows)
-    return np.asarray(first + 1 if one_each else np.arange(1, len(first) + 1))

@@ -54,7 +54,7 @@ EXPECTED_NOISE = np.array([2e-3, 3e-3, np.radians(0.15)])
 """Of a reading of the accelerometer, in g, and the magnetometer, in F, and of pointing, rad."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Settings:
     """The settings of a fit; see `fit_pair`."""
 
@@ -257,7 +257,12 @@ def make_prior(start: Array, mounting: Array, settings: Settings, dip: float | N
     information[SHAPE_A, SHAPE_A] = np.eye(6) / settings.accelerometer_shape_sd**2
     information[BIAS_M, BIAS_M] = np.eye(3) / WIDE**2
     mean[MATRIX_M] = mounting.ravel()
-    information[MATRIX_M, MATRIX_M] = _matrix_information(mounting, settings)
+    # of M = (1 + [w]× + S) mounting, w a small turn and S symmetric, by the rows of M
+    back = np.kron(np.eye(3), mounting.T)  # ravel(M mountingᵀ) = (1 ⊗ mounting) ravel(M)
+    turn = np.array([skew(axis).ravel() for axis in np.eye(3)]).T * np.radians(settings.turn_sd_deg)
+    six = unpack_symmetric(settings.soft_iron_sd * np.eye(6)).reshape(6, 9).T
+    parts = np.hstack([turn, six])
+    information[MATRIX_M, MATRIX_M] = back @ inverse(parts @ parts.T) @ back.T
     if dip is not None:
         mean[DIP], information[DIP, DIP] = dip, 1 / DIP_SD**2
     return Prior(mean, information)
@@ -270,12 +275,3 @@ def hold_sight(unknowns: Array) -> Array:
     held = np.outer(sight, sight) if len(unknowns) > TARGETS else np.eye(3)
     information[SIGHT, SIGHT] = FIXED * held
     return information
-
-
-def _matrix_information(mounting: Array, settings: Settings) -> Array:
-    """Of M = (1 + [w]× + S) mounting, w a small turn and S symmetric, by the rows of M."""
-    back = np.kron(np.eye(3), mounting.T)  # ravel(M mountingᵀ) = (1 ⊗ mounting) ravel(M)
-    turn = np.array([skew(axis).ravel() for axis in np.eye(3)]).T * np.radians(settings.turn_sd_deg)
-    six = unpack_symmetric(settings.soft_iron_sd * np.eye(6)).reshape(6, 9).T
-    parts = np.hstack([turn, six])
-    return np.asarray(back @ inverse(parts @ parts.T) @ back.T)

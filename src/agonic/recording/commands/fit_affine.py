@@ -109,27 +109,15 @@ def aided(
         raise AgonicError(f"--course is of no use to a {kind} fit: ask for inertial or vector")
     if sources is None:
         sources = "current_A" if kind == "interference" else ""
-    settings = _settings(sources, model, gauge, robust, soft_iron_sd, turn_sd_deg)
+    settings: dict[str, Any] = {"model": model, "gauge": gauge, "robust": robust}
+    settings |= {"soft_iron_sd": soft_iron_sd or None, "turn_sd_deg": turn_sd_deg or None}
+    settings["sources"] = parse_names(sources)
     samples = _open_beside_second(log, which, between, second, settings["sources"])
     if course:
         from agonic.attitude.heading_source import with_course
 
         samples = with_course(samples)
     return _run(kind, samples, place, settings, out, as_json)
-
-
-def _settings(
-    sources: str, model: str, gauge: str, robust: bool, soft_iron_sd: float, turn_sd_deg: float
-) -> dict[str, Any]:
-    """The settings of the fits that are aided by the attitude."""
-    return {
-        "sources": parse_names(sources),
-        "model": model,
-        "gauge": gauge,
-        "robust": robust,
-        "soft_iron_sd": soft_iron_sd or None,
-        "turn_sd_deg": turn_sd_deg or None,
-    }
 
 
 def _open_beside_second(

@@ -13,30 +13,26 @@ if TYPE_CHECKING:
 
 def info(log: LogPath, unit: Unit = None, mounting: Mounting = None, as_json: Json = False) -> int:
     """List the magnetometers of a log, their rates, units and oddities, and what else is there."""
+    from dataclasses import replace
+
     from agonic.console.output import print_json, say
+    from agonic.console.parse import parse_mounting
     from agonic.logs.read import open_log
     from agonic.report.digits import typeset
 
     recording = open_log(log, unit=unit)
-    if mounting is not None:
-        recording = _mount(recording, mounting)
+    if mounting is not None:  # into body axes
+        from agonic.recording.mounting import turn_readings
+
+        turn = parse_mounting(mounting)
+        turned = tuple(turn_readings(one, turn) for one in recording.sensors)
+        recording = replace(recording, sensors=turned)
     found = _describe_log(recording)
     if as_json:
         print_json("agonic/info@1", found)
     else:
         say(typeset(_text(recording, found)))
     return 0
-
-
-def _mount(log: Log, mounting: str) -> Log:
-    """The log with its readings in body axes."""
-    from dataclasses import replace
-
-    from agonic.console.parse import parse_mounting
-    from agonic.recording.mounting import turn_readings
-
-    turn = parse_mounting(mounting)
-    return replace(log, sensors=tuple(turn_readings(one, turn) for one in log.sensors))
 
 
 def _describe_log(log: Log) -> dict[str, Any]:

@@ -58,11 +58,8 @@ class Errors(NamedTuple):
 
     def select(self, rows: Index) -> tuple[float, float]:
         """The rms of both over some rows."""
-        return _rms(self.found[rows]), _rms(self.stated[rows])
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+        found, stated = (float(np.sqrt(np.mean(one[rows] ** 2))) for one in self)
+        return found, stated
 
 
 class Unseen(NamedTuple):
@@ -79,20 +76,14 @@ def cross_validate(samples: Samples, known: Known, predict: Predict) -> Unseen:
     Source: blocks, not rows, are held out, for errors that last are no news to a neighbour (Burman,
     Chow & Nolan 1994)."""
     block, _ = cut_blocks(samples)
-    parts: list[tuple[Index, dict[str, Array], Mapping[str, float]]] = []
-    refused = np.zeros(len(samples), dtype=np.intp)
+    refused, errors = np.zeros(len(samples), dtype=np.intp), dict[str, Errors]()
     for odd in (True, False):
         fitted, judged = (np.flatnonzero((block % 2 == 1) == side) for side in (odd, not odd))
         made = predict(fitted, judged)
-        parts.append((judged, measure_errors(made.field, known.select(judged)), made.stated))
         refused[judged] = made.refused
-    errors = {}
-    for kind in parts[0][1]:
-        both = Errors(*np.full((2, len(samples)), np.nan))
-        for rows, found, stated in parts:
-            both.found[rows] = found[kind]
-            both.stated[rows] = stated.get(kind, np.nan)
-        errors[kind] = both
+        for kind, found in measure_errors(made.field, known.select(judged)).items():
+            both = errors.setdefault(kind, Errors(*np.full((2, len(samples)), np.nan)))
+            both.found[judged], both.stated[judged] = found, made.stated.get(kind, np.nan)
     return Unseen(errors, block, refused)
 
 
@@ -197,64 +188,38 @@ def evaluate(
     own = predict_by_choice(shown, reference, known, kind, **settings)
     unseen = cross_validate(shown, known, own)
     recorded = cross_validate(shown, known, predict_as_recorded(shown))
-    measures = tuple(
-        _measure(one, unseen.errors[one], recorded.errors[one])
-        for one in UNITS
-        if one in unseen.errors
-    )
+    measures, every = [], np.arange(len(meant))
+    for one in (one for one in UNITS if one in unseen.errors):
+        found, stated = unseen.errors[one].select(every)
+        as_recorded, _ = recorded.errors[one].select(every)
+        measures.append(
+            Measure(kind=one, unit=UNITS[one], found=found, stated=stated, recorded=as_recorded)
+        )
     calibrated = calibrate_as_named(shown, reference, kind=kind, **settings)
-    beside = "" if HEADING not in unseen.errors else _name_truth(meant, truth)
+    beside = "the log's own heading" if truth is None else "the heading that was given"
+    if truth is not None and truth.source is not None:
+        beside = truth.source.name
     return Evaluation(
         calibrated=calibrated,
         samples=meant,
         unseen=unseen,
         recorded=recorded,
-        measures=measures,
+        measures=tuple(measures),
         findings=tuple(f for one in measures for f in judge_measure(one)),
-        truth=beside,
-    )
-
-
-def _name_truth(samples: Samples, truth: Samples | None) -> str:
-    if truth is None:
-        return "the log's own heading"
-    return truth.source.name if truth.source is not None else "the heading that was given"
-
-
-def _measure(kind: str, unseen: Errors, recorded: Errors) -> Measure:
-    rows = np.arange(len(unseen.found))
-    found, stated = unseen.select(rows)
-    return Measure(
-        kind=kind,
-        unit=UNITS[kind],
-        found=found,
-        stated=stated,
-        recorded=recorded.select(rows)[0],
+        truth=beside if HEADING in unseen.errors else "",
     )
 
 
 def judge_measure(one: Measure) -> list[Finding]:
     """What a measure tells: an error that was stated too small, readings that were made worse."""
+    off = f"on unseen parts of the log the {one.kind} is off by {figure(one.found)}{one.unit} rms"
     told = []
-    words = f"{figure(one.found)}{one.unit}"
     if one.found > HONEST * one.stated:
-        told.append(
-            Finding(
-                "stated too small",
-                "check",
-                f"on unseen parts of the log the {one.kind} is off by {words} rms, where the fits "
-                f"state {figure(one.stated)}{one.unit}",
-                "look at the parts of the log that differ; trust the found error, not the stated",
-            )
-        )
+        what = f"{off}, where the fits state {figure(one.stated)}{one.unit}"
+        move = "look at the parts of the log that differ; trust the found error, not the stated"
+        told.append(Finding("stated too small", "check", what, move))
     if one.kind == HEADING and one.found > WORSE * one.recorded:
-        told.append(
-            Finding(
-                "worse than recorded",
-                "check",
-                f"on unseen parts of the log the {one.kind} is off by {words} rms, and by "
-                f"{figure(one.recorded)}{one.unit} without this calibration",
-                "record a longer log that turns through all directions, away from steel",
-            )
-        )
+        what = f"{off}, and by {figure(one.recorded)}{one.unit} without this calibration"
+        move = "record a longer log that turns through all directions, away from steel"
+        told.append(Finding("worse than recorded", "check", what, move))
     return told

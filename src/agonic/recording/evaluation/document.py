@@ -101,7 +101,9 @@ def _list_blocks(result: Evaluation) -> Table:
     first = result.measures[0]
     head = ["Block", "From", "To", "Readings", f"{first.kind}, found", "stated", "as recorded"]
     rows = []
+    time = result.samples.time  # the numbers of the readings where there is none
     for number, at in _split(result):
+        ends = (at[0], at[-1])
         found, stated = result.unseen.errors[first.kind].select(at)
         recorded, _ = result.recorded.errors[first.kind].select(at)
         here = replace(first, found=found, stated=stated, recorded=recorded)
@@ -109,7 +111,10 @@ def _list_blocks(result: Evaluation) -> Table:
         rows.append(
             [
                 f"{number}" + (f" ({MEANINGS[verdict][0]})" if verdict == "refused" else ""),
-                *_when(result, at),
+                *(
+                    group_digits(int(k)) if time is None else quantity(time[k], "s", 4)
+                    for k in ends
+                ),
                 group_digits(len(at)),
                 *(write_field(here, name) for name in ("found", "stated", "recorded")),
             ]
@@ -120,14 +125,6 @@ def _list_blocks(result: Evaluation) -> Table:
 def _split(result: Evaluation) -> list[tuple[int, Index]]:
     block = result.unseen.block
     return [(int(k) + 1, np.flatnonzero(block == k)) for k in np.unique(block)]
-
-
-def _when(result: Evaluation, at: Index) -> list[str]:
-    """The first and last moment of a block, or the number of its readings without times."""
-    time = result.samples.time
-    if time is None:
-        return [group_digits(int(at[0])), group_digits(int(at[-1]))]
-    return [quantity(float(time[k]), "s", 4) for k in (at[0], at[-1])]
 
 
 def _list_values(result: Evaluation) -> dict[str, Any]:
@@ -147,14 +144,9 @@ def _list_values(result: Evaluation) -> dict[str, Any]:
                 "n": len(at),
                 "refused": bool(result.unseen.refused[at].any()),
                 **{
-                    one.kind: dict(
-                        zip(
-                            ("found", "stated"),
-                            result.unseen.errors[one.kind].select(at),
-                            strict=True,
-                        )
-                    )
-                    for one in result.measures
+                    kind: {"found": found, "stated": stated}
+                    for kind in (one.kind for one in result.measures)
+                    for found, stated in [result.unseen.errors[kind].select(at)]
                 },
             }
             for _, at in _split(result)

@@ -6,7 +6,7 @@ its vehicle, the declination and the scale are no errors of a calibration that c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,11 +25,9 @@ UNITS = {HEADING: "°", DIP: "°", MAGNITUDE: "%"}
 """The kinds of errors, the most telling first, and their units."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
-    """What is known of the field at each row. `magnitude` (n,), the same number in all rows where
-    none is known; `down` (n, 3) in the axes of the readings; `dip_deg` and `heading_deg` (n,);
-    `None` where not known."""
+class Known(NamedTuple):
+    """What is known of the field at each row: `magnitude` (n,), the same number in all rows where
+    none is known; `down` (n, 3) in the axes of the readings; `dip_deg` and `heading_deg` (n,)."""
 
     magnitude: Array
     down: Array | None = None
@@ -38,16 +36,7 @@ class Known:
 
     def select(self, rows: Index | Mask) -> Known:
         """The same of some rows."""
-
-        def cut(values: Array | None) -> Array | None:
-            return None if values is None else values[rows]
-
-        return Known(
-            magnitude=self.magnitude[rows],
-            down=cut(self.down),
-            dip_deg=cut(self.dip_deg),
-            heading_deg=cut(self.heading_deg),
-        )
+        return Known._make(None if column is None else column[rows] for column in self)
 
 
 def find_known(
@@ -152,10 +141,14 @@ def _find_noise(result: Calibrated) -> dict[str, float]:
     """The rms errors of magnitude, per cent, and dip, degrees, of the log's own held-out parts,
     the magnitude's without what the uncertainty of the fits to the other parts adds to it."""
     known = find_known(result.samples.with_columns(heading_deg=None), result.reference)
-    noise = _rms(measure_errors(result.corrected, known))
+
+    def measure(field: Array) -> dict[str, float]:
+        errors = measure_errors(field, known)
+        return {kind: float(np.sqrt(np.mean(error**2))) for kind, error in errors.items()}
+
+    noise = measure(result.corrected)
     if result.folds is not None:
-        unseen = _rms(measure_errors(result.folds.unseen, known))
-        size = median(find_length(result.corrected))
+        unseen, size = measure(result.folds.unseen), median(find_length(result.corrected))
         own = (100.0 * result.folds.magnitude_sd / size) ** 2
         unseen[MAGNITUDE] = float(np.sqrt(max(unseen[MAGNITUDE] ** 2 - own, 0.0)))
         noise = {kind: max(error, unseen[kind]) for kind, error in noise.items()}
@@ -172,7 +165,3 @@ def _find_heading_noise(noise: dict[str, float], level: float) -> float:
     own = float(np.degrees(noise[MAGNITUDE] / 100.0))
     tilt = np.sqrt(max(noise[DIP] ** 2 - own**2, 0.0))
     return float(np.hypot(own, np.sqrt(1.0 - level**2) * tilt) / level)
-
-
-def _rms(errors: dict[str, Array]) -> dict[str, float]:
-    return {kind: float(np.sqrt(np.mean(error**2))) for kind, error in errors.items()}
