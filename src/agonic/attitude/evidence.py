@@ -11,6 +11,7 @@ from scipy.linalg import polar
 from agonic.arrays import Array, Index, Mask
 from agonic.attitude.calibration import make_mean_calibration
 from agonic.attitude.known_heading import (
+    MountedHeading,
     check_azimuth,
     check_heading_column,
     check_turned_sensor,
@@ -72,14 +73,7 @@ def assess(
     plain = make_mean_calibration(estimate, problem, scale, samples)
     cleaned = samples.field - field_of_terms(problem, estimate.solution.params) * scale.size
     coverage = _coverage(plain, cleaned, weights > 0, problem, settings)
-    channels = {
-        kind: Channel(
-            residuals=compute_residuals(problem, kind, estimate.solution.params) * scale.size,
-            noise=noise.sd * scale.size,
-            correlation=noise.correlation,
-        )
-        for kind, noise in estimate.noise.items()
-    }
+    channels = _list_channels(estimate, problem, scale.size)
     fit = Fit(
         calibration=affine,
         n=int(usable.sum()),
@@ -116,19 +110,32 @@ def assess(
         felt = problem.shared is not None
         which = "the tilt by accelerometer and gyro is" if felt else "roll and pitch are"
         said.append(f"{which} good to {figure(tilt_sd)}° by the field's dip")
-    fit = replace(
-        fit,
-        accuracy=Accuracy(
-            bias_sd=float(fit.sd[:3].max()),
-            unit=affine.unit_in,
-            own_deg=mounted.own_sd_deg,
-            inclination_deg=coverage.inclination_deg,
-            vehicle_deg=mounted.vehicle_sd_deg,
-            alone=set(channels) == {"magnitude"},
-        ),
-        remarks=tuple(said),
-    )
+    fit = replace(fit, accuracy=_state_accuracy(fit, mounted), remarks=tuple(said))
     return fit.with_findings(*found, told, column)
+
+
+def _state_accuracy(fit: Fit, mounted: MountedHeading) -> Accuracy:
+    """How well the result is known, in the sensor's own axes and in the vehicle's."""
+    return Accuracy(
+        bias_sd=float(fit.sd[:3].max()),
+        unit=fit.calibration.unit_in,
+        own_deg=mounted.own_sd_deg,
+        inclination_deg=fit.coverage.inclination_deg,
+        vehicle_deg=mounted.vehicle_sd_deg,
+        alone=set(fit.channels) == {"magnitude"},
+    )
+
+
+def _list_channels(estimate: Estimate, problem: Problem, size: float) -> dict[str, Channel]:
+    """Residuals, noise and correlation of each kind, in the unit of the readings."""
+    return {
+        kind: Channel(
+            residuals=compute_residuals(problem, kind, estimate.solution.params) * size,
+            noise=noise.sd * size,
+            correlation=noise.correlation,
+        )
+        for kind, noise in estimate.noise.items()
+    }
 
 
 def _check_heading(

@@ -162,15 +162,11 @@ def normalise(
             turns="record with the motors at several powers, or fit without it",
         )
     dip = None
-    if "dip" in channels:
-        horizontal, vertical = reference.horizontal_and_vertical(n).T
-        magnitudes = np.hypot(horizontal, vertical)
-        magnitude = float(magnitudes.mean())
-        down = down_b(*_angles(samples, channels)[:2])
-        dip = Dip(down, horizontal / magnitude, vertical / magnitude)
-    else:
-        magnitudes = reference.magnitudes(n)
-        magnitude = float(magnitudes.mean())
+    parts = reference.horizontal_and_vertical(n).T if "dip" in channels else None
+    magnitudes = reference.magnitudes(n) if parts is None else np.hypot(*parts)
+    magnitude = float(magnitudes.mean())
+    if parts is not None:
+        dip = Dip(down_b(*_angles(samples, channels)[:2]), *(parts / magnitude))
     attitude = rot_nb(*_angles(samples, channels)) if "azimuth" in channels else None
     problem = Problem(
         points=(samples.field - centre) / size,

@@ -8,7 +8,6 @@ import numpy as np
 
 from agonic.attitude.known_heading import check_azimuth
 from agonic.calibration.base import correct_field
-from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.fit import Fit
 from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
@@ -152,12 +151,3 @@ def _describe_opposite(dip: float, known: float) -> str:
     if not (abs(known) >= OPPOSITE_DEG and abs(known + dip) <= OPPOSITE_DEG):
         return ""
     return f"the field seems to dip by {figure(dip)}° where it should by {figure(known)}°"
-
-
-def without_scale(fit: Fit, unit: str) -> Fit:
-    """The fit where no magnitude was given: its field is in the unit of the readings."""
-    magnitude = fit.calibration.magnitude
-    assert magnitude is not None
-    calibration = replace(fit.calibration, unit_out=unit)
-    remarks = (*fit.remarks, describe_missing_scale(magnitude, unit))
-    return replace(fit, calibration=calibration, remarks=remarks)

@@ -16,6 +16,7 @@ from agonic.attitude.heading_source import check_heading_source
 from agonic.attitude.known_heading import check_heading_column
 from agonic.attitude.problem import Gauge, Model
 from agonic.calibration.affine import Affine
+from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.errors import LogError
 from agonic.fit import Fit
 from agonic.health import FEWEST, Finding
@@ -27,7 +28,6 @@ from agonic.inertial.evidence import (
     check_gyro,
     check_inclination,
     check_speed,
-    without_scale,
 )
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.problem import Settings, orient
@@ -252,7 +252,11 @@ def _judge(
         opposite = check_gravity(fit.with_findings(refuted), samples, reference, solved.settings)
     fit = fit.with_findings(opposite or refuted)
     if reference is None:
-        fit = without_scale(fit, samples.unit)
+        magnitude, unit = fit.calibration.magnitude, samples.unit
+        assert magnitude is not None
+        remarks = (*fit.remarks, describe_missing_scale(magnitude, unit))
+        calibration = replace(fit.calibration, unit_out=unit)
+        fit = replace(fit, calibration=calibration, remarks=remarks)
     if solved.headings is None:
         return fit
     named = samples.heading_source or "the logged heading"

@@ -163,8 +163,6 @@ def describe_sensor(
     refused = result.verdict == "refused"
     residuals = cache(lambda: compute_residuals(result))
     latency = "" if result.latency is None else describe_latency(result.latency)
-    any_error = any(rung.errors_deg for rung in result.ladder)
-    drawn = partial(figures.draw_headings, result)
     bar = tables.draw_shares(fit.shares) if fit.shares else ""
     made = [Section("What the heading's error is made of", [bar])] if bar else []
     figures_of_fit = [
@@ -191,7 +189,7 @@ def describe_sensor(
         sections=[
             *([] if refused else made),
             Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
-            *([Section("Heading before and after", [drawn])] if any_error else []),
+            *_describe_headings(result),
             *describe_ladder(result),
             *([] if refused else figures_of_fit[:1]),
             *describe_disturbers(result),
@@ -206,6 +204,13 @@ def describe_sensor(
         data={f"sensor-{number}-data": lambda: figures.pack_sphere(result, residuals(), most)},
         command=_write_command(result),
     )
+
+
+def _describe_headings(result: Calibrated) -> list[Section]:
+    """The heading's error over the headings, by each fit of the ladder that one has for it."""
+    if not any(rung.errors_deg for rung in result.ladder):
+        return []
+    return [Section("Heading before and after", [lambda: figures.draw_headings(result)])]
 
 
 def _write_command(result: Calibrated) -> str:

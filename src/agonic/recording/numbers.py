@@ -176,6 +176,14 @@ def _join_numbers(group: Group) -> str:
 def list_numbers(result: Calibrated) -> Markup:
     """Every number with its standard error, beside what the log held."""
     first, others = list_quantities(result), list_views(result)
+    fit, (heading, place) = result.fit, describe_heading(result)
+    into, out = (unit_label(u) for u in (fit.calibration.unit_in, fit.calibration.unit_out))
+    quality = [
+        ("Noise of one reading on one axis", quantity(fit.noise, into)),
+        (f"Heading standard error, {place}", heading),
+        ("Field standard error, worst direction", quantity(fit.coverage.field_sd_max, out)),
+        ("Residual of held-out readings, rms", quantity(result.verification.residual_rms, out)),
+    ]
     compared = result.samples.logged is not None and not mixes_sensors(result.fit.calibration)
     return element(
         "div",
@@ -183,23 +191,10 @@ def list_numbers(result: Calibrated) -> Markup:
         element(
             "div",
             _draw_groups(others, compared) if others else "",
-            table(["Quality", "This calibration"], _list_quality(result), class_="numbers"),
+            table(["Quality", "This calibration"], quality, class_="numbers"),
         ),
         class_="pair tables",
     )
-
-
-def _list_quality(result: Calibrated) -> list[tuple[str, str]]:
-    """How good the calibration is: numbers in words with their units."""
-    fit, coverage = result.fit, result.fit.coverage
-    into, out = (unit_label(u) for u in (fit.calibration.unit_in, fit.calibration.unit_out))
-    heading, place = describe_heading(result)
-    return [
-        ("Noise of one reading on one axis", quantity(fit.noise, into)),
-        (f"Heading standard error, {place}", heading),
-        ("Field standard error, worst direction", quantity(coverage.field_sd_max, out)),
-        ("Residual of held-out readings, rms", quantity(result.verification.residual_rms, out)),
-    ]
 
 
 def _draw_groups(groups: Sequence[Group], compared: bool) -> Markup:

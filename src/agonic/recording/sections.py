@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from agonic.attitude.disturbers.choice import POWER, Trial
+from agonic.attitude.disturbers.choice import POWER
 from agonic.attitude.problem import find_terms
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import name_sources
@@ -138,7 +138,20 @@ def describe_disturbers(result: Calibrated) -> list[Section]:
     """The section; none where the log holds nothing that could disturb."""
     if result.disturbers is None or not result.disturbers.trials:
         return []
-    blocks: list[Any] = [Table(TRIED, list(map(_list_cells, _list_best(result))), style="numbers")]
+    # what was taken, in its order, and of the rest what the first comparison says
+    trials = result.disturbers.trials
+    first = {one.sources: one for one in reversed(trials)}
+    taken = {one.sources: one for one in trials if one.taken}
+    rest = sorted((t for s, t in first.items() if s not in taken), key=lambda one: -one.gain)
+    rows = [
+        [
+            ("✓ " if one.taken else "") + name_sources(one.sources),
+            str(len(one.sources)),
+            f"{with_sd(100 * one.gain, 100 * one.gain_sd)} %",
+        ]
+        for one in [*(one for one in trials if one.taken), *rest]
+    ]
+    blocks: list[Any] = [Table(TRIED, rows, style="numbers")]
     if isinstance(result.fit.calibration, Interference):
         blocks.append(Table(MOVED, _list_moves(result), style="numbers"))
     shapes = [element("p", f"{one.describe()}.") for one in result.disturbers.shapes]
@@ -148,24 +161,6 @@ def describe_disturbers(result: Calibrated) -> list[Section]:
 def list_trials(result: Calibrated) -> list[dict[str, Any]]:
     """What was tried, for programs."""
     return [one._asdict() for one in (result.disturbers.trials if result.disturbers else ())]
-
-
-def _list_best(result: Calibrated) -> list[Trial]:
-    """What was taken, in its order, and of the rest what the first comparison says."""
-    assert result.disturbers is not None
-    trials = result.disturbers.trials
-    first = {one.sources: one for one in reversed(trials)}
-    taken = [one for one in trials if one.taken]
-    rest = [one for one in first.values() if one.sources not in {t.sources for t in taken}]
-    return [*taken, *sorted(rest, key=lambda one: -one.gain)]
-
-
-def _list_cells(one: Trial) -> list[str]:
-    return [
-        ("✓ " if one.taken else "") + name_sources(one.sources),
-        str(len(one.sources)),
-        f"{with_sd(100 * one.gain, 100 * one.gain_sd)} %",
-    ]
 
 
 def _list_moves(result: Calibrated) -> list[list[str]]:

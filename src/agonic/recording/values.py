@@ -17,67 +17,63 @@ from agonic.recording.quantities import mixes_sensors, propagate_sd, turn_deg
 from agonic.recording.sections import list_trials
 
 _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
-    "sensor": lambda result: result.samples.name,
-    "method": lambda result: result.method,
-    "reason": lambda result: result.reason,
-    "model": lambda result: result.fit.calibration.model,
-    "verdict": lambda result: result.verdict,
-    "status": lambda result: result.status,
-    "n": lambda result: result.fit.n,
-    "unit": lambda result: result.fit.calibration.unit_in,
-    "bias_nT": lambda result: _if_nT(result, result.fit.calibration.bias),
-    "bias_sd_nT": lambda result: _if_nT(result, result.fit.sd[:3]),
-    "bias": lambda result: result.fit.calibration.bias,
-    "bias_sd": lambda result: result.fit.sd[:3],
-    "matrix": lambda result: result.fit.calibration.matrix,
-    "matrix_sd": lambda result: result.fit.sd[3 : _count_affine(result.fit.calibration)],
-    "scale_factors": lambda result: decompose(result.fit.calibration).scale_factors,
-    "scale_factors_sd": lambda result: decompose(result.fit.calibration).scale_factors_sd,
-    "nonorthogonality_deg": lambda result: decompose(result.fit.calibration).nonorthogonality_deg,
-    "nonorthogonality_sd_deg": lambda result: (
-        decompose(result.fit.calibration).nonorthogonality_sd_deg
-    ),
-    "turn_deg": lambda result: _find_turn(result)[0],
-    "turn_sd_deg": lambda result: _find_turn(result)[1],
-    "ellipsoid": lambda result: (
+    "sensor": lambda r: r.samples.name,
+    "method": lambda r: r.method,
+    "reason": lambda r: r.reason,
+    "model": lambda r: r.fit.calibration.model,
+    "verdict": lambda r: r.verdict,
+    "status": lambda r: r.status,
+    "n": lambda r: r.fit.n,
+    "unit": lambda r: r.fit.calibration.unit_in,
+    "bias_nT": lambda r: _if_nT(r, r.fit.calibration.bias),
+    "bias_sd_nT": lambda r: _if_nT(r, r.fit.sd[:3]),
+    "bias": lambda r: r.fit.calibration.bias,
+    "bias_sd": lambda r: r.fit.sd[:3],
+    "matrix": lambda r: r.fit.calibration.matrix,
+    "matrix_sd": lambda r: r.fit.sd[3 : _count_affine(r.fit.calibration)],
+    "scale_factors": lambda r: decompose(r.fit.calibration).scale_factors,
+    "scale_factors_sd": lambda r: decompose(r.fit.calibration).scale_factors_sd,
+    "nonorthogonality_deg": lambda r: decompose(r.fit.calibration).nonorthogonality_deg,
+    "nonorthogonality_sd_deg": lambda r: decompose(r.fit.calibration).nonorthogonality_sd_deg,
+    "turn_deg": lambda r: _find_turn(r)[0],
+    "turn_sd_deg": lambda r: _find_turn(r)[1],
+    "ellipsoid": lambda r: (
         None
-        if mixes_sensors(result.fit.calibration)
-        else (found := find_raw_ellipsoid(result.fit.calibration)) and found._asdict()
+        if mixes_sensors(r.fit.calibration)
+        else (found := find_raw_ellipsoid(r.fit.calibration)) and found._asdict()
     ),
-    "gauge": lambda result: result.fit.calibration.gauge,
-    "sources": lambda result: getattr(result.fit.calibration, "sources", None),
-    "coefficients": lambda result: getattr(result.fit.calibration, "coefficients", None),
-    "coefficients_sd": lambda result: (
-        result.fit.sd[_count_affine(result.fit.calibration) :].reshape(3, -1)
-        if hasattr(result.fit.calibration, "coefficients")
+    "gauge": lambda r: r.fit.calibration.gauge,
+    "sources": lambda r: getattr(r.fit.calibration, "sources", None),
+    "coefficients": lambda r: getattr(r.fit.calibration, "coefficients", None),
+    "coefficients_sd": lambda r: (
+        r.fit.sd[_count_affine(r.fit.calibration) :].reshape(3, -1)
+        if hasattr(r.fit.calibration, "coefficients")
         else None
     ),
-    "second_sensor": lambda result: getattr(result.fit.calibration, "second_sensor", None),
-    "latency_s": lambda result: result.latency.latency_s if result.latency else None,
-    "latency_sd_s": lambda result: result.latency.sd_s if result.latency else None,
-    "magnitude": lambda result: result.fit.calibration.magnitude,
-    "noise_nT": lambda result: _if_nT(result, result.fit.noise),
-    "noise": lambda result: result.fit.noise,
-    "correlation": lambda result: result.fit.correlation,
-    "spread_before": lambda result: result.verification.spread_before,
-    "spread_after": lambda result: result.verification.spread_after,
-    "residual_rms_nT": lambda result: (
-        result.verification.residual_rms if result.fit.calibration.unit_out == "nT" else None
+    "second_sensor": lambda r: getattr(r.fit.calibration, "second_sensor", None),
+    "latency_s": lambda r: r.latency.latency_s if r.latency else None,
+    "latency_sd_s": lambda r: r.latency.sd_s if r.latency else None,
+    "magnitude": lambda r: r.fit.calibration.magnitude,
+    "noise_nT": lambda r: _if_nT(r, r.fit.noise),
+    "noise": lambda r: r.fit.noise,
+    "correlation": lambda r: r.fit.correlation,
+    "spread_before": lambda r: r.verification.spread_before,
+    "spread_after": lambda r: r.verification.spread_after,
+    "residual_rms_nT": lambda r: (
+        r.verification.residual_rms if r.fit.calibration.unit_out == "nT" else None
     ),
-    "heading_sd_deg": lambda result: (
-        result.fit.coverage.heading_sd_deg if result.fit.coverage.heading_known else None
+    "heading_sd_deg": lambda r: (
+        r.fit.coverage.heading_sd_deg if r.fit.coverage.heading_known else None
     ),
-    "vehicle_heading_sd_deg": lambda result: _state_vehicle(result.fit),
-    "own_heading_sd_deg": lambda result: (
-        result.fit.accuracy.heading_deg if result.fit.accuracy else None
-    ),
-    "shares": lambda result: result.fit.shares,
-    "inclination_deg": lambda result: result.fit.coverage.inclination_deg,
-    "coverage": lambda result: result.fit.coverage.filled,
-    "findings": lambda result: [asdict(finding) for finding in result.fit.findings],
-    "ladder": lambda result: [make_record(rung) for rung in result.ladder],
-    "disturbers": lambda result: list_trials(result),
-    "checks": lambda result: [asdict(check) for check in result.verification.checks],
+    "vehicle_heading_sd_deg": lambda r: _state_vehicle(r.fit),
+    "own_heading_sd_deg": lambda r: r.fit.accuracy.heading_deg if r.fit.accuracy else None,
+    "shares": lambda r: r.fit.shares,
+    "inclination_deg": lambda r: r.fit.coverage.inclination_deg,
+    "coverage": lambda r: r.fit.coverage.filled,
+    "findings": lambda r: [asdict(finding) for finding in r.fit.findings],
+    "ladder": lambda r: [make_record(rung) for rung in r.ladder],
+    "disturbers": lambda r: list_trials(r),
+    "checks": lambda r: [asdict(check) for check in r.verification.checks],
 }
 """What is said of a sensor, by its key.
 

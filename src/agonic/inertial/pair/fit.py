@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.inertial.maths.shots import (
     DIP,
     MATRIX_M,
@@ -187,17 +187,7 @@ def _make_fit(
     pair = make_pair(samples, problem, solution, magnitude, sighted, provenance)
     covariance, unknowns = widen(solution), solution.unknowns
     body = point_ahead(unknowns[SIGHT]) if sighted else np.eye(3)
-    angles = list_directions()
-    seen = face(unknowns, body, angles)
-    channels = observe(*seen, unknowns[SIGHT])
-    moved = differentiate(channels, unknowns, *seen, problem.shots.targets)
-    if not sighted:
-        moved[:, :, SIGHT] = 0.0
-    # mean of jᵀj (q, q) over attitudes, each as large a part of all
-    weight = np.cos(np.radians(angles[:, 1]))
-    slope, azimuth = (
-        np.einsum("k,ki,kj->ij", weight / weight.sum(), moved[:, k], moved[:, k]) for k in (3, 4)
-    )
+    slope, azimuth = _average_information(unknowns, body, sighted)
     prior_only = find_prior_only(problem, solution.weighted.covariance)
     target = slope + azimuth
     add = choose_attitudes(unknowns, covariance, solution.noise**2, body, target)
@@ -206,20 +196,9 @@ def _make_fit(
     variance = float(solution.weighted.covariance[DIP, DIP])
     left = 1 / variance - known
     free_dip = (dip / variance - known * problem.prior.mean[DIP]) / left
-    sight = None
-    if sighted:
-        sight = Sight(
-            axis=unknowns[SIGHT].copy(),
-            sd_deg=float(np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[SIGHT, SIGHT])[-1]))),
-            scatter_deg=float(np.degrees(solution.noise[2])),
-        )
-    # the number by which a person finds each shot: its station, else its row, from 1
-    shot = np.array([own[0] for own in problem.rows])
-    if samples.station is not None:
-        shot = samples.station[shot].astype(np.intp)
-    else:
-        one_each = all(len(own) == 1 for own in problem.rows)
-        shot = shot + 1 if one_each else np.arange(1, len(shot) + 1)
+    across = max(float(np.linalg.eigvalsh(covariance[SIGHT, SIGHT])[-1]), 0.0)
+    sd_deg, scatter_deg = np.degrees([np.sqrt(across), solution.noise[2]]).tolist()
+    sight = Sight(axis=unknowns[SIGHT].copy(), sd_deg=sd_deg, scatter_deg=scatter_deg)
     left_axes, _, right_axes = np.linalg.svd(split(unknowns)[3])
     return PairFit(
         calibration=pair.magnetometer,
@@ -231,17 +210,40 @@ def _make_fit(
         inclination_sd_deg=float(np.degrees(np.sqrt(covariance[DIP, DIP]))),
         free_inclination_deg=float(np.degrees(free_dip)),
         free_inclination_sd_deg=float(np.degrees(np.sqrt(1 / left))),
-        sight=sight,
+        sight=sight if sighted else None,
         noise=np.array([pair.accelerometer.noise, pair.magnetometer.noise]),
         heading_sd_deg=_rms_deg(covariance, azimuth),
         slope_sd_deg=_rms_deg(covariance, slope),
         residuals=compare_shots(problem, solution),
-        shot=shot,
+        shot=_number_shots(samples, problem),
         target=np.array([0, *problem.names]).astype(np.intp)[problem.shots.target + 1],
         left_out=np.setdiff1d(np.arange(len(problem.rows)), solution.kept),
         prior_only=prior_only,
         to_add=tuple(dict.fromkeys(describe_attitude(*map(float, one)) for one in add)),
     )
+
+
+def _average_information(unknowns: Array, body: Array, sighted: bool) -> tuple[Array, Array]:
+    """Mean of jᵀj (q, q) of slope and azimuth over all directions, each as large a part of all;
+    j = ∂(slope, azimuth)/∂(unknowns), targets' own unknowns left out."""
+    angles, targets = list_directions(), (len(unknowns) - SIGHT.stop) // 2
+    seen = face(unknowns, body, angles)
+    moved = differentiate(observe(*seen, unknowns[SIGHT]), unknowns, *seen, targets)
+    if not sighted:
+        moved[:, :, SIGHT] = 0.0
+    weight = np.cos(np.radians(angles[:, 1]))
+    weight = weight / weight.sum()
+    slope, azimuth = (np.einsum("k,ki,kj->ij", weight, moved[:, k], moved[:, k]) for k in (3, 4))
+    return slope, azimuth
+
+
+def _number_shots(samples: Samples, problem: Problem) -> Index:
+    """The number by which a person finds each shot: its station, else its row, from 1."""
+    first = np.array([own[0] for own in problem.rows])
+    if samples.station is not None:
+        return np.asarray(samples.station[first].astype(np.intp))
+    one_each = all(len(own) == 1 for own in problem.rows)
+    return np.asarray(first + 1 if one_each else np.arange(1, len(first) + 1))
 
 
 def _rms_deg(covariance: Array, information: Array) -> float:

@@ -87,7 +87,7 @@ def find_outlier(solution: Solution) -> int | None:
     compared with what the others let one expect: an F of its residuals and their freedom."""
     theta, linear = solution.noise**2, solution.linear
     n = len(linear.residuals)
-    odd = [_compare(solution.weighted, linear.there, i)[0] for i in range(n)]
+    odd = [_weigh_shot(solution.weighted, own, i) for i, own in enumerate(linear.there)]
     best: tuple[float, int] | None = None
     for i in np.argsort(odd)[:CANDIDATES]:
         others = linear.select(np.arange(n) != i)
@@ -100,12 +100,11 @@ def find_outlier(solution: Solution) -> int | None:
     return best[1] if best is not None and best[0] * n < RARE else None
 
 
-def _compare(weighted: Weighted, there: Mask, i: int) -> tuple[float, float]:
-    """The probability of a shot's residuals among the others, and their χ², noise as it is."""
-    own = there[i]
-    z, block = weighted.whitened[i][own], weighted.free[i][np.ix_(own, own)]
+def _weigh_shot(weighed: Weighted, own: Mask, i: int) -> float:
+    """The probability of a shot's residuals among the others, noise as it is."""
+    z, block = weighed.whitened[i][own], weighed.free[i][np.ix_(own, own)]
     square = float(z @ np.linalg.pinv(block, rcond=1e-9, hermitian=True) @ z)
-    return float(chdtrc(int(own.sum()), square)), square
+    return float(chdtrc(int(own.sum()), square))
 
 
 def _predict(linear: Linear, others: Linear, theta: Array, i: int) -> tuple[float, int]:
