@@ -102,6 +102,9 @@ def describe_steps(motors: int, others: Sequence[str]) -> Document:
 def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
     """What a recording tells of each disturber, and what to add."""
     lacking = [one for one in judged if one.move]
+    together = {tuple(sorted({one.source, *one.along})) for one in lacking if one.along}
+    moves = [f"{name_sources(n)} move together: switch each by itself." for n in sorted(together)]
+    moves += [f"{one.source}: {one.move}." for one in lacking if not one.along]
     rows = [
         [
             one.source,
@@ -121,17 +124,8 @@ def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
             "Each disturber can be separated from the others and the iron: agonic calibrate LOG."
             if not lacking
             else f"{len(lacking)} of {len(judged)} cannot be separated from the rest. "
-            + " ".join(_list_moves(lacking))
+            + " ".join(moves)
         ),
         sections=[Section("Disturbers", [Table(head, rows, style="numbers")], printed=True)],
         values={"disturbers": [asdict(one) for one in judged]},
     )
-
-
-def _list_moves(lacking: Sequence[JudgedDisturber]) -> list[str]:
-    """What to add, a sentence each; those that move together in one."""
-    together = {tuple(sorted({one.source, *one.along})) for one in lacking if one.along}
-    return [
-        *(f"{name_sources(n)} move together: switch each by itself." for n in sorted(together)),
-        *(f"{one.source}: {one.move}." for one in lacking if not one.along),
-    ]

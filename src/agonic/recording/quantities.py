@@ -154,7 +154,7 @@ def _group(
     new, logged = result.fit.calibration, result.samples.logged
     before = None
     if logged is not None and not mixes_sensors(new):
-        put = replace(new, bias=logged.bias, matrix=logged.matrix, covariance=None)
+        put = replace(new, bias=logged.bias, matrix=logged.matrix)
         before = view(put)
     return _list_rows(
         name, unit, labels, view(new), propagate_sd(new, view) if sd is None else sd, before

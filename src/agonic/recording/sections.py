@@ -21,7 +21,7 @@ from agonic.report import tables
 from agonic.report.digits import degrees, percent, quantity, with_sd
 from agonic.report.fields import make_table
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element
+from agonic.report.markup import element
 from agonic.report.section import Section, Table
 from agonic.report.text import SIGNS, wrap
 from agonic.report.verdict import MEANINGS, sentence
@@ -155,7 +155,7 @@ def describe_disturbers(result: Calibrated) -> list[Section]:
     if isinstance(result.fit.calibration, Interference):
         blocks.append(Table(MOVED, _list_moves(result), style="numbers"))
     shapes = [element("p", f"{one.describe()}.") for one in result.disturbers.shapes]
-    return [Section("What disturbs", [*blocks, *shapes, _explain_disturbers()])]
+    return [Section("What disturbs", [*blocks, *shapes, element("p", OF_TRIALS, class_="aside")])]
 
 
 def list_trials(result: Calibrated) -> list[dict[str, Any]]:
@@ -179,13 +179,10 @@ def _list_moves(result: Calibrated) -> list[list[str]]:
     return rows
 
 
-def _explain_disturbers() -> Markup:
-    return element(
-        "p",
-        f"The log was cut into {BLOCKS} blocks of time; the last column is by how much the "
-        "sources reduce the residuals of a block, squared, by the fit to the other blocks. The set "
-        "that explains most of the residuals, together with drifts and other causes, is used; a "
-        f"second set is judged together with the first. A duty has the power {POWER:g}, as a "
-        "motor’s current, unless another power, a delay or a filter is clearly more likely.",
-        class_="aside",
-    )
+OF_TRIALS = (
+    f"The log was cut into {BLOCKS} blocks of time; the last column is by how much the sources "
+    "reduce the residuals of a block, squared, by the fit to the other blocks. The set that "
+    "explains most of the residuals, together with drifts and other causes, is used; a second set "
+    f"is judged together with the first. A duty has the power {POWER:g}, as a motor’s current, "
+    "unless another power, a delay or a filter is clearly more likely."
+)

@@ -208,7 +208,9 @@ def compare_readings(
     m = basis.shape[1]
     bias, matrix = split(basis @ params[:m])
     inverse = np.linalg.inv(matrix)
-    turn, by_dip = find_dip_error(problem, params[: felt.gain])
+    assert problem.shared is not None
+    by_dip = problem.shared.dip_by  # by how much each shared error makes the dip steeper, rad
+    turn = float(by_dip @ params[felt.gain - len(by_dip) : felt.gain])
     level = problem.dip.horizontal * np.cos(turn) - problem.dip.vertical * np.sin(turn)
     below = problem.dip.vertical * np.cos(turn) + problem.dip.horizontal * np.sin(turn)
     field = np.stack(np.broadcast_arrays(level, 0.0 * level, below, np.zeros(n))[:3], axis=-1)
@@ -232,13 +234,6 @@ def compare_readings(
         moved = -np.einsum("nij,nj->ni", back, steeper)
         by_params[:, :, felt.unit : felt.gain] += moved[:, :, None] * by_dip
     return residuals, -back @ skew(field), by_params
-
-
-def find_dip_error(problem: Problem, params: Array) -> tuple[float, Array]:
-    """By how much the dip is steeper than the problem has it, rad, and by each shared error."""
-    assert problem.shared is not None
-    by_dip = problem.shared.dip_by
-    return float(by_dip @ params[len(params) - len(by_dip) :]), by_dip
 
 
 def sum_force(log: Log, felt: Felt, attitudes: Array) -> Sums:
