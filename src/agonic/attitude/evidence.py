@@ -34,7 +34,6 @@ from agonic.health import (
     inspect,
 )
 from agonic.health.evidence import HEADING_REFUSED_DEG
-from agonic.health.finding import Severity
 from agonic.maths.equation.channels import (
     Problem,
     compute_distances,
@@ -255,8 +254,9 @@ def _findings(
                 "turn slowly, without jolts; check axes, units and times of accelerometer and gyro"
             )
         what = f"the field's dip scatters by {figure(tilt_sd)}° about that of the world model"
-        grave: Severity = "refuse" if tilt_sd > HEADING_REFUSED_DEG else "check"
-        found.append(Finding("attitude", grave, f"{what}: {why}", move))
+        refused = tilt_sd > HEADING_REFUSED_DEG
+        grave = Finding("attitude", "refuse" if refused else "check", f"{what}: {why}", move)
+        found.append(grave)
     if problem.relative is None:
         dip = evidence.coverage.inclination_deg
         found += filter(None, (check_azimuth(channels, evidence.radius, dip),))

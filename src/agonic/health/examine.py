@@ -120,8 +120,8 @@ def _flat(e: Evidence) -> Finding | None:
     if short:
         left += ", nor well in the plane"
         move = "turn all the way round at several headings, with the nose up, down and banked"
-    name = "plane" if in_one_plane else "small tilt"
-    return Finding(name, "refuse", f"all readings lie {what}: {left}", move)
+    what = f"all readings lie {what}: {left}"
+    return Finding("plane" if in_one_plane else "small tilt", "refuse", what, move)
 
 
 def _noisy(e: Evidence) -> Finding | None:

@@ -170,15 +170,16 @@ def _check_scatter(fit: PairFit) -> Iterator[Finding]:
     """By how much of itself gravity, and the field, scatters from shot to shot."""
     gain = float(np.cbrt(abs(np.linalg.det(fit.calibration.matrix))))
     size = float(fit.calibration.magnitude or np.nan) / gain
-    at_rest = "put it down or lean it against something for each shot"
-    apart = "turn the instrument about one spot away from iron, with nothing magnetic on you"
-    for name, what, share, move in (
-        ("not at rest", "gravity", fit.noise[0] / (fit.accelerometer.magnitude or np.nan), at_rest),
-        ("field varies", "the field", fit.noise[1] / size, apart),
-    ):
-        if share >= SHAKY:
-            said = f"{what} scatters by {figure(100 * share)} % from shot to shot"
-            yield Finding(name, "refuse" if share > MOVING else "check", said, move)
+    felt = float(fit.noise[0] / (fit.accelerometer.magnitude or np.nan))
+    share = float(fit.noise[1] / size)
+    if felt >= SHAKY:
+        what = f"gravity scatters by {figure(100 * felt)} % from shot to shot"
+        move = "put it down or lean it against something for each shot"
+        yield Finding("not at rest", "refuse" if felt > MOVING else "check", what, move)
+    if share >= SHAKY:
+        what = f"the field scatters by {figure(100 * share)} % from shot to shot"
+        move = "turn the instrument about one spot away from iron, with nothing magnetic on you"
+        yield Finding("field varies", "refuse" if share > MOVING else "check", what, move)
 
 
 def _check_signs(fit: PairFit, problem: Problem) -> Iterator[Finding]:
