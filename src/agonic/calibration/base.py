@@ -21,13 +21,7 @@ _DIGITS = 12  # of a rotation, which a file holds as a quaternion
 
 
 class Valued(Readable):
-    """Equal where all that it holds is equal, to the last bit of every number.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> one, other = (Affine(bias=[1, 0, 0], matrix=np.eye(3)) for _ in range(2))
-    >>> one == other, one == Affine(bias=[2, 0, 0], matrix=np.eye(3)), len({one, other})
-    (True, False, 1)
-    """
+    """Equal where all that it holds is equal, to the last bit of every number."""
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
@@ -68,11 +62,7 @@ class Validity:
 
     @classmethod
     def of(cls, samples: Samples) -> Validity:
-        """What samples have seen.
-
-        >>> Validity.of(Samples(field=[[3.0, 0.0, -4.0]])).largest_reading
-        4.0
-        """
+        """What samples have seen."""
         warm = samples.temperature
         return cls(
             largest_reading=float(np.abs(samples.field).max()),
@@ -112,11 +102,7 @@ class Correction(Valued):
     """What every calibration can do beside correcting: be compared, read, and called."""
 
     def __call__(self, given: Any, **columns: ArrayLike) -> Any:
-        """The field of readings (…, 3), as `correct`; of `Samples` and data frames, as `apply`.
-
-        Parameters: given, readings (…, 3), samples or a frame; columns (…) that are named in
-        `needs`.
-        """
+        """The field of readings (…, 3), as `correct`; of `Samples` and data frames, as `apply`."""
         calibration: Any = self
         if isinstance(given, Samples) or (hasattr(given, "columns") and hasattr(given, "index")):
             from agonic import apply as apply_to_any  # which knows data frames
@@ -140,11 +126,7 @@ class Correction(Valued):
 
 
 def _write_row(numbers: Any, digits: int = 6) -> str:
-    """Numbers to some significant digits.
-
-    >>> _write_row([1234.5678, 8.0616], 2)
-    '[1200, 8.1]'
-    """
+    """Numbers to some significant digits."""
     rounded = (float(f"{value:.{digits}g}") for value in np.asarray(numbers))
     return f"[{', '.join(f'{value:.{max(digits, 6)}g}' for value in rounded)}]"
 
@@ -164,15 +146,8 @@ def as_readings(raw: ArrayLike) -> Array:
 
 
 def check_size(raw: Array, calibration: Calibration, validity: Validity) -> None:
-    """Raise `UnitError` where readings (…, 3) are all hundreds of times off those it was made from.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> made = Affine(bias=[0, 0, 0], matrix=np.eye(3), validity=Validity(largest_reading=5e4))
-    >>> made.correct([[20.0, 0.0, 43.0]])
-    Traceback (most recent call last):
-    agonic.errors.UnitError: readings up to 43 were given where the calibration is of readings in \
-nT, up to 50000: they are in another unit; convert them, or read them with it
-    """
+    """Raise `UnitError` where readings (…, 3) are all hundreds of times off those it was made
+    from."""
     known, size = validity.largest_reading, _find_largest(raw)
     if not np.isfinite(size):
         size = _find_largest(raw[np.isfinite(raw)])
@@ -210,10 +185,6 @@ def select_columns(calibration: Calibration, samples: Samples) -> dict[str, Arra
     """The columns of the samples that the calibration needs beside the readings, by name.
 
     The rate at which the temperature changes, °C/s, is taken from time and temperature.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> select_columns(Affine(bias=[1, 0, 0], matrix=np.eye(3)), Samples(field=[[3.0, 0, 4]]))
-    {}
     """
     there = samples.columns()
     if "temperature_rate" in calibration.needs and {"time", "temperature"} <= set(there):
@@ -294,11 +265,6 @@ def correct_field(calibration: Calibration, samples: Samples) -> Array:
     """The corrected field (n, 3) of every row, as the calibration makes it, whatever comes out.
 
     `apply` leaves rows out whose field is beyond what any sensor gives. Raises as `apply` does.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> far = Affine(bias=[1, 0, 0], matrix=1e30 * np.eye(3))
-    >>> correct_field(far, Samples(field=[[3.0, 0, 4]])).tolist()
-    [[2e+30, 0.0, 4e+30]]
     """
     check_readings(calibration, samples)
     return calibration.correct(samples.field, **select_columns(calibration, samples))

@@ -34,13 +34,7 @@ class Decomposition(NamedTuple):
 
 
 def decompose(calibration: Affine) -> Decomposition:
-    """Scale factors and angles of an affine calibration.
-
-    >>> found = decompose(Affine(bias=[0, 0, 0], matrix=np.diag([2.0, 1.0, 1.0]),
-    ...                          covariance=np.diag([0.0] * 3 + [1e-6] * 6)))
-    >>> found.scale_factors.tolist(), found.scale_factors_sd.tolist()
-    ([0.5, 1.0, 1.0], [0.00025, 0.001, 0.001])
-    """
+    """Scale factors and angles of an affine calibration."""
     covariance = calibration.covariance
     own = None if covariance is None else covariance[3 : 12 if calibration.gauge == "free" else 9]
     return _decompose(
@@ -100,11 +94,6 @@ def expand_in_temperature(calibration: Thermal) -> tuple[Array, Array | None]:
 
     Rows are in the order of `Affine.parameters`; the calibration holds powers of
     (T − centre)/half range, which lose no digits.
-
-    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
-    ...                centre_C=20.0, half_range_C=25.0)
-    >>> expand_in_temperature(warm)[0][0].tolist()
-    [60.0, 2.0]
     """
     p, centre, half = calibration.degree + 1, calibration.centre_C, calibration.half_range_C
     onto = np.zeros((p, p))  # from powers of x to those of T

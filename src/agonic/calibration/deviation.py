@@ -51,11 +51,7 @@ POINTS = (
 
 
 def name_heading(heading_deg: float) -> str:
-    """A heading as it is spoken of, with its point where it is one of the sixteen.
-
-    >>> name_heading(45.0), name_heading(359.6), name_heading(47.0)
-    ('045° NE', '000° N', '047°')
-    """
+    """A heading as it is spoken of, with its point where it is one of the sixteen."""
     point, off = divmod(heading_deg % 360.0, 22.5)
     if off == 0.0:
         name = POINTS[int(point)]
@@ -65,11 +61,7 @@ def name_heading(heading_deg: float) -> str:
 
 
 def format_east_west(deviation_deg: float) -> str:
-    """A deviation as cards write it: east is positive.
-
-    >>> format_east_west(10.46), format_east_west(-1.2), format_east_west(-0.01)
-    ('10.5° E', '1.2° W', '0.0°')
-    """
+    """A deviation as cards write it: east is positive."""
     size = f"{abs(deviation_deg):.1f}"
     side = "" if float(size) == 0.0 else " E" if deviation_deg > 0 else " W"
     return f"{size}°{side}"

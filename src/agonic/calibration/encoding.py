@@ -60,10 +60,7 @@ def encode(calibration: Calibration | Deviation) -> bytes:
 
 
 def decode(data: bytes) -> AnyCalibration | Deviation:
-    """The calibration in the bytes of a calibration file, as `encode` wrote them.
-
-    Raises `AgonicError` or `ValueError` where they are something else.
-    """
+    """The calibration in the bytes of a calibration file, as `encode` wrote them."""
     _require_known_version(msgspec.json.decode(data, type=_Heading).schema)
     restored: AnyCalibration | Deviation = _restore(
         msgspec.json.decode(data, type=CalibrationFile).calibration
@@ -163,9 +160,6 @@ def make_record(kind: Any, law: str, **forms: Any) -> type[Struct]:
     """The record of a kind of calibration: its fields, in their forms, under its law.
 
     `forms` are of fields that hold calibrations.
-
-    >>> make_record(Alignment, "field_out = rotation.apply(field_in).").__struct_fields__
-    ('sensor', 'unit_in', 'frame_in', 'frame_out', 'rotation', 'covariance', 'provenance')
     """
     hints = get_type_hints(kind, localns={"Rotation": Any}, include_extras=True)
     forms = {name: _find_form(hint) for name, hint in hints.items()} | _SAME | forms

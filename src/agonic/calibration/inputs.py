@@ -15,11 +15,7 @@ from agonic.samples import Samples
 
 
 def measure_width(name: str) -> int:
-    """How many numbers a row an input is: three for vectors, one for any other column.
-
-    >>> measure_width("field"), measure_width("motor1_duty")
-    (3, 1)
-    """
+    """How many numbers a row an input is: three for vectors, one for any other column."""
     return parse_source(name).width
 
 
@@ -38,11 +34,7 @@ def check_inputs(inputs: tuple[str, ...]) -> None:
 
 
 def list_disturbers(samples: Samples) -> tuple[str, ...]:
-    """The columns of samples that may tell of a disturbance.
-
-    >>> list_disturbers(Samples(field=np.ones((2, 3)), disturbers={"heater_A": [0.0, 1.0]}))
-    ('heater_A',)
-    """
+    """The columns of samples that may tell of a disturbance."""
     return tuple(n for n in samples.columns() if n in SOURCES or n in samples.disturbers)
 
 
@@ -52,9 +44,6 @@ def stack_inputs(
     """The inputs (…, i), each in its form, of readings (…, 3), if any, and columns.
 
     A column that is one number is spread over the rows.
-
-    >>> stack_inputs(("field", "temperature"), [[1.0, 2.0, 3.0]], {"temperature": 20.0}).tolist()
-    [[1.0, 2.0, 3.0, 20.0]]
     """
     known = columns if raw is None else {**columns, "field": raw}
     sources = [parse_source(name) for name in inputs]
@@ -70,11 +59,7 @@ def stack_inputs(
 
 
 def signals(inputs: tuple[str, ...]) -> tuple[str, ...]:
-    """The names of the numbers that go in.
-
-    >>> signals(("field", "current_A"))
-    ('field_x', 'field_y', 'field_z', 'current_A')
-    """
+    """The names of the numbers that go in."""
     return tuple(
         signal
         for name in inputs

@@ -106,9 +106,6 @@ def find_threshold(dimensions: int, length: int, rate: float) -> float:
     correlations 1 − |t|/n, with the correction ν for discrete time of D. Siegmund (1985),
     Sequential Analysis, Springer, and for χ² D. Aldous (1989), Probability Approximations via the
     Poisson Clumping Heuristic, Springer.
-
-    >>> round(find_threshold(1, 16, 1e-6), 1)
-    22.8
     """
     half = dimensions / 2.0
     level = float(chdtri(dimensions, rate))

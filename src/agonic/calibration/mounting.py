@@ -13,28 +13,12 @@ from agonic.maths.equation.affine import FREE, join, model_basis, split
 
 
 def turn_calibration(calibration: Affine, turn: Array) -> Affine:
-    """A calibration of turned readings, for the readings as they were; turn (3, 3) by which.
-
-    >>> quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # x right, y backward
-    >>> plain = Affine(bias=[1.0, 2.0, 3.0], matrix=np.diag([2.0, 1.0, 1.0]))
-    >>> turned = turn_calibration(plain, quarter)
-    >>> raw = np.array([[5.0, 6.0, 7.0]])
-    >>> bool(np.allclose(turned.correct(raw), plain.correct(raw @ quarter.T)))
-    True
-    """
+    """A calibration of turned readings, for the readings as they were; turn (3, 3) by which."""
     return _turn(calibration, turn, np.eye(3))
 
 
 def turn_field(calibration: Affine, turn: Array) -> Affine:
-    """A calibration whose field is turned into body axes; turn (3, 3) by which.
-
-    >>> quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # x right, y backward
-    >>> plain = Affine(bias=[1.0, 2.0, 3.0], matrix=np.diag([2.0, 1.0, 1.0]))
-    >>> turned = turn_field(plain, quarter)
-    >>> raw = np.array([[5.0, 6.0, 7.0]])
-    >>> bool(np.allclose(turned.correct(raw), plain.correct(raw) @ quarter.T))
-    True
-    """
+    """A calibration whose field is turned into body axes; turn (3, 3) by which."""
     return _turn(calibration, np.eye(3), turn)
 
 

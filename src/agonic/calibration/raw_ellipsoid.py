@@ -51,12 +51,6 @@ def find_raw_ellipsoid(calibration: Affine) -> RawEllipsoid | None:
 
     Of a model that was chosen as a sphere or as diagonal the shape is that; else the cross terms
     of Q, and the differences of its diagonal, are tested against their covariance (Wald).
-
-    >>> bent = Affine(bias=[0, 0, 0], matrix=np.diag([0.8, 1.0, 1.25]), magnitude=50_000.0,
-    ...               covariance=1e-6 * np.eye(9))
-    >>> found = find_raw_ellipsoid(bent)
-    >>> found.shape, found.half_axes.round().tolist()
-    ('upright', [62500.0, 50000.0, 40000.0])
     """
     matrix = calibration.matrix
     if calibration.covariance is None or not np.isfinite(matrix).all():

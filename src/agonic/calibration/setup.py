@@ -143,11 +143,7 @@ class Setup(Valued):
 
 
 def find_mistakes(values: Mapping[str, Any]) -> list[str]:
-    """What is wrong with the values of a setup's attributes, in sentences, all at once.
-
-    >>> find_mistakes({"tilt": "sideways", "dip_limit_deg": -5.0})[1]
-    'dip_limit_deg is -5.0; it needs a number from 0 to 180'
-    """
+    """What is wrong with the values of a setup's attributes, in sentences, all at once."""
     wrong = []
     for name, value in values.items():
         try:

@@ -59,13 +59,7 @@ class Source(NamedTuple):
         return self.value if self.form == ">" else 0.0
 
     def evaluate(self, known: Mapping[str, ArrayLike]) -> Array:
-        """What counts of the columns, (…) or (…, 3).
-
-        >>> parse_source("motor1_duty^2").evaluate({"motor1_duty": [0.5, -0.5]}).tolist()
-        [0.25, 0.25]
-        >>> parse_source("heater_A>0.5").evaluate({"heater_A": [0.2, 3.0]}).tolist()
-        [0.0, 1.0]
-        """
+        """What counts of the columns, (…) or (…, 3)."""
         values = (np.asarray(known[name], dtype=np.float64) for name in self.columns)
         return np.asarray(sum(self._count(x) for x in values))
 
@@ -77,13 +71,7 @@ class Source(NamedTuple):
 
 @lru_cache(maxsize=256)
 def parse_source(text: str) -> Source:
-    """The source that a text spells: a column or a sum of some, to a power, or above a value.
-
-    Raises `AgonicError` where it spells none.
-
-    >>> parse_source("motor1_duty+motor2_duty^1.5@0.2")[:4]
-    (('motor1_duty', 'motor2_duty'), '^', 1.5, 0.2)
-    """
+    """The source that a text spells: a column or a sum of some, to a power, or above a value."""
     found = _SPELLED.fullmatch(text.strip())
     try:
         columns, form, *numbers = found.groups() if found else ("", "")
@@ -104,11 +92,7 @@ def parse_source(text: str) -> Source:
 
 
 def spell_source(source: Source) -> str:
-    """The text that `parse_source` reads as a source.
-
-    >>> spell_source(parse_source("motor1_duty+motor2_duty^1.50@0.2~-1"))
-    'motor1_duty+motor2_duty^1.5@0.2~-1'
-    """
+    """The text that `parse_source` reads as a source."""
     form = f"{source.form}{source.value:g}" if source.form else ""
     late = f"@{source.late_s:g}" if source.late_s else ""
     filtered = f"~{source.time_constant_s:g}" if source.time_constant_s else ""
@@ -116,22 +100,12 @@ def spell_source(source: Source) -> str:
 
 
 def list_columns(sources: Iterable[str]) -> tuple[str, ...]:
-    """The columns that sources need, each once.
-
-    >>> list_columns(("motor1_duty^1.5", "heater_A", "motor1_duty"))
-    ('motor1_duty', 'heater_A')
-    """
+    """The columns that sources need, each once."""
     return tuple(dict.fromkeys(name for one in sources for name in parse_source(one).columns))
 
 
 def describe_sources(sources: Sequence[str]) -> str:
-    """Sources and what they do, for a sentence: "the current moves".
-
-    >>> describe_sources(("current_A",))
-    'the current moves'
-    >>> describe_sources(("motor1_duty^1.5", "motor2_duty^1.5", "heater_A"))
-    'motor1…2_duty^1.5, heater_A move'
-    """
+    """Sources and what they do, for a sentence: "the current moves"."""
     if tuple(sources) == ("current_A",):
         return "the current moves"
     one = len(sources) == 1 and "+" not in sources[0]
@@ -139,11 +113,7 @@ def describe_sources(sources: Sequence[str]) -> str:
 
 
 def name_sources(sources: Sequence[str]) -> str:
-    """Sources by name, those that differ in a number together.
-
-    >>> name_sources(("esc1_A+esc2_A+esc3_A",)), name_sources(("rod_x_Am2", "rod_z_Am2"))
-    ('the sum of esc1…3_A', 'rod_x…z_Am2')
-    """
+    """Sources by name, those that differ in a number together."""
     named: list[str] = []
     families: dict[str, list[str]] = {}
     for source in sources:

@@ -52,11 +52,7 @@ Step = TypeVar("Step", Affine, Interference, Thermal, Network, Alignment)
 
 
 def find_step(calibration: Calibration, kind: type[Step]) -> Step | None:
-    """The first step of a calibration that is of a kind, or `None`.
-
-    >>> print(find_step(Affine(bias=[0, 0, 0], matrix=np.eye(3)), Thermal))
-    None
-    """
+    """The first step of a calibration that is of a kind, or `None`."""
     return next((step for step in steps_of(calibration) if isinstance(step, kind)), None)
 
 
@@ -75,15 +71,7 @@ def find_magnitude(calibration: Calibration) -> float | None:
 
 
 def compose(calibration: Calibration) -> Affine:
-    """A whole calibration as one step, an `Interference` where it takes sources into account.
-
-    Raises `AgonicError` where it is not affine or its matrix is singular.
-
-    >>> from scipy.spatial.transform import Rotation
-    >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
-    >>> compose(turn).matrix.round(9).tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
+    """A whole calibration as one step, an `Interference` where it takes sources into account."""
     known = require_calibration(calibration)
     if not isinstance(known, Affine | Chain):
         known = Chain(steps=(known,))
@@ -103,10 +91,6 @@ def compute_composed_covariance(calibration: Calibration) -> Array | None:
     current or throttle in a step stays at zero.
 
     Source: Julier & Uhlmann (1997), A new extension of the Kalman filter to nonlinear systems.
-
-    >>> mag = Affine(bias=[1, 2, 3], matrix=np.eye(3), covariance=np.diag([4.0, 9, 16] + [0.0] * 6))
-    >>> np.sqrt(np.diag(compute_composed_covariance(mag)))[:3].tolist()
-    [2.0, 3.0, 4.0]
     """
     steps = steps_of(calibration)
     covariance = np.zeros((12, 12))

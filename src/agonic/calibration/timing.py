@@ -34,13 +34,7 @@ class Timing(NamedTuple):
 
 
 def find_timing(sources: Iterable[str]) -> dict[str, Timing]:
-    """The timing of each column of sources that has one.
-
-    Raises `AgonicError` where a column would have two.
-
-    >>> find_timing(("current_A@0.2", "throttle"))
-    {'current_A': Timing(late_s=0.2, time_constant_s=0.0)}
-    """
+    """The timing of each column of sources that has one."""
     found: dict[str, Timing] = {}
     for source in map(parse_source, sources):
         timing = Timing(source.late_s, source.time_constant_s)
@@ -54,10 +48,6 @@ def restore(columns: Mapping[str, Array], timing: Mapping[str, Timing]) -> dict[
     """The columns as they act on the field at their rows, by `time`.
 
     At the end of what is recorded late, where nothing later is, the last value holds.
-
-    >>> log = {"time": np.array([0.0, 1.0, 2.0]), "heater_A": np.array([0.0, 1.0, 3.0])}
-    >>> restore(log, {"heater_A": Timing(late_s=0.5)})["heater_A"].tolist()
-    [0.5, 2.0, 3.0]
     """
     moved = {name: timing[name] for name in timing if name in columns}
     if moved and "time" not in columns:
@@ -77,11 +67,7 @@ def _restore(columns: Mapping[str, Array], name: str, timing: Timing) -> Array:
 
 
 def follow(time: Array, values: Array, time_constant_s: float) -> Array:
-    """Values (n,) through a first-order filter, begun at the first.
-
-    >>> follow(np.arange(3.0), np.array([0.0, 1.0, 1.0]), 1.0).round(3).tolist()
-    [0.0, 0.632, 0.865]
-    """
+    """Values (n,) through a first-order filter, begun at the first."""
     gained = -np.expm1(-np.diff(time) / time_constant_s)
     rows = zip(values[1:].tolist(), gained.tolist(), strict=True)
     first = float(values[0]) if len(values) else 0.0
@@ -90,11 +76,7 @@ def follow(time: Array, values: Array, time_constant_s: float) -> Array:
 
 
 def undo_filter(time: Array, values: Array, time_constant_s: float) -> Array:
-    """What went into a first-order filter that gave values (n,): the reverse of `follow`.
-
-    >>> undo_filter(np.arange(3.0), np.array([0.0, 0.632, 0.865]), 1.0).round(2).tolist()
-    [0.0, 1.0, 1.0]
-    """
+    """What went into a first-order filter that gave values (n,): the reverse of `follow`."""
     with np.errstate(over="ignore"):  # a gap far longer than the time constant adds nothing
         ahead = np.diff(values) / np.expm1(np.diff(time) / time_constant_s)
     return np.concatenate([values[:1], values[1:] + ahead])

@@ -28,12 +28,7 @@ def keep_results(
     between: str | None,
     name: str | None,
 ) -> int:
-    """Add what came of a log to a history; returns how many calibrations were new to it.
-
-    Parameters: `unit` and `place` as given, its date being that of a log that knows none; `method`
-    and `between`, what the figures depend on besides; `name`, who the sensor is, else its number
-    for autopilots or the log's stem.
-    """
+    """Add what came of a log to a history; returns how many calibrations were new to it."""
     at, date, field = place
     asked = FleetSettings(
         unit=unit, at=parse_position(at) if at else None, date=date, field_nT=field, method=method

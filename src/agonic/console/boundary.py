@@ -30,11 +30,7 @@ def stop() -> Interrupted:
 
 
 def explain(error: Exception, arguments: Sequence[str]) -> str:
-    """One line on an error that was not foreseen: the command, what was wrong, the next move.
-
-    >>> explain(OverflowError("int too large"), ["apply", "mag.json", "log.csv"])[:62]
-    'agonic apply mag.json log.csv: a number is too large to comput'
-    """
+    """One line on an error that was not foreseen: the command, what was wrong, the next move."""
     name = type(error).__name__
     known = (words for names, words in _CAUSES if name in names)
     what = next(known, "it failed in an unexpected way")

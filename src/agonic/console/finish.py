@@ -103,13 +103,7 @@ def list_files(document: Document, page: Path | None) -> list[Path]:
 
 def describe_files(files: Sequence[Path], width: int) -> list[str]:
     """The files of a folder, a line for all that are for the same, with what that is; those of
-    single sensors that one file holds together are left out.
-
-    >>> print(*describe_files([Path("out/report.html"), Path("out/mag.h")], 80), sep="\\n")
-    Written to out:
-      report.html  the report: open it in a browser
-      mag.h        for firmware: a C header with a self-test
-    """
+    single sensors that one file holds together are left out."""
     from agonic.report.text import wrap, wrap_entries
 
     alike: dict[str, list[str]] = {}

@@ -99,13 +99,7 @@ def render_help(command: Any, ctx: Any, width: int) -> Iterator[str]:
 
 
 def write_rows(rows: Sequence[Row], width: int) -> Iterator[str]:
-    """Names, and beside them, or below where they are long, what they mean.
-
-    >>> print("\\n".join(write_rows([("LOG", "A log to read"), ("--json", "As JSON")], 20)))
-      LOG     A log to
-              read
-      --json  As JSON
-    """
+    """Names, and beside them, or below where they are long, what they mean."""
     column = min(max(len(name) for name, _ in rows), max(10, width // 3))
     rest = " " * (column + 4)
     for name, says in rows:

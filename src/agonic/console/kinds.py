@@ -102,12 +102,7 @@ of these is an argument."""
 
 
 def read_options(text: str) -> dict[str, Any]:
-    """The options that a docstring describes, by the names of the parameters.
-
-    >>> text = "Options\\n-------\\nout -o DIR : Folder to write to.\\nrows ≥1 : Readings."
-    >>> [(name, one.metavar, one.min) for name, one in read_options(text).items()]
-    [('out', 'DIR', None), ('rows', None, 1)]
-    """
+    """The options that a docstring describes, by the names of the parameters."""
     _, _, described = cleandoc(text).partition(_OPTIONS)
     made = {}
     for entry in filter(None, re.split(r"\n(?!\s)", described)):
@@ -136,13 +131,7 @@ def _find_hints(of: Any) -> dict[str, Any]:
 
 def expand(function: Callable[..., int]) -> Callable[..., int]:
     """The function of a command with each group of options, a named tuple, field by field, and with
-    what its docstring says of the others.
-
-    >>> from agonic.console.options import Place
-    >>> def where(place: Place, steps: int = 1) -> int: ...
-    >>> list(signature(expand(where)).parameters)
-    ['at', 'date', 'field', 'steps']
-    """
+    what its docstring says of the others."""
     hints = _find_hints(function)
     groups = {name: hint for name, hint in hints.items() if hasattr(hint, "_field_defaults")}
     parameters: list[Parameter] = []

@@ -182,11 +182,7 @@ def list_typed_options(context: typer.Context) -> dict[str, str]:
 
 
 def write_options(options: Mapping[str, str]) -> str:
-    """Options as one types them, each with the blank before it.
-
-    >>> write_options({"--at": "52.1,5.2", "--course": "", "--mounting": "x up, y forward"})
-    " --at 52.1,5.2 --course --mounting 'x up, y forward'"
-    """
+    """Options as one types them, each with the blank before it."""
     return "".join(
         f" {name}" + (f" {shlex.quote(value)}" if value else "") for name, value in options.items()
     )

@@ -72,10 +72,6 @@ def fit_lines(text: str, width: int) -> str:
     """Text whose lines are no longer than `width`, but for words that are.
 
     What goes on stands under where it began, after a label and two spaces.
-
-    >>> print(fit_lines("Warning   the mounting of the sensor is not known", 34))
-    Warning   the mounting of the
-              sensor is not known
     """
     import re
     import textwrap

@@ -11,20 +11,12 @@ if TYPE_CHECKING:
 
 
 def parse_names(text: str) -> tuple[str, ...]:
-    """The names of a list with commas.
-
-    >>> parse_names("current_A, second")
-    ('current_A', 'second')
-    """
+    """The names of a list with commas."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def parse_numbers(option: str, text: str, form: str) -> tuple[float, ...]:
-    """The numbers of a list with commas, as many as its form has.
-
-    >>> parse_numbers("--range", "−10, 50", "LOW,HIGH in °C")
-    (-10.0, 50.0)
-    """
+    """The numbers of a list with commas, as many as its form has."""
     try:
         numbers = tuple(float(part.replace("−", "-")) for part in text.split(","))
     except ValueError:
@@ -35,11 +27,7 @@ def parse_numbers(option: str, text: str, form: str) -> tuple[float, ...]:
 
 
 def parse_nodes(text: str) -> int | tuple[int, int]:
-    """The nodes of a network's hidden layer, or of two.
-
-    >>> parse_nodes("3"), parse_nodes("5,3")
-    (3, (5, 3))
-    """
+    """The nodes of a network's hidden layer, or of two."""
     counts = [part.strip() for part in text.split(",")]
     if not 1 <= len(counts) <= 2 or not all(count.isdecimal() for count in counts):
         raise AgonicError(
@@ -49,11 +37,7 @@ def parse_nodes(text: str) -> int | tuple[int, int]:
 
 
 def parse_count(option: str, text: str, what: str, highest: int | None = None) -> int | str:
-    """A whole number, or "auto".
-
-    >>> parse_count("--degree", "3", "a degree", 9), parse_count("--degree", "auto", "a degree")
-    (3, 'auto')
-    """
+    """A whole number, or "auto"."""
     if text == "auto":
         return text
     if not text.isdecimal() or (highest is not None and int(text) > highest):
@@ -63,11 +47,7 @@ def parse_count(option: str, text: str, what: str, highest: int | None = None) -
 
 
 def parse_position(text: str) -> tuple[float, float, float]:
-    """Latitude, longitude (degrees) and altitude (metres) of "LAT,LON[,ALT]".
-
-    >>> parse_position("-33.5, 151.2")
-    (-33.5, 151.2, 0.0)
-    """
+    """Latitude, longitude (degrees) and altitude (metres) of "LAT,LON[,ALT]"."""
     try:
         numbers = [float(part) for part in text.split(",")]
         latitude, longitude, altitude = (*numbers, 0.0)[:3]
@@ -95,9 +75,6 @@ def parse_mounting(text: str) -> Array:
     """The rotation (3, 3) from the sensor's axes to the body's of "x up, y forward".
 
     Two axes are enough; a third has to agree.
-
-    >>> parse_mounting("x points right, y backward").tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     """
     import numpy as np
 

@@ -147,12 +147,7 @@ def open_beside_known_field(
 def match_known_field(
     samples: Samples, given: str, log: Path, unit: str | None = None
 ) -> tuple[Samples, Reference]:
-    """The rows whose field is known, and that field as vectors in the sensor's axes.
-
-    Parameters: `given` a file with the field, read as a log, three columns of `log` as X,Y,Z, or
-    another of its sensors; matched by time, or row by row where there are no times. Raises
-    `AgonicError` where the two do not meet.
-    """
+    """The rows whose field is known, and that field as vectors in the sensor's axes."""
     known = _read(given, log, unit)
     if (known.unit == "raw") != (samples.unit == "raw") and known.unit == "raw":
         raise AgonicError(f"{given} gives the known field without a unit; name it, or give --unit")
@@ -179,11 +174,7 @@ def _read(given: str, log: Path, unit: str | None) -> Samples:
 
 
 def _find_unit(header: str) -> str | None:
-    """The unit that stands in a header, if one does.
-
-    >>> _find_unit("coil x (uT)"), _find_unit("coil_x_nT"), _find_unit("bx")
-    ('uT', 'nT', None)
-    """
+    """The unit that stands in a header, if one does."""
     from agonic.units import find_unit
 
     for found in _UNIT.finditer(header):

@@ -115,11 +115,7 @@ def paced(what: str, things: str) -> Iterator[Callable[[int, int, int, str], Non
 
 
 def _pace(done: int, left: int, seconds: float, things: str) -> str:
-    """The rate and the remaining time.
-
-    >>> _pace(240, 1200, 2.0, "logs")
-    '120 logs/s, 0:00:10 left'
-    """
+    """The rate and the remaining time."""
     if done < 1 or seconds <= 0:
         return ""
     remaining = round(left * seconds / done)

@@ -62,11 +62,7 @@ def open_sensor(
 
 
 def choose_name(names: Iterable[T], preferred: object = "") -> T:
-    """The preferred name, or the only one.
-
-    >>> choose_name(["MAG1"], "MAG2"), choose_name(["MAG1", "MAG2"], "MAG2")
-    ('MAG1', 'MAG2')
-    """
+    """The preferred name, or the only one."""
     known = list(names)
     if same := [name for name in known if name == preferred]:
         return same[0]

@@ -19,12 +19,7 @@ _NO_INPUT = ("-o", "--out", "--report", "--live", "--stars")
 
 @contextmanager
 def keep_standard_input(arguments: Sequence[str]) -> Iterator[list[str]]:
-    """The arguments, with a file of what was piped in for the first that is a lone `-`.
-
-    >>> with keep_standard_input(["info", "log.csv"]) as same:
-    ...     same
-    ['info', 'log.csv']
-    """
+    """The arguments, with a file of what was piped in for the first that is a lone `-`."""
     before = ["", *arguments]
     if any(word == "" and not before[k].startswith("-") for k, word in enumerate(arguments)):
         raise LogError("an empty name was given: name the file, or . for this folder")

@@ -55,11 +55,7 @@ def allow_any_sign(stream: Any) -> None:
 
 
 def _transliterate(error: UnicodeError) -> tuple[str, int]:
-    """What stands for signs that cannot be encoded.
-
-    >>> _transliterate(UnicodeEncodeError("ascii", "−66° \N{BULLET}", 3, 6, "not ASCII"))
-    (' deg \\\\u2022', 6)
-    """
+    """What stands for signs that cannot be encoded."""
     assert isinstance(error, UnicodeEncodeError)
     signs = error.object[error.start : error.end]
     return "".join(_ASCII.get(sign, ascii(sign)[1:-1]) for sign in signs), error.end

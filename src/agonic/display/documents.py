@@ -100,23 +100,13 @@ for _result, _describe in (
 
 
 def write_summary(shown: Readable) -> str:
-    """All that is to be said of an object, as text.
-
-    >>> from agonic.samples import Samples
-    >>> write_summary(Samples(field=[[1.0, 2.0, 3.0]])).splitlines()[0]
-    "Samples 'mag': 1 readings in nT"
-    """
+    """All that is to be said of an object, as text."""
     document = describe(shown)
     return repr(shown) if document is None else document.to_text()
 
 
 def draw_page(shown: Readable) -> str:
-    """The page of a result in a frame of its own, which no style of a notebook reaches.
-
-    >>> from agonic.samples import Samples
-    >>> "&lt;a&gt;" in draw_page(Samples(field=[[1.0, 2.0, 3.0]], name="<a>"))
-    True
-    """
+    """The page of a result in a frame of its own, which no style of a notebook reaches."""
     document = describe(shown)
     if document is None:
         return f'<pre style="white-space:pre-wrap">{escape(repr(shown))}</pre>'

@@ -39,8 +39,6 @@ def plot(shown: object) -> Any:
     """What the page of an object shows, as a figure of Matplotlib.
 
     Save it with `plot().savefig("figure.png")`; a notebook shows it.
-
-    Raises `AgonicError` for an object without a figure, `MissingExtraError` without Matplotlib.
     """
     if draw.dispatch(type(shown)) is draw.dispatch(object):
         raise AgonicError(

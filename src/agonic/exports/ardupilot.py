@@ -123,14 +123,7 @@ def about_motors(terms: MotorTerms) -> tuple[str, ...]:
 
 
 def compute_motor_parameters(terms: MotorTerms, matrix: Array, voltage: float) -> dict[str, float]:
-    """COMPASS_PMOT* by name, from the matrix (3, 3) and the battery's voltage in the log.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> still = Affine(bias=np.zeros(3), matrix=np.eye(3))
-    >>> terms = MotorTerms({1: np.array([1600.0, 0.0, 0.0])}, 2.0, still, ())
-    >>> compute_motor_parameters(terms, np.eye(3), 4.0)["COMPASS_PMOT1_X"]
-    -1.0
-    """
+    """COMPASS_PMOT* by name, from the matrix (3, 3) and the battery's voltage in the log."""
     parameters = {"COMPASS_PMOT_EN": 1.0, "COMPASS_PMOT_EXP": terms.power}
     for number in range(1, MOTORS + 1):
         added = matrix @ terms.added.get(number, np.zeros(3))
@@ -208,14 +201,7 @@ def compute_ardupilot_parameters(
     rotation_bm: Rotation | None = None,
     voltage_V: float | None = None,
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """The parameters by name, and warnings; SCALE = trace(matrix)/3, DIA and ODI the rest.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1, frame_in="b", frame_out="b")
-    >>> parameters, _ = compute_ardupilot_parameters(mag)
-    >>> parameters["COMPASS_OFS_X"], round(parameters["COMPASS_SCALE"], 9)
-    (-30.0, 1.1)
-    """
+    """The parameters by name, and warnings; SCALE = trace(matrix)/3, DIA and ODI the rest."""
     turn_bm, angles = find_turn_inside(calibration, rotation_bm)
     oriented: dict[str, float] = {}
     if angles is not None and compass in CUSTOM:

@@ -35,11 +35,7 @@ def write_banner(
 
 
 def _write_ascii(text: str) -> str:
-    """A line that any compiler and ground station reads.
-
-    >>> _write_ascii("4.39°, output1…4_duty at −5 °C")
-    '4.39 deg, output1..4_duty at -5 deg C'
-    """
+    """A line that any compiler and ground station reads."""
     text = re.sub(r"(?<=\d)°", " deg", text)
     for sign, plain in (("°", "deg "), ("…", ".."), ("−", "-")):
         text = text.replace(sign, plain)
@@ -47,9 +43,5 @@ def _write_ascii(text: str) -> str:
 
 
 def format_float32(value: float) -> str:
-    """The shortest decimal that reads back as the same float32.
-
-    >>> format_float32(0.1), format_float32(-300.0), format_float32(1e-5)
-    ('0.1', '-300.0', '0.00001')
-    """
+    """The shortest decimal that reads back as the same float32."""
     return np.format_float_positional(np.float32(value + 0.0), unique=True, trim="0")

@@ -66,12 +66,7 @@ CORRECTED = "readings"
 
 def add_to(old: Affine, new: Calibration) -> Chain:
     """Both as one for raw readings, where the readings of the new one had been corrected by the old
-    one: field = W₂ (W₁ (raw − b₁) − b₂).
-
-    >>> old, new = (Affine(bias=[one, 0, 0], matrix=2 * np.eye(3)) for one in (3, 5))
-    >>> reduce(add_to(old, new))[0].tolist()
-    [5.5, 0.0, 0.0]
-    """
+    one: field = W₂ (W₁ (raw − b₁) − b₂)."""
     axes = new.frame_in
     before = replace(old, sensor=new.sensor, frame_in=axes, frame_out=axes)
     return Chain(steps=(before, *steps_of(new)))
@@ -92,13 +87,6 @@ def reduce(calibration: Calibration) -> tuple[Array, Array]:
 
     Where it takes a current or throttle into account, the bias is that without them: see
     `list_left_out`. Raises `AgonicError` where it mixes two magnetometers.
-
-    >>> from agonic.calibration.chain import Chain
-    >>> from scipy.spatial.transform import Rotation
-    >>> turn = Alignment(rotation=Rotation.from_euler("z", 90, degrees=True))
-    >>> chain = Chain(steps=(Affine(bias=[1, 2, 3], matrix=np.eye(3) * 2), turn))
-    >>> reduce(chain)[0].round(9).tolist(), reduce(chain)[1].round(9).tolist()
-    ([1.0, 2.0, 3.0], [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     """
     one = compose(calibration)
     if "second" in one.needs:
@@ -111,13 +99,7 @@ def reduce(calibration: Calibration) -> tuple[Array, Array]:
 
 
 def list_left_out(calibration: Calibration) -> tuple[str, ...]:
-    """Warnings for the sources that a target without a term for them leaves in the field.
-
-    >>> from agonic.calibration.interference import Interference
-    >>> list_left_out(Interference(bias=np.zeros(3), matrix=np.eye(3), sources=("current_A",),
-    ...                       coefficients=[[300.0], [0.0], [400.0]]))[0].split(";")[0]
-    'the target has no term for current_A: 500 nT per unit of it stay in the field'
-    """
+    """Warnings for the sources that a target without a term for them leaves in the field."""
     one = compose(calibration)
     if not isinstance(one, Interference):
         return ()
@@ -131,10 +113,7 @@ def list_left_out(calibration: Calibration) -> tuple[str, ...]:
 
 
 def require_physical(calibration: Calibration, unit: str) -> tuple[Array, Array]:
-    """`reduce`, for a target whose numbers are in `unit`: bias in nT, matrix without unit.
-
-    Raises `UnitError` where the calibration is for readings or a field of unknown scale.
-    """
+    """`reduce`, for a target whose numbers are in `unit`: bias in nT, matrix without unit."""
     bias, matrix = reduce(calibration)
     if {calibration.unit_in, calibration.unit_out} != {"nT"}:
         raise UnitError(
@@ -210,11 +189,7 @@ def join_steps(steps: Iterable[Any]) -> Calibration:
 def find_source_term(
     calibration: Calibration, frame: str, *, rotation_bm: Rotation | None = None
 ) -> tuple[str, Array] | None:
-    """The current or throttle and its coefficient, after `hold_sources`.
-
-    Returns its name and K (3,), readings in nT per unit of it, in the axes of `frame`; `None`
-    where the calibration has none.
-    """
+    """The current or throttle and its coefficient, after `hold_sources`."""
     one = compose(calibration)
     if not isinstance(one, Interference):
         return None
@@ -290,10 +265,6 @@ def split_rotation(matrix: ArrayLike) -> tuple[Array, Rotation]:
     The symmetric factor gives the same magnitudes and the rotation is what it leaves out: a target
     that holds a symmetric matrix only shows the field turned by the inverse of that rotation.
     Source: Higham, Functions of Matrices (2008), chapter 8.
-
-    >>> symmetric, left_out = split_rotation([[0, -2, 0], [2, 0, 0], [0, 0, 2]])
-    >>> symmetric.round(9).tolist(), left_out.as_rotvec(degrees=True).round(9).tolist()
-    ([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], [0.0, 0.0, 90.0])
     """
     from scipy.spatial.transform import Rotation  # slow to load
 
@@ -309,10 +280,7 @@ def split_rotation(matrix: ArrayLike) -> tuple[Array, Rotation]:
 def take_symmetric(
     calibration: Calibration, frame: str, *, unit: str, rotation_bm: Rotation | None = None
 ) -> tuple[Array, Array, tuple[str, ...]]:
-    """`turn_into_frame`, for a target that holds a symmetric matrix.
-
-    Returns bias (3,) nT, the entries xx yy zz xy xz yz (6,), and warnings.
-    """
+    """`turn_into_frame`, for a target that holds a symmetric matrix."""
     bias, matrix, warnings = turn_into_frame(calibration, frame, unit=unit, rotation_bm=rotation_bm)
     symmetric, left_out = split_rotation(matrix)
     angle = np.degrees(left_out.magnitude())

@@ -10,13 +10,7 @@ from agonic.errors import MissingExtraError
 
 
 def make_parquet(table: Mapping[str, Any]) -> bytes:
-    """The columns by header, numbers or texts, compressed.
-
-    Raises `MissingExtraError` without pyarrow.
-
-    >>> make_parquet({"time_s": [0.0, 0.1]})[:4]
-    b'PAR1'
-    """
+    """The columns by header, numbers or texts, compressed."""
     try:
         import pyarrow as pa
         from pyarrow import parquet

@@ -61,10 +61,7 @@ ORDERS = np.array([[1.0], [2.0], [3.0]])
 def compute_thermal_parameters(
     calibration: Calibration, at: float, into: Array, *, slot: int
 ) -> tuple[dict[str, float | int], tuple[str, ...]]:
-    """TC_M_ENABLE and TC_Mn_* but for the ID, and what they leave in the field.
-
-    Parameters: `at` is TREF; `into` (3, 3) turns the axes of the readings into sensor axes.
-    """
+    """TC_M_ENABLE and TC_Mn_* but for the ID, and what they leave in the field."""
     cubic = _fit_cubic(calibration, at)
     terms = np.vstack([np.zeros(3), cubic @ into.T]) / NANOTESLA_PER["G"]
     values = (*terms.ravel().tolist(), at, *find_range_C(calibration))
@@ -201,14 +198,7 @@ def compute_px4_parameters(
     rotation_bm: Rotation | None = None,
     temperature_C: float | None = None,
 ) -> tuple[dict[str, float | int], tuple[str, ...]]:
-    """The parameters by name, and warnings.
-
-    >>> from agonic.calibration.affine import Affine
-    >>> mag = Affine(bias=[3000, 0, 0], matrix=np.eye(3) * 1.1)
-    >>> parameters, _ = compute_px4_parameters(mag, device_id=396809)
-    >>> parameters["CAL_MAG0_XOFF"], parameters["CAL_MAG0_YSCALE"]
-    (0.03, 1.1)
-    """
+    """The parameters by name, and warnings."""
     turn_bm, angles = find_turn_inside(calibration, rotation_bm)
     oriented: dict[str, float | int] = {}
     if angles is not None and rotation is None:

@@ -81,11 +81,7 @@ def find_target(name: str) -> Target:
 
 
 def list_words(names: list[str], last: str) -> str:
-    """Names as a sentence has them.
-
-    >>> list_words(["px4", "c", "table"], "or")
-    'px4, c or table'
-    """
+    """Names as a sentence has them."""
     return f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
@@ -135,11 +131,7 @@ def write(
 
 
 def compass_number(sensor: str) -> int:
-    """Which compass of its vehicle a sensor's name means, from 1.
-
-    >>> [compass_number(s) for s in ("MAG", "MAG2", "MAG[1]", "sensor_mag[0]", "SCALED_IMU3")]
-    [1, 2, 2, 1, 3]
-    """
+    """Which compass of its vehicle a sensor's name means, from 1."""
     if found := re.search(r"\[(\d+)\]$", sensor):
         return int(found[1]) + 1
     found = re.search(r"(\d)$", sensor)

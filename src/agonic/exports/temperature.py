@@ -83,13 +83,7 @@ def changes_with_temperature(calibration: Calibration) -> bool:
 
 
 def find_range_C(calibration: Calibration) -> tuple[float, float]:
-    """The temperatures for which all steps of a calibration were made.
-
-    >>> find_range_C(
-    ...     Thermal(bias=[[1, 0, 0]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
-    ... )
-    (-10.0, 50.0)
-    """
+    """The temperatures for which all steps of a calibration were made."""
     ranges = [_range(step) for step in steps_of(calibration) if isinstance(step, Thermal)]
     if not ranges:
         raise AgonicError(f"{calibration.sensor} is calibrated at one temperature")
@@ -112,11 +106,6 @@ def evaluate_affine(
 
     At one temperature every calibration is affine in the reading and the signals, so the readings
     0, e₁, e₂, e₃ and a unit of each signal tell all of it.
-
-    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
-    ...                centre_C=20.0, half_range_C=30.0)
-    >>> evaluate_affine(warm, [20.0, 50.0])[0][:, 0].round(9).tolist()
-    [100.0, 150.0]
     """
     temperature = np.atleast_1d(np.asarray(temperature_C, dtype=np.float64))
     n, size = len(temperature), 1e5  # of a usual reading, for the rounding
@@ -161,15 +150,7 @@ def list_signals(calibration: Calibration) -> tuple[str, ...]:
 
 
 def fit_polynomials(calibration: Calibration) -> Polynomials:
-    """The polynomials of a calibration that changes with temperature, of the lowest order.
-
-    Raises `AgonicError` where none of order 12 follows it.
-
-    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
-    ...                centre_C=20.0, half_range_C=30.0)
-    >>> fit_polynomials(warm).bias.round(6)[:, 0].tolist()
-    [100.0, 50.0]
-    """
+    """The polynomials of a calibration that changes with temperature, of the lowest order."""
     low, high = find_range_C(calibration)
     centre, half = _scale(calibration, low, high)
     reach = max((high - low) / 2, 0.0) + MARGIN_C
@@ -262,18 +243,8 @@ def compute_remainder(
     *,
     bias_at: Callable[[Array], Array] | None = None,
 ) -> Remainder:
-    """What the matrix of one temperature, and the biases (n, 3) of `bias_at`, leave in the field.
-
-    Parameters: `bias_at` gives the bias that the target takes off at temperatures (n,); default:
-    that of `temperature_C` always. The mean square of the first term of the equation above over
-    directions is |m|² times a third of the squared Frobenius norm; the largest sum is searched.
-
-    >>> from agonic.calibration.thermal import Thermal
-    >>> warm = Thermal(bias=[[0, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
-    ...                centre_C=20.0, half_range_C=30.0)
-    >>> str(compute_remainder(warm, 20.0)).split(",")[0]
-    'over -10 to 50 C the field is off by up to 50 nT (0.057 deg)'
-    """
+    """What the matrix of one temperature, and the biases (n, 3) of `bias_at`, leave in the
+    field."""
     low, high = find_range_C(calibration)
     levels = np.linspace(low, high, LEVELS)
     bias, matrix, _ = evaluate_affine(calibration, levels)
@@ -302,13 +273,6 @@ def hold_temperature(
 
     One that does not change with temperature comes back as it is. Raises `AgonicError` where a
     temperature is needed and missing or the other way round, `ValidityError` outside the range.
-
-    >>> from agonic.calibration.thermal import Thermal
-    >>> warm = Thermal(bias=[[0, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
-    ...                centre_C=20.0, half_range_C=30.0)
-    >>> one, warnings = hold_temperature(warm, 50.0)
-    >>> one.bias.tolist(), warnings[0].split(":")[0]
-    ([50.0, 0.0, 0.0], 'held at 50 C')
     """
     known = require_calibration(calibration)
     if not changes_with_temperature(known):

@@ -24,14 +24,7 @@ def write_vehicle(
     *,
     unused: tuple[str, ...] = (),
 ) -> Export:
-    """Write the parameters of several compasses into one file.
-
-    Parameters: the autopilot; calibrations by the names of their sensors, whose numbers are those
-    of the compasses; the names of sensors that are not to be used.
-
-    Returns an `Export`, whose warnings begin with the sensor's name. Raises what the writer of one
-    compass raises.
-    """
+    """Write the parameters of several compasses into one file."""
     texts, warnings = list[str](), list[str]()
     with TemporaryDirectory() as folder:
         for name, calibration in calibrations.items():
@@ -45,11 +38,7 @@ def write_vehicle(
 
 
 def _use(target: str, name: str, used: bool) -> str:
-    """The row that has a compass used or not.
-
-    >>> _use("ardupilot", "MAG2", False), _use("px4", "sensor_mag[0]", True)
-    ('COMPASS_USE2,0', '1\\t1\\tCAL_MAG0_PRIO\\t50\\t6')
-    """
+    """The row that has a compass used or not."""
     parameter, yes, no = USE[target]
     number = compass_number(name)
     if target == "ardupilot":

@@ -32,11 +32,8 @@ MODELS = {"igrf": igrf, "wmm": wmm, "wmmhr": wmmhr}
 
 
 def choose_model(year: float, name: str | None = None) -> Model:
-    """The model that is asked for by name, or WMM2025 in the years it was made for and IGRF before.
-
-    >>> choose_model(2014.5).name, choose_model(2026.5).name
-    ('IGRF-14', 'WMM2025')
-    """
+    """The model that is asked for by name, or WMM2025 in the years it was made for and IGRF
+    before."""
     if name is not None:
         check_choice("model", name, tuple(MODELS))
         return MODELS[name]()
@@ -51,13 +48,7 @@ def field_at(
     samples: Samples,
     name: str | None = None,
 ) -> Expected:
-    """What to expect at a place, on a date, or on the log's own, or else today.
-
-    >>> s = Samples(field=[[0, 0, 1.0]])
-    >>> expected = field_at(52.0, 5.0, 0.0, "2026-03-01", s)
-    >>> expected.reference.magnitudes(1).round(), round(expected.inclination_deg, 1)
-    (array([49464.]), 67.2)
-    """
+    """What to expect at a place, on a date, or on the log's own, or else today."""
     when = date or (samples.epoch or datetime.now(UTC)).date().isoformat()
     model = choose_model(float(decimal_year(when)), name)
     here = model.at(latitude_deg, longitude_deg, altitude_m, when)
@@ -68,11 +59,7 @@ def field_at(
 
 
 def describe_missing(samples: Samples) -> str:
-    """What a log lacks for the field along its track to be known, in words.
-
-    >>> describe_missing(Samples(field=[[0, 0, 1.0]], latitude_deg=[52.0]))
-    'the log has no longitude or date'
-    """
+    """What a log lacks for the field along its track to be known, in words."""
     parts = {
         "latitude": samples.latitude_deg,
         "longitude": samples.longitude_deg,
@@ -148,9 +135,6 @@ def choose_reference(
 
     From the magnitude (nT) or the place that was given, or else from the log's own place and date;
     `name` asks for one of `MODELS`.
-
-    >>> choose_reference(Samples(field=[[0, 0, 1.0]]), magnitude=50_000.0)[0].values
-    array([50000.])
     """
     if magnitude is not None:
         return Reference.constant(magnitude, source="given"), {}

@@ -85,10 +85,7 @@ class Understood(NamedTuple):
 
 
 def understand(path: Path, samples: Samples) -> Understood:
-    """The calibration of a file of another program, read as these samples show it is meant.
-
-    Raises `LogError` where no way of reading it makes the magnitude steadier than it is.
-    """
+    """The calibration of a file of another program, read as these samples show it is meant."""
     tried = sorted(_try_all(read_foreign(path), samples), key=lambda one: one[0])
     spread, affine, how = tried[0]
     before = _find_spread(samples.field)
@@ -121,10 +118,7 @@ def understand(path: Path, samples: Samples) -> Understood:
 
 def read_plain(path: Path, number: int | None = None) -> Affine:
     """The one calibration, or that of the compass of a number, in a file whose form says how it is
-    meant.
-
-    Raises `LogError` where it holds several, or only a log can tell.
-    """
+    meant."""
     read = read_foreign(path)
     if len(read) > 1 and number is not None:
         read = [one for one in read if one.number == number] or read

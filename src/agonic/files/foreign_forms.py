@@ -68,10 +68,7 @@ def is_foreign(path: Path) -> bool:
 
 
 def read_foreign(path: Path) -> list[Foreign]:
-    """Every calibration that a file of another program holds.
-
-    Raises `LogError` where it holds no vector of three numbers and no matrix of nine.
-    """
+    """Every calibration that a file of another program holds."""
     data = read_bytes(path)
     for read in (_read_packet, _read_matlab, _read_json, _read_parameters, _read_text):
         if len(data) < LARGEST_FILE and (found := read(data)):

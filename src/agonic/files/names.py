@@ -21,11 +21,6 @@ def file_stem(sensor: str) -> str:
 
     Letters, digits, "-" and "_" stay. Where others had to be replaced, a digest of the name
     follows, but for the numbered topics of PX4.
-
-    >>> file_stem("COM1")
-    'COM1-6eac394b'
-    >>> file_stem("MAG2"), file_stem("sensor_mag[0]"), file_stem("left.mag")
-    ('MAG2', 'sensor_mag_0', 'left_mag-25793d4c')
     """
     if topic := _INSTANCE.fullmatch(sensor):
         return f"{topic[1]}_{topic[2]}"

@@ -27,12 +27,7 @@ def load_state(
     what: str,
     restore: Callable[[Record], Restored],
 ) -> Restored:
-    """What `restore` makes of the record in a file of JSON.
-
-    Parameters: the file; the kind of its record, which has a `schema`; the name of that; what the
-    file is called. Raises `LogError` where it is missing, damaged, something else, or made by a
-    newer agonic.
-    """
+    """What `restore` makes of the record in a file of JSON."""
     data = read_bytes(path)
     try:
         record: Any = msgspec.json.decode(data, type=kind)
@@ -44,11 +39,7 @@ def load_state(
 
 
 def as_array(kind: Any, value: Any) -> Array:
-    """The numbers of an array, as a hook of `msgspec.convert`; `ValueError` where they are none.
-
-    >>> as_array(Array, [[1, 2]]).tolist()
-    [[1.0, 2.0]]
-    """
+    """The numbers of an array, as a hook of `msgspec.convert`; `ValueError` where they are none."""
     array = np.array(value)
     if array.dtype.kind not in "fi":
         raise ValueError("a value is not a number")

@@ -16,11 +16,7 @@ from agonic.logs.formats import name_content
 
 
 def write_value(value: Any) -> str:
-    r"""A text, number or list as a value of TOML: as in JSON, but for the delete character.
-
-    >>> write_value('a "b"'), write_value([1.5, 2])
-    ('"a \\"b\\""', '[1.5, 2]')
-    """
+    """A text, number or list as a value of TOML: as in JSON, but for the delete character."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -48,13 +44,6 @@ def read_section(
 
     `kind` is a `Struct` or a dataclass; `beside` are the sections that may stand in the same
     place, for the list of what is known.
-
-    >>> class Place(msgspec.Struct):
-    ...     latitude_deg: float
-    >>> mistakes: list[str] = []
-    >>> read_section({"latitude": 50.0}, Place, "[site]", mistakes)
-    >>> mistakes
-    ['[site] has no key `latitude` (its keys: latitude_deg)', '[site] needs `latitude_deg`']
     """
     if table is None:
         return None

@@ -62,11 +62,7 @@ VERTICAL = 0.6 * VERTICAL_DOUBTFUL
 def find_doubts(
     fits: Fits, grouped: Grouped, residuals: GroupedResiduals, *, unit: str
 ) -> Mapping[str, Mask]:
-    """The sensors (n,) to be fitted to their rows, by the reason.
-
-    Parameters: what the moments gave, the sums they were, the residuals of those fits, and the
-    unit of the readings.
-    """
+    """The sensors (n,) to be fitted to their rows, by the reason."""
     count = grouped.count
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = residuals.sd
@@ -130,33 +126,7 @@ def calibrate_dataset(
     would change the answer, and those for which there is no good one, are calibrated by their rows
     as `agonic calibrate` does it.
 
-    Parameters
-    ----------
-    dataset : what `find_dataset` gave, or the path of a file or folder for it.
-    settings : as for `agonic calibrate`; see `FleetSettings`.
-    refine : "auto", "all" for every sensor by its rows, "none" for moments alone.
-    engine : where sensors are calibrated by their rows; without, processes of this machine.
-    progress : is told the stage, and how many of how many sensors are done.
-
-    Returns the table; `method` is "adjusted" where the result is from moments. A file that is
-    damaged is a row of its own. Raises `LogError` where there is no dataset.
-
     Source: adjusted least squares (Markovsky, Kukush & Van Huffel 2004); DuckDB for the sums.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> import pyarrow as pa
-    >>> from pyarrow.parquet import write_table
-    >>> u = np.random.default_rng(0).normal(size=(900, 3))
-    >>> raw = 50_000 * u / np.linalg.norm(u, axis=1, keepdims=True) + [700.0, 0, 0]
-    >>> raw += np.random.default_rng(1).normal(size=(900, 3)) * 150
-    >>> columns = {f"mag_{a}_nT": raw[:, i] for i, a in enumerate("xyz")}
-    >>> with TemporaryDirectory() as folder:
-    ...     write_table(pa.table({"sensor": np.arange(900) % 3, **columns}), folder + "/d.parquet")
-    ...     table = calibrate_dataset(folder + "/d.parquet")
-    >>> table["sensor"].tolist(), table["method"].tolist()
-    (['0', '1', '2'], ['adjusted', 'adjusted', 'adjusted'])
     """
     check_choice("refine", refine, get_args(Refine))
     settings = settings or FleetSettings()

@@ -37,19 +37,7 @@ def describe_population(
 ) -> Document:
     """The calibrations of many sensors as a page to look at and to search.
 
-    Parameters
-    ----------
-    population : the rows; their reports and calibration files are linked where they are named.
-    title : what the page is about.
-    outliers : sensors that stand out, from `find_outliers`; by default they are looked for.
-
     Its page is dark and light, and has the same bytes for the same rows.
-
-    >>> from agonic.population import Row
-    >>> row = Row(sensor="<a>", source="a.csv", verdict="refused", status="the file is empty")
-    >>> page = describe_population(Population.of([row]), title="Boards of May").to_html()
-    >>> "&lt;a&gt;" in page or "<a>" in page, "The file is empty." in page
-    (False, True)
     """
     found = find_outliers(population) if outliers is None else outliers
     groups, same = find_peers(population), find_duplicates(population)

@@ -67,11 +67,7 @@ class Here:
     """The engine that does everything in this process, one task after the other."""
 
     def run(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
-        """As `Engine.run`.
-
-        >>> list(Here().run(abs, [-1, 2]))
-        [(-1, 1), (2, 2)]
-        """
+        """As `Engine.run`."""
         for task in tasks:
             yield task, function(task)
 
@@ -86,9 +82,6 @@ class Processes:
 
     A task that ends its process is tried once more; one that takes longer than `longest_s` seconds
     is stopped. Both come back as `Lost`, and the others are not concerned.
-
-    >>> sorted(result for _, result in Processes(1).run(abs, [-1, 2, -3]))
-    [1, 2, 3]
     """
 
     workers: int | None = None

@@ -50,10 +50,7 @@ class Inputs:
 
 
 def find_inputs(named: Iterable[Path | str], settings: FleetSettings | None = None) -> Inputs:
-    """The logs and datasets that files, folders (with all that is in them) and patterns name.
-
-    Raises `AgonicError` where a pattern or a name has no file, or all of them no log.
-    """
+    """The logs and datasets that files, folders (with all that is in them) and patterns name."""
     asked = settings or FleetSettings()
     datasets: dict[str, Dataset] = {}
     explicit: dict[str, str] = {}
@@ -172,12 +169,6 @@ def name_sensors(path: str, rows: Sequence[Row], pattern: str | None) -> list[Ro
     A sensor is its number for autopilots where the log knows it, else the stem of the file, with
     the channel where the log has several. A `pattern` takes it from the path: by its group named
     `sensor`, its first group, or all of it.
-
-    >>> row = Row(sensor="", source="", verdict="good", status="")
-    >>> [one.sensor for one in name_sensors("a/7.csv", [row], None)]
-    ['7']
-    >>> [one.sensor for one in name_sensors("a/7.csv", [row, row], r"(\\w+)/")]
-    ['a mag', 'a mag']
     """
     path = escape_text(path)
     named = None if pattern is None else _get_group(re.search(pattern, path))

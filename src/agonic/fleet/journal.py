@@ -69,13 +69,6 @@ class Journal:
 
     One process writes. It commits about once a second; what was committed outlives a kill at any
     moment, and what was not is done again. Rows of other settings or another version stay.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> row = Row(sensor="a", source="a.csv", verdict="refused", status="empty")
-    >>> with TemporaryDirectory() as folder, Journal(folder + "/j.sqlite", work="w") as journal:
-    ...     journal.add("content", [row])
-    ...     journal.rows("content")[0].status, journal.rows("other")
-    ('empty', ())
     """
 
     def __init__(self, path: Path | str, *, work: str) -> None:

@@ -53,9 +53,6 @@ def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
 
     Nothing that is wrong with a log is raised. `folder` is where the table goes; what is written of
     the log goes into `calibrations` there.
-
-    >>> calibrate_log("nowhere.csv", settings=FleetSettings(), folder=".").rows[0].status
-    'there is no such file'
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what matters is among the findings of the row
@@ -131,13 +128,7 @@ def describe_log(
 
 
 def explain(error: Exception, path: str) -> str:
-    """Why a log has no calibration: the error without the path, which the row names.
-
-    >>> explain(LogError("not a number", path="a.csv", row=3), "a.csv")
-    'row 3: not a number'
-    >>> explain(ZeroDivisionError("division by zero"), "a.csv")
-    'unexpected: ZeroDivisionError: division by zero'
-    """
+    """Why a log has no calibration: the error without the path, which the row names."""
     if not isinstance(error, AgonicError):
         return " ".join(f"unexpected: {type(error).__name__}: {error}".split())[:500]
     return " ".join(str(error).removeprefix(path).lstrip(":, ").split())

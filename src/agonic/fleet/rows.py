@@ -26,16 +26,7 @@ def make_row(
     settings: str = "",
     version: str = "",
 ) -> Row:
-    """The row of one calibrated sensor; its figures are those of `agonic calibrate --json`.
-
-    Parameters: as the fields of `Row`. A refused fit has its figures too: they show why.
-
-    >>> from agonic.recording.mounting import calibrate
-    >>> from agonic.simulation import simulate
-    >>> row = make_row(calibrate(simulate("tumble").samples), sensor="a", source="a.csv")
-    >>> row.verdict, row.method, row.rows
-    ('good', 'ellipsoid', 3000)
-    """
+    """The row of one calibrated sensor; its figures are those of `agonic calibrate --json`."""
     fit, verification = calibrated.fit, calibrated.verification
     found = fit.calibration
     names = FREE_PARAMETERS if found.gauge == "free" else PARAMETERS
@@ -75,11 +66,7 @@ def make_row(
 def make_refused_row(
     status: str, *, sensor: str, source: str, samples: Samples | None = None, **known: Any
 ) -> Row:
-    """The row of a log, or of a sensor in it, that could not be calibrated at all.
-
-    >>> make_refused_row("the file is empty", sensor="a", source="a.csv").verdict
-    'refused'
-    """
+    """The row of a log, or of a sensor in it, that could not be calibrated at all."""
     facts = {} if samples is None else describe_samples(samples)
     return Row(sensor=sensor, source=source, verdict="refused", status=status, **facts, **known)
 

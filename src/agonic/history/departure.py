@@ -101,18 +101,7 @@ def add_departures(drift: Drift, departed: Iterable[Departure]) -> Drift:
 def find_moves(
     latest: Population, previous: Population, rate: float | None = None
 ) -> list[Departure]:
-    """The sensors that moved unlike the others between two calibrations of each.
-
-    >>> from agonic.population import Row
-    >>> def row(k, bias):
-    ...     return Row(sensor=f"s{k:02d}", source="", verdict="good", status="", unit_in="nT",
-    ...                bias_x=bias, bias_y=k % 2, bias_z=k % 5, bias_x_sd=1.0,
-    ...                bias_y_sd=1.0, bias_z_sd=1.0)
-    >>> before = Population.of([row(k, 100.0 * k) for k in range(20)])
-    >>> after = Population.of([row(k, 100.0 * k + k % 3 + 900 * (k == 7)) for k in range(20)])
-    >>> [(d.sensor, d.kind) for d in find_moves(after, before)]
-    [('s07', 'move')]
-    """
+    """The sensors that moved unlike the others between two calibrations of each."""
     now, then = _pair(latest, previous)
     if rate is None:
         rate = choose_rate(len(now))
@@ -194,8 +183,6 @@ def find_drifting(history: History, progress: Callable[[int, int], None] | None 
     """The sensors whose bias drifts, as `drift` judges it, with steps not taken out.
 
     A plain line through the biases comes first: where it sees nothing, nothing is there.
-
-    Parameters: `progress` is told how many of how many sensors are done.
     """
     columns = history.columns(*_COLUMNS)
     first, last = _find_sensors(columns)

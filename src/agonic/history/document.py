@@ -32,11 +32,7 @@ _UNITS_S = {"days": 86_400.0, "months": DAYS_A_MONTH * 86_400.0, "years": YEAR_S
 
 
 def choose_unit(days: float) -> str:
-    """Days, months or years, by how long a history is.
-
-    >>> choose_unit(89), choose_unit(90), choose_unit(900)
-    ('days', 'months', 'years')
-    """
+    """Days, months or years, by how long a history is."""
     return "days" if days < 90.0 else "years" if days >= 900.0 else "months"
 
 
@@ -157,22 +153,7 @@ _COLUMNS = (
 
 
 def describe_drift(drift: Drift, *, title: str = "") -> Document:
-    """How the calibration of one sensor moved over time.
-
-    Parameters
-    ----------
-    drift : as `agonic.history.drift` gives it. title : of the page; default: the sensor.
-
-    >>> from datetime import UTC, datetime
-    >>> from agonic.history.fit import drift
-    >>> from agonic.population import Population
-    >>> rows = [Row(sensor="<7>", source=f"{k}.csv", verdict="good", status="", bias_x=float(k % 3),
-    ...             bias_y=0.0, bias_z=0.0, start=datetime(2026, 1, 1 + k, tzinfo=UTC))
-    ...         for k in range(6)]
-    >>> made = describe_drift(drift(Population.of(rows), datetime(2026, 2, 1, tzinfo=UTC)))
-    >>> made.to_html().count("&lt;7&gt;"), made.to_text().splitlines()[0]
-    (2, '✓ <7>: good')
-    """
+    """How the calibration of one sensor moved over time."""
     trends = {kind: [one for one in drift.trends if one.kind == kind] for kind in KINDS}
     sections = [
         Section(_TITLES[kind], [lambda shown=shown: draw_trends(shown, drift)])  # type: ignore[misc]
@@ -205,11 +186,7 @@ def describe_drift(drift: Drift, *, title: str = "") -> Document:
 def describe_history(
     sensors: Sequence[SensorSummary], moving: set[str], departed: Sequence[Departure]
 ) -> Document:
-    """All sensors of a history: how many calibrations, which drift, and which left the others.
-
-    >>> describe_history([], set(), []).to_text()
-    'The history is empty.'
-    """
+    """All sensors of a history: how many calibrations, which drift, and which left the others."""
     rows = [make_record(one) | {"drifts": one.sensor in moving} for one in sensors]
     total = count(sum(one.calibrations for one in sensors), "calibration")
     status = f"{count(len(sensors), 'sensor')}, {total}" if sensors else "The history is empty."

@@ -100,10 +100,6 @@ def make_series(time: Array, value: Array, sd: Array) -> Series:
     """A parameter as the kernels take it: time over its span, values about their mean.
 
     What a calibration does not tell is the mean, with an error that leaves it without weight.
-
-    >>> of = make_series(np.arange(3.0), np.array([1.0, np.nan, 5.0]), np.array([0.1, np.nan, 0.1]))
-    >>> of.value.tolist(), bool(of.variance[1] > 1e6)
-    ([-2.0, 0.0, 2.0], True)
     """
     span, known = (time - time[0]) / (time[-1] - time[0]), np.isfinite(value)
     about_mean = np.where(known, value - np.nanmean(value), 0.0)

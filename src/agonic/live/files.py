@@ -54,10 +54,7 @@ def save_state(params: LiveParams, state: LiveState, path: Path | str, origin: s
 
 
 def load_state(path: Path | str) -> tuple[LiveParams, LiveState, str]:
-    """Settings, state and origin of a state file.
-
-    Raises `LogError` where it is missing, damaged, something else, or made by another version.
-    """
+    """Settings, state and origin of a state file."""
     data = read_bytes(path)
     try:
         record = msgspec.msgpack.decode(data, type=StateFile)

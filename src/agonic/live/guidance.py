@@ -192,11 +192,7 @@ def _find_near_metal(
 
 
 def find_held_out(state: LiveState) -> Iterator[Finding]:
-    """Much was kept out, and what is near may as well be what was taken for the rest.
-
-    >>> [finding.name for finding in find_held_out(LiveState(n=100, held=40))]
-    ['disturbed']
-    """
+    """Much was kept out, and what is near may as well be what was taken for the rest."""
     share = state.held / max(state.n, 1)
     if share < MUCH:
         return
@@ -242,11 +238,7 @@ def _find_off_model(params: LiveParams, calibration: Affine) -> Iterator[Finding
 
 
 def tell_error(sd_deg: float | None) -> str:
-    """The standard error of the heading; where that says nothing, a word.
-
-    >>> tell_error(0.5), tell_error(2978.0)
-    ('  heading ±0.50°', '  heading undetermined')
-    """
+    """The standard error of the heading; where that says nothing, a word."""
     if sd_deg is None:
         return ""
     return f"  heading ±{sd_deg:.2f}°" if sd_deg < OPEN_DEG else "  heading undetermined"

@@ -126,11 +126,7 @@ def _smooth(down: Array, time: Array) -> Array:
 
 
 def find_gap(seen: Mask) -> tuple[int, int]:
-    """The first sector of the longest run that is missing, and how many it has.
-
-    >>> find_gap(np.array([True] * 3 + [False] * 2 + [True] * 6 + [False]))
-    (3, 2)
-    """
+    """The first sector of the longest run that is missing, and how many it has."""
     if not seen.any():
         return 0, len(seen)
     at = np.flatnonzero(seen)
@@ -140,11 +136,8 @@ def find_gap(seen: Mask) -> tuple[int, int]:
 
 
 def choose_step(level: Level, now_deg: float, predict: Callable[[Drive], float]) -> Plan | None:
-    """The step that lowers the heading's standard error most for its work; missing headings first.
-
-    Parameters: the error `now_deg`; `predict` tells it after a drive. `None` where none is worth
-    the way.
-    """
+    """The step that lowers the heading's standard error most for its work; missing headings
+    first."""
     plans = [Plan(step, predict(step.drive)) for step in list_steps(level)]
     if plans and len(plans[0].step.sectors) < SECTORS:  # of missing headings
         return plans[0]

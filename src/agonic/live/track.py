@@ -77,17 +77,7 @@ class Track(NamedTuple):
 
 
 def extend_track(track: Track | None, rows: Array, motion: Array) -> Track | None:
-    """The track with further readings, the same however they are cut in chunks.
-
-    Parameters: `rows` (n, 4) of time, s, and field; `motion` (n, 6) acceleration, m/s², and
-    rotation rate, rad/s, NaN where not known. Readings without an acceleration, and those that are
-    not later than all before, are left out.
-
-    >>> time = np.arange(6.0)[:, None] / 100
-    >>> track = extend_track(None, np.hstack([time, np.ones((6, 3))]), np.ones((6, 6)))
-    >>> track.sums[:, 0], track.slots
-    (array([2., 2., 2.]), array([0, 1, 2]))
-    """
+    """The track with further readings, the same however they are cut in chunks."""
     with np.errstate(invalid="ignore"):
         felt = np.isfinite(motion[:, :3]).all(axis=1) & motion[:, :3].any(axis=1)
     earlier = np.concatenate([[-np.inf if track is None else track.last_s], rows[:, 0]])

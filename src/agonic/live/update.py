@@ -39,8 +39,6 @@ def update_state(
 ) -> LiveState:
     """The state after rows (n, 4) of time and field, the same however they are cut in chunks.
 
-    Parameters: `motion` (n, 6) as of `LiveFit.add`.
-
     Rows that no sensor gives are left out and counted. A fit is made where the count of readings
     last passed a multiple of `params.every`.
     """

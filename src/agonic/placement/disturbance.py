@@ -122,11 +122,6 @@ def disturb(
 
 def deviate(service: Service, added: Array, horizontal: float) -> Array:
     """Heading error, magnetic less compass (k, …), degrees, of a tilt-compensated compass to whose
-    field is added (k, …, 3), nT; the level field is `horizontal`.
-
-    >>> level = Service(np.eye(3)[None], np.array([[2e4, 0.0, 4e4]]), np.zeros((1, 0)))
-    >>> deviate(level, np.array([[0.0, 2e4, 0.0]]), 2e4).tolist()
-    [45.0]
-    """
+    field is added (k, …, 3), nT; the level field is `horizontal`."""
     level = np.einsum("kij,k...j->k...i", service.rot_nb[:, :2], added)
     return np.asarray(np.degrees(np.arctan2(level[..., 1], horizontal + level[..., 0])))

@@ -142,14 +142,7 @@ class Layout(_Strict, frozen=True):
 
 
 def read_layout(path: Path) -> Layout:
-    """The list of parts in a TOML file; `EXAMPLE` has every key. Loops become wires.
-
-    Raises `LogError` where a key is missing or unknown or its value cannot be, and says where.
-
-    >>> made = read_layout(EXAMPLE)
-    >>> made.name, len(made.parts), made.currents["battery"]
-    ('Quadrotor', 3, (2.0, 25.0))
-    """
+    """The list of parts in a TOML file; `EXAMPLE` has every key. Loops become wires."""
     told = read_toml(path, "a list of parts in TOML")
     try:
         made = msgspec.convert({"name": path.stem, **told}, Layout)

@@ -68,11 +68,7 @@ class Mix:
 def list_mixes(
     names: Sequence[str], moments: Array, noise: Array, horizontal: float
 ) -> dict[tuple[int, int], Mix]:
-    """Every place (p) alone and every pair with the mix of least disturbance and noise together.
-
-    Parameters: `moments` E[d dᵀ] (3p, 3p) of what disturbs, nT²; `noise` (p,) of an axis, nT; the
-    `horizontal` field, nT.
-    """
+    """Every place (p) alone and every pair with the mix of least disturbance and noise together."""
     p, even = len(names), np.eye(3) / 3  # all directions count alike
     d = moments.reshape(p, 3, p, 3)
     of_products = np.einsum("ik,pjql->pijqkl", even, d).reshape(9 * p, 9 * p)
@@ -103,12 +99,7 @@ def list_mixes(
 
 
 def judge_recording(samples: Samples, horizontal: float = 20_000.0) -> Mix:
-    """The best mix of the two sensors of a recording of a vehicle that stands strapped down.
-
-    Parameters: samples in nT with `second`, while everything on board is switched. Raises
-    `LogError` without a second sensor, with too few readings, or where the vehicle moved. What is
-    left is no less than the noise of the mean hides.
-    """
+    """The best mix of the two sensors of a recording of a vehicle that stands strapped down."""
     if samples.second is None:
         raise LogError(f"{samples.name} has no second magnetometer beside it; log both")
     if len(samples) < FEWEST:
@@ -160,13 +151,8 @@ def read_places(path: Path | str) -> dict[str, Array]:
 
 
 def rank_places(places: dict[str, Array], noise: float, horizontal: float = 20_000.0) -> list[Mix]:
-    """Every place alone and every pair, the best first; sources are taken to switch by themselves.
-
-    >>> here = {"bow": np.array([[900.0, 0, 0]]), "mast": np.array([[-900.0, 0, 0]])}
-    >>> best = rank_places({**here, "stern": np.array([[500.0, 0, 0]])}, 100.0)[0]
-    >>> sorted((best.first, best.second)), round(best.left) < 50
-    (['bow', 'mast'], True)
-    """
+    """Every place alone and every pair, the best first; sources are taken to switch by
+    themselves."""
     names = sorted(places, key=lambda name: float(np.square(places[name]).sum()))
     added = np.concatenate([places[name] for name in names], axis=1)
     made = list_mixes(names, added.T @ added, np.full(len(names), noise), horizontal)

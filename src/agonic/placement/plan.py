@@ -88,9 +88,6 @@ def plan_placement(
     vehicles that differ from the list as its standard deviations let them. What is expected of the
     places that were found comes from vehicles that the search has not seen.
 
-    Parameters: `calibrated` magnetometers, of which only what currents change is left; so many
-    `vehicles` for either; `seed` of their parts. Raises `AgonicError` where nothing is allowed.
-
     Source: Kharchenko, Larin & Shinkarenko (document 001): a second sensor where disturbances are
     equal and opposite; here by the best linear unbiased combination of the two.
     """

@@ -53,15 +53,6 @@ def combine(moments: Array, east: Array, noise: Array, ridge: float = 0.0) -> tu
     is least where (M₁₁ + M₂₂ − M₁₂ − M₂₁) g = −(M₁₁ − M₂₁) i: the best linear unbiased combination
     (Gauss–Markov). Opposite and equal disturbances have G = −½, the mean of the two, at 0.71 of the
     noise; where both see the same, nothing cancels.
-
-    Parameters: `moments` E[x xᵀ] (9p, 9p), nT²; `east` E[n nᵀ] (3, 3); `noise` (p,) of an axis, nT;
-    a `ridge`, of the noise's variance, leaves G at 0 along what no n has. Returns E (n·u)² (p, p),
-    nT², of one alone on the diagonal, and G (p, p, 3, 3) for first (row) and second (column).
-
-    >>> opposite = np.kron([[1.0, -1.0], [-1.0, 1.0]], 1e6 * np.eye(9) / 3)
-    >>> square, mixes = combine(opposite, np.eye(3) / 3, np.array([100.0, 100.0]))
-    >>> float(mixes[0, 1, 0, 0].round(2)), float(np.sqrt(square[0, 1]).round())
-    (-0.5, 71.0)
     """
     p, whole = len(noise), np.eye(3).ravel()
     blocks = moments.reshape(p, 9, p, 9).swapaxes(1, 2)
@@ -88,8 +79,6 @@ def search(ensemble: Ensemble, *, most: int = 240, starts: int = 4) -> tuple[Arr
     A grid of at most so many places over all regions is tried pair by pair. About the best pairs
     that lie apart grids of half the step follow, within the regions, until the step is a
     thousandth of a region. Raises `AgonicError` where no place, or no pair, is allowed.
-
-    Parameters: `most` places of the grid; `starts` pairs that are followed.
     """
     layout = ensemble.layout
     grid, steps = lay_grid(layout, most)
@@ -141,10 +130,7 @@ def _refine(ensemble: Ensemble, pair: Array, steps: Array) -> tuple[float, Array
 
 def lay_grid(layout: Layout, most: int) -> tuple[Array, Array]:
     """At most so many allowed candidates (p, 4) evenly over all regions, and the step (r, 3) in
-    each, 0…1. A candidate is the number of its region and its coordinates there, 0…1.
-
-    Raises `AgonicError` where no place is far enough from parts and wires.
-    """
+    each, 0…1. A candidate is the number of its region and its coordinates there, 0…1."""
     sizes = np.linalg.norm(_pad_edges(layout), axis=2)
     step = sizes.max() or 1.0
     while np.prod(np.ceil(sizes / step) + 1, axis=1).sum() <= most and step > 1e-3:

@@ -18,9 +18,6 @@ class Duplicate:
     """Logs with the same content: their names, and the sensors that they are said to be of.
 
     `contested` where one channel of them is said to be of several sensors.
-
-    >>> Duplicate("0123abcd", ("a.csv", "b.csv"), ("a", "b"), (0, 1), True).sentence
-    'a.csv and b.csv are the same log, said to be of 2 sensors: a and b'
     """
 
     sha256: str
@@ -43,22 +40,7 @@ class Duplicate:
 def find_duplicates(population: Population) -> tuple[Duplicate, ...]:
     """Logs that are in a population more than once, under other names or of other sensors.
 
-    Parameters
-    ----------
-    population : its rows carry the digest (SHA-256) of the log that each is from.
-
-    Returns one `Duplicate` for each such log, in the order of the first source. Several sensors
-    of one source are no duplicates, unless their calibrations have the same numbers.
-
     Source: equal digests are equal content (FIPS 180-4).
-
-    Examples
-    --------
-    >>> from agonic.population import Row
-    >>> rows = [Row(sensor=s, source=f"{s}.csv", sha256="5e", verdict="good", status="")
-    ...         for s in "ab"]
-    >>> [found.sources for found in find_duplicates(Population.of(rows))]
-    [('a.csv', 'b.csv')]
     """
     by_digest: dict[str, list[int]] = {}
     for row, digest in enumerate(population["sha256"].tolist()):

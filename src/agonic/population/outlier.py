@@ -40,11 +40,7 @@ class Likelihoods(NamedTuple):
 
 
 def list_swaps() -> Array:
-    """The 48 matrices that take axes to axes, mirrored ones too, (48, 3, 3); first the identity.
-
-    >>> len(list_swaps()), list_swaps()[0].trace()
-    (48, np.float64(3.0))
-    """
+    """The 48 matrices that take axes to axes, mirrored ones too, (48, 3, 3); first the identity."""
     return np.concatenate([right_angles(), -right_angles()])
 
 
@@ -52,9 +48,6 @@ def swap_axes(parameters: Array, turn: Array) -> Array:
     """Bias, gains and cross-axis terms xy xz yz (…, 9) of the sensor with its axes swapped.
 
     b' = P b, W' = P W Pᵀ.
-
-    >>> swap_axes(np.arange(9.0), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])).tolist()
-    [-1.0, 0.0, 2.0, 4.0, 3.0, 5.0, -6.0, -8.0, 7.0]
     """
     own = np.argmax(np.abs(turn), axis=1)
     sign = turn[range(3), own]
@@ -153,26 +146,8 @@ def find_outliers(population: Population, *, rate: float | None = None) -> tuple
     Where the population shares a pattern of bias or soft iron, a sensor that belongs to it only
     after a swap of its axes (one of 48: b' = P b, W' = P W Pᵀ) is named for that instead.
 
-    Parameters
-    ----------
-    population : rows of sensors; each sensor counts once.
-    rate : the false discovery rate; default: 3 %, and up to 10 % among a few dozen sensors.
-
-    Returns them in the order of their rows, of one sensor the most striking first. Groups of less
-    than eight sensors have none: they cannot tell.
-
     Source: Benjamini, Hochberg, J. R. Stat. Soc. B 57 (1995) 289; Wang, Ramdas, J. R. Stat. Soc. B
     84 (2022) 822 for the swaps.
-
-    Examples
-    --------
-    >>> from agonic.population import Row
-    >>> def row(k, bias):
-    ...     return Row(sensor=f"s{k:02d}", source=f"{k:02d}.csv", verdict="good", status="",
-    ...                unit_in="nT", bias_x=bias, bias_y=0.1 * bias, bias_z=-50.0 - bias)
-    >>> crowd = [row(k, 40.0 * (-1) ** k + k) for k in range(20)] + [row(20, 9000.0)]
-    >>> [(o.sensor, o.quantity) for o in find_outliers(Population.of(crowd))]
-    [('s20', 'bias')]
     """
     groups = [group for group in find_peers(population) if group.enough]
     if rate is None:
@@ -194,9 +169,6 @@ def choose_rate(sensors: int) -> float:
     Few sensors show little of their tail, so that little can stand out, and a second look costs
     less than a board that is missed. Still of n regular ones at most 0.5 % are named by chance,
     and where a tenth is bad, chance adds no more than 0.3 sensors to the list.
-
-    >>> [choose_rate(n) for n in (8, 20, 50, 1000)]
-    [0.04, 0.1, 0.06, 0.03]
     """
     return max(RATE, min(0.1, 0.005 * sensors, 3.0 / max(sensors, 1)))
 

@@ -137,12 +137,6 @@ def find_peers(population: Population) -> tuple[Peers, ...]:
 
     Rows that were refused take no part. A channel of a log forms a group of its own where it has
     eight sensors or more; all others with the same units are put together.
-
-    >>> from agonic.population.population import Row
-    >>> rows = [Row(sensor=f"s{k}", source=f"{k}.csv", verdict="good", status="", unit_in="nT",
-    ...             unit_out="nT") for k in range(9)]
-    >>> [(len(group), group.name) for group in find_peers(Population.of(rows))]
-    [(9, 'readings in nT')]
     """
     rows = _choose_rows(population)
     columns = [population[name][rows].tolist() for name in ("unit_in", "unit_out", "channel")]

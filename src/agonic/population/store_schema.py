@@ -65,13 +65,7 @@ SENSOR, CHANNEL, SHA256, START, FINDINGS = (
 
 
 def make_entry(row: Row, now: datetime) -> list[Any]:
-    """A row as `INSERT` takes it; one without a date is dated now, and says so.
-
-    >>> row = Row(sensor="a", source="a.csv", verdict="refused", status="empty")
-    >>> now = datetime(2026, 5, 1, tzinfo=UTC)
-    >>> len(make_entry(row, now)) == INSERT.count("?"), make_entry(row, now)[1] == now.timestamp()
-    (True, True)
-    """
+    """A row as `INSERT` takes it; one without a date is dated now, and says so."""
     values = [
         (escape_text(value) if isinstance(value, str) and not value.isascii() else value)
         for value in _VALUES(row)

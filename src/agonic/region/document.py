@@ -16,15 +16,8 @@ from agonic.report.section import Section, Table, list_inputs
 
 
 def describe_map(found: FieldMap, turned: bool = False, source: Input | None = None) -> Document:
-    """Field and gradient in the middle of a region, how well they are known, where to measure next.
-
-    >>> rng = np.random.default_rng(1)
-    >>> from agonic.region.fit import fit_map
-    >>> places = rng.uniform(0, 2, (60, 3))
-    >>> made = describe_map(fit_map(places, 2e4 + rng.normal(0, 20, (60, 3))))
-    >>> made.verdict, len(made.values["next_m"])
-    ('good', 5)
-    """
+    """Field and gradient in the middle of a region, how well they are known, where to measure
+    next."""
     here = found.at((found.low + found.high) / 2)
     at_readings = found.at(found.readings.position)
     sd = np.linalg.norm(at_readings.sd, axis=1)

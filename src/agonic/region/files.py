@@ -21,10 +21,8 @@ PLACE = ("x_m", "y_m", "z_m")
 
 
 def read_region(path: Path, unit: str | None = None) -> tuple[Array, Samples]:
-    """Places (n, 3), m, and readings of a table with columns x_m, y_m, z_m and a calibrated field.
-
-    Raises `LogError` where a column is missing or a row is not whole, `UnitError` without a unit.
-    """
+    """Places (n, 3), m, and readings of a table with columns x_m, y_m, z_m and a calibrated
+    field."""
     samples = read(path, unit=unit)
     if samples.unit != "nT":
         raise UnitError(f"{path.name} names no unit of the field; give it with --unit")

@@ -35,13 +35,7 @@ class Axis:
         return np.asarray(np.clip((values - self.low) / ((self.high - self.low) or 1.0), 0.0, 1.0))
 
     def ticks(self, most: int = 6) -> Array:
-        """Round numbers along the axis: steps of 1, 2 or 5 times a power of ten.
-
-        >>> Axis("time, s", 0.0, 47.0).ticks()
-        array([ 0., 10., 20., 30., 40.])
-        >>> Axis("epoch", 1.0, 30.0, logarithmic=True).ticks()
-        array([ 1.,  2.,  5., 10., 20.])
-        """
+        """Round numbers along the axis: steps of 1, 2 or 5 times a power of ten."""
         if self.logarithmic:
             return self._decades()
         rough = (self.high - self.low) / most
@@ -62,12 +56,7 @@ class Axis:
 
 
 def fit_axis(label: str, values: Array) -> Axis:
-    """An axis that holds the values, and never shows less than they can be told apart.
-
-    >>> axis = fit_axis("°C", np.array([-10.0, 40.0, np.nan]))
-    >>> axis.low, axis.high
-    (-13.0, 43.0)
-    """
+    """An axis that holds the values, and never shows less than they can be told apart."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = max(0.06 * (high - low), 1e-7 * max(abs(low), abs(high)), 1e-9)
     return Axis(label, low - margin, high + margin)
@@ -78,10 +67,6 @@ class Columns:
 
     `right` (k,) is where each column with readings stands, thousandths of the area; `counts` (k,)
     how many it holds.
-
-    >>> columns = Columns(Axis("", 0.0, 10.0), np.array([1.0, 9.0, 2.0]), most=2)
-    >>> columns.right.tolist(), columns.mean(np.array([5.0, 7.0, 6.0])).tolist()
-    ([150.0, 900.0], [5.5, 7.0])
     """
 
     def __init__(self, x: Axis, along: Array, most: int = BINS) -> None:
@@ -157,13 +142,7 @@ _TIME_UNITS = (
 def along_time(
     time: Array, start: float, stop: float, since: str = "the first reading"
 ) -> tuple[Axis, Array]:
-    """An axis of the time since `start` in a unit that fits, and times as they lie along it.
-
-    >>> import numpy as np
-    >>> axis, at = along_time(np.array([60.0, 660.0]), 60.0, 660.0)
-    >>> axis.label, axis.low, axis.high, at.tolist()
-    ('time since the first reading, min', 0.0, 10.0, [0.0, 10.0])
-    """
+    """An axis of the time since `start` in a unit that fits, and times as they lie along it."""
     seconds, name = next((s, n) for least, s, n in _TIME_UNITS if stop - start >= least)
     label = f"time since {since}, {name}"
     return Axis(label, 0.0, (stop - start) / seconds), (time - start) / seconds
@@ -174,12 +153,6 @@ def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
 
     `time` (n,) is that of all readings, `rows` (m,) those that are shown. Findings tell moments by
     the clock of the log, so the label says where it stood at the first reading.
-
-    >>> import numpy as np
-    >>> along_rows(np.array([11.5, 12.5]), np.arange(2))[0].label
-    'time since the first reading (t = 11.5 s), s'
-    >>> along_rows(None, np.arange(3))
-    (Axis(label='reading', low=0.0, high=2.0, logarithmic=False), array([0., 1., 2.]))
     """
     if time is None or len(time) < 2:
         return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)

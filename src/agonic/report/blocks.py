@@ -17,31 +17,19 @@ def header(kicker: str, name: str, *more: str) -> Markup:
 
 
 def part(title: str, *content: str, level: str = "h2", anchor: str = "") -> Markup:
-    """A section under its heading, with an anchor to link to.
-
-    >>> part("Numbers", "none")
-    '<section><h2>Numbers</h2>none</section>'
-    """
+    """A section under its heading, with an anchor to link to."""
     return element("section", element(level, title), *content, id=anchor or None)
 
 
 def contents(entries: Iterable[tuple[str, str]]) -> Markup:
-    """A table of contents: anchors and titles.
-
-    >>> contents([("part-1", "Numbers")]).partition("<li>")[2]
-    '<a href="#part-1">Numbers</a></li></ul></nav>'
-    """
+    """A table of contents: anchors and titles."""
     links = (element("li", element("a", title, href=f"#{anchor}")) for anchor, title in entries)
     return element("nav", element("ul", *links), class_="contents", aria_label="Contents")
 
 
 def verdict(word: str, *said: str, move: str = "", found: Iterable[tuple[str, str]] = ()) -> Markup:
     """A verdict in its word and what that means, what was found, one a bullet with the sign of its
-    severity, what else is said, and the move that helps.
-
-    >>> "Do next: " in verdict("good", "All is well."), "Do next: " in verdict("good", move="go")
-    (False, True)
-    """
+    severity, what else is said, and the move that helps."""
     shown, meaning = MEANINGS[word]
     return element(
         "div",
@@ -56,11 +44,7 @@ def verdict(word: str, *said: str, move: str = "", found: Iterable[tuple[str, st
 
 
 def key_figures(entries: Iterable[tuple[str, str, str]]) -> Markup:
-    """The numbers to look at first: name, value, and what it is of.
-
-    >>> key_figures([("Noise", "12 nT", "one reading")]).count("</d")
-    5
-    """
+    """The numbers to look at first: name, value, and what it is of."""
     return element(
         "dl",
         *(

@@ -17,12 +17,7 @@ ASPECT = 1.5
 
 
 def fit_axes(labels: tuple[str, str], at: Array, margin: float = 0.1) -> tuple[Axis, Axis]:
-    """Axes across and up that show places (n, 2) at one scale.
-
-    >>> x, y = fit_axes(("x, m", "y, m"), np.array([[0.0, 0.0], [3.0, 1.0]]), margin=0.0)
-    >>> (x.low, x.high, y.low, y.high)
-    (0.0, 3.0, -0.5, 1.5)
-    """
+    """Axes across and up that show places (n, 2) at one scale."""
     low, high = at.min(axis=0), at.max(axis=0)
     middle, span = (low + high) / 2, (1 + 2 * margin) * np.maximum(high - low, 1e-6)
     tall = max(span[1], span[0] / ASPECT)
@@ -74,11 +69,7 @@ def draw_map(
 def trace_contour(values: Array, level: float) -> Array:
     """Pieces (n, 2, 2) of the line on which values (rows, columns) of a grid over the whole map
     reach a level, 0…1 from the left and from below. Each cell is two triangles, in which values
-    are linear.
-
-    >>> trace_contour(np.array([[0.0, 1.0], [0.0, 1.0]]), 0.5)[..., 0].tolist()
-    [[0.5, 0.5], [0.5, 0.5]]
-    """
+    are linear."""
     rows, columns = values.shape
     up, across = np.mgrid[0:rows, 0:columns]
     nodes = np.stack([across / (columns - 1), up / (rows - 1), values - level], axis=-1)

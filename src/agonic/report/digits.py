@@ -19,21 +19,13 @@ _HYPHEN = re.compile(r"(?<![\w.\-])-(?=\.?\d)")  # of a number, not of a date or
 
 
 def group_digits(value: float, decimals: int = 0) -> str:
-    """A number with its thousands set apart by thin spaces.
-
-    >>> group_digits(-30512.345, 1).replace(THIN, " ")
-    '−30 512.3'
-    """
+    """A number with its thousands set apart by thin spaces."""
     nearest = round(value, decimals) + 0.0  # the sum turns −0 into 0
     return f"{nearest:,.{max(decimals, 0)}f}".replace(",", THIN).replace("-", MINUS)
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """A number to some significant digits; whole digits are never dropped.
-
-    >>> significant(0.004127), significant(49871.3), significant(math.inf)
-    ('0.00413', '49\\u202f871', 'undetermined')
-    """
+    """A number to some significant digits; whole digits are never dropped."""
     if not math.isfinite(value):
         return UNDETERMINED
     return group_digits(value, max(_decimals(value, digits), 0))
@@ -43,9 +35,6 @@ def round_to_sd(value: float, sd: float | None) -> str:
     """A number to the second digit of a standard error, or to four digits where there is none.
 
     Never more than twelve digits, however small the standard error.
-
-    >>> round_to_sd(1.2345678, 0.00123), round_to_sd(1.2345678, None), round_to_sd(1.2345678, 1e-17)
-    ('1.2346', '1.235', '1.23456780000')
     """
     if not sd:
         return significant(value, 4)
@@ -53,22 +42,14 @@ def round_to_sd(value: float, sd: float | None) -> str:
 
 
 def with_sd(value: float, sd: float | None) -> str:
-    """A number with its standard error, both to the second digit of the latter.
-
-    >>> with_sd(1.2345678, 0.00123).replace(NO_BREAK, " "), with_sd(1.0, 0.0)
-    ('1.2346 ± 0.0012', '1.000')
-    """
+    """A number with its standard error, both to the second digit of the latter."""
     if not sd:
         return round_to_sd(value, sd)
     return f"{round_to_sd(value, sd)} ±{NO_BREAK}{group_digits(sd, min(_decimals(sd, 2), 12))}"
 
 
 def with_sd_in_powers(value: float, sd: float | None) -> str:
-    """The same, in a power of ten where the number is small.
-
-    >>> with_sd_in_powers(-4.48e-8, 6.6e-9).replace(NO_BREAK, " ")
-    '(−4.48 ± 0.66)·10⁻⁸'
-    """
+    """The same, in a power of ten where the number is small."""
     size = max(abs(value), sd or 0.0)
     if size == 0.0 or size >= 1e-3:
         return with_sd(value, sd)
@@ -78,20 +59,12 @@ def with_sd_in_powers(value: float, sd: float | None) -> str:
 
 
 def show_sign(text: str) -> str:
-    """A written number with its sign shown.
-
-    >>> show_sign("1.5"), show_sign("0.0")
-    ('+1.5', '0.0')
-    """
+    """A written number with its sign shown."""
     return f"+{text}" if text[0].isdigit() and text.strip("0.") else text
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """A number and its unit.
-
-    >>> quantity(151.7, "nT"), quantity(0.3149, "°", 2)
-    ('152\\u202fnT', '0.31°')
-    """
+    """A number and its unit."""
     if not math.isfinite(value):
         return UNDETERMINED
     space = "" if unit in ("", "°") else THIN
@@ -99,47 +72,27 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
 
 
 def count(n: int, noun: str, plural: str = "") -> str:
-    """A number of things, with the noun as that number wants it.
-
-    >>> count(1, "row"), count(0, "row"), count(2, "axis", "axes")
-    ('1 row', '0 rows', '2 axes')
-    """
+    """A number of things, with the noun as that number wants it."""
     return f"{group_digits(n)} {noun if n == 1 else plural or noun + 's'}"
 
 
 def write_minus(text: str) -> str:
-    """Text in which a hyphen before a number is the minus that it stands for.
-
-    >>> write_minus("at -66° (2015-11-21, levelled -0.5, COMPASS-2)")
-    'at −66° (2015-11-21, levelled −0.5, COMPASS-2)'
-    """
+    """Text in which a hyphen before a number is the minus that it stands for."""
     return _HYPHEN.sub(MINUS, text)
 
 
 def typeset(text: str) -> str:
-    """A sentence with its numbers written as in tables: minus signs, and thousands set apart.
-
-    >>> typeset("bias 44509.5 nT, at -66° in 1234 rows of 2026").replace(THIN, " ")
-    'bias 44 509.5 nT, at −66° in 1 234 rows of 2026'
-    """
+    """A sentence with its numbers written as in tables: minus signs, and thousands set apart."""
     return write_minus(_THOUSANDS.sub(lambda found: f"{int(found[0]):,}".replace(",", THIN), text))
 
 
 def percent(fraction: float) -> str:
-    """A fraction in per cent, to two significant digits.
-
-    >>> percent(0.0791), percent(0.00412)
-    ('7.9\\u202f%', '0.41\\u202f%')
-    """
+    """A fraction in per cent, to two significant digits."""
     return quantity(100 * fraction, "%", 2)
 
 
 def degrees(angle_deg: float) -> str:
-    """An angle to two significant digits.
-
-    >>> degrees(0.3149)
-    '0.31°'
-    """
+    """An angle to two significant digits."""
     return quantity(angle_deg, "°", 2)
 
 

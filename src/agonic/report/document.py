@@ -29,12 +29,7 @@ class Repeated(NamedTuple):
 
 
 def list_repeated(sensors: Sequence[Document]) -> list[Repeated]:
-    """Notes that several sensors have, whatever the file that each is about is called.
-
-    >>> noted = [Document(name=n, remarks=[f"{n}.h: no term"]) for n in ("MAG", "MAG2")]
-    >>> list_repeated(noted)[0][:2]
-    (['MAG.h', 'MAG2.h'], 'no term')
-    """
+    """Notes that several sensors have, whatever the file that each is about is called."""
     found: dict[str, Repeated] = {}
     for sensor in sensors:
         for remark in sensor.remarks:
@@ -114,13 +109,7 @@ class Document:
         return self.refused_numbers or self.verdict != "refused"
 
     def to_html(self) -> str:
-        """The page, which needs nothing else.
-
-        >>> made = Document(kind="Coil", name="a < b", verdict="good", status="All is well.")
-        >>> page = made.to_html()
-        >>> page.count("a &lt; b"), "All is well." in page
-        (2, True)
-        """
+        """The page, which needs nothing else."""
         name = self.title or self.name
         about = self.about or ("" if self.verdict else self.status)
         under = [element("p", typeset(about), class_="kicker")] if about else []
@@ -147,13 +136,6 @@ class Document:
         One finding a line, the gravest first, with what helps against it; of a refused result no
         more than those. `brief` leaves out notes, details, tables, and what each of several sensors
         would say again.
-
-        >>> made = Document(name="coil", verdict="good", method="4 reversals",
-        ...                 status="All is well.", entries={"Constant": "76 nT/A"})
-        >>> print(made.to_text())
-        ✓ coil: good (4 reversals)
-          All is well.
-          Constant  76 nT/A
         """
         lines = list(self._lines(width, brief))
         if self.next_step:

@@ -28,15 +28,7 @@ FRACTION = "fraction"
 
 
 def write_field(result: Any, name: str) -> str:
-    """The value of a field as it is shown; a dash for what could not be had.
-
-    >>> from typing import Annotated, NamedTuple
-    >>> from agonic.readable import Shown
-    >>> error = Annotated[float, Shown("Error", "°", sd="sd")]
-    >>> Found = NamedTuple("Found", [("error", error), ("sd", float)])
-    >>> write_field(Found(1.234, 0.0), "error"), write_field(Found(float("nan"), 0.1), "error")
-    ('1.23°', '–')
-    """
+    """The value of a field as it is shown; a dash for what could not be had."""
     how, value = list_shown(result.__class__)[name], getattr(result, name)
     if value is None:
         return NOTHING

@@ -29,11 +29,7 @@ FRAMES = {
 
 
 def per_label(source: str) -> str:
-    """What the coefficient of a source is for.
-
-    >>> per_label("current_A~0.3"), per_label("motor1_duty^1.5"), per_label("heater_A>0.5")
-    ('per A', 'at full duty', 'while on')
-    """
+    """What the coefficient of a source is for."""
     column, power, _ = re.sub(TIMING, "", source).partition("^")
     if ">" in source:
         return "while on"
@@ -43,9 +39,5 @@ def per_label(source: str) -> str:
 
 
 def unit_label(unit: str) -> str:
-    """A unit as it is shown.
-
-    >>> unit_label("raw")
-    'raw units'
-    """
+    """A unit as it is shown."""
     return "raw units" if unit == RAW else unit

@@ -88,12 +88,7 @@ def _block(block: Block) -> Markup:
 
 
 def list_inputs(*inputs: Input | None, method: Sequence[str] = (), equation: str = "") -> Section:
-    """A section of the files with their checksums, each once, the software, published sources.
-
-    >>> made = list_inputs(Input(name="log.csv", sha256="ab", count=3), None)
-    >>> made.blocks[0]["Inputs"]
-    'log.csv, 3 rows, SHA-256 ab'
-    """
+    """A section of the files with their checksums, each once, the software, published sources."""
     files = {one.sha256: one for one in inputs if one is not None}
     made = Provenance()
     entries = {

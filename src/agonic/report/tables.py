@@ -134,11 +134,7 @@ def spread(verification: Verification) -> str:
 
 def list_shares(sds: Mapping[str, float], most: int | None = None) -> list[str]:
     """The share of each cause in a variance, by the standard errors that causes make; beyond the
-    first `most` those of all others together.
-
-    >>> [one.replace("\u202f", " ") for one in list_shares({"noise": 0.4, "drift": 0.3})]
-    ['noise 64 %', 'drift 36 %']
-    """
+    first `most` those of all others together."""
     total = sum(sd**2 for sd in sds.values())
     each = [(name, sd**2 / total) for name, sd in sds.items()]
     if most is not None and len(each) > most + 1:

@@ -15,16 +15,7 @@ SIGNS = {"good": "✓", "check": "!", "refused": "✗"}
 
 
 def wrap(text: str, *, width: int = WIDTH, indent: str = "  ", label: str = "") -> str:
-    """Text as lines of a terminal's width; a label stands before the first.
-
-    Parameters
-    ----------
-    indent : before every line. label : before the first; the other lines begin where it ends.
-
-    >>> print(wrap("turn it about all the axes " * 5, label="Next  "))
-      Next  turn it about all the axes turn it about all the axes turn it about all the axes turn it
-            about all the axes turn it about all the axes
-    """
+    """Text as lines of a terminal's width; a label stands before the first."""
     return textwrap.fill(
         typeset(printable(text)),
         width,
@@ -36,12 +27,7 @@ def wrap(text: str, *, width: int = WIDTH, indent: str = "  ", label: str = "") 
 
 
 def wrap_command(command: str, *, width: int = WIDTH, label: str = "") -> str:
-    """A command to type, which goes on after a backslash where it is too long for a line.
-
-    >>> print(wrap_command("agonic info flight.bin", width=20, label="Next  "))
-    Next  agonic info \\
-          flight.bin
-    """
+    """A command to type, which goes on after a backslash where it is too long for a line."""
     lines = textwrap.wrap(
         printable(command),
         width - 2,
@@ -57,9 +43,6 @@ def wrap_entries(entries: Mapping[str, str], *, width: int = WIDTH, least: int =
     """Each entry on as many lines as it takes, its label before it, `least` characters wide.
 
     Lines of an entry stay lines.
-
-    >>> wrap_entries({"Noise": "12 nT", "Condition": "3.1"})
-    ['  Noise      12 nT', '  Condition  3.1']
     """
     wide = max(least, *map(len, entries), 0) + 2
     return [
@@ -78,13 +61,6 @@ def format_columns(
     Columns without an entry, which are there to be filled in on paper, are left out. In a table
     that is wider than `width` heads and names go over several lines; one that still is becomes a
     few lines for each row.
-
-    >>> format_columns(["nodes", "rms, nT"], [["3", "12.5"], ["10", "9.1"]])
-    ['  nodes  rms, nT', '      3     12.5', '     10      9.1']
-    >>> print("\\n".join(format_columns(["Fit", "Error, rms"], [["full + gyro", "0.4"]], 22)))
-                   Error,
-      Fit             rms
-      full + gyro     0.4
     """
     kept = [k for k in range(len(head)) if any(row[k] for row in rows)]
     table = [[row[k] for k in kept] for row in (head, *rows)]
@@ -127,10 +103,6 @@ def _lay_out(table: Sequence[Sequence[str]], wide: Sequence[int]) -> list[str]:
 
 
 def printable(text: str) -> str:
-    """Text without the control characters that a log could smuggle into a terminal.
-
-    >>> printable("a\\x07b"), printable("1\u202fnT") == "1\u202fnT"
-    ('a?b', True)
-    """
+    """Text without the control characters that a log could smuggle into a terminal."""
     kept = (c if c.isprintable() or unicodedata.category(c) == "Zs" else "?" for c in text)
     return "".join(kept)

@@ -23,9 +23,6 @@ def moves(findings: Iterable[Finding]) -> list[str]:
     """What helps against findings, that of the gravest first; notes need nothing done.
 
     To record longer comes after what another finding asks for: it helps against no cause.
-
-    >>> moves([Finding("a", "check", "odd", "look"), Finding("b", "refuse", "bad", "turn it")])
-    ['turn it', 'look']
     """
     found = sorted(findings, key=lambda finding: finding.move.startswith(RECORD_LONGER))
     return [
@@ -37,9 +34,5 @@ def moves(findings: Iterable[Finding]) -> list[str]:
 
 
 def sentence(text: str) -> str:
-    """A capital first and a full stop last.
-
-    >>> sentence("turn it nose down"), sentence("mag1.h: without current_A")
-    ('Turn it nose down.', 'mag1.h: without current_A.')
-    """
+    """A capital first and a full stop last."""
     return start_sentence(text) + ("" if text.endswith((".", "!", "?", "…")) else ".")

@@ -37,14 +37,7 @@ class Rows(Table):
 
 
 def describe_reproduction(source: Source, rows: Sequence[Row], folder: Path) -> Document:
-    """The document beside what was made of it in a folder.
-
-    >>> from agonic.reproduce.run import Item
-    >>> item = Item(at="table", what="x", page="", command="", key="", limit=">= 5.44")
-    >>> made = Source(name="samsat", title="A chamber", origin="", setup=[], items=[item])
-    >>> print(describe_reproduction(made, [Row(item, [7.1])], Path()).to_text().splitlines()[0])
-    A chamber: 1 of 1 item met.
-    """
+    """The document beside what was made of it in a folder."""
     met = sum(row.verdict == "met" for row in rows)
     status = f"{met} of {count(len(rows), 'item')} met."
     table = Rows(HEAD, [*map(write_row, rows)], "findings")
@@ -102,11 +95,7 @@ def _list_figures(source: Source, folder: Path) -> Iterable[Section]:
 
 
 def find_section(page: str, heading: str) -> str:
-    """What stands under a heading of a page.
-
-    >>> find_section("<section><h3>Bias</h3><p>flat</p></section>", "Bias")
-    '<p>flat</p>'
-    """
+    """What stands under a heading of a page."""
     within = rf"<h[23][^>]*>{re.escape(heading)}</h[23]>(.*?)</section>"
     found = re.search(within, page, re.DOTALL)
     return found[1] if found else ""

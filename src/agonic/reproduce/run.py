@@ -97,15 +97,6 @@ def with_own_data(source: Source, given: Sequence[Path]) -> Source:
 
     What makes the replaced ones is left out, and so is all that rests on none of them or needs the
     truth of a simulation.
-
-    Raises
-    ------
-    AgonicError : where more is given than the document has, or something is not there.
-
-    >>> item = Item(at="", what="", page="", command="agonic info flight.csv", key="rows")
-    >>> made = Source(name="uav", title="", origin="", setup=[], items=[item], data=["flight.csv"])
-    >>> with_own_data(made, [Path(__file__)]).items[0].command.startswith("agonic info /")
-    True
     """
     if len(given) > len(source.data):
         raise AgonicError(f"{source.name} takes {', '.join(source.data)} of your own, no more")
@@ -163,11 +154,7 @@ class Row:
 
 
 def holds(number: float, limit: str) -> bool:
-    """Whether a number keeps to a limit.
-
-    >>> holds(9.2, "< 10"), holds(5.0, ">= 5.44"), holds(5.0, "-1 to 6")
-    (True, False, True)
-    """
+    """Whether a number keeps to a limit."""
     if " to " in limit:
         low, high = map(float, limit.split(" to "))
         return low <= number <= high
@@ -186,17 +173,7 @@ def execute(command: str, folder: Path | str) -> tuple[str, str, int]:
 def reproduce(
     source: Source, folder: Path, track: Callable[[list[Item]], Iterable[Item]] = iter
 ) -> list[Row]:
-    """Every item of a document, made in an empty folder, in the order of the document.
-
-    Parameters
-    ----------
-    source : the document. folder : where the commands run and their files stay. track : what the
-        items go through while they are worked on, a progress bar for one.
-
-    Raises
-    ------
-    AgonicError : where a command that all items rest on fails.
-    """
+    """Every item of a document, made in an empty folder, in the order of the document."""
     for name, text in source.files.items():
         (folder / name).write_text(text, "utf-8")
     said: dict[str, Any] = {}
@@ -225,12 +202,8 @@ def _run(command: str, folder: Path, said: dict[str, Any]) -> Any:
 
 
 def find_numbers(item: Item, record: Any, folder: Path) -> list[float]:
-    """The numbers of an item in the JSON of its command, or their largest distance from the truth.
-
-    >>> item = Item(at="", what="", page="", command="", key="bias.0", truth=2.0)
-    >>> find_numbers(item, {"bias": [5.0, 7.0]}, Path())
-    [3.0]
-    """
+    """The numbers of an item in the JSON of its command, or their largest distance from the
+    truth."""
     found = find(item.key, record, folder)
     if item.length:
         return [float(len(found))]
@@ -255,13 +228,7 @@ def find(where: str, record: Any, folder: Path) -> Any:
 
 
 def look_up(record: Any, key: str) -> Any:
-    """What is at a key, names and indices between dots, several between commas.
-
-    >>> look_up({"sensors": [{"sd": [1.0, 2.0]}]}, "sensors.0.sd.-1")
-    2.0
-    >>> look_up([{"x": 1}, {"x": 2}, {"x": 3}], "0,2.x")
-    [1, 3]
-    """
+    """What is at a key, names and indices between dots, several between commas."""
     if not key:
         return record
     names, _, rest = key.partition(".")

@@ -19,27 +19,7 @@ def random_calibration(
     bias: float = 55_000.0,
     model: Model = "full",
 ) -> Affine:
-    """A calibration to find: a symmetric matrix near identity, a bias in a random direction.
-
-    Parameters
-    ----------
-    rng : where the numbers come from.
-    soft_iron : the diagonal lies within 1 ± soft_iron.
-    cross : the other entries lie within ± cross; they are 0 but for the model "full".
-    bias : length of the bias, nT.
-    model : "sphere" (one gain), "diagonal" (three gains) or "full".
-
-    Returns
-    -------
-    Affine
-        From nT to nT, in the symmetric gauge.
-
-    Examples
-    --------
-    >>> truth = random_calibration(np.random.default_rng(1), bias=3e4, model="diagonal")
-    >>> bool(np.isclose(np.linalg.norm(truth.bias), 3e4)), int(np.count_nonzero(truth.matrix))
-    (True, 3)
-    """
+    """A calibration to find: a symmetric matrix near identity, a bias in a random direction."""
     gains = rng.uniform(1 - soft_iron, 1 + soft_iron, 1 if model == "sphere" else 3)
     matrix = np.diag(np.broadcast_to(gains, 3))
     if model == "full":
@@ -69,9 +49,5 @@ def make_knots(duration_s: float, pace_s: float) -> Array:
 
 
 def draw_motors(count: int, seed: int) -> Array:
-    """The field of each motor at full duty, (count, 3), nT, as leads near a compass make it.
-
-    >>> draw_motors(4, 0).shape
-    (4, 3)
-    """
+    """The field of each motor at full duty, (count, 3), nT, as leads near a compass make it."""
     return 4000.0 * np.random.default_rng((seed, count)).standard_normal((count, 3))

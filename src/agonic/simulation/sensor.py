@@ -43,11 +43,7 @@ class Simulated(Readable):
 
 
 def kinds() -> tuple[str, ...]:
-    """The motions that `simulate` knows.
-
-    >>> kinds()
-    ('tumble', 'sphere', 'belt', 'hand', 'circle', 'flight', 'boat', 'car', 'static')
-    """
+    """The motions that `simulate` knows."""
     return tuple(_MOTIONS)
 
 
@@ -218,24 +214,7 @@ def with_inertial_unit(
     late_s: float = 0.0,
     seed: int = 0,
 ) -> Defect:
-    """The attitude taken away, and the errors of an inertial unit put in.
-
-    Parameters
-    ----------
-    accelerometer_bias, gyro_bias_deg_s, gyro_scale : standard deviations of what is drawn for each
-        axis, m/s², degrees a second, and parts of one.
-    accelerometer_noise, gyro_noise : noise densities, m/s²/√Hz and rad/s/√Hz.
-    vibration : noise of one reading of the accelerometer beside that, m/s².
-    push : standard deviation of acceleration that comes and goes within seconds, m/s².
-    turn : rotation vector from the axes of the readings to those of the unit, degrees.
-    late_s : how late its readings are recorded.
-    seed : the same seed gives the same unit and noise.
-
-    >>> from agonic.simulation import simulate
-    >>> logged = with_inertial_unit()(simulate("circle", n=100).samples)
-    >>> logged.roll_deg is None, logged.rotation_rate.shape
-    (True, (100, 3))
-    """
+    """The attitude taken away, and the errors of an inertial unit put in."""
 
     def defect(samples: Samples) -> Samples:
         time, force, rate = samples.time, samples.acceleration, samples.rotation_rate

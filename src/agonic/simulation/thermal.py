@@ -13,11 +13,7 @@ DEGREE = 3
 
 
 def make_readings(truth: Thermal, field: Array, temperature: Array, rate: Array) -> Array:
-    """The readings (n, 3) that a sensor gives of a field (n, 3): matrix(T)⁻¹ field + bias(T).
-
-    Parameters: field in nT in the axes of the sensor, temperature (n,) °C, and its rate of change
-    (n,) °C/s.
-    """
+    """The readings (n, 3) that a sensor gives of a field (n, 3): matrix(T)⁻¹ field + bias(T)."""
     seen = np.linalg.solve(truth.matrix_at(temperature), field[:, :, None])[:, :, 0]
     lag = 0.0 if truth.rate is None else np.outer(rate, truth.rate)
     return np.asarray(seen + truth.bias_at(temperature) + lag)
@@ -35,20 +31,7 @@ def random_drifting(
     per_rate: float = 0.0,
     sensor: str = "mag",
 ) -> Thermal:
-    """A sensor to find: bias and matrix cubic in temperature.
-
-    Parameters
-    ----------
-    rng : where the numbers come from. centre_C, half_range_C : the range.
-    bias : length of the bias at the centre, nT. drift : the largest change of an axis' bias over
-        the range; each axis has between a fifth of it and all. soft_iron : the matrix is within
-        this of the identity. gain_drift : the largest change of an entry over the range.
-    per_rate : the most that an axis' bias is off, nT per °C/s. sensor : its name.
-
-    >>> made = random_drifting(np.random.default_rng(1), drift=5000.0)
-    >>> bool(np.ptp(made.bias_at(np.linspace(-10, 50, 601)), axis=0).max() <= 5000.0)
-    True
-    """
+    """A sensor to find: bias and matrix cubic in temperature."""
     direction = rng.standard_normal(3)
     biases = np.zeros((DEGREE + 1, 3))
     biases[0] = bias * direction / np.linalg.norm(direction)

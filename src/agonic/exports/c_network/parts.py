@@ -53,10 +53,7 @@ class Parts:
 
 
 def split_parts(calibration: Calibration) -> Parts:
-    """The network with what is before and after it.
-
-    Raises `AgonicError` where a step beside it is no bias and matrix.
-    """
+    """The network with what is before and after it."""
     steps = steps_of(calibration)
     at = [k for k, step in enumerate(steps) if isinstance(step, Network)]
     if len(at) > 1:

@@ -21,11 +21,7 @@ SKETCHES = (
 
 
 def write_library(folder: Path, files: Sequence[Path]) -> tuple[Path, ...]:
-    """Beside C files in `folder/src`, what makes them a library; all its files.
-
-    Parameters: `folder` of the library; `files`, those that an export wrote in its `src`. Written
-    are `library.properties` (Arduino), `library.json` (PlatformIO) and a sketch in `examples`.
-    """
+    """Beside C files in `folder/src`, what makes them a library; all its files."""
     name, template, sketch = _choose_sketch(files)
     headers = [file.name for file in files if file.suffix == ".h"]
     values = {
@@ -79,12 +75,7 @@ def _write_sketch(template: str, name: str, files: Sequence[Path]) -> str:
 
 
 def _read_arguments(name: str, header: str) -> dict[str, str]:
-    """What `_correct` takes between the reading and the field, and how the sketch declares it.
-
-    >>> text = "int mag_correct(const float raw[3], float temperature_C, float field[3])"
-    >>> _read_arguments("mag", text)["arguments"]
-    'temperature_C, '
-    """
+    """What `_correct` takes between the reading and the field, and how the sketch declares it."""
     found = re.search(
         rf"\b{name}_correct\(const float raw\[3\],(.*?)float field\[3\]\)", header, re.DOTALL
     )

@@ -21,11 +21,7 @@ WIDTH = 96
 
 
 def write_literal(value: float) -> str:
-    """A float constant that reads back as the same float32.
-
-    >>> write_literal(-0.1), write_literal(3e38)
-    ('-0.1f', '3.0e+38f')
-    """
+    """A float constant that reads back as the same float32."""
     size = abs(np.float32(value))
     if size == 0.0 or 1e-7 < size < 1e9:
         return f"{format_float32(value)}f"
@@ -40,14 +36,7 @@ def write_integer(value: float) -> str:
 def write_array(
     values: ArrayLike, indent: str = "", *, write: Callable[[float], str] = write_literal
 ) -> str:
-    """The initialiser of an array of any depth, a line for each row.
-
-    >>> print(write_array([[1, 2], [3, 4]]))
-    {
-        {1.0f, 2.0f},
-        {3.0f, 4.0f},
-    }
-    """
+    """The initialiser of an array of any depth, a line for each row."""
     array = np.asarray(values, dtype=np.float64)
     inner = indent + "    "
     if array.ndim > 1:
@@ -61,11 +50,7 @@ def write_array(
 
 
 def write_comment(lines: Iterable[str]) -> str:
-    """Lines of a block comment, plain ASCII, that nothing in them can end.
-
-    >>> write_comment(["from logs/*", "12 µT"])
-    ' * from logs/ *\\n * 12 \\\\xb5T'
-    """
+    """Lines of a block comment, plain ASCII, that nothing in them can end."""
     safe = (" ".join(line.split()).replace("/*", "/ *").replace("*/", "* /") for line in lines)
     plain = (line.encode("ascii", "backslashreplace").decode() for line in safe)
     return "\n".join(f" * {line}".rstrip() for line in plain)
@@ -122,11 +107,6 @@ def make_c_name(sensor: str) -> str:
     """What the identifiers of a sensor's C begin with, so that several go in one program.
 
     Where letters had to be replaced, a checksum of the name follows.
-
-    >>> make_c_name("mag"), make_c_name("MAG2"), make_c_name("sensor_mag[1]"), make_c_name("2")
-    ('mag', 'mag2', 'sensor_mag_1', 'mag_2')
-    >>> make_c_name("left.mag") == make_c_name("left mag")
-    False
     """
     plain = re.sub(r"\[(\d+)\]$", r"_\1", sensor).lower()
     name = re.sub(r"[^a-z0-9_]", "_", plain)
@@ -143,13 +123,7 @@ def require_identifier(name: str) -> str:
 
 
 def find_time_constants(sources: Iterable[str]) -> dict[str, float]:
-    """The time constants of columns that have one, s.
-
-    Raises `AgonicError` where compasses take a column with different ones.
-
-    >>> find_time_constants(("current_A~0.3", "motor1_duty^1.5"))
-    {'current_A': 0.3}
-    """
+    """The time constants of columns that have one, s."""
     found: dict[str, float] = {}
     for source in map(parse_source, sources):
         for column in source.columns:

@@ -60,11 +60,8 @@ def predict(plan: Plan, inputs: Mapping[str, Array]) -> Prediction:
 
 
 def choose_compasses(distance: Array) -> NDArray[np.int64]:
-    """The first compass that is not disturbed, or the least disturbed of `distance` (k, n): (n,).
-
-    >>> choose_compasses(np.array([[3.0, 3.0, 3.0], [2.0, 2.99, 0.9], [9.0, 1.0, 0.1]]))
-    array([1, 2, 1])
-    """
+    """The first compass that is not disturbed, or the least disturbed of `distance` (k, n):
+    (n,)."""
     used = np.zeros(distance.shape[1], dtype=np.int64)
     for which in range(1, len(distance)):
         best = distance[used, np.arange(len(used))]

@@ -54,29 +54,7 @@ def write_tracker(
     reading by reading in float32, in fixed memory; jumps are told and gone back to. Written are
     `{name}_tracker.h`, `{name}_tracker.c` and `{name}_tracker_selftest.c`.
 
-    Parameters
-    ----------
-    params, state : those of a `Tracker` that has settled.
-    folder : made where it is not there.
-    name : what the C names start with; `None`: the sensor's.
-
-    Raises `AgonicError` where the bias is not settled, or the calibration that it started from
-    changes with temperature.
-
     Source: G. J. Bierman (1977), Factorization Methods for Discrete Sequential Estimation.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> from agonic.calibration.tracking import TrackerParams
-    >>> from agonic.inflight.tracking import Tracker
-    >>> from agonic.reference import Reference
-    >>> from agonic.simulation import simulate
-    >>> tracker = Tracker(params=TrackerParams(noise=50.0))
-    >>> seen = tracker.update(simulate("tumble", n=1500, noise=50.0).samples,
-    ...                       Reference.constant(50_000))
-    >>> with TemporaryDirectory() as folder:
-    ...     written = write_tracker(tracker.params, tracker.state, folder)
-    >>> [path.name for path in written.files]
-    ['mag_tracker.h', 'mag_tracker.c', 'mag_tracker_selftest.c']
     """
     _require_settled(state)
     prefix = make_c_name(state.base.sensor) if name is None else require_identifier(name)

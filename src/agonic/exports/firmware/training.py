@@ -48,27 +48,7 @@ def write_training(
     better on readings that come next and on a reservoir of earlier ones. Written are
     `{name}_training.h` and `{name}_training.c`.
 
-    Parameters
-    ----------
-    calibration : a `Network` of the readings alone with three outputs, on no base or an affine one,
-        with 60 weights at most.
-    folder : made where it is not there.
-    window : readings that are kept, 24 bytes each.
-    name : what the C names start with; `None`: the sensor's.
-
-    Raises `AgonicError` for another calibration, or a window too small for the weights.
-
     Source: Wang, Sheng, He & Cheng (2020), Eq. 14, doi:10.4236/jcc.2020.86004.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> from agonic.network.fit import fit_network
-    >>> from agonic.network.simulate import simulate_paper
-    >>> made = simulate_paper(15.0, directions="space")
-    >>> fit = fit_network(made.samples, made.reference, hidden=3, restarts=1, compared=False)
-    >>> with TemporaryDirectory() as folder:
-    ...     written = write_training(fit.calibration, folder)
-    >>> [path.name for path in written.files]
-    ['paper_training.h', 'paper_training.c']
     """
     network = _require_network(calibration)
     prefix = make_c_name(network.sensor) if name is None else require_identifier(name)

@@ -62,13 +62,7 @@ def draw_gain(fault: str, board: int) -> Array:
 
 
 def draw_naming(fault: str, board: int) -> Array:
-    """The matrix from the axes of a board to those of its log, (3, 3).
-
-    >>> draw_naming("exchanged axes", 1)
-    array([[0., 0., 1.],
-           [0., 1., 0.],
-           [1., 0., 0.]])
-    """
+    """The matrix from the axes of a board to those of its log, (3, 3)."""
     axis = int(_make_generator(board).integers(3))
     naming = np.eye(3)
     if fault == "exchanged axes":
@@ -170,11 +164,7 @@ _READINGS: Mapping[str, Hurt] = {
 
 
 def damage(fault: str, content: bytes, seed: int) -> bytes:
-    """A file of text that something has happened to.
-
-    >>> damage("truncated", b"a,b\\n1.25,2.5\\n" * 20, 1)[-3:]
-    b'1.2'
-    """
+    """A file of text that something has happened to."""
     rng = np.random.default_rng([seed, 11])
     if fault == "truncated":
         middle = content.rindex(b"\n", 0, int(len(content) * rng.uniform(0.3, 0.9)))

@@ -23,13 +23,7 @@ HEADER = (
 
 
 def make_texts(fleet: SimulatedFleet) -> Iterator[tuple[str, bytes]]:
-    """The name and the bytes of every file, copies beside what they repeat.
-
-    >>> from agonic.fleet.simulation.simulate import simulate_fleet
-    >>> name, content = next(make_texts(simulate_fleet(3)))
-    >>> name, content.decode().splitlines()[0][:28]
-    ('board-0-1.csv', 'time_s,mag_x_nT,mag_y_nT,mag')
-    """
+    """The name and the bytes of every file, copies beside what they repeat."""
     holding = _group_logs(fleet)
     for recorded in fleet.readings():
         for k in range(len(recorded.field)):
@@ -121,12 +115,6 @@ def write_logs(logs: Iterable[tuple[str, bytes]], folder: Path | str) -> list[Pa
 
     They are written without waiting for the disk after each, which would take longer than all
     else; what tells that a folder is whole is the table of the truth, written last.
-
-    >>> from tempfile import TemporaryDirectory
-
-    >>> with TemporaryDirectory() as folder:
-    ...     write_logs([("a.csv", b"time_s")], folder)[0].read_bytes()
-    b'time_s'
     """
     home = make_folder(folder)
     paths = []
@@ -142,17 +130,7 @@ def write_logs(logs: Iterable[tuple[str, bytes]], folder: Path | str) -> list[Pa
 
 
 def write_dataset(tables: Iterable[Mapping[str, NDArray[Any]]], path: Path | str) -> Path:
-    """Write tables of the same columns, one after the other, as one Parquet file.
-
-    Raises `MissingExtraError` without pyarrow.
-
-    >>> from tempfile import TemporaryDirectory
-
-    >>> with TemporaryDirectory() as folder:
-    ...     table = {"sensor": np.array(["a", "b"], dtype=object)}
-    ...     write_dataset([table], folder + "/all.parquet").name
-    'all.parquet'
-    """
+    """Write tables of the same columns, one after the other, as one Parquet file."""
     try:
         import pyarrow as pa
         from pyarrow import parquet
@@ -173,15 +151,8 @@ def write_dataset(tables: Iterable[Mapping[str, NDArray[Any]]], path: Path | str
 
 
 def write_truth(truth: Mapping[str, NDArray[Any]], path: Path | str) -> Path:
-    """Write a table whose columns may hold vectors and matrices, as CSV: `bias_x`, `matrix_xx`, ….
-
-    >>> from tempfile import TemporaryDirectory
-
-    >>> with TemporaryDirectory() as folder:
-    ...     truth = {"sensor": np.array(["a"]), "bias": np.ones((1, 3))}
-    ...     write_truth(truth, folder + "/t.csv").read_text().split()
-    ['sensor,bias_x,bias_y,bias_z', 'a,1.0,1.0,1.0']
-    """
+    """Write a table whose columns may hold vectors and matrices, as CSV: `bias_x`, `matrix_xx`,
+    …."""
     columns: dict[str, list[object]] = {}
     for name, values in truth.items():
         names = [name]

@@ -139,33 +139,6 @@ def simulate_fleet(
 
     The boards share the bias and the soft iron of their design and scatter about it; each has its
     noise, its temperature coefficient and its accelerometer.
-
-    Parameters
-    ----------
-    n, logs, rows, rate_Hz : boards, logs of each, readings of a log, readings a second.
-    magnitude, inclination_deg : the field of the laboratory, nT.
-    bias, bias_sd : mean over the boards and their scatter, nT; `noise` of a reading, nT.
-    broken, swapped : share of the boards that are broken, in each of the ways `BROKEN` in turn, or
-        whose axes are not those of the accelerometer (`SWAPPED`).
-    duplicated, damaged : share of the logs that are there twice, under another name, and of the
-        files that cannot be read rightly (`DAMAGED`).
-    seed : the same seed gives the same fleet.
-
-    Returns
-    -------
-    SimulatedFleet
-        Its truth at once; its readings are made when they are asked for.
-
-    Raises
-    ------
-    AgonicError
-        For shares that do not fit or sizes below what a log needs.
-
-    Examples
-    --------
-    >>> fleet = simulate_fleet(200, broken=0.05, seed=1)
-    >>> len(fleet), int((fleet.truth["group"] == "broken").sum())
-    (202, 10)
     """
     shares = {"broken": broken, "swapped": swapped, "duplicated": duplicated, "damaged": damaged}
     _check(n, logs, rows, shares)

@@ -50,20 +50,7 @@ class ChangePoint(NamedTuple):
 
 
 def find_change_points(many: Sequence[Series], chance: float) -> list[ChangePoint]:
-    """The change points in series of the same times, in the order in which they were found.
-
-    Parameters: many, each with a line for its design; chance, how often any is found where there is
-    none. Half of it goes to the last value, which a step and an outlier move alike: it is given as
-    an outlier.
-
-    >>> rng = np.random.default_rng(3)
-    >>> t = np.linspace(0.0, 1.0, 30)
-    >>> y = rng.normal(0, 1, (2, 30)) + np.outer([0, 9], t > 0.5)
-    >>> line = np.stack([np.ones(30), t])
-    >>> found = find_change_points([Series(t, v, np.ones(30), line) for v in y], 0.01)
-    >>> [(s.place, s.outlier, s.where) for s in found]
-    [(15, False, (1,))]
-    """
+    """The change points in series of the same times, in the order in which they were found."""
     found: list[ChangePoint] = []
     while len(found) < _MOST:
         new = _next(many, found, chance)

@@ -73,28 +73,14 @@ class Posterior(NamedTuple):
 
 
 def mix_normals(weight: Array, mean: Array, variance: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation (…,) of a mixture of normals (…, m).
-
-    >>> mix_normals(np.array([0.5, 0.5]), np.array([-3.0, 3.0]), np.array([16.0, 16.0]))
-    (np.float64(0.0), np.float64(5.0))
-    """
+    """Mean and standard deviation (…,) of a mixture of normals (…, m)."""
     centre = np.sum(weight * mean, axis=-1)
     apart = np.sum(weight * (variance + (mean - centre[..., None]) ** 2), axis=-1)
     return centre, np.sqrt(apart)
 
 
 def compute_posterior(of: Series) -> Posterior:
-    """What a series says of β and of the sizes.
-
-    >>> rng = np.random.default_rng(1)
-    >>> t = np.linspace(0.0, 1.0, 40)
-    >>> line = np.stack([np.ones(40), t])
-    >>> seen = Series(t, 5 + 3 * t + rng.normal(0, 0.2, 40), np.full(40, 0.01), line)
-    >>> posterior = compute_posterior(seen)
-    >>> scatter = posterior.size("scatter")
-    >>> abs(posterior.mean(1) - 3) < 2 * posterior.sd(1) < 0.5, bool(0.1 < scatter < 0.3)
-    (np.True_, True)
-    """
+    """What a series says of β and of the sizes."""
     low, high = _whole(of)
     for zoom in range(_ZOOMS + 1):
         nodes = _grid(low, high)
@@ -216,11 +202,7 @@ def _inverse(design: Array) -> tuple[Array, Array]:
 
 
 def compute_tail_probabilities(of: Series, candidates: Array) -> Array:
-    """How often chance makes a candidate's coefficient as large (…, c), on a grid of all sizes.
-
-    Parameters: candidates (c, n), columns that could join the design, each alone. A column that the
-    design explains already is given one.
-    """
+    """How often chance makes a candidate's coefficient as large (…, c), on a grid of all sizes."""
     nodes = _grid(*_whole(of))
     scatter, walk = _sizes(of, nodes)
     seen = compute_products(of, scatter, walk, candidates)
@@ -238,10 +220,7 @@ def compute_tail_probabilities(of: Series, candidates: Array) -> Array:
 
 
 def predict(of: Series, posterior: Posterior, at: Array, design: Array) -> tuple[Array, Array]:
-    """Mean and variance (m, k) of X β + w at times `at` (k,), by node, for one series.
-
-    Parameters: at, in order, not before the first value; design (p, k) there.
-    """
+    """Mean and variance (m, k) of X β + w at times `at` (k,), by node, for one series."""
     rows = np.concatenate([of.value[None], of.design]).T
     shared, apart = np.minimum.outer(of.time, of.time), np.minimum.outer(at, of.time)
     mean, variance = np.empty((2, len(posterior.walk), len(at)))

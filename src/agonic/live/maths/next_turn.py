@@ -16,10 +16,7 @@ _PARTS = (("roll right", "roll left"), ("nose up", "nose down"), ("turn right", 
 
 
 def compute_heading_gradient(inclination_deg: float, bias: Array, matrix: Array) -> Array:
-    """G (9, 9) of the mean square error of a level heading, trace(C G), magnitude one, rad².
-
-    Parameters are bias x y z, then matrix xx yy zz xy xz yz.
-    """
+    """G (9, 9) of the mean square error of a level heading, trace(C G), magnitude one, rad²."""
     directions, across = level_directions(inclination_deg)
     raw = directions @ np.linalg.inv(matrix).T + bias
     jacobian = correction_jacobian(raw, bias, matrix) @ model_basis("full")
@@ -29,13 +26,7 @@ def compute_heading_gradient(inclination_deg: float, bias: Array, matrix: Array)
 
 def draw_great_circles(present: Array, targets: Array, steps: int = 12) -> tuple[Array, Array]:
     """Great circles from a direction (3,) to others (n, 3): `steps` directions along each, the
-    last of them the target, (n, steps, 3), and their lengths (n,), rad.
-
-    >>> along, length = draw_great_circles(np.array([1.0, 0, 0]), np.array([[0, 0, 1.0]]), 2)
-    >>> along.round(3), np.degrees(length)
-    (array([[[0.707, 0.   , 0.707],
-            [0.   , 0.   , 1.   ]]]), array([90.]))
-    """
+    last of them the target, (n, steps, 3), and their lengths (n,), rad."""
     cosine = np.clip(targets @ present, -1.0, 1.0)
     across = targets - cosine[:, None] * present
     size = np.linalg.norm(across, axis=1, keepdims=True)
@@ -76,11 +67,7 @@ def compute_gains(
 
 def find_turn(present: Array, wanted: Array) -> Array:
     """The least rotation of the sensor, a vector in its own axes, rad, that moves the field's
-    direction there from `present` to `wanted` (3,): opposite to the field's own.
-
-    >>> np.degrees(find_turn(np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))).round(6) + 0.0
-    array([ 0., 90.,  0.])
-    """
+    direction there from `present` to `wanted` (3,): opposite to the field's own."""
     u = present / np.linalg.norm(present)
     v = wanted / np.linalg.norm(wanted)
     axis = np.cross(v, u)
@@ -94,11 +81,7 @@ def find_turn(present: Array, wanted: Array) -> Array:
 
 
 def describe_turn(turn: Array) -> str:
-    """A turn as a person makes it, in parts about forward, right and down.
-
-    >>> describe_turn(np.radians([0.0, -62.0, 30.0]))
-    'nose down 60°, turn right 30°'
-    """
+    """A turn as a person makes it, in parts about forward, right and down."""
     degrees = np.degrees(turn)
     order = [i for i in np.argsort(-np.abs(degrees)) if abs(degrees[i]) >= SMALLEST_DEG]
     said = [f"{_PARTS[i][int(degrees[i] < 0)]} {round(abs(degrees[i]), -1):.0f}°" for i in order]

@@ -56,13 +56,7 @@ def begin(first: Array, edge: float) -> Voxels:
 
 
 def add_readings(voxels: Voxels, readings: Array, most: int = MOST) -> tuple[Voxels, Array]:
-    """The boxes with readings (n, 3) put in, and the how-many-eth of its box each was, (n,).
-
-    >>> rows = np.array([[0.1, 0, 0], [0.2, 0, 0], [5.0, 0, 0]])
-    >>> voxels, place = add_readings(begin(np.zeros(3), 1.0), rows)
-    >>> voxels.counts, place
-    (array([2., 1.]), array([1., 2., 1.]))
-    """
+    """The boxes with readings (n, 3) put in, and the how-many-eth of its box each was, (n,)."""
     rows = np.asarray(readings, dtype=np.float64)
     places = [np.empty(0)]
     while len(rows):

@@ -51,12 +51,7 @@ LEAP_S = 60.0
 
 class Clock:
     """The device's own time where it tells, moved to begin at the first arrival; else the arrival,
-    readings that came together a millisecond apart. Times of a sensor always increase.
-
-    >>> clock = Clock()
-    >>> clock.times([5.0, 5.1], 100.0, "mag"), clock.times([0.0], 101.0, "mag")
-    (array([100. , 100.1]), array([101.]))
-    """
+    readings that came together a millisecond apart. Times of a sensor always increase."""
 
     def __init__(self) -> None:
         self._offset: dict[str, float] = {}

@@ -106,11 +106,7 @@ def make_simulated(
     minutes: float = 10.0,
     speed: float = 1.0,
 ) -> Replay:
-    """Sensors that are turned together, in a field of 50 000 nT dipping 60°.
-
-    Parameters: `kind` as of `simulate`, or "rover": circles on sloping ground, with a raw
-    accelerometer and gyro.
-    """
+    """Sensors that are turned together, in a field of 50 000 nT dipping 60°."""
     from agonic.simulation import random_calibration, simulate, with_inertial_unit  # takes a second
 
     rng = np.random.default_rng(seed)

@@ -64,16 +64,7 @@ class LineParser:
     motioncal: bool = False
 
     def read(self, line: str) -> list[Reading]:
-        """The readings in a line, none where it is a header, a remark or empty.
-
-        Raises `Unreadable` for anything else.
-
-        >>> LineParser().read("Raw:0,0,0,0,0,0,200,-10,430")[0][:4]
-        ('mag', (200.0, -10.0, 430.0), 'mG', None)
-        >>> rows = LineParser()
-        >>> rows.read("millis,mag_x_uT,mag_y_uT,mag_z_uT"), rows.read("20,1.5,2,43")[0].time
-        ([], 0.02)
-        """
+        """The readings in a line, none where it is a header, a remark or empty."""
         text = line.strip()
         if not text or text[0] in "#%" or text.startswith(_MOTIONCAL_OTHERS):
             return []
@@ -157,11 +148,8 @@ def _find_motion(
 
 
 def _scale_counts(counts: tuple[float, ...]) -> tuple[float, ...] | None:
-    """Acceleration and rotation rate of MotionCal's counts; `None` of zeros, which stand for none.
-
-    >>> [round(v, 3) for v in _scale_counts((0.0, 0.0, -8192.0, 0.0, 0.0, 160.0))]
-    [0.0, 0.0, -9.807, 0.0, 0.0, 0.175]
-    """
+    """Acceleration and rotation rate of MotionCal's counts; `None` of zeros, which stand for
+    none."""
     if not any(counts[:3]):
         return None
     force = tuple(_MOTIONCAL_FORCE * v for v in counts[:3])

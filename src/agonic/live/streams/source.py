@@ -47,24 +47,7 @@ class Source(Protocol):
 def open_source(
     text: str, *, unit: str | None = None, speed: float = 1.0, mark: str | None = None
 ) -> Source:
-    """The source of live readings that a text names.
-
-    Parameters
-    ----------
-    text : `serial:DEVICE[:BAUD]`, `udp://[HOST]:PORT`, `tcp://HOST:PORT`, the same after
-        `mavlink+`, the path of a log, `-` for standard input, or `sim`. A serial port may go by
-        its name alone: `/dev/ttyUSB0`, `COM3`.
-    unit : of readings that come without one; "raw" by default.
-    speed : of a log or simulation, over its own; 0 is as fast as possible.
-    mark : with which lines begin that are no readings; they come as `Words`. All do with "".
-
-    Raises `AgonicError` where the text names none, and `LogError` where a log cannot be read.
-
-    >>> open_source("udp://:14550").name, open_source("sim", speed=0).name
-    ('UDP port 14550', 'the simulation')
-    >>> open_source("COM3").name
-    'serial port COM3'
-    """
+    """The source of live readings that a text names."""
     find_unit(unit or RAW)
     if not 0 <= speed < math.inf:
         raise AgonicError(f"speed {speed:g} is not possible: 1 is as recorded, 0 the fastest")

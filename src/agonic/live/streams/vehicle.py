@@ -35,11 +35,7 @@ LIST_S = 10.0
 
 
 def list_wanted(slot: str) -> tuple[str, ...]:
-    """The parameters that correct the compass of a slot: "" the first, then "2" and "3".
-
-    >>> list_wanted("2")[0], len(list_wanted(""))
-    ('COMPASS_OFS2_X', 12)
-    """
+    """The parameters that correct the compass of a slot: "" the first, then "2" and "3"."""
     vectors = [f"COMPASS_{part}{slot}_{axis}" for part in ("OFS", "DIA", "ODI") for axis in AXES]
     return (*vectors, f"COMPASS_SCALE{slot}", f"COMPASS_DEV_ID{slot}", "COMPASS_MOTCT")
 

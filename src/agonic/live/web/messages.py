@@ -152,11 +152,7 @@ encode = msgspec.json.Encoder().encode
 
 
 def parse_request(text: str | bytes) -> PageRequest | None:
-    """What a page asks for; `None` where it is not one of the messages.
-
-    >>> parse_request('{"type": "restart", "sensor": "mag"}'), parse_request("[")
-    (Restart(sensor='mag'), None)
-    """
+    """What a page asks for; `None` where it is not one of the messages."""
     try:
         found: PageRequest = _decode.decode(text)
     except (msgspec.MsgspecError, RecursionError, UnicodeError):

@@ -24,11 +24,7 @@ def write_results(
     plan: Plan, source: Source, seen: Mapping[str, tuple[Samples, Sequence[Finding]]]
 ) -> tuple[list[Calibrated], dict[str, Written], list[Outcome]]:
     """Calibrate each sensor from its readings, and write the folder of the plan; `seen` are the
-    readings that count, and what is to be said of those that do not.
-
-    Returns what was calibrated, what was written of each sensor, and both in words. Raises
-    `AgonicError` where there are no readings, or the folder cannot be written.
-    """
+    readings that count, and what is to be said of those that do not."""
     if not seen:
         raise AgonicError("there are no readings yet; turn the sensor first")
     make_folder(plan.folder)

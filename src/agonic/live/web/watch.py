@@ -57,13 +57,7 @@ class RecentReadings:
         self.total, self.at = total, at
 
     def since(self, seen: int, most: int) -> NDArray[np.float32]:
-        """The readings after the first `seen`, at most the latest `most` of them.
-
-        >>> shown = RecentReadings(4)
-        >>> shown.add(np.arange(15.0).reshape(5, 3), 0.0)
-        >>> shown.since(3, 10)[:, 0], len(shown.since(0, 10))
-        (array([ 9., 12.], dtype=float32), 4)
-        """
+        """The readings after the first `seen`, at most the latest `most` of them."""
         count = min(self.total - seen, most, len(self._ring))
         places = (self.total - count + np.arange(count)) % len(self._ring)
         return np.asarray(self._ring[places])

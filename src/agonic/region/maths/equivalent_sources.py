@@ -73,11 +73,7 @@ class Process(NamedTuple):
 
 def lay_sources(low: Array, high: Array, distance: float) -> Array:
     """Places (m, 3) on the faces of a box at a distance outside of another, at most three quarters
-    of it apart: what is between them then is smooth to exp(−2π 4/3) = 0.0002.
-
-    >>> lay_sources(np.zeros(3), np.ones(3), 1.0).shape
-    (98, 3)
-    """
+    of it apart: what is between them then is smooth to exp(−2π 4/3) = 0.0002."""
     low, high = low - distance, high + distance
     counts = np.ceil((high - low) / (0.75 * distance)).astype(int) + 1
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True)]
