@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.calibration.base import apply
-from agonic.calibration.inputs import signals, stack_inputs
 from agonic.calibration.network import Network
+from agonic.calibration.sources import signals, stack_inputs
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
 from agonic.maths.equation import network as kernel
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
+from agonic.calibration.decomposition import find_raw_ellipsoid
 from agonic.cli import run
 from agonic.exports.csv import write_csv
 from agonic.simulation.sensor import simulate

@@ -15,8 +15,7 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.interference import Interference
-from agonic.calibration.mounting import turn_calibration
+from agonic.calibration.interference import Interference, turn_calibration
 from agonic.ellipsoid import fit_ellipsoid
 from agonic.files.calibration import load, save
 from agonic.headings.propagation import apply_steps, list_steps, propagate

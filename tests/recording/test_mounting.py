@@ -6,7 +6,7 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.calibration.mounting import turn_calibration, turn_field
+from agonic.calibration.interference import turn_calibration, turn_field
 from agonic.console.parse import parse_mounting
 from agonic.exports.csv import write_csv
 from agonic.recording.calibrated import calibrate_as_named

@@ -16,8 +16,7 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.calibration.inputs import list_disturbers, signals, stack_inputs
-from agonic.calibration.sources import list_columns
+from agonic.calibration.sources import list_columns, list_disturbers, signals, stack_inputs
 from agonic.calibration.timing import find_timing, restore
 from agonic.errors import AgonicError, CoverageError, LogError, check_choice
 from agonic.health import FEWEST, find_rounding

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
+from agonic.calibration import schema_fields as form
 from agonic.calibration.base import (
     Correction,
     Validity,
@@ -16,21 +17,6 @@ from agonic.calibration.base import (
     check_size,
     read_only,
     require_covariance,
-)
-from agonic.calibration.schema_fields import (
-    DeviceId,
-    Frame,
-    Gauge,
-    Magnitude,
-    Matrix,
-    Noise,
-    NotNegative,
-    Rows,
-    Sensor,
-    Unit,
-    Vector,
-    described,
-    stored,
 )
 from agonic.maths.equation import affine as kernel
 from agonic.provenance import Provenance
@@ -90,33 +76,33 @@ class Affine(Correction):
     kind: ClassVar[str] = "affine"
     needs: ClassVar[tuple[str, ...]] = ()
 
-    bias: Annotated[Array, stored(Vector, "Subtracted from the readings, in unit_in.")]
-    matrix: Annotated[Array, stored(Matrix, "Row by row, unit_out per unit_in.")]
+    bias: Annotated[Array, form.stored(form.Vector, "Subtracted from the readings, in unit_in.")]
+    matrix: Annotated[Array, form.stored(form.Matrix, "Row by row, unit_out per unit_in.")]
     covariance: Annotated[
         Array | None,
-        stored(
-            Rows | None,
+        form.stored(
+            form.Rows | None,
             f"Of {', '.join(PARAMETERS)}; in the gauge free, {', '.join(LOWER)} after "
             "them; of an interference, its coefficients row by row after those. Bias in unit_in, "
             "matrix in unit_out per unit_in.",
         ),
     ] = None
-    unit_in: Unit = "nT"
-    unit_out: Unit = "nT"
-    gauge: Gauge = "symmetric"
+    unit_in: form.Unit = "nT"
+    unit_out: form.Unit = "nT"
+    gauge: form.Gauge = "symmetric"
     model: Model = "full"
-    magnitude: Magnitude = None
-    noise: Noise = None
-    sensor: Sensor = "mag"
-    device_id: DeviceId = None
+    magnitude: form.Magnitude = None
+    noise: form.Noise = None
+    sensor: form.Sensor = "mag"
+    device_id: form.DeviceId = None
     latency_s: Annotated[
-        float, described("How late the readings came relative to the attitude, seconds.")
+        float, form.described("How late the readings came relative to the attitude, seconds.")
     ] = 0.0
     latency_sd_s: Annotated[
-        NotNegative | None, described("Standard error of that; null: not determined.")
+        form.NotNegative | None, form.described("Standard error of that; null: not determined.")
     ] = None
-    frame_in: Frame = "m"
-    frame_out: Frame = "m"
+    frame_in: form.Frame = "m"
+    frame_out: form.Frame = "m"
     validity: Validity = field(default_factory=Validity)
     provenance: Provenance = field(default_factory=Provenance)
 

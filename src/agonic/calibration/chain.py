@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,11 @@ from agonic.provenance import Provenance
 
 ENDS = ("unit_in", "unit_out", "frame_in", "frame_out", "sensor")
 """What a chain has of its first and last step."""
+
+
+def _take_from(step: int, name: str, says: str) -> Any:
+    """A property that a chain has of its first or last step."""
+    return property(lambda chain: getattr(chain.steps[step], name), doc=says)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,30 +164,11 @@ class Chain(Correction):
             ),
         )
 
-    @property
-    def unit_in(self) -> str:
-        """The unit of the readings that go in."""
-        return self.steps[0].unit_in
-
-    @property
-    def unit_out(self) -> str:
-        """The unit of what comes out."""
-        return self.steps[-1].unit_out
-
-    @property
-    def frame_in(self) -> str:
-        """The axes of the readings that go in."""
-        return self.steps[0].frame_in
-
-    @property
-    def frame_out(self) -> str:
-        """The axes of what comes out."""
-        return self.steps[-1].frame_out
-
-    @property
-    def sensor(self) -> str:
-        """The sensor that the chain starts from."""
-        return self.steps[0].sensor
+    unit_in = _take_from(0, "unit_in", "The unit of the readings that go in.")
+    unit_out = _take_from(-1, "unit_out", "The unit of what comes out.")
+    frame_in = _take_from(0, "frame_in", "The axes of the readings that go in.")
+    frame_out = _take_from(-1, "frame_out", "The axes of what comes out.")
+    sensor = _take_from(0, "sensor", "The sensor that the chain starts from.")
 
     @property
     def second_sensor(self) -> str | None:

@@ -10,16 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from agonic.arrays import Array
+from agonic.calibration import schema_fields as form
 from agonic.calibration.base import Valued, read_only
-from agonic.calibration.schema_fields import (
-    Five,
-    Four,
-    NotNegative,
-    Rows,
-    Sensor,
-    described,
-    stored,
-)
 from agonic.errors import AgonicError
 from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations import deviation as kernel
@@ -94,30 +86,35 @@ class Deviation(Valued):
 
     kind: ClassVar[str] = "deviation"
 
-    coefficients: Annotated[Array, stored(Five, "A, B, C, D, E, degrees; east positive.")]
+    coefficients: Annotated[Array, form.stored(form.Five, "A, B, C, D, E, degrees; east positive.")]
     heel: Annotated[
         Array | None,
-        stored(Four | None, "Degrees per degree of roll·cos, roll·sin, pitch·cos, pitch·sin."),
+        form.stored(
+            form.Four | None, "Degrees per degree of roll·cos, roll·sin, pitch·cos, pitch·sin."
+        ),
     ] = None
     covariance: Annotated[
-        Array | None, stored(Rows | None, f"Of {', '.join(PARAMETERS)}, degrees.")
+        Array | None, form.stored(form.Rows | None, f"Of {', '.join(PARAMETERS)}, degrees.")
     ] = None
-    terms: Annotated[str, described("The level terms that were fitted.", pattern="^[A-E]+$")] = (
-        "ABCDE"
-    )
-    noise_deg: Annotated[NotNegative | None, described("Standard deviation of one reading.")] = None
+    terms: Annotated[
+        str, form.described("The level terms that were fitted.", pattern="^[A-E]+$")
+    ] = "ABCDE"
+    noise_deg: Annotated[
+        form.NotNegative | None, form.described("Standard deviation of one reading.")
+    ] = None
     freedom: Annotated[
-        NotNegative | None, described("Degrees of freedom of noise_deg; null: it was given.")
+        form.NotNegative | None,
+        form.described("Degrees of freedom of noise_deg; null: it was given."),
     ] = None
-    power_state: Annotated[str, described("What was switched on during the swing.")] = ""
-    current_A: Annotated[float | None, described("The current drawn then.")] = None
+    power_state: Annotated[str, form.described("What was switched on during the swing.")] = ""
+    current_A: Annotated[float | None, form.described("The current drawn then.")] = None
     largest_gap_deg: Annotated[
-        float | None, described("Widest arc between headings that were steered.")
+        float | None, form.described("Widest arc between headings that were steered.")
     ] = None
     largest_heel_deg: Annotated[
-        tuple[float, float] | None, described("Largest roll and pitch during the swing.")
+        tuple[float, float] | None, form.described("Largest roll and pitch during the swing.")
     ] = None
-    sensor: Sensor = "mag"
+    sensor: form.Sensor = "mag"
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:

@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import read_only
-from agonic.calibration.inputs import signals as signals
-from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.schema_fields import Name, Row, described, stored
-from agonic.calibration.sources import list_columns, parse_source
+from agonic.calibration.sources import list_columns, parse_source, stack_inputs
+from agonic.calibration.sources import signals as signals
 from agonic.calibration.timing import Timing, find_timing
 from agonic.errors import AgonicError
 from agonic.maths.equation import affine as kernel
+from agonic.maths.equation.affine import FREE, join, model_basis, split
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +39,7 @@ class Interference(Affine):
     Parameters
     ----------
     sources : the columns in x and their form: "current_A", "motor1_duty^1.5", "heater_A>0.5",
-        "second" (three numbers); see `agonic.calibration.inputs`.
+        "second" (three numbers); see `agonic.calibration.sources`.
     coefficients : (3, k), readings per unit of x.
     second_sensor : the name of the second magnetometer, where the sources have one.
     typical : (k,) what the sources were on average in the log, where it is known.
@@ -189,3 +189,43 @@ def mean_of(first: Affine, second: Affine) -> Interference:
         coefficients=-across,
         second_sensor=second.sensor,
     )
+
+
+def turn_calibration(calibration: Affine, turn: Array) -> Affine:
+    """A calibration of turned readings, for the readings as they were; turn (3, 3) by which."""
+    return _turn(calibration, turn, np.eye(3))
+
+
+def turn_field(calibration: Affine, turn: Array) -> Affine:
+    """A calibration whose field is turned into body axes; turn (3, 3) by which."""
+    return _turn(calibration, np.eye(3), turn)
+
+
+def _turn(calibration: Affine, first: Array, last: Array) -> Affine:
+    """The calibration of readings that are turned first, and its field at last."""
+    held = {f.name: getattr(calibration, f.name) for f in fields(calibration)}
+    held |= {
+        "bias": first.T @ calibration.bias,
+        "matrix": last @ calibration.matrix @ first,
+        "gauge": FREE,
+        "frame_out": "b",
+        "covariance": _turn_covariance(calibration, first, last),
+    }
+    if isinstance(calibration, Interference):
+        held["coefficients"] = first.T @ calibration.coefficients
+    return type(calibration)(**held)
+
+
+def _turn_covariance(calibration: Affine, first: Array, last: Array) -> Array | None:
+    if calibration.covariance is None:
+        return None
+    before, after = model_basis("full", calibration.gauge), model_basis("full", FREE)
+    bias, matrix = split(before.T)
+    local = join(bias @ first, last @ matrix @ first)
+    columns = np.linalg.lstsq(after, local.T, rcond=None)[0]
+    k = before.shape[1]
+    more = len(calibration.covariance) - k  # coefficients of sources, axis by axis
+    change = np.zeros((len(columns) + more, k + more))
+    change[: len(columns), :k] = columns
+    change[len(columns) :, k:] = np.kron(first.T, np.eye(more // 3)) if more else 0.0
+    return np.asarray(change @ calibration.covariance @ change.T)

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Correction, Validity, read_only, require_covariance
-from agonic.calibration.inputs import check_inputs, measure_width, stack_inputs
 from agonic.calibration.interference import Interference
 from agonic.calibration.schema_fields import (
     DeviceId,
@@ -26,6 +25,7 @@ from agonic.calibration.schema_fields import (
     described,
     stored,
 )
+from agonic.calibration.sources import check_inputs, measure_width, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.timing import Timing
 from agonic.errors import AgonicError, AgonicWarning, FrameError, UnitError
@@ -247,7 +247,7 @@ class Network(Correction):
         """
         x = self.scaled(raw, columns)
         inside = self._inside(x)
-        added = self._bound(self.output_middle + self.output_half * self._forward(x))
+        added = self._bound(self.output_middle + self.output_half * kernel.forward(self.layers, x))
         if self.base is None:
             return added, inside
         field = self._apply_base(raw, columns)
@@ -325,9 +325,6 @@ class Network(Correction):
             f"{self.base.equation}, and added to it{along} g(x) * network(x), {kind}, at most "
             f"{self.bound:.6g} {self.unit_out}, g from 1 where it was trained to 0 outside"
         )
-
-    def _forward(self, x: Array) -> Array:
-        return kernel.forward(self.layers, x)
 
     def _inside(self, x: Array) -> Array:
         return domain.taper(domain.compute_distances(x, self.centres), self.reach)

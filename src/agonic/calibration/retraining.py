@@ -12,8 +12,8 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import check_inputs
 from agonic.calibration.network import Along, Network, require_nodes
+from agonic.calibration.sources import check_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, check_choice
 from agonic.maths.equation.network import Nodes

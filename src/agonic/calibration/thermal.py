@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
+from agonic.calibration import schema_fields as form
 from agonic.calibration.affine import FREE_PARAMETERS, LOWER, PARAMETERS, Affine
 from agonic.calibration.base import Correction, Validity, read_only, require_covariance
-from agonic.calibration.schema_fields import (
-    DeviceId,
-    Frame,
-    Gauge,
-    Magnitude,
-    Matrix,
-    Noise,
-    Rows,
-    Sensor,
-    Unit,
-    Vector,
-    described,
-    stored,
-)
 from agonic.errors import AgonicError, AgonicWarning
 from agonic.maths.equation import polynomial
 from agonic.maths.equation import temperature_model as kernel
@@ -70,40 +57,41 @@ class Thermal(Correction):
 
     kind: ClassVar[str] = "thermal"
 
-    centre_C: Annotated[float, described("Temperature at x = 0, °C.")]
-    half_range_C: Annotated[float, described("From x = 0 to x = 1, °C.", gt=0)]
+    centre_C: Annotated[float, form.described("Temperature at x = 0, °C.")]
+    half_range_C: Annotated[float, form.described("From x = 0 to x = 1, °C.", gt=0)]
     bias: Annotated[
         Array,
-        stored(tuple[Vector, ...], "Of each power of x, in unit_in.", min_length=1),
+        form.stored(tuple[form.Vector, ...], "Of each power of x, in unit_in.", min_length=1),
     ]
     matrix: Annotated[
         Array,
-        stored(
-            tuple[Matrix, ...],
+        form.stored(
+            tuple[form.Matrix, ...],
             "Of each power of x, row by row, unit_out per unit_in.",
             min_length=1,
         ),
     ]
     rate: Annotated[
-        Array | None, stored(Vector | None, "Added to the bias, unit_in per °C/s; null: none.")
+        Array | None,
+        form.stored(form.Vector | None, "Added to the bias, unit_in per °C/s; null: none."),
     ] = None
     covariance: Annotated[
         Array | None,
-        stored(
-            Rows | None,
+        form.stored(
+            form.Rows | None,
             f"Of {', '.join(PARAMETERS)}; in the gauge free, {', '.join(LOWER)} after "
             "them; each with all its powers, the rates last.",
         ),
     ] = None
-    unit_in: Unit = "nT"
-    unit_out: Unit = "nT"
-    gauge: Gauge = "symmetric"
-    magnitude: Magnitude = None
-    noise: Noise = None
-    sensor: Sensor = "mag"
-    device_id: DeviceId = None
-    frame_in: Frame = "m"
-    frame_out: Frame = "m"
+    unit_in: form.Unit = "nT"
+    unit_out: form.Unit = "nT"
+    gauge: form.Gauge = "symmetric"
+    magnitude: form.Magnitude = None
+    noise: form.Noise = None
+    sensor: form.Sensor = "mag"
+    device_id: form.DeviceId = None
+    frame_in: form.Frame = "m"
+    frame_out: form.Frame = "m"
     validity: Validity = field(default_factory=Validity)
     provenance: Provenance = field(default_factory=Provenance)
 
@@ -194,24 +182,17 @@ class Thermal(Correction):
 
     def at(self, temperature_C: float) -> Affine:
         """The affine calibration that this is while the temperature stays at a value, °C."""
+        shared = {f.name: getattr(self, f.name) for f in fields(Affine) if hasattr(self, f.name)}
         return Affine(
-            bias=self.bias_at(temperature_C),
-            matrix=self.matrix_at(temperature_C),
-            covariance=None if self.covariance is None else self.covariance_at(temperature_C),
-            unit_in=self.unit_in,
-            unit_out=self.unit_out,
-            gauge=self.gauge,
-            magnitude=self.magnitude,
-            noise=self.noise,
-            sensor=self.sensor,
-            device_id=self.device_id,
-            frame_in=self.frame_in,
-            frame_out=self.frame_out,
-            validity=Validity(
-                largest_reading=self.validity.largest_reading,
-                temperature_C=(float(temperature_C), float(temperature_C)),
-            ),
-            provenance=self.provenance,
+            **shared
+            | {
+                "bias": self.bias_at(temperature_C),
+                "matrix": self.matrix_at(temperature_C),
+                "covariance": None
+                if self.covariance is None
+                else self.covariance_at(temperature_C),
+                "validity": replace(self.validity, temperature_C=(float(temperature_C),) * 2),
+            }
         )
 
     def covariance_at(self, temperature_C: ArrayLike) -> Array:

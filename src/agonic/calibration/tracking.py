@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import Interference
 from agonic.calibration.thermal import Thermal
@@ -306,17 +306,12 @@ class TrackerState:
         if self.ground is None:
             return None
         now, ground = self.calibration, self.ground
-        covariance = None
-        if ground.covariance is not None and now.covariance is not None:
-            covariance = np.array(ground.covariance)
-            constants = np.arange(len(now.covariance)) * (ground.degree + 1)
-            covariance[constants] = covariance[:, constants] = 0.0
-            covariance[np.ix_(constants, constants)] = now.covariance
+        constants = np.arange(len(now.parameters)) * (ground.degree + 1)
         return replace(
             ground,
             bias=np.stack([now.bias, *ground.bias[1:]]),
             matrix=np.stack([now.matrix, *ground.matrix[1:]]),
-            covariance=covariance,
+            covariance=_put_in(ground.covariance, now.covariance, constants),
             noise=now.noise,
             provenance=now.provenance,
         )
@@ -330,18 +325,23 @@ class TrackerState:
         if self.aboard is None:
             return None
         now, first = self.calibration, self.aboard
-        covariance = None
-        if first.covariance is not None and now.covariance is not None:
-            covariance, m = np.array(first.covariance), len(now.covariance)
-            covariance[:m] = covariance[:, :m] = 0.0
-            covariance[:m, :m] = now.covariance
         return replace(
             first,
             bias=now.bias,
             matrix=now.matrix,
-            covariance=covariance,
+            covariance=_put_in(first.covariance, now.covariance, np.arange(len(now.parameters))),
             noise=now.noise,
             magnitude=now.magnitude,
             unit_out=now.unit_out,
             provenance=now.provenance,
         )
+
+
+def _put_in(whole: Array | None, part: Array | None, rows: Index) -> Array | None:
+    """A covariance with that of some rows put in, which the others share nothing with."""
+    if whole is None or part is None:
+        return None
+    made = np.array(whole)
+    made[rows] = made[:, rows] = 0.0
+    made[np.ix_(rows, rows)] = part
+    return made

@@ -22,13 +22,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.steps import find_magnitude, find_step
 from agonic.exports.banner import format_float32, write_banner
 from agonic.exports.convert import Export, hold_sources, list_left_out, reduce
-from agonic.exports.firmware.c_text import (
-    fill_template,
-    make_c_name,
-    require_identifier,
-    write_array,
-    write_comment,
-)
+from agonic.exports.firmware import c_text as c
 from agonic.exports.temperature import (
     RATE,
     Polynomials,
@@ -69,11 +63,11 @@ def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple
         "range": found.clamp_C,
         "tests": len(known),
         "columns": known.shape[1],
-        "known": write_array(known, "    "),
+        "known": c.write_array(known, "    "),
         "tolerance": format_float32(tolerance),
         "rate": rate,
     }
-    return fill_template("headers/thermal.h.in", values), warnings
+    return c.fill_template("headers/thermal.h.in", values), warnings
 
 
 def _known(calibration: Calibration, found: Polynomials, table: Array) -> tuple[Array, float]:
@@ -132,7 +126,7 @@ def write_c(
     ...     [row for row in export.path.read_text().split("\\n") if "mag_b[3]" in row]
     ['static const float mag_b[3] = {3000.0f, 0.0f, 0.0f};']
     """
-    name = make_c_name(calibration.sensor) if name is None else require_identifier(name)
+    name = c.make_c_name(calibration.sensor) if name is None else c.require_identifier(name)
     if find_step(calibration, Network) is not None:
         from agonic.exports.c_network.header import make_network_header
 
@@ -163,7 +157,7 @@ def _make_affine_header(
         "known": [*raw, *expected],
         "tolerance": format_float32(tolerance),
     }
-    return fill_template("headers/affine.h.in", values), warnings
+    return c.fill_template("headers/affine.h.in", values), warnings
 
 
 def _describe(
@@ -172,7 +166,7 @@ def _describe(
     """What every header says of its calibration."""
     return {
         "name": name,
-        "about": write_comment(write_banner(calibration, formula, warnings)),
+        "about": c.write_comment(write_banner(calibration, formula, warnings)),
         "unit_in": calibration.unit_in,
         "unit_out": calibration.unit_out,
         "frame_in": calibration.frame_in,

@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.calibration.inputs import signals as signals_of
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.sources import parse_source
+from agonic.calibration.sources import signals as signals_of
 from agonic.calibration.steps import find_magnitude, find_step, require_calibration, steps_of
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.errors import AgonicError, ValidityError

@@ -16,8 +16,8 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
-from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
+from agonic.calibration.sources import stack_inputs
 from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError

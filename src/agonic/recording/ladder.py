@@ -15,9 +15,8 @@ from agonic.attitude.fit import CHANNELS, open_channels_parts
 from agonic.attitude.problem import Settings
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import select_columns
-from agonic.calibration.inputs import stack_inputs
 from agonic.calibration.interference import Interference
-from agonic.calibration.sources import name_sources
+from agonic.calibration.sources import name_sources, stack_inputs
 from agonic.ellipsoid import open_ellipsoid_parts
 from agonic.errors import AgonicError
 from agonic.fit import Fit

@@ -22,7 +22,7 @@ from agonic.attitude.known_heading import MountedHeading, check_turned_sensor
 from agonic.attitude.latency import LatencyFit
 from agonic.attitude.problem import TURN
 from agonic.calibration.affine import Affine
-from agonic.calibration.mounting import turn_calibration, turn_field
+from agonic.calibration.interference import turn_calibration, turn_field
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, figure, find_mounting, find_side, find_usable_rows

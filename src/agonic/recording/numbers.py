@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
+from agonic.calibration.decomposition import find_raw_ellipsoid
 from agonic.calibration.sources import name_sources
 from agonic.health import sentences
 from agonic.maths.one_pass import median

@@ -8,8 +8,7 @@ from typing import Any
 
 from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS, Affine
-from agonic.calibration.decomposition import decompose
-from agonic.calibration.raw_ellipsoid import find_raw_ellipsoid
+from agonic.calibration.decomposition import decompose, find_raw_ellipsoid
 from agonic.fit import Fit
 from agonic.readable import make_record
 from agonic.recording.calibrated import Calibrated

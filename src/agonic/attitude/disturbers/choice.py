@@ -25,8 +25,7 @@ from agonic.attitude.disturbers.shape import (
 )
 from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import Settings, find_terms
-from agonic.calibration.inputs import list_disturbers
-from agonic.calibration.sources import MEMBER, list_columns, name_sources
+from agonic.calibration.sources import MEMBER, list_columns, list_disturbers, name_sources
 from agonic.errors import LogError
 from agonic.health import Finding
 from agonic.maths.rotations.attitude import down_b, rot_nb

@@ -14,16 +14,11 @@ import numpy as np
 
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
-from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
+from agonic.calibration.sources import signals
 from agonic.exports.banner import format_float32, write_banner
 from agonic.exports.c_network.parts import Known, Parts, make_known_readings, split_parts
-from agonic.exports.firmware.c_text import (
-    fill_template,
-    write_array,
-    write_comment,
-    write_literal,
-)
+from agonic.exports.firmware import c_text as c
 
 
 def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
@@ -35,7 +30,7 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
     kind = "alone" if network.base is None else network.target
     values = {
         "name": name,
-        "about": write_comment(said),
+        "about": c.write_comment(said),
         "formula": f"{_formula(parts)}.",
         "returns": _returns(parts),
         "unit_out": calibration.unit_out,
@@ -71,10 +66,10 @@ def make_network_header(calibration: Calibration, name: str) -> tuple[str, tuple
         "write": _step(f"{name}_after" if parts.after else "", "out", "field"),
         "tests": len(known.rows),
         "columns": known.rows.shape[1],
-        "known": write_array(known.rows, "    "),
+        "known": c.write_array(known.rows, "    "),
         "tolerance": format_float32(known.tolerance),
     }
-    return fill_template("headers/network.h.in", values), _warnings(parts)
+    return c.fill_template("headers/network.h.in", values), _warnings(parts)
 
 
 def _list_layers(network: Network, name: str) -> list[dict[str, object]]:
@@ -101,7 +96,7 @@ def _base(parts: Parts) -> dict[str, object]:
     if base is None:
         return dict.fromkeys(("base", "warm"))
     return {
-        "base": write_array(base.table),
+        "base": c.write_array(base.table),
         "powers": base.table.shape[0],
         "highest": base.table.shape[0] - 1,
         "count": base.table.shape[1],
@@ -116,13 +111,13 @@ def _base(parts: Parts) -> dict[str, object]:
 
 def _table(step: Affine | None) -> str:
     """A step of a chain beside the network; nothing where there is none."""
-    return "" if step is None else write_array(np.vstack([step.bias, step.matrix]))
+    return "" if step is None else c.write_array(np.vstack([step.bias, step.matrix]))
 
 
 def _step(table: str, into: str, out: str) -> str:
     """The C that applies a step, or copies where there is none."""
     values = {"step": table, "into": into, "out": out}
-    return fill_template("headers/network_step.h.in", values).rstrip()
+    return c.fill_template("headers/network_step.h.in", values).rstrip()
 
 
 def _name_beside(parts: Parts, signal: str) -> str:
@@ -175,7 +170,7 @@ def _input_values(parts: Parts) -> list[str]:
     found = []
     for name in parts.network.inputs:
         if name in parts.network.held:
-            found.append(write_literal(parts.network.held[name]))
+            found.append(c.write_literal(parts.network.held[name]))
         elif name == "field":
             found += [f"reading[{axis}]" for axis in range(3)]
         else:

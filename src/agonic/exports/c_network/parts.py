@@ -13,9 +13,9 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
-from agonic.calibration.inputs import measure_width, signals, stack_inputs
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
+from agonic.calibration.sources import measure_width, signals, stack_inputs
 from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, AgonicWarning

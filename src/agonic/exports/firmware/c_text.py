@@ -73,6 +73,15 @@ def fill_template(template: str, values: Mapping[str, Any]) -> str:
     return _expand(_read_template(template), usual | dict(values))
 
 
+def fill_files(
+    stem: str, folder: str, parts: Iterable[str], values: Mapping[str, Any]
+) -> dict[str, str]:
+    """The text of a header and of a source in parts, by file, from the templates of a folder."""
+    sources = (fill_template(f"{folder}/{part}.c.in", values) for part in parts)
+    header = fill_template(f"{folder}/header.h.in", values)
+    return {f"{stem}.h": header, f"{stem}.c": "\n".join(sources)}
+
+
 @cache
 def _read_template(template: str) -> str:
     home = files("agonic.exports.firmware").joinpath("templates")

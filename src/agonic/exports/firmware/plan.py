@@ -11,9 +11,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.inputs import signals
 from agonic.calibration.setup import Setup
-from agonic.calibration.sources import SOURCES, list_columns
+from agonic.calibration.sources import SOURCES, list_columns, signals
 from agonic.calibration.steps import compose
 from agonic.exports.firmware.c_text import find_time_constants
 from agonic.exports.firmware.grid import DeclinationGrid

@@ -12,14 +12,7 @@ from agonic.arrays import Array
 from agonic.calibration.tracking import TrackerParams, TrackerState
 from agonic.errors import AgonicError
 from agonic.exports.banner import write_banner
-from agonic.exports.firmware.c_text import (
-    fill_template,
-    make_c_name,
-    require_identifier,
-    write_array,
-    write_comment,
-    write_literal,
-)
+from agonic.exports.firmware import c_text as c
 from agonic.exports.firmware.writer import Firmware, write_files
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.filters import jump_test, kalman, motion
@@ -57,24 +50,19 @@ def write_tracker(
     Source: G. J. Bierman (1977), Factorization Methods for Discrete Sequential Estimation.
     """
     _require_settled(state)
-    prefix = make_c_name(state.base.sensor) if name is None else require_identifier(name)
+    prefix = c.make_c_name(state.base.sensor) if name is None else c.require_identifier(name)
     settled = state.settle_params(params)
     model = settled.model(state.noise)
     values = _common(state, prefix) | _numbers(state)
-    values |= {name: write_literal(value) for name, value in model._asdict().items()}
+    values |= {name: c.write_literal(value) for name, value in model._asdict().items()}
     values |= _make_test(state, model)
     values["identity"] = str(crc32(repr(sorted(values.items())).encode()))
     parts = _BY_MAGNITUDE if state.turn is None else _BESIDE_GYRO
     folded = "" if state.turn is None else "turning/"
     for part in ("structs", "update"):
-        values[part] = fill_template(f"tracker/{folded}{part}.h.in", values).rstrip()
-    texts = {
-        f"{prefix}_tracker.h": fill_template("tracker/header.h.in", values),
-        f"{prefix}_tracker.c": "\n".join(
-            fill_template(f"tracker/{part}.c.in", values) for part in parts
-        ),
-        f"{prefix}_tracker_selftest.c": fill_template("tracker/selftest.c.in", values),
-    }
+        values[part] = c.fill_template(f"tracker/{folded}{part}.h.in", values).rstrip()
+    texts = c.fill_files(f"{prefix}_tracker", "tracker", parts, values)
+    texts[f"{prefix}_tracker_selftest.c"] = c.fill_template("tracker/selftest.c.in", values)
     return write_files(folder, texts)
 
 
@@ -103,7 +91,7 @@ def _common(state: TrackerState, name: str) -> dict[str, str]:
     moment = f"the last of {state.n} readings: {state.time:.1f} s{at}"
     return {
         "name": name,
-        "about": write_comment([*write_banner(state.calibration, formula), f"State: {moment}"]),
+        "about": c.write_comment([*write_banner(state.calibration, formula), f"State: {moment}"]),
         "moment": " ".join(moment.split()),
         "unit_in": state.base.unit_in,
         "turn": _write_turn(state),
@@ -112,8 +100,8 @@ def _common(state: TrackerState, name: str) -> dict[str, str]:
 
 def _write_turn(state: TrackerState) -> str:
     """The C that turns the field of the symmetric matrix into that of the calibration's gauge."""
-    rotation = {"rotation": write_array(state.turned.rotation)}
-    return fill_template(f"tracker/turn_{state.base.gauge}.c.in", rotation)
+    rotation = {"rotation": c.write_array(state.turned.rotation)}
+    return c.fill_template(f"tracker/turn_{state.base.gauge}.c.in", rotation)
 
 
 def _numbers(state: TrackerState) -> dict[str, str]:
@@ -125,18 +113,18 @@ def _numbers(state: TrackerState) -> dict[str, str]:
         "states": str(m),
         "unknowns": _name_unknowns(estimate),
         "packed": str(len(packed)),
-        "x": write_array(estimate.state),
-        "columns": write_array(packed),
-        "diagonal": write_array(estimate.diagonal),
+        "x": c.write_array(estimate.state),
+        "columns": c.write_array(packed),
+        "diagonal": c.write_array(estimate.diagonal),
     }
     if state.turn is None:
         return numbers
     rate = np.array(estimate.watched[motion.RATE : motion.UNSEEN])
     return numbers | {
-        "rate": write_array(rate[:3]),
-        "change": write_array(rate[3:6]),
-        "bent": write_literal(rate[6]),
-        "axes": write_array(state.turned.rotation),
+        "rate": c.write_array(rate[:3]),
+        "change": c.write_array(rate[3:6]),
+        "bent": c.write_literal(rate[6]),
+        "axes": c.write_array(state.turned.rotation),
     }
 
 
@@ -167,13 +155,13 @@ def _make_test(state: TrackerState, model: Model) -> dict[str, str]:
     largest = float(np.abs(rows[:, 1:4]).max())
     return words | {
         "tests": str(len(rows)),
-        "elapsed": write_literal(elapsed),
+        "elapsed": c.write_literal(elapsed),
         "width": str(known.shape[1]),
         "bias_at": str(estimate.table.places["bias"].start),
-        "known": write_array(known),
-        "bias": write_array([after.bias, after.find_sd("bias")]),
-        "share": write_literal(SHARE),
-        "least": write_literal(8 * float(np.finfo(np.float32).eps) * largest),
+        "known": c.write_array(known),
+        "bias": c.write_array([after.bias, after.find_sd("bias")]),
+        "share": c.write_literal(SHARE),
+        "least": c.write_literal(8 * float(np.finfo(np.float32).eps) * largest),
     }
 
 

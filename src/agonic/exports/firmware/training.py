@@ -14,12 +14,7 @@ from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams
 from agonic.errors import AgonicError
 from agonic.exports.banner import write_banner
-from agonic.exports.firmware.c_text import (
-    fill_template,
-    make_c_name,
-    require_identifier,
-    write_comment,
-)
+from agonic.exports.firmware import c_text as c
 from agonic.exports.firmware.writer import Firmware, write_files
 
 MOST_WEIGHTS = 60
@@ -51,15 +46,9 @@ def write_training(
     Source: Wang, Sheng, He & Cheng (2020), Eq. 14, doi:10.4236/jcc.2020.86004.
     """
     network = _require_network(calibration)
-    prefix = make_c_name(network.sensor) if name is None else require_identifier(name)
+    prefix = c.make_c_name(network.sensor) if name is None else c.require_identifier(name)
     values = _values(network, prefix, _require_window(network, window))
-    texts = {
-        f"{prefix}_training.h": fill_template("training/header.h.in", values),
-        f"{prefix}_training.c": "\n".join(
-            fill_template(f"training/{part}.c.in", values) for part in PARTS
-        ),
-    }
-    return write_files(folder, texts)
+    return write_files(folder, c.fill_files(f"{prefix}_training", "training", PARTS, values))
 
 
 def _require_network(calibration: Calibration) -> Network:
@@ -114,7 +103,7 @@ def _values(network: Network, name: str, window: int) -> dict[str, Any]:
     kind = "none" if base is None else "affine"
     return {
         "name": name,
-        "about": write_comment(write_banner(network, formula)),
+        "about": c.write_comment(write_banner(network, formula)),
         "unit_in": network.unit_in,
         "unit_out": network.unit_out,
         "outside": ", where the base is all that is left" if base is not None else "",
@@ -139,5 +128,5 @@ def _values(network: Network, name: str, window: int) -> dict[str, Any]:
         "output_half": float(network.output_half),
         "exported": network.weights,
         "limits": [network.centres.min(axis=0), network.centres.max(axis=0)],
-        "base": fill_template(f"training/base_{kind}.c.in", tables),
+        "base": c.fill_template(f"training/base_{kind}.c.in", tables),
     }

@@ -2,25 +2,89 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from agonic.atomic import make_folder, write_atomically
+from agonic.calibration import monitoring as m
 from agonic.calibration.network import Network
 from agonic.calibration.setup import Setup
 from agonic.calibration.sources import parse_source
 from agonic.calibration.steps import find_step
 from agonic.errors import AgonicError
 from agonic.exports.convert import Export
-from agonic.exports.firmware.c_text import fill_template, require_identifier
+from agonic.exports.firmware.c_text import fill_files, require_identifier, write_comment
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.selftest import write_selftest
-from agonic.exports.firmware.size import Size, measure_sizes
-from agonic.exports.firmware.sources import write_header, write_source
-from agonic.exports.firmware.watch import write_watch
+from agonic.exports.firmware.sources import write_about, write_header, write_source
 from agonic.health.evidence import NOISE_DOUBTFUL
+
+COMPILERS = {
+    "arm-none-eabi-gcc": (
+        "-mcpu=cortex-m4",
+        "-mthumb",
+        "-mfloat-abi=hard",
+        "-mfpu=fpv4-sp-d16",
+    ),
+    "cc": (),
+}
+"""Compilers in the order they are looked for, and what makes them aim at a usual controller."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    """Bytes of code, of constants, and of variables that outlive a call; by which compiler."""
+
+    code: int
+    constants: int
+    variables: int
+    compiler: str
+
+
+def measure_sizes(source: Path) -> Size | None:
+    """The size of one C file compiled for size; `None` without compiler or where it fails."""
+    for compiler, flags in COMPILERS.items():
+        reader = "arm-none-eabi-size" if compiler.startswith("arm") else "size"
+        if shutil.which(compiler) and shutil.which(reader):
+            sections = _sections(source, compiler, flags, reader)
+            if sections:
+                return _size(sections, " ".join([compiler, *flags, "-Os"]))
+    return None
+
+
+def _sections(source: Path, compiler: str, flags: tuple[str, ...], reader: str) -> dict[str, int]:
+    """The bytes of each section of the object."""
+    with TemporaryDirectory() as folder:
+        target = str(Path(folder, "object.o"))
+        compile_it = [compiler, *flags, "-std=c99", "-Os", "-c", str(source), "-o", target]
+        try:
+            subprocess.run(compile_it, check=True, capture_output=True, timeout=60)
+            done = subprocess.run(
+                [reader, "-A", target], check=True, capture_output=True, text=True, timeout=60
+            )
+        except (OSError, subprocess.SubprocessError):
+            return {}
+    return {name: int(size) for name, size in re.findall(r"^(\.\S+)\s+(\d+)", done.stdout, re.M)}
+
+
+def _size(sections: dict[str, int], compiler: str) -> Size:
+    def total(*starts: str) -> int:
+        return sum(size for name, size in sections.items() if name.startswith(starts))
+
+    return Size(
+        code=total(".text"),
+        constants=total(".rodata"),
+        variables=total(".data", ".bss"),
+        compiler=compiler,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +156,7 @@ def write_firmware(
         f"{name}.h": write_header(plan, name),
         f"{name}.c": write_source(plan, name),
         f"{name}_selftest.c": write_selftest(plan, name),
-        f"{name}_fit.h": fill_template("fit/header.h.in", values),
-        f"{name}_fit.c": fill_template("fit/source.c.in", values),
+        **fill_files(f"{name}_fit", "fit", ("source",), values),
         **write_ellipsoid(name),
         **write_watch(plan, name),
     }
@@ -125,12 +188,8 @@ def write_files(
 def write_ellipsoid(name: str) -> dict[str, str]:
     """The whole ellipsoid fit that runs on a controller, text by file."""
     noisy = {"noisy": f"{100 * NOISE_DOUBTFUL:g}", "noisy_share": NOISE_DOUBTFUL}
-    values = {"name": name, **noisy}
-    parts = ("ellipsoid/sums", "ellipsoid/solve", "ellipsoid/result")
-    return {
-        f"{name}_ellipsoid.h": fill_template("ellipsoid/header.h.in", values),
-        f"{name}_ellipsoid.c": "\n".join(fill_template(f"{p}.c.in", values) for p in parts),
-    }
+    parts = ("sums", "solve", "result")
+    return fill_files(f"{name}_ellipsoid", "ellipsoid", parts, {"name": name, **noisy})
 
 
 def _declination(
@@ -180,3 +239,40 @@ def _warnings(plan: Plan) -> tuple[str, ...]:
     if plan.tilt == "acceleration":
         said.append("an accelerometer gives the tilt of a vehicle at rest only")
     return tuple(said)
+
+
+def write_watch(plan: Plan, name: str) -> dict[str, str]:
+    """The text of `{name}_watch.h` and `{name}_watch.c`; none where there are not two compasses."""
+    if not plan.watched:
+        return {}
+    horizontal, vertical = plan.setup.horizontal, plan.setup.vertical
+    assert horizontal is not None
+    assert vertical is not None
+    params = m.derive_monitor_params(plan.setup, float(np.hypot(horizontal, vertical)), horizontal)
+    values = {
+        "name": name,
+        "about": write_comment(write_about(plan)),
+        "block_s": round(m.BLOCK_S),
+        "false_alarm": f"{params.false_alarm_h:g}",
+        "block": m.BLOCK_S,
+        "kept": m.KEPT,
+        "longer": m.LENGTHS[1],
+        "shorter": m.LENGTHS[0],
+        "passing": float(m.PASSING),
+        "field": params.field,
+        "horizontal": float(params.horizontal),
+        "sine": vertical / params.field,
+        "quiet": m.QUIET,
+        "both": m.BOTH**2,
+        "turned": m.TURNED,
+        "lasting": m.LASTING,
+        "tails": m.TAILS,
+        "log_odds": np.log(m.ODDS),
+        "keep": 1.0 - 1.0 / m.MEMORY,
+        "fade": 1.0 - 1.0 / m.NOISE_MEMORY,
+        "prior_count": float(m.NOISE_PRIOR),
+        "prior": np.array(params.prior_sd) ** -2.0,
+        "noise": np.array(params.noise_sd) ** 2,
+        "alarm": params.alarm,
+    }
+    return fill_files(f"{name}_watch", "watch", ("rows", "test", "block"), values)

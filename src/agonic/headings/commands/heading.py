@@ -130,7 +130,7 @@ def mount(setup: Setup, samples: Samples, mounting: str) -> Setup:
     from dataclasses import replace
 
     from agonic.calibration.affine import Affine
-    from agonic.calibration.mounting import turn_field
+    from agonic.calibration.interference import turn_field
     from agonic.console.parse import parse_mounting
 
     turn = parse_mounting(mounting)

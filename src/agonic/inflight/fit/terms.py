@@ -8,8 +8,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from agonic.arrays import Array
-from agonic.calibration.inputs import signals, stack_inputs
-from agonic.calibration.sources import list_columns
+from agonic.calibration.sources import list_columns, signals, stack_inputs
 from agonic.calibration.timing import find_timing, restore
 from agonic.errors import CoverageError, LogError
 from agonic.maths.equation import polynomial

@@ -10,8 +10,8 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import check_inputs, measure_width, stack_inputs
 from agonic.calibration.network import require_nodes
+from agonic.calibration.sources import check_inputs, measure_width, stack_inputs
 from agonic.calibration.thermal import Thermal
 from agonic.calibration.timing import restore
 from agonic.errors import AgonicError, CoverageError, FrameError, LogError, check_choice

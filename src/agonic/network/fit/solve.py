@@ -9,8 +9,8 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.base import Validity
-from agonic.calibration.inputs import measure_width
 from agonic.calibration.network import Network
+from agonic.calibration.sources import measure_width
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import network
 from agonic.maths.estimation import domain

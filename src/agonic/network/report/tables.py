@@ -7,8 +7,8 @@ from itertools import repeat
 import numpy as np
 
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
+from agonic.calibration.sources import signals
 from agonic.maths.equation.network import split
 from agonic.network.fit import Comparison, NetworkChoice
 from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus

@@ -10,9 +10,9 @@ import numpy as np
 
 from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import measure_width
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Running, Window
+from agonic.calibration.sources import measure_width
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.equation.coverage import find_cells

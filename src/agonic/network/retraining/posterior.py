@@ -34,10 +34,10 @@ from scipy.linalg import block_diag
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.inputs import measure_width
 from agonic.calibration.interference import Interference
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams, Running, Window
+from agonic.calibration.sources import measure_width
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import network as kernel
 from agonic.maths.equation.affine import FREE, model_basis

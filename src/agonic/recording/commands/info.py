@@ -52,7 +52,7 @@ def _describe_log(log: Log) -> dict[str, Any]:
 def _sensor(samples: Samples) -> dict[str, Any]:
     import numpy as np
 
-    from agonic.calibration.inputs import list_disturbers
+    from agonic.calibration.sources import list_disturbers
     from agonic.health import describe, find_quantisation
 
     columns = samples.columns()
