@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -17,10 +17,9 @@ from agonic.arrays import Array, Index, Mask
 from agonic.ellipsoid.many_sensors import Fits, fit_many
 from agonic.errors import LogError, check_choice
 from agonic.field.place import choose_reference
-from agonic.fleet.columns import Columns, make_blank_columns, make_columns
 from agonic.fleet.engine import Engine, Here, Lost, Processes
 from agonic.fleet.one_log import Task, calibrate_by_rows, describe_log, explain
-from agonic.fleet.rows import make_refused_row
+from agonic.fleet.rows import make_columns, make_refused_row
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.health import FEWEST
 from agonic.health.mounting import VERTICAL_DOUBTFUL
@@ -135,44 +134,36 @@ def calibrate_dataset(
         if found is None:
             raise LogError("it holds no Parquet table with a column of sensors", path=dataset)
         dataset = found
-    work = partial(_calibrate_channels, settings=settings, refine=refine, engine=engine)
-    tell = progress or (lambda stage, done, total: None)
+    how = refine, settings, engine, progress or (lambda stage, done, total: None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what matters is among the findings of the rows
         try:
-            return work(dataset, tell=tell)
+            return _calibrate_channels(dataset, *how)
         except database_error_type():
-            return work(drop_damaged(dataset), tell=tell)
+            return _calibrate_channels(drop_damaged(dataset), *how)
 
 
 def _calibrate_channels(
-    dataset: Dataset,
-    *,
-    settings: FleetSettings,
-    refine: Refine,
-    engine: Engine | None,
-    tell: Progress,
+    dataset: Dataset, refine: Refine, settings: FleetSettings, engine: Engine | None, tell: Progress
 ) -> Population:
     """The rows of all channels, and of what cannot be calibrated at all."""
     tell("hashing", 0, len(dataset.files))
     source, content = str(dataset.path), dataset.sha256
-    parts: list[Columns] = []
+    parts: list[Population] = []
     with connect() as db:
         for channel in _choose_channels(dataset, settings.sensor):
             known = describe_log(source, content, settings, channel.name)
+            known["channel"] = channel.name
             del known["sensor"]
-            job = _ChannelWork(
-                db, dataset, channel, settings, {"channel": channel.name, **known}, tell
-            )
-            parts.append(job.columns(refine, engine))
-            parts.append(dict(Population.of(job.make_empty_rows()).columns))
+            work = _ChannelWork(db, dataset, channel, settings, known, engine, tell)
+            parts += work.calibrate(refine)
     lost = [
         make_refused_row(
             explain(LogError(why), file), **{**describe_log(file, "", settings), "sensor": ""}
         )
         for file, why in dataset.damaged
     ]
-    return Population.joined([*map(Population, parts), Population.of(lost)])
+    return Population.joined([*parts, Population.of(lost)])
 
 
 def _choose_channels(dataset: Dataset, asked: str | None) -> Sequence[Channel]:
@@ -185,35 +176,36 @@ def _choose_channels(dataset: Dataset, asked: str | None) -> Sequence[Channel]:
     return chosen
 
 
-@dataclass
+@dataclass(frozen=True)
 class _ChannelWork:
-    """The work on one channel of a dataset."""
+    """The work on one channel of a dataset; `known` are fields that its rows share."""
 
     db: Any
     dataset: Dataset
     channel: Channel
     settings: FleetSettings
     known: Mapping[str, Any]
+    engine: Engine | None
     tell: Progress
-    grouped: Grouped | None = None
 
-    def columns(self, refine: Refine, engine: Engine | None) -> Columns:
-        """The columns of all sensors of the channel."""
+    def calibrate(self, refine: Refine) -> Iterator[Population]:
+        """The rows of all sensors of the channel: by moments alone, then the others."""
         self.tell("summing", 0, 0)
-        grouped = self.grouped = sum_moments(self.db, self.dataset, self.channel)
-        every = np.arange(len(grouped))
-        if refine == "all" or _needs_rows(self.dataset, self.settings):
-            columns, ids = make_blank_columns(len(grouped)), every
-        else:
-            columns, doubtful = self._fit_moments(grouped)
-            ids = every[:0] if refine == "none" else np.flatnonzero(doubtful)
-        columns["sensor"][:] = grouped.sensors
-        self._refine(columns, ids, engine)
-        columns["key"][:] = [digest(self.known["key"], name) for name in grouped.sensors]
-        return columns
+        grouped = sum_moments(self.db, self.dataset, self.channel)
+        ids = np.arange(len(grouped))
+        if refine != "all" and not _needs_rows(self.dataset, self.settings):
+            fitted, doubtful = self._fit_moments(grouped)
+            kept = ~doubtful | (refine == "none")
+            yield fitted.select(kept)
+            ids = ids[~kept]
+        yield Population.of(self._refine(grouped.sensors, ids) if len(ids) else ())
+        yield Population.of(self._list_empty(grouped))
 
-    def _fit_moments(self, grouped: Grouped) -> tuple[Columns, Mask]:
-        """The columns by moments alone, and which sensors should be calibrated by their rows."""
+    def _find_key(self, sensor: str) -> str:
+        return digest(self.known["key"], sensor)
+
+    def _fit_moments(self, grouped: Grouped) -> tuple[Population, Mask]:
+        """The rows by moments alone, and which sensors should be calibrated by their rows."""
         unit, total = self.channel.unit_in, len(grouped)
         reference, of_place = _find_reference(grouped, self.settings)
         self.tell("fitting", 0, total)
@@ -233,39 +225,34 @@ class _ChannelWork:
             inclination_deg=of_place.get("inclination_deg", 60.0),
             **self.known,
         )
-        return columns, np.any(list(found.values()), axis=0)
+        columns["key"][:] = list(map(self._find_key, grouped.sensors))
+        return Population(columns), np.any(list(found.values()), axis=0)
 
-    def _refine(self, columns: Columns, ids: Index, engine: Engine | None) -> None:
-        """Put the rows of these sensors, calibrated as logs are, into the columns."""
-        if not len(ids):
-            return
-        engine = engine or (Here() if len(ids) <= _FEW else Processes())
-        source = Input(name=self.known["source"], sha256=self.known["sha256"], count=0)
+    def _refine(self, names: NDArray[Any], ids: Index) -> Iterator[Row]:
+        """The rows of these sensors, calibrated as logs are."""
+        engine = self.engine or (Here() if len(ids) <= _FEW else Processes())
         function = partial(
             calibrate_by_rows,
             dataset=self.dataset,
             channel=self.channel,
-            source=source,
+            source=Input(name=self.known["source"], sha256=self.known["sha256"], count=0),
             settings=self.settings,
             known=self.known,
         )
         done = 0
-        for task, rows in engine.run(function, self._make_tasks(columns["sensor"], ids)):
+        for task, rows in engine.run(function, self._make_tasks(names, ids)):
             if isinstance(rows, Lost):
-                rows = tuple(
-                    make_refused_row(rows.sentence, sensor=name, **self.known)
-                    for _, name, _ in task
-                )
-            for (place, _, _), row in zip(task, rows, strict=True):
-                _put(columns, place, row)
+                said = rows.sentence
+                rows = tuple(make_refused_row(said, sensor=n, **self.known) for n, _ in task)
+            yield from (replace(row, key=self._find_key(row.sensor)) for row in rows)
             done += len(rows)
             self.tell("calibrating by rows", done, len(ids))
 
     def _make_tasks(self, names: NDArray[Any], ids: Index) -> Iterator[Task]:
-        task: list[tuple[int, str, Table]] = []
+        task: list[tuple[str, Table]] = []
         rows = 0
         for place, table in read_tables(self.db, self.dataset, ids):
-            task.append((place, str(names[place]), table))
+            task.append((str(names[place]), table))
             rows += len(next(iter(table.values())))
             if len(task) == _TOGETHER or rows > _MOST_ROWS:
                 yield tuple(task)
@@ -273,21 +260,15 @@ class _ChannelWork:
         if task:
             yield tuple(task)
 
-    def make_empty_rows(self) -> list[Row]:
+    def _list_empty(self, grouped: Grouped) -> Iterator[Row]:
         """The rows of sensors without a finite reading, and of rows that name no sensor."""
-        assert self.grouped is not None
-        rows = [
-            make_refused_row(
-                f"none of its {count} rows holds three finite readings",
-                sensor=name,
-                **{**self.known, "key": digest(self.known["key"], name)},
-            )
-            for name, count in self.grouped.empty
-        ]
-        if self.grouped.nameless:
-            what = f"{self.grouped.nameless} rows name no sensor and were left out"
-            rows.append(make_refused_row(what, sensor="", **self.known))
-        return rows
+        for name, count in grouped.empty:
+            said = f"none of its {count} rows holds three finite readings"
+            own = {**self.known, "key": self._find_key(name)}
+            yield make_refused_row(said, sensor=name, **own)
+        if grouped.nameless:
+            said = f"{grouped.nameless} rows name no sensor and were left out"
+            yield make_refused_row(said, sensor="", **self.known)
 
 
 def _find_reference(
@@ -314,10 +295,3 @@ def _needs_rows(dataset: Dataset, settings: FleetSettings) -> bool:
         return placed
     tilted = {"roll_deg", "pitch_deg"} <= set(dataset.found)
     return tilted and settings.method == "auto"
-
-
-def _put(columns: Columns, place: int, row: Row) -> None:
-    for field in fields(Row):
-        value = getattr(row, field.name)
-        column = columns[field.name]
-        column[place] = np.nan if value is None and column.dtype == np.float64 else value

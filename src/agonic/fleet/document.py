@@ -56,7 +56,7 @@ def describe_population(
             Section("", [shares]),
             Section("What stands out", [tables.list_outliers(population, found, groups)]),
             Section("Refused, and to be checked", [tables.list_reasons(population)]),
-            *(describe_group(population, g, k, belongs, noted == 2) for k, g in drawn),
+            *(describe_group(g, k, np.flatnonzero(belongs == k), noted == 2) for k, g in drawn),
             Section("", [_list_others(groups[MOST_GROUPS:])]),
             *([Section("Duplicates", [tables.list_duplicates(same)])] if same else []),
             Section("All calibrations", [_place_table(population), rows]),

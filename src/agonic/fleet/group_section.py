@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
 from agonic.fleet import figures
 from agonic.fleet.figures import draw_scatter, make_axis
 from agonic.fleet.summary_tables import count_days, get_numbers, has_values
 from agonic.maths.estimation.robust.robust_line import Line, fit_robust_line
-from agonic.population import Population
 from agonic.population.peers import LEAST, Peers
 from agonic.population.population import AXES
 from agonic.report.digits import count, show_sign, with_sd
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element, markup
+from agonic.report.markup import Markup, element
 from agonic.report.section import Section
 
 
@@ -34,24 +33,36 @@ class Relation(NamedTuple):
     sensors: int
 
 
-def find_relation(population: Population, group: Peers, rows: Index, x: Array) -> Relation | None:
+class _Drawn(NamedTuple):
+    """A group by its number on the page, its calibrations, and those (n,) whose bias stands out."""
+
+    group: Peers
+    number: int
+    rows: Index
+    noted: Mask
+
+
+def _find_relation(drawn: _Drawn, x: Array) -> Relation | None:
     """The relation within sensors where eight or more were seen at several x, else between them.
 
     Within: what each differs by from its own mean, drawn about the mean of all.
     """
-    rows = rows[np.isfinite(x[rows]) & np.isfinite(population.bias[rows]).all(axis=1)]
-    names, sensor = np.unique(population["sensor"][rows].astype(str), return_inverse=True)
-    size = np.bincount(sensor, minlength=len(names))
-    ranging = (
-        np.bincount(sensor, (x[rows] - _average_by_sensor(x[rows], sensor, size)[sensor]) ** 2) > 0
-    )
-    several = ranging[sensor]
-    if ranging.sum() >= LEAST:
-        rows, sensor, taken = rows[several], sensor[several], int(ranging.sum())
+    group, population = drawn.group, drawn.group.population
+    rows = drawn.rows[np.isfinite(x[drawn.rows])]
+    rows = rows[np.isfinite(population.bias[rows]).all(axis=1)]
+    sensor = np.unique(population["sensor"][rows].astype(str), return_inverse=True)[1]
+
+    def average(values: Array) -> Array:
+        """The mean of each row's sensor."""
+        return np.asarray(np.bincount(sensor, values)[sensor] / np.bincount(sensor)[sensor])
+
+    several = (np.bincount(sensor, (x[rows] - average(x[rows])) ** 2) > 0)[sensor]
+    taken = len(np.unique(sensor[several]))
+    if taken >= LEAST:
+        rows, sensor = rows[several], sensor[several]
         bias, along = population.bias[rows], x[rows]
-        own = np.column_stack([_average_by_sensor(b, sensor, size) for b in bias.T])[sensor]
-        bias = bias - own + bias.mean(axis=0)
-        along = along - _average_by_sensor(along, sensor, size)[sensor] + along.mean()
+        bias = bias - np.column_stack([average(b) for b in bias.T]) + bias.mean(axis=0)
+        along = along - average(along) + along.mean()
     else:
         rows, taken = group.rows[np.isfinite(x[group.rows])], 0
         bias, along = population.bias[rows], x[rows]
@@ -61,25 +72,24 @@ def find_relation(population: Population, group: Peers, rows: Index, x: Array) -
     return Relation(rows, along, bias, lines, taken)
 
 
-def draw_relation(
-    relation: Relation, group: Peers, label: str, noted: Mask, per: tuple[str, float]
-) -> Markup:
-    """A figure for each axis with its line, and the slopes in a sentence."""
-    unit = unit_label(group.unit_in)
-    x = make_axis(relation.along, label)
-    ends = float(relation.along.min()), float(relation.along.max())
-    figures = [
-        draw_scatter(
-            x,
-            make_axis(b, f"bias {axis}, {unit}"),
-            relation.along,
-            b,
-            noted[relation.rows],
-            [(line, *ends)],
-        )
+def _draw_relation(
+    drawn: _Drawn, x: Array, least: float, label: str, per: tuple[str, float]
+) -> Iterator[Markup]:
+    """A figure for each axis with its line, and the slopes in a sentence; none where x ranges over
+    less than `least`."""
+    relation = _find_relation(drawn, x) if has_values(x[drawn.rows]) else None
+    if relation is None or np.ptp(relation.along) < least:
+        return
+    unit, along = unit_label(drawn.group.unit_in), make_axis(relation.along, label)
+    first, last = float(relation.along.min()), float(relation.along.max())
+    shown = (
+        (make_axis(b, f"bias {axis}, {unit}"), b, [(line, first, last)])
         for axis, b, line in zip(AXES, relation.bias.T, relation.lines, strict=True)
-    ]
-    return markup(_describe_slopes(relation, unit, per), element("div", *figures, class_="trio"))
+    )
+    noted = drawn.noted[relation.rows]
+    trio = [draw_scatter(along, y, relation.along, b, noted, line) for y, b, line in shown]
+    yield _describe_slopes(relation, unit, per)
+    yield element("div", *trio, class_="trio")
 
 
 def _describe_slopes(relation: Relation, unit: str, per: tuple[str, float]) -> Markup:
@@ -98,41 +108,7 @@ def _describe_slopes(relation: Relation, unit: str, per: tuple[str, float]) -> M
     return element("p", f"{said}: {', '.join(parts)} {unit} per {name} ({who}).")
 
 
-def _average_by_sensor(values: Array, sensor: Index, size: Index) -> Array:
-    total = np.bincount(sensor, values, minlength=len(size))
-    return np.asarray(total / np.maximum(size, 1))
-
-
-_LEAST_RANGE_C = 3.0
-_LEAST_DAYS = 2.0
-_YEAR = 365.25
-
-
-def describe_group(
-    population: Population,
-    group: Peers,
-    k: int,
-    belongs: NDArray[np.int8],
-    noted: Mask,
-) -> Section:
-    """The figures of group number `k`, whose rows are those that `belongs` to it; `noted` (n,) are
-    rows whose bias stands out.
-    """
-    rows = np.flatnonzero(belongs == k)
-    if not len(rows):
-        return Section("", [])
-    parts = [
-        element("h3", "Distributions"),
-        element("p", _USUAL if group.enough else "", class_="aside"),
-        element("div", *_draw_histograms(population, group, k, rows), class_="trio"),
-        *_draw_bias(population, group, k, rows, noted),
-        *_draw_temperature(population, group, rows, noted),
-        *_draw_time(population, group, rows, noted),
-    ]
-    name = f"{count(len(group), 'sensor')}: {group.name}"
-    return Section(name, parts)
-
-
+_LEAST_RANGE_C, _LEAST_DAYS = 3.0, 2.0
 _USUAL = (
     "The line is the centre of the sensors and the band their spread, both estimated so that "
     "outliers do not count, each sensor once, the errors of the fits taken out. Choose bars to see "
@@ -140,40 +116,54 @@ _USUAL = (
 )
 
 
-def _draw_histograms(population: Population, group: Peers, k: int, rows: Index) -> list[Markup]:
+def describe_group(group: Peers, number: int, rows: Index, noted: Mask) -> Section:
+    """The figures of a group and its calibrations `rows`; `noted` (n,) stand out by their bias."""
+    if not len(rows):
+        return Section("", [])
+    drawn, population = _Drawn(group, number, rows, noted), group.population
+    days = count_days(population["start"])
+    begun = float(np.nanmin(days[rows])) if has_values(days[rows]) else 0.0
+    since = f"days since {np.datetime64(int(begun), 'D')}"
+    warm = _draw_relation(
+        drawn, population["temperature_C"], _LEAST_RANGE_C, "temperature, °C", ("°C", 1.0)
+    )
+    parts = {
+        "Distributions": [
+            element("p", _USUAL if group.enough else "", class_="aside"),
+            element("div", *_draw_histograms(drawn), class_="trio"),
+        ],
+        "Bias": [*_draw_bias(drawn)],
+        "Bias and temperature": [*warm],
+        "Bias over time": [
+            *_draw_relation(drawn, days - begun, _LEAST_DAYS, since, ("year", 365.25))
+        ],
+    }
+    shown = [one for title, of in parts.items() if of for one in (element("h3", title), *of)]
+    return Section(f"{count(len(group), 'sensor')}: {group.name}", shown)
+
+
+def _draw_histograms(drawn: _Drawn) -> Iterator[Markup]:
+    group = drawn.group
     unit, out = unit_label(group.unit_in), unit_label(group.unit_out)
     gain = "" if group.unit_in == group.unit_out else f"{out} per raw unit"
-    entries = [
+    entries: list[tuple[str, str, str, tuple[str, int] | None]] = [
         *((f"bias_{i}", f"bias {i}", unit, ("bias", j)) for j, i in enumerate("xyz")),
         *((f"gain_{i}", f"gain {i}", gain, ("gain", j)) for j, i in enumerate("xyz")),
         ("noise", "noise of a reading", unit, ("noise", -1)),
         ("spread_after", "spread of the magnitude", "%", ("spread", -1)),
         ("heading_sd_deg", "error of the heading", "°", None),
     ]
-    drawn = (_draw_histogram(population, group, k, rows, *entry) for entry in entries)
-    return [figure for figure in drawn if figure]
-
-
-def _draw_histogram(
-    population: Population,
-    group: Peers,
-    k: int,
-    rows: Index,
-    column: str,
-    name: str,
-    unit: str,
-    key: tuple[str, int] | None,
-) -> Markup:
-    values = get_numbers(population, column)[rows]
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return Markup("")
-    size = 100.0 if unit == "%" else 1.0
-    usual = _get_usual(group, key, size)
-    label = f"{name}, {unit}" if unit else name
-    figure = figures.draw_histogram(size * values, label, column, k, usual, size)
-    said = element("p", figures.describe_usual(usual, unit), class_="aside")
-    return element("figure", element("figcaption", element("strong", name), said), figure)
+    for column, name, unit, key in entries:
+        values = get_numbers(group.population, column)[drawn.rows]
+        values = values[np.isfinite(values)]
+        if len(values):
+            size = 100.0 if unit == "%" else 1.0
+            usual = _get_usual(group, key, size)
+            label = f"{name}, {unit}" if unit else name
+            figure = figures.draw_histogram(size * values, label, column, drawn.number, usual, size)
+            said = element("p", figures.describe_usual(usual, unit), class_="aside")
+            head = element("figcaption", element("strong", name), said)
+            yield element("figure", head, figure)
 
 
 def _get_usual(
@@ -188,44 +178,12 @@ def _get_usual(
     return (size * centre, size * spread) if np.isfinite(centre) else None
 
 
-def _draw_bias(
-    population: Population, group: Peers, k: int, rows: Index, noted: Mask
-) -> list[Markup]:
-    rows = rows[np.isfinite(population.bias[rows]).all(axis=1)]
-    if len(rows) < 3:
-        return []
-    drawn = figures.draw_biases(
-        group, k, population.bias[rows], noted[rows], unit_label(group.unit_in)
-    )
-    key = element(
-        "p",
-        element("i", class_="key odd-dots"),
-        "stands out by its bias or axes",
-        class_="legend",
-    )
-    return [element("h3", "Bias"), key, drawn]
-
-
-def _draw_temperature(
-    population: Population, group: Peers, rows: Index, noted: Mask
-) -> list[Markup]:
-    celsius = population["temperature_C"]
-    seen = celsius[rows][np.isfinite(celsius[rows])]
-    relation = find_relation(population, group, rows, celsius) if len(seen) else None
-    if relation is None or np.ptp(relation.along) < _LEAST_RANGE_C:
-        return []
-    figure = draw_relation(relation, group, "temperature, °C", noted, ("°C", 1.0))
-    return [element("h3", "Bias and temperature"), figure]
-
-
-def _draw_time(population: Population, group: Peers, rows: Index, noted: Mask) -> list[Markup]:
-    when = count_days(population["start"])
-    if not has_values(when[rows]):
-        return []
-    first = float(np.nanmin(when[rows]))
-    relation = find_relation(population, group, rows, when - first)
-    if relation is None or np.ptp(relation.along) < _LEAST_DAYS:
-        return []
-    day = np.datetime64(int(first), "D")
-    figure = draw_relation(relation, group, f"days since {day}", noted, ("year", _YEAR))
-    return [element("h3", "Bias over time"), figure]
+def _draw_bias(drawn: _Drawn) -> Iterator[Markup]:
+    bias, noted = drawn.group.population.bias[drawn.rows], drawn.noted[drawn.rows]
+    known = np.isfinite(bias).all(axis=1)
+    if known.sum() < 3:
+        return
+    sign = element("i", class_="key odd-dots")
+    yield element("p", sign, "stands out by its bias or axes", class_="legend")
+    unit = unit_label(drawn.group.unit_in)
+    yield figures.draw_biases(drawn.group, drawn.number, bias[known], noted[known], unit)

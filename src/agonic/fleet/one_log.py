@@ -71,11 +71,10 @@ def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
     rows = []
     for samples, outcome in zip(log.sensors, outcomes, strict=True):
         known = describe_log(path, log.source.sha256, settings, samples.name)
-        rows.append(
-            _note(make_row(outcome, **known, **written.get(samples.name, {})), trouble)
-            if isinstance(outcome, Calibrated)
-            else make_refused_row(explain(outcome, path), **known, samples=samples)
-        )
+        row = _make_row(outcome, samples, path, {**known, **written.get(samples.name, {})})
+        if trouble and isinstance(outcome, Calibrated):
+            row = replace(row, status=f"{row.status} {trouble}")
+        rows.append(row)
     return Done(log.source.sha256, tuple(rows), all(map(_is_final, outcomes)))
 
 
@@ -174,10 +173,6 @@ def _try_to_write(
         return {}, f"Its files could not be written ({explain(error, '')})."
 
 
-def _note(row: Row, trouble: str) -> Row:
-    return replace(row, status=f"{row.status} {trouble}") if trouble else row
-
-
 def _write_files(
     results: Sequence[Calibrated], log: Log, settings: FleetSettings, folder: Path
 ) -> Mapping[str, dict[str, str]]:
@@ -215,8 +210,8 @@ def _is_final(outcome: Calibrated | Exception) -> bool:
     return not any(isinstance(part, OSError | MemoryError | MissingExtraError) for part in chain)
 
 
-Task = tuple[tuple[int, str, Table], ...]
-"""Sensors with their place in the table, their name and their rows."""
+Task = tuple[tuple[str, Table], ...]
+"""Sensors: their name and their rows."""
 
 
 def calibrate_by_rows(
@@ -232,7 +227,7 @@ def calibrate_by_rows(
     rows = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what matters is among the findings of the row
-        for _, name, table in task:
+        for name, table in task:
             try:
                 log = build_log(
                     table,
@@ -247,16 +242,15 @@ def calibrate_by_rows(
                 rows.append(make_refused_row(why, sensor=name, **known))
                 continue
             outcome = try_calibrate(samples, settings)
-            rows.append(_make_row(outcome, samples, name, known))
+            own = {**known, "sensor": name}
+            own.pop("channel", None)  # that of the samples
+            rows.append(_make_row(outcome, samples, str(dataset.path), own))
     return tuple(rows)
 
 
 def _make_row(
-    outcome: Calibrated | Exception, samples: Samples, name: str, known: Mapping[str, Any]
+    outcome: Calibrated | Exception, samples: Samples, path: str, known: Mapping[str, Any]
 ) -> Row:
-    known = {key: value for key, value in known.items() if key != "channel"}
     if isinstance(outcome, Calibrated):
-        return make_row(outcome, sensor=name, **known)
-    return make_refused_row(
-        explain(outcome, known["source"]), sensor=name, samples=samples, **known
-    )
+        return make_row(outcome, **known)
+    return make_refused_row(explain(outcome, path), samples=samples, **known)

@@ -86,10 +86,13 @@ NUMBERS = (
 
 
 def _make_texts(population: Population, notes: Mapping[int, str]) -> dict[str, Iterable[str]]:
-    said = [
-        notes.get(k, "") if verdict == "good" else _add_findings(findings, status, notes.get(k, ""))
-        for k, (verdict, findings, status) in enumerate(_list_verdicts(population))
-    ]
+    said = []
+    columns = (population[name].tolist() for name in ("verdict", "findings", "status"))
+    for k, (verdict, findings, status) in enumerate(zip(*columns, strict=True)):
+        note = notes.get(k, "")
+        # names of findings before the sentences, so that a reason finds its rows
+        named = f"{', '.join(dict.fromkeys(findings))}: " if findings else ""
+        said.append(note if verdict == "good" else f"{note} {named}{status}".strip())
     return {
         "sensor": population["sensor"].tolist(),
         "source": population["source"].tolist(),
@@ -98,17 +101,6 @@ def _make_texts(population: Population, notes: Mapping[int, str]) -> dict[str, I
         "report": _make_links(population["report"].tolist()),
         "calibration": _make_links(population["calibration"].tolist()),
     }
-
-
-def _list_verdicts(population: Population) -> Iterable[tuple[str, tuple[str, ...], str]]:
-    columns = (population[name].tolist() for name in ("verdict", "findings", "status"))
-    return zip(*columns, strict=True)
-
-
-def _add_findings(findings: tuple[str, ...], status: str, note: str) -> str:
-    """Names of findings before the sentences, so that a reason finds its rows."""
-    named = f"{', '.join(dict.fromkeys(findings))}: " if findings else ""
-    return f"{note} {named}{status}".strip()
 
 
 def _make_links(paths: Sequence[str | None]) -> list[str]:

@@ -16,12 +16,9 @@ from agonic.health.finding import figure
 from agonic.history.fit import DRIFTING, FEWEST, NAMES, extract_parameters
 from agonic.history.maths.drift_model import Series, compute_posterior
 from agonic.history.result import Drift
-from agonic.maths.estimation.inference import find_discoveries
-from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
-from agonic.maths.estimation.robust.tails import Tail, fit_tail
 from agonic.population import Population, find_outliers
-from agonic.population.outlier import choose_rate
-from agonic.population.peers import LEAST
+from agonic.population.outlier import choose_rate, discover, list_tests
+from agonic.population.peers import LEAST, make_quantity
 from agonic.population.store import History
 
 _KINDS = {"bias": slice(0, 3), "gain": slice(3, 6), "cross": slice(6, 9)}
@@ -129,37 +126,32 @@ def _test_moves(now: Population, then: Population, rate: float) -> list[Departur
     after, before = extract_parameters(now), extract_parameters(then)
     away = after.values - before.values
     sd = np.hypot(after.sd, before.sd)
-    tested = []
-    for kind, part in _KINDS.items():
-        usual = estimate_robust_spread(away[:, part], sd[:, part])
-        scale = np.hypot(usual.spread, sd[:, part])
-        known = np.isfinite(away[:, part]).all(axis=1) & (scale > 0).all(axis=1)
-        if known.sum() < LEAST:
-            continue
-        off = away[known, part] - usual.centre
-        distance = np.linalg.norm(off / scale[known], axis=1)
-        tested.append((kind, np.flatnonzero(known), off, distance, fit_tail(distance, 3)))
-    p_values = [tail.beyond(distance) for *_, distance, tail in tested]
-    holds = find_discoveries(np.concatenate(p_values or [np.zeros(0)]), rate)
-    found, at = [], 0
-    for (kind, rows, off, distance, tail), p_value in zip(tested, p_values, strict=True):
-        for k in np.flatnonzero(holds[at : at + len(rows)]):
-            said = _describe(kind, off[k], after.units[_KINDS[kind].start], distance[k], tail)
-            sensor = str(now["sensor"][rows[k]])
-            times = float(distance[k] / (tail.scale * np.sqrt(3)))
-            found.append(Departure(sensor, "move", said, times, float(p_value[k])))
-        at += len(rows)
+    tested = [
+        test
+        for kind, part in _KINDS.items()
+        for test in list_tests(kind, make_quantity(away[:, part], sd[:, part]))
+    ]
+    found = []
+    for test, holds in zip(tested, discover(tested, rate), strict=True):
+        off, unit = (
+            test.quantity.values - test.quantity.centre,
+            after.units[_KINDS[test.name].start],
+        )
+        for k in np.flatnonzero(holds).tolist():
+            member, times = test.members[k], float(test.times[k])
+            said = _describe(test.name, off[member], unit, times)
+            sensor, p_value = str(now["sensor"][member]), float(test.p_values[k])
+            found.append(Departure(sensor, "move", said, times, p_value))
     return found
 
 
-def _describe(kind: str, off: Array, unit: str, distance: float, tail: Tail) -> str:
+def _describe(kind: str, off: Array, unit: str, times: float) -> str:
     worst = int(np.argmax(np.abs(off)))
     name = NAMES[_KINDS[kind].start + worst]
     size = f"{'−' if off[worst] < 0 else '+'}{figure(abs(float(off[worst])))} {unit}".rstrip()
-    times = figure(distance / (tail.scale * np.sqrt(3)))
     return (
         f"since the calibration before, its {name} moved by {size} more than that of the others, "
-        f"{times} times as far as is usual"
+        f"{figure(times)} times as far as is usual"
     )
 
 

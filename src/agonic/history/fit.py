@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from agonic.history.maths.change_points import (
     join_design,
 )
 from agonic.history.maths.drift_model import Series, compute_posterior
-from agonic.history.result import Drift, Event, ParameterChange, Trend, make_series, make_trend
+from agonic.history.result import Drift, Event, ParameterChange, Trend, make_series, summarise
 from agonic.population import Population
 from agonic.population.population import AXES, PAIRS
 from agonic.population.store_schema import UNDATED
@@ -163,15 +164,21 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
     for number, k in enumerate(known):
         series = join_design(many[number], found, number)
         own = tuple(s for s in found if s.outlier or number in s.where)
-        value, sd = of.values[:, k], of.sd[:, k]
+        posterior = compute_posterior(series)
         trends.append(
-            make_trend(
-                NAMES[k], of.units[k], time, value, sd, series, compute_posterior(series), own
+            Trend(
+                name=NAMES[k],
+                unit=of.units[k],
+                time=time,
+                value=of.values[:, k],
+                sd=of.sd[:, k],
+                series=series,
+                posterior=posterior,
+                shifts=own,
+                **summarise(posterior, float(time[-1] - time[0])),
             )
         )
-    units = [of.units[k] for k in known]
-    names = [NAMES[k] for k in known]
-    events = [_make_event(time, many, found, shift, names, units) for shift in found]
+    events = [_make_event(trends, many, found, shift) for shift in found]
     return tuple(trends), tuple(sorted(events, key=lambda event: event.place))
 
 
@@ -182,74 +189,49 @@ def _can_follow(values: Array) -> bool:
 
 
 def _make_event(
-    time: Array,
-    many: list[Series],
-    found: list[ChangePoint],
-    shift: ChangePoint,
-    names: list[str],
-    units: list[str],
+    trends: list[Trend], many: list[Series], found: list[ChangePoint], shift: ChangePoint
 ) -> Event:
     others = [s for s in found if s is not shift]
     moved = []
     for k in shift.where:
         posterior = estimate_size(join_design(many[k], others, k), shift)
         last = posterior.beta.shape[-1] - 1
-        moved.append(
-            ParameterChange(
-                names[k], units[k], float(posterior.mean(last)), float(posterior.sd(last))
-            )
-        )
-    kind = "step" if not shift.outlier else "last" if shift.place == len(time) - 1 else "outlier"
-    after = _make_date(time[shift.place - (0 if kind == "outlier" else 1)])
-    return Event(
-        kind, shift.place, after, _make_date(time[shift.place]), shift.p_value, tuple(moved)
+        size, sd = float(posterior.mean(last)), float(posterior.sd(last))
+        moved.append(ParameterChange(trends[k].name, trends[k].unit, size, sd))
+    time, place = trends[0].time, shift.place
+    kind = "step" if not shift.outlier else "last" if place == len(time) - 1 else "outlier"
+    after, before = (
+        datetime.fromtimestamp(float(time[at]), UTC) for at in (place - (kind != "outlier"), place)
     )
+    return Event(kind, place, after, before, shift.p_value, tuple(moved))
 
 
 def _find(
-    population: Population,
-    compared: Index,
-    trends: tuple[Trend, ...],
-    events: tuple[Event, ...],
-) -> list[Finding]:
-    found = []
+    population: Population, compared: Index, trends: tuple[Trend, ...], events: tuple[Event, ...]
+) -> Iterator[Finding]:
     if population["verdict"][-1] == "refused":
-        found.append(
-            Finding(
-                "last one refused",
-                "check",
-                f"the last calibration, of {population['source'][-1]}, was refused",
-                "see its status, and calibrate again",
-            )
+        yield Finding(
+            "last one refused",
+            "check",
+            f"the last calibration, of {population['source'][-1]}, was refused",
+            "see its status, and calibrate again",
         )
-    for event in events:
-        found.append(_describe_event(event, len(compared)))
+    yield from (_describe_event(event, len(compared)) for event in events)
     if len(compared) < FEWEST:
-        found.append(
-            Finding(
-                "few calibrations",
-                "note",
-                f"{len(compared)} can be compared; from {FEWEST} on a drift can be determined",
-            )
+        few = f"{len(compared)} can be compared; from {FEWEST} on a drift can be determined"
+        yield Finding("few calibrations", "note", few)
+    if left_out := int(population.fitted.sum()) - len(compared):
+        others = f"{left_out} earlier ones are of another channel or unit"
+        yield Finding("not compared", "note", others)
+    if any(UNDATED.name in names for names in population["findings"]):
+        yield UNDATED
+    if moving := [one for one in trends if one.p_value * len(trends) < DRIFTING]:
+        slopes = (
+            f"{one.name} by {_format_signed(one.slope, one.slope_sd)} ± "
+            f"{_format(one.slope_sd, one.unit)} a year"
+            for one in moving
         )
-    left_out = int(population.fitted.sum()) - len(compared)
-    if left_out:
-        found.append(
-            Finding(
-                "not compared",
-                "note",
-                f"{left_out} earlier ones are of another channel or unit",
-            )
-        )
-    undated = sum(UNDATED.name in names for names in population["findings"])
-    if undated:
-        found.append(UNDATED)
-    moving = [one for one in trends if one.p_value * len(trends) < DRIFTING]
-    if moving:
-        found.append(
-            Finding("drifting", "note", "it drifts: " + ", ".join(map(_describe_slope, moving)))
-        )
-    return found
+        yield Finding("drifting", "note", "it drifts: " + ", ".join(slopes))
 
 
 def _describe_event(event: Event, n: int) -> Finding:
@@ -286,13 +268,6 @@ def _make_remarks(trends: tuple[Trend, ...], at: datetime) -> tuple[str, ...]:
     return (f"standard error on {at:%Y-%m-%d}: {', '.join(known)}",) if known else ()
 
 
-def _describe_slope(one: Trend) -> str:
-    return (
-        f"{one.name} by {_format_signed(one.slope, one.slope_sd)} ± "
-        f"{_format(one.slope_sd, one.unit)} a year"
-    )
-
-
 def _format_signed(value: float, sd: float) -> str:
     """A number with its sign, to the second digit of its standard deviation."""
     decimals = int(np.clip(1 - np.floor(np.log10(max(sd, 1e-300))), 0, 12))
@@ -301,10 +276,6 @@ def _format_signed(value: float, sd: float) -> str:
 
 def _format(value: float, unit: str) -> str:
     return f"{figure(value)} {unit}".rstrip()
-
-
-def _make_date(seconds: float) -> datetime:
-    return datetime.fromtimestamp(float(seconds), UTC)
 
 
 def sample_times(drift: Drift, count: int = 200) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -108,36 +108,16 @@ def make_series(time: Array, value: Array, sd: Array) -> Series:
     return Series(span, about_mean, variance, np.stack([np.ones_like(span), span]))
 
 
-def make_trend(
-    name: str,
-    unit: str,
-    time: Array,
-    value: Array,
-    sd: Array,
-    series: Series,
-    posterior: Posterior,
-    shifts: tuple[ChangePoint, ...],
-) -> Trend:
-    """The trend of a series, with its posterior and the change points in its design."""
-    years = float(time[-1] - time[0]) / YEAR_S
-    figures: dict[str, Any] = {
+def summarise(posterior: Posterior, span_s: float) -> dict[str, float]:
+    """The figures of a trend, by its fields; posteriors are over a span of one."""
+    years = span_s / YEAR_S
+    return {
         "slope": float(posterior.mean(1)) / years,
         "slope_sd": float(posterior.sd(1)) / years,
         "p_value": float(posterior.p_value(1)),
         "scatter": float(posterior.size("scatter")),
         "walk": float(posterior.size("walk")) / np.sqrt(years),
     }
-    return Trend(
-        name=name,
-        unit=unit,
-        time=time,
-        value=value,
-        sd=sd,
-        series=series,
-        posterior=posterior,
-        shifts=shifts,
-        **figures,
-    )
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -65,28 +64,14 @@ def compute_likelihoods(parameters: Array, sd: Array, centre: Array, spread: Arr
     where there are none; centre and spread (9,).
     """
     turns = list_swaps()
-    table = _tabulate(parameters, sd, centre, spread)
     log = np.empty((len(parameters), len(turns)))
     for k, turn in enumerate(turns):
-        source = swap_axes(np.arange(1.0, 10.0), turn)
-        own, mirrored = np.abs(source).astype(int) - 1, (source < 0).astype(int)
-        log[:, k] = table[range(9), own, mirrored].sum(axis=0)
+        error = np.nan_to_num(np.abs(swap_axes(sd, turn)), posinf=np.inf)
+        scale = np.sqrt(spread**2 + error**2)
+        z = (swap_axes(parameters, turn) - centre) / scale
+        each = -0.5 * (_DOF + 1) * np.log1p(z**2 / _DOF) - np.log(scale)
+        log[:, k] = np.where(np.isfinite(each), each, 0.0).sum(axis=1)
     return Likelihoods(turns, log)
-
-
-def _tabulate(parameters: Array, sd: Array, centre: Array, spread: Array) -> Array:
-    """Of each parameter, for each of the sensor's own of its kind, for each sign: (9, 9, 2, n)."""
-    table = np.zeros((9, 9, 2, len(parameters)))
-    for theirs in range(9):
-        first = 3 * (theirs // 3)
-        for own in range(first, first + 3):
-            for mirrored in (0, 1):
-                value = -parameters[:, own] if mirrored else parameters[:, own]
-                scale = np.sqrt(spread[theirs] ** 2 + np.nan_to_num(sd[:, own], posinf=np.inf) ** 2)
-                z = (value - centre[theirs]) / scale
-                log = -0.5 * (_DOF + 1) * np.log1p(z**2 / _DOF) - np.log(scale)
-                table[theirs, own, mirrored] = np.where(np.isfinite(log), log, 0.0)
-    return table
 
 
 RATE = 0.03
@@ -120,15 +105,17 @@ class Outlier:
 
 
 @dataclass(frozen=True)
-class _Test:
-    """One quantity of one group, above or below or in all directions."""
+class Tested:
+    """One quantity of sensors, above or below or in all directions: how far out each is.
 
-    group: Peers
+    `members` are those that have a distance, on this side; `times` is theirs in what is common.
+    """
+
     name: str
     quantity: Quantity
-    members: Index  # of the group: those that have a distance, on this side
-    distance: Array
+    members: Index
     tail: Tail
+    times: Array
     p_values: Array
 
 
@@ -152,14 +139,25 @@ def find_outliers(population: Population, *, rate: float | None = None) -> tuple
     groups = [group for group in find_peers(population) if group.enough]
     if rate is None:
         rate = choose_rate(sum(map(len, groups)))
-    tested = [test for group in groups for test in _make_tests(group)]
-    p_values = np.concatenate([test.p_values for test in tested] or [np.zeros(0)])
-    holds = find_discoveries(p_values, rate)
+    tested = [
+        (group, test)
+        for group in groups
+        for name, quantity in group.quantities.items()
+        for test in list_tests(name, quantity)
+    ]
     found: list[Outlier] = []
-    for test, part in zip(tested, _split(holds, tested), strict=True):
-        chosen = np.flatnonzero(part & test.quantity.matters[test.members])
-        found.extend(_name_outliers(test, chosen))
-    turned = [one for group in groups for one in _find_swapped_axes(group, tested, rate)]
+    holding = discover([test for _, test in tested], rate)
+    for (group, test), holds in zip(tested, holding, strict=True):
+        for k in np.flatnonzero(holds & test.quantity.matters[test.members]).tolist():
+            member, times = int(test.members[k]), float(test.times[k])
+            said = _describe(group, test.name, test.quantity, member, times)
+            p_value = float(test.p_values[k])
+            found.append(_make_outlier(group, member, test.name, said, times, p_value))
+    turned = [
+        one
+        for group in groups
+        for one in _find_swapped_axes(group, [t for its, t in tested if its is group], rate)
+    ]
     return _order(found, turned)
 
 
@@ -173,33 +171,27 @@ def choose_rate(sensors: int) -> float:
     return max(RATE, min(0.1, 0.005 * sensors, 3.0 / max(sensors, 1)))
 
 
-def _make_tests(group: Peers) -> Iterator[_Test]:
-    for name, quantity in group.quantities.items():
-        distance = quantity.distance
-        known = np.isfinite(distance)
-        above = quantity.values[:, 0] > quantity.centre[0]
-        both = (above, ~above)
-        sides = {"magnitude": both, "noise": both, "spread": (above,)}.get(name, (known,))
-        for side in sides:
-            members = np.flatnonzero(known & side)
-            if known.sum() >= LEAST and 2 * len(members) >= LEAST // len(sides):
-                far = distance[members]
-                tail = fit_tail(far, quantity.values.shape[1])
-                yield _Test(group, name, quantity, members, far, tail, tail.beyond(far))
+def list_tests(name: str, quantity: Quantity) -> Iterator[Tested]:
+    """The tests of a quantity, where enough sensors have it."""
+    distance = quantity.distance
+    known = np.isfinite(distance)
+    above = quantity.values[:, 0] > quantity.centre[0]
+    both = (above, ~above)
+    sides = {"magnitude": both, "noise": both, "spread": (above,)}.get(name, (known,))
+    for side in sides:
+        members = np.flatnonzero(known & side)
+        if known.sum() >= LEAST and 2 * len(members) >= LEAST // len(sides):
+            far, dimensions = distance[members], quantity.values.shape[1]
+            tail = fit_tail(far, dimensions)
+            times = far / (tail.scale * float(np.sqrt(dimensions)))
+            yield Tested(name, quantity, members, tail, times, tail.beyond(far))
 
 
-def _split(flags: Mask, tested: Sequence[_Test]) -> list[Mask]:
-    ends = np.cumsum([0, *(len(test.members) for test in tested)]).tolist()
-    return [flags[start:end] for start, end in pairwise(ends)]
-
-
-def _name_outliers(test: _Test, chosen: Index) -> Iterator[Outlier]:
-    scale = test.tail.scale * float(np.sqrt(test.tail.dimensions))
-    for k in chosen.tolist():
-        member = int(test.members[k])
-        times = float(test.distance[k]) / scale
-        said = _describe(test.group, test.name, test.quantity, member, times)
-        yield _make_outlier(test.group, member, test.name, said, times, float(test.p_values[k]))
+def discover(tests: Sequence[Tested], rate: float) -> list[Mask]:
+    """Which members of each test stand out, all judged together."""
+    p_values = np.concatenate([*(test.p_values for test in tests), np.zeros(0)])
+    ends = np.cumsum([len(test.members) for test in tests], dtype=np.intp)
+    return np.split(find_discoveries(p_values, rate), ends)[: len(tests)]
 
 
 def _make_outlier(
@@ -225,16 +217,15 @@ def _order(found: Iterable[Outlier], turned: Iterable[Outlier]) -> tuple[Outlier
 # ---- swapped axes --------------------------------------------------------------------------------
 
 
-def _find_swapped_axes(group: Peers, tested: Sequence[_Test], rate: float) -> Iterator[Outlier]:
+def _find_swapped_axes(group: Peers, tested: Sequence[Tested], rate: float) -> Iterator[Outlier]:
     three = [group.quantities[name] for name in GEOMETRY]
     values, sd = (np.hstack([getattr(q, name) for q in three]) for name in ("values", "sd"))
     centre = np.concatenate([q.centre for q in three])
     spread = np.concatenate([np.hypot(q.spread, 0.1 * q.least) for q in three])
     if not np.isfinite(centre[:6]).all() or not (spread[:6] > 0).all():
         return
-    tests = {test.name: test for test in tested if test.group is group}
-    tails = {name: test.tail for name, test in tests.items()}
-    odd = [t.members[t.p_values < _ODD] for name, t in tests.items() if name in GEOMETRY]
+    tails = {test.name: test.tail for test in tested}
+    odd = [test.members[test.p_values < _ODD] for test in tested if test.name in GEOMETRY]
     members = np.unique(np.concatenate([*odd, np.zeros(0, dtype=np.intp)]))
     likelihoods = compute_likelihoods(values[members], sd[members], centre, spread)
     evidence = likelihoods.evidence()

@@ -48,7 +48,8 @@ class Quantity:
     def distance(self) -> Array:
         """How far each sensor is from the centre in its spread and its own error, (n,)."""
         scale = np.sqrt(self.spread**2 + self.sd**2 + (0.1 * self.least) ** 2)
-        return np.asarray(np.linalg.norm((self.values - self.centre) / scale, axis=1))
+        with np.errstate(divide="ignore", invalid="ignore"):  # without any scale there is none
+            return np.asarray(np.linalg.norm((self.values - self.centre) / scale, axis=1))
 
     @property
     def matters(self) -> Mask:
@@ -107,12 +108,12 @@ class Peers:
         bias_sd = _fill_errors(self.population.bias_sd[self.rows])
         least = MATTERS * self.field if np.isfinite(self.field) else 0.0
         return {
-            "bias": _make_quantity(bias, bias_sd, least),
-            "gain": _make_quantity(gain, gain_sd, MATTERS * usual),
-            "cross": _make_quantity(cross, cross_sd, MATTERS * usual),
-            "magnitude": _make_quantity(self._own_magnitude(), 0.0 * log_sd, ELSEWHERE),
-            "noise": _make_quantity(self._log("noise"), log_sd, float(np.log(FACTOR))),
-            "spread": _make_quantity(self._log("spread_after"), log_sd, float(np.log(FACTOR))),
+            "bias": make_quantity(bias, bias_sd, least),
+            "gain": make_quantity(gain, gain_sd, MATTERS * usual),
+            "cross": make_quantity(cross, cross_sd, MATTERS * usual),
+            "magnitude": make_quantity(self._own_magnitude(), 0.0 * log_sd, ELSEWHERE),
+            "noise": make_quantity(self._log("noise"), log_sd, float(np.log(FACTOR))),
+            "spread": make_quantity(self._log("spread_after"), log_sd, float(np.log(FACTOR))),
         }
 
     @property
@@ -174,6 +175,7 @@ def _fill_errors(sd: Array) -> Array:
     return np.nan_to_num(sd, posinf=np.inf)
 
 
-def _make_quantity(values: Array, sd: Array, least: float) -> Quantity:
+def make_quantity(values: Array, sd: Array, least: float = 0.0) -> Quantity:
+    """A quantity with what is usual of it."""
     centre, spread = estimate_robust_spread(values, np.broadcast_to(sd, values.shape))
     return Quantity(values, sd, centre, spread, least)

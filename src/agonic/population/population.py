@@ -135,7 +135,7 @@ class Population(Readable):
     def of(cls, rows: Iterable[Row]) -> Population:
         """The population of these rows, in its order."""
         ordered = sorted(rows, key=lambda row: (row.source, row.channel, row.sensor))
-        return cls({name: _make_column(name, ordered) for name in COLUMNS})
+        return cls({n: make_column(n, [getattr(row, n) for row in ordered]) for n in COLUMNS})
 
     @classmethod
     def joined(cls, parts: Sequence[Population]) -> Population:
@@ -212,14 +212,9 @@ class Population(Readable):
         return np.where(once, errors[:, i, j], both)
 
 
-def _make_column(name: str, rows: list[Row]) -> NDArray[Any]:
-    values = [getattr(row, name) for row in rows]
-    kind = get_dtype(name)
-    if kind is np.float64:
-        return np.array([np.nan if value is None else value for value in values], dtype=kind)
-    if kind is np.int64:
-        return np.array(values, dtype=kind)
-    column = np.empty(len(values), dtype=object)
+def make_column(name: str, values: Sequence[Any]) -> NDArray[Any]:
+    """A column (n,) of the values of a field; None is NaN where they are numbers."""
+    column: NDArray[Any] = np.empty(len(values), dtype=get_dtype(name))
     column[:] = values
     return column
 

@@ -10,10 +10,9 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.health import Finding
-from agonic.population.population import COLUMNS, Population, Row, get_dtype
+from agonic.population.population import COLUMNS, Population, Row, get_dtype, make_column
 from agonic.provenance import escape_text
 
 APPLICATION = 0x61676E63
@@ -90,24 +89,12 @@ def make_entry(row: Row, now: datetime) -> list[Any]:
 
 def make_population(values: Sequence[Sequence[Any]]) -> Population:
     """The population of rows as they are stored, in their order."""
-    columns = list(zip(*values, strict=True)) or [()] * len(COLUMNS)
-    return Population(
-        {name: _read_column(name, column) for name, column in zip(COLUMNS, columns, strict=True)}
+    columns = dict(
+        zip(COLUMNS, list(zip(*values, strict=True)) or [()] * len(COLUMNS), strict=True)
     )
-
-
-def _read_column(name: str, values: Sequence[Any]) -> NDArray[Any]:
-    kind = get_dtype(name)
-    if kind is not object:
-        return np.array(values, dtype=kind)
-    column = np.empty(len(values), dtype=object)
-    if name == "start":
-        column[:] = [datetime.fromisoformat(value) for value in values]
-    elif name == "findings":
-        column[:] = [tuple(json.loads(value)) for value in values]
-    else:
-        column[:] = values
-    return column
+    columns["start"] = tuple(map(datetime.fromisoformat, columns["start"]))
+    columns["findings"] = tuple(tuple(json.loads(value)) for value in columns["findings"])
+    return Population({name: make_column(name, column) for name, column in columns.items()})
 
 
 def _digest(*parts: str) -> bytes:

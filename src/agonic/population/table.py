@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agonic.atomic import write_atomically
 from agonic.errors import LogError, MissingExtraError
-from agonic.population.population import COLUMNS, Population, get_dtype
+from agonic.population.population import COLUMNS, Population, get_dtype, make_column
 
 SCHEMA = b"agonic/population@1"
 
@@ -101,18 +102,12 @@ def from_bytes(content: bytes) -> Population:
         raise LogError(f"it is damaged ({error}); make it anew with agonic fleet") from None
 
 
-def _read_column(name: str, column: Any) -> Any:
+def _read_column(name: str, column: Any) -> NDArray[Any]:
     """A column as `Population` keeps it."""
-    kind = get_dtype(name)
-    if kind is not object:
-        values = column.to_numpy()
-        return np.asarray(values, dtype=kind)
-    kept = np.empty(len(column), dtype=object)
-    if name == "findings":
-        kept[:] = [tuple(names) for names in column.to_pylist()]
-    else:
-        kept[:] = column.to_pylist()
-    return kept
+    if get_dtype(name) is not object:
+        return np.asarray(column.to_numpy(), dtype=get_dtype(name))
+    values = column.to_pylist()
+    return make_column(name, [*map(tuple, values)] if name == "findings" else values)
 
 
 def _import_arrow() -> tuple[Any, Any]:

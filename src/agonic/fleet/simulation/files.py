@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -159,12 +160,9 @@ def write_truth(truth: Mapping[str, NDArray[Any]], path: Path | str) -> Path:
         for _ in values.shape[1:]:
             names = [f"{n}{'_' if n == name else ''}{axis}" for n in names for axis in "xyz"]
         flat = values.reshape(len(values), -1)
-        columns |= {n: _make_plain(flat[:, k]) for k, n in enumerate(names)}
+        for column, values_of in zip(names, flat.T.tolist(), strict=True):
+            columns[column] = [v.isoformat() if isinstance(v, datetime) else v for v in values_of]
     return write_table(columns, path)
-
-
-def _make_plain(column: NDArray[Any]) -> list[Any]:
-    return [v.isoformat() if hasattr(v, "isoformat") else v for v in column.tolist()]
 
 
 def _group_tables(

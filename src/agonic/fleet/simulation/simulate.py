@@ -14,13 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
-from agonic.fleet.simulation.faults import (
-    BROKEN,
-    DAMAGED,
-    SWAPPED,
-    Fault,
-    apply_faults,
-)
+from agonic.fleet.simulation.faults import BROKEN, DAMAGED, SWAPPED, apply_faults, spoil
 from agonic.simulation.draws import draw_directions, make_knots
 from agonic.units import STANDARD_GRAVITY_M_S2
 
@@ -111,7 +105,7 @@ class SimulatedFleet:
         force += _FORCE_NOISE_M_S2 * rng.standard_normal(force.shape)
         for k, fault in enumerate(boards.fault[of]):
             if fault:
-                raw[k], noise[k] = Fault(fault)(raw[k], noise[k], int(of[k]))
+                raw[k], noise[k] = spoil(fault, raw[k], noise[k], int(of[k]))
         field = np.round((raw + noise) / _STEP_NT) * _STEP_NT
         return RecordedLogs(
             first=first, time=time, field=field, acceleration=force, temperature=temperature

@@ -70,6 +70,8 @@ def _next(
     places of both counted.
     """
     n = len(many[0].time) if many else 0
+    # a step before every value but the first and the last, an outlier at each but the ends
+    every = [ChangePoint(k, stray, 1.0, ()) for stray in (False, True) for k in range(1, n - 1)]
     last, allowed_for, ways = ChangePoint(n - 1, True, 1.0, ()), [*found], len(many)
     for share in _SHARES:
         if n - len(allowed_for) < LAST or (share != _SHARES[0] and not any(map(_jumps, many))):
@@ -82,7 +84,7 @@ def _next(
                 return new
         if n - len(allowed_for) < FEWEST:
             break
-        candidates = [s for s in _candidates(n) if not _is_taken(s, allowed_for)]
+        candidates = [s for s in every if not _is_taken(s, allowed_for)]
         suspect = _find_suspect(known, candidates)
         if suspect is None:
             break
@@ -112,12 +114,6 @@ def estimate_size(series: Series, change: ChangePoint) -> Posterior:
     """The posterior of a series when a change point joins its design, last."""
     column = change.column(len(series.time))
     return compute_posterior(series._replace(design=np.concatenate([series.design, column[None]])))
-
-
-def _candidates(n: int) -> list[ChangePoint]:
-    """A step before every value but the first and the last, an outlier at each but the ends."""
-    steps = [ChangePoint(k, False, 1.0, ()) for k in range(1, n - 1)]
-    return steps + [ChangePoint(k, True, 1.0, ()) for k in range(1, n - 1)]
 
 
 def _is_taken(change: ChangePoint, found: Sequence[ChangePoint]) -> bool:
