@@ -10,8 +10,8 @@ from agonic.errors import AgonicError
 from agonic.live.fit import LiveFit
 from agonic.live.state import LiveParams
 from agonic.live.streams import Chunk, Notice
+from agonic.live.web.folder import SavedFits
 from agonic.live.web.plan import Plan
-from agonic.live.web.resume import SavedFits
 from agonic.live.web.session import Session
 from tests.live.test_live_server import heard, run
 

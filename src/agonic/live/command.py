@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from agonic.console.options import Json, Place, SensorChoice
 from agonic.errors import AgonicError, MissingExtraError
@@ -20,15 +18,7 @@ PORT = 8737  # of the page
 
 
 def live(
-    source: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="SOURCE",
-            show_default=False,
-            help="A serial port (/dev/ttyUSB0, COM3:57600), udp://[HOST]:PORT, tcp://HOST:PORT, "
-            "each also after mavlink+, a log to replay, or sim. Without it: list the serial ports.",
-        ),
-    ] = None,
+    source: str | None = None,
     out: Path = Path("live-agonic"),
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
@@ -51,6 +41,9 @@ def live(
 
     Options
     -------
+    source <[SOURCE]> : A serial port (/dev/ttyUSB0, COM3:57600), udp://[HOST]:PORT,
+        tcp://HOST:PORT, each also after mavlink+, a log to replay, or sim. Without it: list the
+        serial ports.
     out -o DIR : Folder to write to.
     target DEG : Standard error of the heading to reach.
     before CAL : Calibration to show beside the new one.

@@ -252,12 +252,11 @@ class LiveFit:
         known = None if reference is None else float(reference.magnitudes(1)[0])
         solved = Solved("full", **{name: getattr(found, name) for name in OF_FIT})
         scale = Scale(found.centre, found.size, known, self.params.magnitude_sd)
-        largest = float(np.abs(boxes.middles).max())
         made = replace(
             make_calibration(solved, scale, self.unit, "symmetric"),
             sensor=self.params.name,
             device_id=self.params.device_id,
-            validity=Validity(largest_reading=largest),
+            validity=Validity(largest_reading=float(np.abs(boxes.middles).max())),
         )
         where = cells.find_cells(made.correct(boxes.middles))
         counts = np.bincount(where, weights=boxes.counts, minlength=80).astype(np.int64)

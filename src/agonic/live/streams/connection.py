@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from threading import Event as Flag
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from agonic.live.streams.device import Device, MotionCalDevice
 from agonic.live.streams.events import Chunk, Clock, Event, Notice, Words
 from agonic.live.streams.links import Link, Packet
 from agonic.live.streams.rows import LineParser, Reading
+
+if TYPE_CHECKING:
+    from agonic.live.streams.vehicle import Vehicle
 
 LONGEST = 4096
 """Bytes of a line; longer ones are passed over."""
@@ -122,17 +125,6 @@ SILENCE_S = 3.0
 MOST_SENDERS = 8
 
 
-class Decoder(Protocol):
-    """What makes readings of bytes."""
-
-    stack: str
-
-    @property
-    def device(self) -> Device | None: ...
-    def begin(self, write: Callable[[bytes], None]) -> None: ...
-    def feed(self, received: Packet, now: float) -> list[Event]: ...
-
-
 class LineDecoder:
     """Lines of text, from one sender or a few."""
 
@@ -174,7 +166,7 @@ class Connection:
 
     lasting = True
 
-    def __init__(self, link: Link, decoder: Decoder) -> None:
+    def __init__(self, link: Link, decoder: LineDecoder | Vehicle) -> None:
         self.link, self.decoder = link, decoder
         self.name = link.name
         self._heard = 0.0

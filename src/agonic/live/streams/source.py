@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from threading import Event as Flag
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from agonic.errors import AgonicError
 from agonic.live.streams.connection import Connection, LineDecoder
-from agonic.live.streams.device import Device
-from agonic.live.streams.events import Event
 from agonic.live.streams.links import Link, SerialLink, StandardInput, TcpLink, UdpLink
-from agonic.live.streams.replay import make_simulated, replay_log
+from agonic.live.streams.replay import Replay, make_simulated, replay_log
 from agonic.units import RAW, find_unit
 
 BAUD = 115_200
@@ -28,20 +24,9 @@ _PORT = re.compile(r"(/dev/(?:tty|cu\.|serial/)[^:]*|COM\d+)(:\d+)?", re.IGNOREC
 _SETTINGS = {"kind": str, "rate": float, "sensors": int, "seed": int, "minutes": float}
 
 
-class Source(Protocol):
-    """Where readings come from: `events` yields until `stop` is set or there are no more.
-
-    `lasting` where a source that is opened again goes on, rather than begins again.
-    """
-
-    name: str
-    lasting: bool
-
-    @property
-    def stack(self) -> str: ...
-    @property
-    def device(self) -> Device | None: ...
-    def events(self, stop: Flag) -> Iterator[Event]: ...
+Source = Connection | Replay
+"""Where readings come from: `events` yields until `stop` is set or there are no more; `lasting`
+where a source that is opened again goes on, rather than begins again."""
 
 
 def open_source(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -13,22 +12,12 @@ from agonic.errors import AgonicError
 from agonic.live.fit import GROWTH
 from agonic.live.streams import Chunk, Notice, Source
 from agonic.live.streams.device import Device, Setting
+from agonic.live.web.folder import SavedFits, write_results
 from agonic.live.web.messages import Outcome, Sensor, Status, describe_read_back
 from agonic.live.web.plan import Plan
-from agonic.live.web.results import write_results
-from agonic.live.web.resume import SavedFits
 from agonic.live.web.watch import RecentReadings, WatchedSensor, find_calibration_before
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written
-
-
-class DeviceOffer(NamedTuple):
-    """The sensor, its settings in the device, and what is to be said of them."""
-
-    sensor: str = ""
-    settings: Sequence[Setting] = ()
-    says: str = ""
-
 
 DIGEST_S = 0.2  # between two fits, and two statuses
 RETRY_S = 1.0  # before a source whose driver failed is opened again
@@ -46,13 +35,8 @@ class Session:
         self._watched: dict[str, WatchedSensor] = {}
         origin = source.name if source.lasting else ""
         self._unfinished = SavedFits(plan.folder, origin, fresh=plan.fresh)
-        self._notes: list[str] = []
-        self._heard = Notice(False, f"connecting to {source.name}")
-        self._sensors: list[Sensor] = []
-        self._version = self._accepted = 0
-        self._outcomes: list[Outcome] = []
-        self._busy, self._trouble, self._unsaved = False, "", ""
-        self._offer = DeviceOffer()
+        self._status = Status(0, False, False, f"connecting to {source.name}", [])
+        self._unsaved = ""
         self.results: list[Calibrated] = []
         self.written: dict[str, Written] = {}
 
@@ -68,41 +52,36 @@ class Session:
         self._stop.set()
         for thread in self._threads:
             thread.join(timeout=3.0)
-        with self._lock:
-            self._sensors = [self._digest_one(one) for one in self._watched.values()]
+        self._digest_all()
         self._save()
 
     @property
     def closing_message(self) -> str:
         """What is left of the session when it is stopped, in words."""
         left = self._unfinished.closing_message(accepted=bool(self.written))
-        return self._trouble or self._unsaved or left
+        return self.status.trouble or left
 
     @property
     def status(self) -> Status:
         """Where the session stands."""
         with self._lock:
-            return Status(
-                version=self._version,
-                connected=self._heard.connected,
-                ended=self._heard.ended,
-                heard=self._heard.text,
-                sensors=self._sensors,
-                accepted=self._accepted,
-                outcomes=self._outcomes,
-                busy=self._busy,
-                trouble=self._trouble or self._unsaved,
-                device="" if self.source.device is None else self.source.device.name,
-                offered=self._offer.sensor,
-                offer=list(self._offer.settings),
-                device_says=self._offer.says,
-                notes=self._notes + [one.left_out for one in self._sensors if one.left_out],
+            now, device = self._status, self.source.device
+            return replace(
+                now,
+                trouble=now.trouble or self._unsaved,
+                device="" if device is None else device.name,
+                notes=now.notes + [one.left_out for one in now.sensors if one.left_out],
             )
 
     @property
     def version(self) -> int:
         """A number that grows with every change of the status."""
-        return self._version
+        return self._status.version
+
+    def _change(self, **now: Any) -> None:
+        """Go on to the next version of the status."""
+        with self._lock:
+            self._status = replace(self._status, version=self._status.version + 1, **now)
 
     @property
     def shown(self) -> list[RecentReadings]:
@@ -111,39 +90,36 @@ class Session:
 
     def offer(self, sensor: str) -> None:
         """Show what would be written to the device for a sensor; "" takes an offer back."""
-        offered = DeviceOffer()
-        if sensor and not any(o.sensor == sensor for o in self._outcomes):
+        if sensor and not any(o.sensor == sensor for o in self._status.outcomes):
             self.accept()
+        offer, warnings, trouble = list[Setting](), tuple[str, ...](), ""
         try:
             if sensor:
                 calibration = self._find_result(sensor).fit.calibration
-                changes, warnings = self._device().changes(calibration)
-                offered = DeviceOffer(sensor, changes, ". ".join(warnings))
-            trouble = ""
+                offer, warnings = self._device().changes(calibration)
         except AgonicError as error:
-            trouble = str(error)
+            sensor, trouble = "", str(error)
+        says = ". ".join(warnings)
         with self._lock:
-            self._offer, self._trouble = offered, trouble or self._trouble
-            self._changed()
+            trouble = trouble or self._status.trouble
+            self._change(offered=sensor, offer=offer, device_says=says, trouble=trouble)
 
     def write(self, sensor: str) -> None:
         """Write to the device what was offered, and nothing else; read it back."""
         with self._lock:
-            offered = self._offer
-            if offered.sensor != sensor or self._busy or not offered.settings:
+            now = self._status
+            if now.offered != sensor or now.busy or not now.offer:
                 return
-            self._busy = True
-            self._changed()
+            self._change(busy=True)
+        offer = now.offer
         try:
             calibration = self._find_result(sensor).fit.calibration
-            read = self._device().write(offered.settings, calibration)
-            listed = [replace(one, read_back=read.get(one.name)) for one in offered.settings]
-            offered = DeviceOffer(sensor, listed, describe_read_back(listed))
+            read = self._device().write(offer, calibration)
+            offer = [replace(one, read_back=read.get(one.name)) for one in offer]
+            says = describe_read_back(offer)
         except (AgonicError, OSError) as error:
-            offered = offered._replace(says=f"not written: {error}")
-        with self._lock:
-            self._offer, self._busy = offered, False
-            self._changed()
+            says = f"not written: {error}"
+        self._change(offered=sensor, offer=offer, device_says=says, busy=False)
 
     def _device(self) -> Device:
         device = self.source.device
@@ -164,21 +140,19 @@ class Session:
                 if sensor in (None, name):
                     watched.restart()
                     self._unfinished.begin(name)
-            self._outcomes, self._trouble, self._notes = [], "", []
-            self._sensors = [watched.status() for watched in self._watched.values()]
-            self._changed()
+            sensors = [watched.status() for watched in self._watched.values()]
+            self._change(sensors=sensors, outcomes=[], trouble="", notes=[])
 
     def accept(self) -> list[Outcome]:
         """Calibrate from the readings so far and write the results, as `agonic calibrate` does."""
         with self._lock:
-            if self._busy:
-                return self._outcomes
-            self._busy, self._trouble = True, ""
-            self._changed()
-            self._sensors = [self._digest_one(one) for one in self._watched.values()]
+            if self._status.busy:
+                return self._status.outcomes
+            self._change(busy=True, trouble="")
+            self._digest_all()
         self._consider_all()
         with self._lock:
-            self._sensors = [self._digest_one(one) for one in self._watched.values()]
+            self._digest_all()
             seen = {n: one.seen for n, one in self._watched.items() if one.live.n}
         try:
             self.results, self.written, outcomes = write_results(self.plan, self.source, seen)
@@ -188,14 +162,14 @@ class Session:
         except Exception as error:  # the page must hear of it rather than wait for ever
             outcomes, trouble = [], f"{type(error).__name__}: {error}"
         with self._lock:
-            self._outcomes, self._trouble, self._busy = outcomes, trouble, False
             self._unsaved = ""
-            self._accepted += 1
-            self._notes = []
             for result in self.results:
                 if result.verdict != "refused":
                     self._unfinished.finish(result.samples.name)
-            self._changed()
+            accepted = self._status.accepted + 1
+            self._change(
+                outcomes=outcomes, trouble=trouble, busy=False, accepted=accepted, notes=[]
+            )
         return outcomes
 
     # ---- in the background ----------------------------------------------------------------
@@ -219,9 +193,7 @@ class Session:
                 self._stop.wait(RETRY_S)
 
     def _say(self, said: Notice) -> None:
-        with self._lock:
-            self._heard = said
-            self._changed()
+        self._change(connected=said.connected, ended=said.ended, heard=said.text)
 
     def _take(self, chunk: Chunk) -> None:
         with self._lock:
@@ -241,26 +213,22 @@ class Session:
                 if live is not None:
                     watched.go_on(live)
                 if note:
-                    self._notes.append(note)
+                    self._note(note)
             watched.take(chunk)
 
     def _save(self) -> None:
         """Write where it stands, beside the reading and fitting."""
         with self._lock:
             stands = {n: (one.params, one.live.state) for n, one in self._watched.items()}
-        trouble = self._unfinished.save(stands)
-        with self._lock:
-            self._unsaved = trouble
-            self._changed()
+        self._unsaved = self._unfinished.save(stands)
+        self._change()
 
     def _digest(self) -> None:
         """Fit and save, again and again; what goes wrong is told, and it goes on."""
         while not self._stop.is_set():
             began = time.monotonic()
             try:
-                with self._lock:
-                    self._sensors = [self._digest_one(one) for one in self._watched.values()]
-                    self._changed()
+                self._digest_all()
                 if self._unfinished.due():
                     self._save()
             except Exception as error:
@@ -282,6 +250,10 @@ class Session:
                 if trouble := watched.consider(growth):
                     self._note(trouble)
 
+    def _digest_all(self) -> None:
+        with self._lock:
+            self._change(sensors=[self._digest_one(one) for one in self._watched.values()])
+
     def _digest_one(self, watched: WatchedSensor) -> Sensor:
         """Fit what has come of a sensor; one that begins anew leaves its saved readings aside."""
         status, trouble = watched.proceed()
@@ -293,12 +265,9 @@ class Session:
     def _note(self, note: str) -> None:
         """Say something once."""
         with self._lock:
-            if note not in self._notes and len(self._notes) < MOST_NOTES:
-                self._notes.append(note)
-                self._changed()
-
-    def _changed(self) -> None:
-        self._version += 1
+            notes = self._status.notes
+            if note not in notes and len(notes) < MOST_NOTES:
+                self._change(notes=[*notes, note])
 
 
 def _tell(error: Exception) -> str:

@@ -1,20 +1,31 @@
-"""Sessions that were not finished: where each sensor stands, in a file beside the results to be."""
+"""What a session leaves in its folder: where each sensor stands, and the results once accepted."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
 from agonic.atomic import make_folder
 from agonic.errors import AgonicError
+from agonic.exports.csv import write_csv
 from agonic.files.names import file_stem
+from agonic.health import Finding
 from agonic.live.files import save_state
 from agonic.live.fit import LiveFit
 from agonic.live.state import LiveParams, LiveState
+from agonic.live.streams import Source
+from agonic.live.web.messages import Outcome
+from agonic.live.web.plan import Plan
+from agonic.provenance import Input, hash_file
+from agonic.recording.calibrated import Calibrated, calibrate_as_named
+from agonic.recording.document import Written
+from agonic.recording.files import write_folder
+from agonic.samples import Samples
 
 SAVE_S = 5.0
 """Between two times that the files are written."""
@@ -116,3 +127,28 @@ def _set_aside(path: Path) -> Path:
     except OSError as error:
         raise AgonicError(f"cannot set {path} aside: {error.strerror or error}") from error
     return aside
+
+
+def write_results(
+    plan: Plan, source: Source, seen: Mapping[str, tuple[Samples, Sequence[Finding]]]
+) -> tuple[list[Calibrated], dict[str, Written], list[Outcome]]:
+    """Calibrate each sensor from its readings, and write the folder of the plan; `seen` are the
+    readings that count, and what is to be said of those that do not."""
+    if not seen:
+        raise AgonicError("there are no readings yet; turn the sensor first")
+    make_folder(plan.folder)
+    results, failures = [], []
+    for name, (readings, doubts) in seen.items():
+        path = write_csv(readings, plan.folder / f"{file_stem(name)}-readings.csv")
+        told = Input(name=path.name, sha256=hash_file(path), count=len(readings))
+        try:
+            readings = replace(readings, source=told)
+            made = calibrate_as_named(readings, plan.reference, **plan.settings)
+            results.append(replace(made, fit=made.fit.with_findings(*doubts)))
+        except AgonicError as error:
+            failures.append(Outcome(name, "refused", str(error), []))
+    written = write_folder(results, plan.folder, title=f"Live: {source.name}", stack=source.stack)
+    outcomes = [
+        Outcome(r.samples.name, r.verdict, r.status, *written[r.samples.name][:2]) for r in results
+    ]
+    return results, written, outcomes + failures
