@@ -18,16 +18,9 @@ if TYPE_CHECKING:
     from agonic.exports.convert import Export
     from agonic.exports.firmware import DeclinationGrid
 
-Source = Annotated[
-    Path,
-    typer.Argument(
-        metavar="CAL|SETUP|TRACK", help="A calibration file, or for c a setup or a track file."
-    ),
-]
-
 
 def export(
-    cal: Source,
+    cal: Path,
     to: Annotated[str, typer.Option("--to", help=f"{list_words(list(TARGETS), 'or')}.")],
     out: Path | None = None,
     number: int | None = None,
@@ -55,6 +48,7 @@ def export(
 
     Options
     -------
+    cal <CAL|SETUP|TRACK> : A calibration file, or for c a setup or a track file.
     out -o PATH : File, or folder; default beside CAL.
     number ≥1 ≤4 : Which compass of the vehicle, from 1; default: by the sensor's name.
     device_id : PX4 device id; default: the calibration's own.

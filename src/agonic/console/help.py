@@ -33,10 +33,18 @@ _PLAIN = {
 """How the parser of options says what was wrong, and how people do."""
 
 
-class Command(TyperCommand):
+class _Helped:
     """A command with its own form of help."""
 
     examples: Sequence[str] = ()
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        formatter.write("\n".join(render_help(self, ctx, find_width())) + "\n")
+
+
+class Command(_Helped, TyperCommand):
+    """A command that does something."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run it, with a word where it takes long; Ctrl-C is told with what was kept."""
@@ -46,19 +54,9 @@ class Command(TyperCommand):
         except KeyboardInterrupt:
             raise stop() from None
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help."""
-        formatter.write("\n".join(render_help(self, ctx, find_width())) + "\n")
 
-
-class Group(TyperGroup):
+class Group(_Helped, TyperGroup):
     """A command of commands, which lists them under headings; alone it says what there is."""
-
-    examples: Sequence[str] = ()
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help."""
-        formatter.write("\n".join(render_help(self, ctx, find_width())) + "\n")
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Without any word, help."""

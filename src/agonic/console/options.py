@@ -56,33 +56,23 @@ Magnitude = Annotated[
 ]
 
 
-ScalarColumn = Annotated[
-    str | None,
-    typer.Option(
-        "--scalar",
-        metavar="COLUMN|FILE",
-        help="A scalar magnetometer beside the sensor: its column in the log, a table of its own "
-        "(FILE or FILE:COLUMN), or none; default: scalar_nT of the log, if nothing else is known.",
-    ),
-]
-ScalarSd = Annotated[
-    float,
-    typer.Option(
-        "--scalar-sd",
-        metavar="NT",
-        help="How far the scalar instrument may be off.",
-        min=0,
-    ),
-]
 SCALAR_SD_NT = 0.5
 """Absolute accuracy in the data sheets of proton and Overhauser magnetometers: 0.2 to 1 nT."""
 
 
 class ScalarChoice(NamedTuple):
-    """Options that name a scalar magnetometer beside the sensor."""
+    """Options that name a scalar magnetometer beside the sensor.
 
-    column: ScalarColumn = None
-    sd: ScalarSd = SCALAR_SD_NT
+    Options
+    -------
+    column --scalar COLUMN|FILE : A scalar magnetometer beside the sensor: its column in the log, a
+        table of its own (FILE or FILE:COLUMN), or none; default: scalar_nT of the log, if nothing
+        else is known.
+    sd --scalar-sd NT ≥0 : How far the scalar instrument may be off.
+    """
+
+    column: str | None = None
+    sd: float = SCALAR_SD_NT
 
 
 class SensorChoice(NamedTuple):

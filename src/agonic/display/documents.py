@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import singledispatch
 from html import escape
+from typing import Any
 
 from agonic.alignment.coil import CoilFit
 from agonic.alignment.direction.result import FieldDirection, describe_direction
@@ -56,47 +58,24 @@ def describe(shown: object) -> Document | None:
     )
 
 
-@describe.register
-def _(shown: Calibrated) -> Document:
-    return describe_recording([shown], title=shown.samples.name)
-
-
-@describe.register
-def _(shown: CalibratedCampaign) -> Document:
-    return describe_campaign(shown)
-
-
-@describe.register
-def _(shown: ThermalFit) -> Document:
-    return describe_known_field(shown, shown.calibration.sensor)
-
-
-@describe.register
-def _(shown: GravityFit) -> Document:
-    return describe_gravity(shown, shown.calibration.sensor)
-
-
-@describe.register
-def _(shown: Tracker) -> Document:
-    return describe_tracking(shown, None)
-
-
-@describe.register
-def _(shown: Heading) -> Document:
-    return describe_headings(shown)
-
-
-for _result, _describe in (
-    (AlignmentFit, describe_alignment),
-    (CoilFit, describe_coil),
-    (DeviationFit, describe_deviation),
-    (DiFluxFit, describe_di_flux),
-    (Drift, describe_drift),
-    (FieldDirection, describe_direction),
-    (InflightFit, describe_inflight),
-    (NorthFit, describe_north),
-):
-    describe.register(_result, _describe)
+_DESCRIBED: dict[type, Callable[[Any], Document]] = {
+    AlignmentFit: describe_alignment,
+    Calibrated: lambda one: describe_recording([one], title=one.samples.name),
+    CalibratedCampaign: describe_campaign,
+    CoilFit: describe_coil,
+    DeviationFit: describe_deviation,
+    DiFluxFit: describe_di_flux,
+    Drift: describe_drift,
+    FieldDirection: describe_direction,
+    GravityFit: lambda one: describe_gravity(one, one.calibration.sensor),
+    Heading: describe_headings,
+    InflightFit: describe_inflight,
+    NorthFit: describe_north,
+    ThermalFit: lambda one: describe_known_field(one, one.calibration.sensor),
+    Tracker: lambda one: describe_tracking(one, None),
+}
+for _kind, _describe in _DESCRIBED.items():
+    describe.register(_kind, _describe)
 
 
 def write_summary(shown: Readable) -> str:

@@ -35,23 +35,22 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
-from msgspec import Struct
+from msgspec import Struct, defstruct
 
 from agonic.atomic import sign_text, write_atomically
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.deviation import Deviation
-from agonic.calibration.setup import Compass, Setup, Tilt
+from agonic.calibration.setup import Compass, Setup
 from agonic.calibration.setup import find_mistakes as out_of_range
 from agonic.errors import LogError
 from agonic.files.calibration import load, save
 from agonic.files.names import file_stem
 from agonic.files.toml_sections import read_section, read_toml, try_to_make, write_value
 from agonic.logs.contents import read_bytes
-from agonic.maths.rotations.tilt import Order
 from agonic.units import ACCELERATION
 
 
@@ -65,60 +64,32 @@ class CompassSection(Struct):
     latency_sd_s: float | None = None
 
 
-class TiltSection(Struct):
-    """[tilt]"""
-
-    source: Tilt = "auto"
-    accelerometer: str | None = None
-    order: Order = "roll-pitch"
-    sd_deg: float | None = None
-    settling_s: float = 10.0
-
-
-class DeclinationSection(Struct):
-    """[declination]"""
-
-    degrees: float | Literal["model"] = "model"
-    sd_deg: float | None = None
-
-
-class FieldSection(Struct):
-    """[field]"""
-
-    horizontal_nT: float
-    vertical_nT: float
-
-
-class LimitsSection(Struct):
-    """[limits]"""
-
-    magnitude: float = 0.1
-    dip_deg: float = 10.0
-    tilt_deg: float = 80.0
-    disagreement_deg: float = 10.0
-
-
-SECTIONS: Mapping[str, type[Struct]] = {
-    "tilt": TiltSection,
-    "declination": DeclinationSection,
-    "field": FieldSection,
-    "limits": LimitsSection,
+SECTIONS: Mapping[str, Mapping[str, str]] = {
+    "tilt": {
+        "source": "tilt",
+        "order": "tilt_order",
+        "sd_deg": "tilt_sd_deg",
+        "settling_s": "settling_s",
+        "accelerometer": "accelerometer",
+    },
+    "declination": {"degrees": "declination_deg", "sd_deg": "declination_sd_deg"},
+    "field": {"horizontal_nT": "horizontal", "vertical_nT": "vertical"},
+    "limits": {
+        "magnitude": "magnitude_limit",
+        "dip_deg": "dip_limit_deg",
+        "tilt_deg": "tilt_limit_deg",
+        "disagreement_deg": "disagreement_limit_deg",
+    },
 }
-ATTRIBUTES: Mapping[str, tuple[str, str]] = {
-    "tilt": ("tilt", "source"),
-    "tilt_order": ("tilt", "order"),
-    "tilt_sd_deg": ("tilt", "sd_deg"),
-    "settling_s": ("tilt", "settling_s"),
-    "declination_deg": ("declination", "degrees"),
-    "declination_sd_deg": ("declination", "sd_deg"),
-    "horizontal": ("field", "horizontal_nT"),
-    "vertical": ("field", "vertical_nT"),
-    "magnitude_limit": ("limits", "magnitude"),
-    "dip_limit_deg": ("limits", "dip_deg"),
-    "tilt_limit_deg": ("limits", "tilt_deg"),
-    "disagreement_limit_deg": ("limits", "disagreement_deg"),
-}
-"""Where each attribute of a `Setup` stands in the file."""
+"""The keys of each section, and the attributes of a `Setup` that they stand for."""
+
+
+def _make_section(name: str) -> type[Struct]:
+    """What a section may hold; both of [field] are needed."""
+    hints = get_type_hints(Setup)
+    hints |= {"accelerometer": str | None, "declination_deg": float | Literal["model"]}
+    keys = [(key, hints[attribute]) for key, attribute in SECTIONS[name].items()]
+    return defstruct(name, keys if name == "field" else [(*key, None) for key in keys])
 
 
 NEEDED = (
@@ -168,8 +139,8 @@ def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup
         known = ", ".join(f"[{name}]" for name in SECTIONS)
         mistakes.append(f"{', '.join(unknown)}: not part of a setup; it has [[compass]], {known}")
     sections = {
-        name: read_section(table.get(name), kind, f"[{name}]", mistakes)
-        for name, kind in SECTIONS.items()
+        name: read_section(table.get(name), _make_section(name), f"[{name}]", mistakes)
+        for name in SECTIONS
     }
     listed = table.get("compass", [])
     if not isinstance(listed, list) or not listed:
@@ -180,11 +151,12 @@ def _setup(table: Mapping[str, Any], folder: Path, mistakes: list[str]) -> Setup
     ]
     given = {
         attribute: getattr(sections[section], key)
-        for attribute, (section, key) in ATTRIBUTES.items()
+        for section, keys in SECTIONS.items()
+        for key, attribute in keys.items()
         if key in (table.get(section) or {}) and sections[section] is not None
     }
-    if sections["tilt"] is not None and (named := sections["tilt"].accelerometer) is not None:
-        read = partial(_accelerometer, folder / named)
+    if "accelerometer" in given:
+        read = partial(_accelerometer, folder / given["accelerometer"])
         given["accelerometer"] = try_to_make(read, "[tilt]", mistakes)
     if given.get("declination_deg") == "model":
         given["declination_deg"] = None
@@ -288,24 +260,16 @@ def save_setup(setup: Setup, path: Path | str, *, saved: Mapping[str, str] | Non
         if compass.latency_sd_s not in (None, getattr(compass.calibration, "latency_sd_s", None)):
             lines.append(f"latency_sd_s = {compass.latency_sd_s!r}")
         lines.append("")
-    felt = None
+    values: dict[str, Any] = vars(setup)
     if setup.accelerometer is not None:
-        felt = save(setup.accelerometer, file.with_name(f"{file.stem}-accelerometer.json")).name
-    for section in SECTIONS:
-        lines += _write_section(section, setup, {"tilt": {"accelerometer": felt}}.get(section, {}))
+        felt = save(setup.accelerometer, file.with_name(f"{file.stem}-accelerometer.json"))
+        values = values | {"accelerometer": felt.name}
+    for section, keys in SECTIONS.items():
+        said = {key: values[attribute] for key, attribute in keys.items()}
+        rows = [
+            f"{key} = {write_value(value) if isinstance(value, str) else repr(float(value))}"
+            for key, value in said.items()
+            if value is not None
+        ]
+        lines += [f"[{section}]", *rows, ""] if rows else []
     return write_atomically(file, sign_text("\n".join(lines).rstrip() + "\n"))
-
-
-def _write_section(section: str, setup: Setup, files: Mapping[str, str | None]) -> list[str]:
-    """The lines of a section, `files` among them; none where it has nothing to say."""
-    values: dict[str, Any] = {
-        key: getattr(setup, attribute)
-        for attribute, (of, key) in ATTRIBUTES.items()
-        if of == section
-    }
-    said = [
-        f"{key} = {write_value(value) if isinstance(value, str) else repr(float(value))}"
-        for key, value in {**values, **files}.items()
-        if value is not None
-    ]
-    return [f"[{section}]", *said, ""] if said else []

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from agonic.console.options import Between, Json, Report, Seed, Unit
 from agonic.errors import AgonicError, UnitError
@@ -15,39 +13,15 @@ if TYPE_CHECKING:
 
 
 def placement(
-    source: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[PARTS|LOG|TABLE]",
-            help="A list of parts, .toml; a recording of two magnetometers, strapped down; or a "
-            "table of places. Without: an example of a list.",
-        ),
-    ] = None,
-    calibrated: Annotated[
-        bool,
-        typer.Option(
-            "--calibrated", help="Of a list: iron is calibrated, only currents still disturb."
-        ),
-    ] = False,
+    source: Path | None = None,
+    calibrated: bool = False,
     seed: Seed = 0,
-    horizontal: Annotated[
-        float | None,
-        typer.Option(metavar="NT", help="Level part of the field; default: 20000.", min=1.0),
-    ] = None,
-    noise: Annotated[
-        float | None,
-        typer.Option(
-            metavar="NT", help="Of a reading on an axis, for a table; default: 200.", min=0.001
-        ),
-    ] = None,
-    first: Annotated[
-        str | None, typer.Option(metavar="SENSOR", help="Which of the recording is the first.")
-    ] = None,
+    horizontal: float | None = None,
+    noise: float | None = None,
+    first: str | None = None,
     unit: Unit = None,
     between: Between = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Folder for the page.")
-    ] = None,
+    out: Path | None = None,
     report: Report = None,
     as_json: Json = False,
 ) -> int:
@@ -56,6 +30,16 @@ def placement(
     A list of parts says what is magnetic on board and where a magnetometer may sit; without any,
     an example is shown. A table has a row for each place and source:
     place,source,add_x_nT,add_y_nT,add_z_nT, what is added there when the source is switched on.
+
+    Options
+    -------
+    source <[PARTS|LOG|TABLE]> : A list of parts, .toml; a recording of two magnetometers, strapped
+        down; or a table of places. Without: an example of a list.
+    calibrated --calibrated : Of a list: iron is calibrated, only currents still disturb.
+    horizontal NT ≥1.0 : Level part of the field; default: 20000.
+    noise NT ≥0.001 : Of a reading on an axis, for a table; default: 200.
+    first SENSOR : Which of the recording is the first.
+    out -o DIR : Folder for the page.
     """
     from agonic.console.finish import finish
     from agonic.logs.contents import read_bytes

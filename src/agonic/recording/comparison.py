@@ -13,8 +13,8 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration, select_columns
-from agonic.calibration.sources import stack_inputs
 from agonic.calibration.interference import Interference
+from agonic.calibration.sources import stack_inputs
 from agonic.calibration.steps import compose, compute_composed_covariance
 from agonic.calibration.thermal import Thermal
 from agonic.ellipsoid import evaluate, open_ellipsoid_parts

@@ -3,37 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from agonic.console.options import Json, Unit
 from agonic.errors import AgonicError
 
 
 def map_region(
-    readings: Annotated[
-        Path,
-        typer.Argument(
-            metavar="READINGS",
-            help="A table: x_m, y_m, z_m and the calibrated field, with attitudes or in the axes "
-            "of the region.",
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="DIR", help="Folder for the page and map.csv."),
-    ] = None,
-    noise: Annotated[
-        float | None,
-        typer.Option(metavar="NT", help="Of a reading on an axis, where it is known.", min=0.001),
-    ] = None,
-    position_sd: Annotated[
-        float, typer.Option(metavar="M", help="Standard deviation of each coordinate.", min=0.0)
-    ] = 0.0,
-    measure_next: Annotated[
-        int, typer.Option("--next", metavar="N", help="Places to name.", min=1)
-    ] = 5,
+    readings: Path,
+    out: Path | None = None,
+    noise: float | None = None,
+    position_sd: float = 0.0,
+    measure_next: int = 5,
     unit: Unit = None,
     as_json: Json = False,
 ) -> int:
@@ -41,6 +21,15 @@ def map_region(
 
     Direction, strength and gradient with standard errors, without curl and divergence: for a region
     in which nothing magnetic stands, whatever stands around it.
+
+    Options
+    -------
+    readings <READINGS> : A table: x_m, y_m, z_m and the calibrated field, with attitudes or in the
+        axes of the region.
+    out -o DIR : Folder for the page and map.csv.
+    noise NT ≥0.001 : Of a reading on an axis, where it is known.
+    position_sd M ≥0.0 : Standard deviation of each coordinate.
+    measure_next --next N ≥1 : Places to name.
     """
     from agonic.console.finish import finish
     from agonic.region.document import describe_map

@@ -172,7 +172,7 @@ class Document:
             sign = f"{text.SIGNS[self.verdict]} "
             yield text.wrap(f"{self.name}: {word}{method}", width=width, indent="", label=sign)
         yield from self._say_findings(width, brief)
-        if self._shows_entries:
+        if self.verdict != "refused":
             entries = {**(self.entries or {}), **((not brief and self.details) or {})}
             least = _LABEL if self.verdict else 0
             yield from text.wrap_entries(entries, width=width, least=least)
@@ -206,10 +206,6 @@ class Document:
         yield text.wrap(head, width=width, indent="", label=f"{text.SIGNS[self.verdict]} ")
         more = f" (and {len(grave) - 1} more)" if len(grave) > 1 else ""
         yield text.wrap(f"{grave[0]}{more}" if grave else rest.split(". ")[0], width=width)
-
-    @property
-    def _shows_entries(self) -> bool:
-        return self.verdict != "refused"
 
     def _say_findings(self, width: int, brief: bool) -> Iterable[str]:
         """Each finding on a line of its own, and what else the status says."""

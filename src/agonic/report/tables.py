@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from agonic.calibration.base import Calibration
 from agonic.citations import CITATIONS
@@ -111,16 +110,15 @@ def provenance(calibration: Calibration, samples: Samples | None) -> Markup:
         ],
         "Left out": [f"{count(n, 'row')}: {why}" for why, n in rejected.items()],
         "Reader’s notes": () if samples is None else samples.notes,
-        "Settings": [f"{name} = {_setting(value)}" for name, value in origin.settings.items()],
+        "Settings": [
+            f"{name} = {typeset(f'{value:g}' if isinstance(value, float) else str(value))}"
+            for name, value in origin.settings.items()
+        ],
         "Derived from": origin.parents,
         "Software": f"{origin.software}, {origin.created}",
         "Sources": [CITATIONS.get(key, key) for key in origin.method],
     }
     return definitions({name: value for name, value in entries.items() if value})
-
-
-def _setting(value: Any) -> str:
-    return typeset(f"{value:g}" if isinstance(value, float) else str(value))
 
 
 def _frame(letter: str) -> str:
