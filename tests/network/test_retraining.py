@@ -260,9 +260,19 @@ class TestReservoir:
                 kept = add_rows(kept, rows, base, visit)
                 state = replace(state, reservoir=kept, noise=40.0, reference_sd=99.0)
                 if visit < 2:
-                    assert find_common_error(state) == 99.0
-            found.append(find_common_error(state))
+                    assert find_common_error(state, rows) == 99.0
+            found.append(find_common_error(state, rows))
         assert np.sqrt(np.mean(np.square(found))) == pytest.approx(30.0, rel=0.15)
+
+    def test_error_of_a_world_model_averages_out_along_a_track(self) -> None:
+        rng, phase = np.random.default_rng(4), np.arange(1440.0) * 2 * np.pi / 14.4  # a day of it
+        state = replace(start(None, PARAMS), reference_sd=125.0)
+        along = (35_000.0 + 12_000.0 * np.cos(2 * phase))[:, None] * directions(rng, 1440)
+        assert 3.0 < find_common_error(state, window(along, along)) < 15.0
+        short = np.repeat(along[:7], 300, axis=0)  # half an orbit
+        assert 40.0 < find_common_error(state, window(short, short)) <= 125.0
+        at_home = 48_000.0 * directions(rng, 1440)  # one place errs alike for ever
+        assert find_common_error(state, window(at_home, at_home)) == 125.0
 
 
 class TestSchedule:

@@ -88,52 +88,48 @@ def compute_turn_rate(time: Array, specific_force: Array, rotation_rate: Array) 
     return -smooth(about, count_rows(time, SMOOTHED_S)) / STANDARD_GRAVITY_M_S2
 
 
-def estimate_speed(
-    time: Array, specific_force: Array, rotation_rate: Array, track_square: float | None = None
-) -> Speed:
+def estimate_speed(samples: Samples, specific_force: Array, rotation_rate: Array) -> Speed:
     """The speed that a log's own turns tell: |f|² = g² + v² Ω², by least squares.
 
     What accelerates up and down averages out of |f|². Straight legs and turns together tell g and
     v apart; priors (`SCALE_SD`, `FASTEST_M_S`, or the speed of the track) hold what they do not.
 
-    Parameters: time (n,) s, specific_force (n, 3) m/s² and rotation_rate (n, 3) rad/s in body axes,
-    `compute_track_square` (m/s)² the square of the speed over ground in turns.
+    Parameters: samples with their times and track; specific_force (n, 3) m/s² and rotation_rate
+    (n, 3) rad/s in body axes.
     """
+    time = samples.time
+    assert time is not None
     width = count_rows(time, SMOOTHED_S)
     felt = smooth((specific_force**2).sum(axis=1), width) - STANDARD_GRAVITY_M_S2**2
     turn = compute_turn_rate(time, specific_force, rotation_rate)
+    track = _compute_track_square(samples, turn, width)
     rows = np.stack([np.ones(len(time)), turn**2], axis=1)
-    prior = np.array([0.0, track_square or 0.0])
-    prior_sd = np.array([2 * SCALE_SD * STANDARD_GRAVITY_M_S2**2, FASTEST_M_S**2])
-    if track_square:
-        prior_sd[1] = TRACK_SHARE * track_square
+    prior = np.array([0.0, track])
+    speed_sd = TRACK_SHARE * track if track else FASTEST_M_S**2
+    prior_sd = np.array([2 * SCALE_SD * STANDARD_GRAVITY_M_S2**2, speed_sd])
     independent = max((time[-1] - time[0]) / INDEPENDENT_S, 1.0)
     variance = float(np.var(felt)) + 1e-6
     for _ in range(3):
-        information = rows.T @ rows * (independent / len(time) / variance)
-        information += np.diag(prior_sd**-2.0)
-        pulled = rows.T @ felt * (independent / len(time) / variance) + prior / prior_sd**2
-        found = np.linalg.solve(information, pulled)
+        weight = independent / len(time) / variance
+        information = rows.T @ rows * weight + np.diag(prior_sd**-2.0)
+        found = np.linalg.solve(information, rows.T @ felt * weight + prior / prior_sd**2)
         variance = float(np.mean((felt - rows @ found) ** 2)) + 1e-6
     sd = float(np.sqrt(np.linalg.inv(information)[1, 1]))
     return Speed(float(found[1]), sd, float(np.sqrt(STANDARD_GRAVITY_M_S2**2 + found[0])))
 
 
-def compute_track_square(samples: Samples, turn: Array) -> float | None:
-    """The square of the speed over ground, (m/s)², weighted by the square of the rate of turn (n,).
-
-    `None` where the samples hold no positions, or none that move.
-    """
+def _compute_track_square(samples: Samples, turn: Array, width: int) -> float:
+    """The square of the speed over ground, (m/s)², weighted by the square of the rate of turn (n,);
+    0 where the samples hold no positions, or none that move."""
     latitude, longitude, time = samples.latitude_deg, samples.longitude_deg, samples.time
     if latitude is None or longitude is None or time is None or len(time) < 3:
-        return None
-    width = count_rows(time, SMOOTHED_S)
+        return 0.0
     level = np.stack([np.radians(latitude), np.unwrap(np.radians(longitude))], axis=1)
     level[:, 1] *= np.cos(level[:, 0])
     moved = np.gradient(smooth(level, width) * SEMI_MAJOR_M, time, axis=0)
     weight = turn**2 + 1e-12
     square = float((weight * (moved**2).sum(axis=1)).sum() / weight.sum())
-    return square if square > 0.01 else None
+    return square if square > 0.01 else 0.0
 
 
 def estimate_shaking(

@@ -9,15 +9,11 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.setup import Setup
-from agonic.errors import LogError
 from agonic.maths.rotations import tilt as kernel
-from agonic.samples import Samples
 
 LEVEL = "level"
 RECORDED_SD_DEG = 0.5
 """Of roll and pitch that an autopilot recorded, and of an accelerometer at rest, unless stated."""
-LEVEL_SD_DEG = 3.0
-"""Of a vehicle that is taken to be level, where nothing tells more."""
 UNSURE_DEG = 5.0
 """A tilt that is known no better has no heading to rely on: at a dip of 65° it is off by 10°."""
 
@@ -34,10 +30,10 @@ class Attitude:
     tilt: kernel.Tilt
     roll_deg: Array
     pitch_deg: Array
-    order: kernel.Order
     source: str
     roll_sd: Array
     pitch_sd: Array
+    order: kernel.Order = "roll-pitch"
     stated_sd: float = 0.0
     gyro_bias: Array | None = None
     gyro_bias_sd: float = 0.0
@@ -49,6 +45,21 @@ class Attitude:
         """The variance of the tilt about a level axis, the mean of both, rad²."""
         upright = self.tilt.cos_pitch if self.order == "roll-pitch" else 1.0
         return np.asarray(((self.roll_sd * upright) ** 2 + self.pitch_sd**2) / 2)
+
+    @property
+    def sd_deg(self) -> Array:
+        """The standard deviation of the tilt about a level axis."""
+        return np.asarray(np.degrees(np.sqrt(self.variance)))
+
+    @property
+    def unsure(self) -> Mask:
+        """The rows whose tilt is not known to `UNSURE_DEG`."""
+        return np.asarray(self.sd_deg > UNSURE_DEG)
+
+    @property
+    def down(self) -> Array:
+        """Down in body axes, (n, 3) or (1, 3)."""
+        return kernel.compute_down(self.tilt, self.order)
 
     def select_tilt(self, rows: slice | Index) -> kernel.Tilt:
         """The tilt of some rows."""
@@ -63,16 +74,6 @@ class Attitude:
         own = kernel.tilt_from_angles(roll, pitch)
         return replace(self, tilt=own, roll_deg=roll, pitch_deg=pitch)
 
-    @property
-    def sd_deg(self) -> Array:
-        """The standard deviation of the tilt about a level axis."""
-        return np.asarray(np.degrees(np.sqrt(self.variance)))
-
-    @property
-    def unsure(self) -> Mask:
-        """The rows whose tilt is not known to `UNSURE_DEG`."""
-        return np.asarray(self.sd_deg > UNSURE_DEG)
-
 
 def select_rows(values: Array, rows: slice | Index) -> Array:
     """The rows of a column, or the one value that holds for all."""
@@ -82,14 +83,3 @@ def select_rows(values: Array, rows: slice | Index) -> Array:
 def find_stated_sd(setup: Setup, otherwise_deg: float = RECORDED_SD_DEG) -> float:
     """The sd of roll and pitch that the setup states, or that of such a source, rad."""
     return float(np.radians(otherwise_deg if setup.tilt_sd_deg is None else setup.tilt_sd_deg))
-
-
-def require_column(samples: Samples, name: str, source: str) -> Array:
-    """A column that a source of the tilt needs; `LogError` where the samples have none."""
-    values: Array | None = getattr(samples, name)
-    if values is None:
-        raise LogError(
-            f"tilt from the {source} needs {name} and the samples of {samples.name} have none; "
-            "record it, or take the tilt from elsewhere"
-        )
-    return values

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
 from agonic.calibration.base import check_readings, has_two_axes, select_columns
-from agonic.calibration.deviation import Deviation
 from agonic.calibration.setup import LATENCY_SD_S, Compass
 from agonic.errors import LogError
 from agonic.headings.acceleration import count_rows
@@ -135,16 +134,16 @@ def compute_change(time: Array, values: Array) -> Array | None:
 
 def compute_indication(
     readings: Readings, compass: Compass, attitude: Attitude, around: Surroundings
-) -> tuple[Indication, tuple[str, ...]]:
-    """The headings of one compass, piece by piece, and what their standard error leaves out."""
+) -> tuple[Indication, Array, tuple[str, ...]]:
+    """The headings of one compass, the field (n, 3) that they rest on, and what their standard
+    error leaves out; all is computed piece by piece."""
     steps = list_steps(compass.calibration)
     n = len(readings.raw)
-    result = Indication(*(np.empty(n) for _ in Indication._fields))
+    result, fields = Indication(*(np.empty(n) for _ in Indication._fields)), np.empty((n, 3))
     notes = list(list_unknowns(steps, compass.sensor))
     if compass.deviation is not None and compass.deviation.covariance is None:
         notes.append(f"the deviation card of {compass.sensor} has no covariance: not in the sd")
-    two_axes = has_two_axes(compass.calibration)
-    if two_axes and around.vertical is None:
+    if has_two_axes(compass.calibration) and around.vertical is None:
         notes.append(
             f"the dip of the place is not known and taken to be {LIKELY_DIP_DEG:g}°: give the "
             "place (--at LAT,LON) for what a tilt does"
@@ -153,13 +152,11 @@ def compute_indication(
         notes.append("the vertical intensity is not known, so errors of tilt are not in the sd")
     for start in range(0, n, PIECE):
         rows = slice(start, start + PIECE)
-        for whole, part in zip(
-            result, _piece(readings, rows, steps, compass, attitude, around), strict=True
-        ):
+        found, fields[rows] = _piece(readings, rows, steps, compass, attitude, around)
+        for whole, part in zip(result, found, strict=True):
             whole[rows] = part
-    result.compass_deg[readings.missing] = np.nan
-    result.magnetic_deg[readings.missing] = np.nan
-    return result, tuple(notes)
+    result.compass_deg[readings.missing] = result.magnetic_deg[readings.missing] = np.nan
+    return result, fields, tuple(notes)
 
 
 def _piece(
@@ -169,13 +166,12 @@ def _piece(
     compass: Compass,
     attitude: Attitude,
     around: Surroundings,
-) -> Indication:
+) -> tuple[Indication, Array]:
     readings = readings.subset(rows)
     values = apply_steps(steps, readings.raw, readings.columns)
-    tilt = attitude.select_tilt(rows)
+    tilt, tangent = attitude.select_tilt(rows), around.find_dip_tangent(rows)
     field = np.ascontiguousarray(values[-1].T)
-    if has_two_axes(compass.calibration):
-        tangent = _find_dip_tangent(around, rows)  # what it has instead of a vertical
+    if has_two_axes(compass.calibration):  # what it has instead of a vertical
         likely = np.tan(np.radians(LIKELY_DIP_DEG))
         field[2] = np.hypot(field[0], field[1]) * (likely if tangent is None else tangent)
     elif attitude.source == LEVEL and around.vertical is not None:
@@ -183,29 +179,24 @@ def _piece(
     with np.errstate(divide="ignore", invalid="ignore"):  # where nothing of the field is level
         turned = kernel.heading_with_derivatives(field.T, tilt, attitude.order)
         systematic, random, gradient = propagate(steps, values, readings.columns, turned.by_field)
-        systematic += _by_tilt(turned, attitude, around, rows)
-        systematic += _by_delay(readings, compass, gradient)
+        systematic += _by_tilt(turned, attitude, tangent, rows)
+        if readings.change is not None and (late_sd := find_latency_sd(compass)):
+            # what the readings change in the error of the delay beside an attitude that is on time
+            turn = np.einsum("in,ni->n", gradient, readings.change)
+            systematic += (late_sd * turn) ** 2
     if readings.averaged is not None:
         random *= readings.averaged
     systematic, random = np.degrees(np.degrees(systematic)), np.degrees(np.degrees(random))
-    magnetic = turned.heading_deg
-    if compass.deviation is not None:
-        heeled = compass.deviation.heel is not None
-        heel = kernel.roll_pitch_deg(tilt) if heeled else (0.0, 0.0)
-        magnetic, gain, own = _add_deviation(compass.deviation, turned.heading_deg, *heel)
+    magnetic, card = turned.heading_deg, compass.deviation
+    if card is not None:
+        heel = kernel.roll_pitch_deg(tilt) if card.heel is not None else (0.0, 0.0)
+        terms = np.append(card.coefficients, np.zeros(4) if card.heel is None else card.heel)
+        gain = 1 + slope(terms, magnetic, *heel)  # d(magnetic)/d(compass)
+        own = 0.0 if card.covariance is None else card.sd_at(magnetic, *heel) ** 2
+        magnetic = kernel.wrap_turn_deg(magnetic + card.at(magnetic, *heel))
         systematic, random = gain**2 * systematic + own, gain**2 * random
-    return Indication(
-        turned.heading_deg, magnetic, random, systematic, turned.horizontal, turned.vertical
-    )
-
-
-def _by_delay(readings: Readings, compass: Compass, gradient: Array) -> Array | float:
-    """Variance that the error of the delay makes, rad², (n,): what the readings change in it turns
-    a heading of such a gradient by the reading (3, n) beside an attitude that is on time."""
-    sd = find_latency_sd(compass)
-    if readings.change is None or sd == 0.0:
-        return 0.0
-    return np.asarray((sd * np.einsum("in,ni->n", gradient, readings.change)) ** 2)
+    intensities = turned.horizontal, turned.vertical
+    return Indication(turned.heading_deg, magnetic, random, systematic, *intensities), values[-1]
 
 
 def find_latency_sd(compass: Compass) -> float:
@@ -213,40 +204,19 @@ def find_latency_sd(compass: Compass) -> float:
     return LATENCY_SD_S if compass.latency_sd_s is None else compass.latency_sd_s
 
 
-def _find_dip_tangent(around: Surroundings, rows: slice) -> Array | None:
-    """Of the place, where it is known."""
-    if around.horizontal is None or around.vertical is None:
-        return None
-    level = np.maximum(select_rows(around.horizontal, rows), 1.0)
-    return np.asarray(select_rows(around.vertical, rows) / level)
-
-
 def _by_tilt(
-    turned: kernel.HeadingDerivatives, attitude: Attitude, around: Surroundings, rows: slice
+    turned: kernel.HeadingDerivatives, attitude: Attitude, tangent: Array | None, rows: slice
 ) -> Array:
     """Variance that errors of tilt make, rad², (n,).
 
     A tilt that is far off shows the field at a dip that is not its own, with derivatives to match;
-    where the dip of the place is known, errors turn the heading by its tangent at least.
+    where the `tangent` of the dip of the place is known, errors turn the heading by it at least.
     """
     roll, pitch = (select_rows(sd, rows) ** 2 for sd in (attitude.roll_sd, attitude.pitch_sd))
     linear = roll * turned.by_roll**2 + pitch * turned.by_pitch**2
-    tangent = _find_dip_tangent(around, rows)
     if tangent is None:
         return linear
     return np.maximum(linear, select_rows(attitude.variance, rows) * tangent**2)
-
-
-def _add_deviation(
-    card: Deviation, heading_deg: Array, roll_deg: Array | float, pitch_deg: Array | float
-) -> tuple[Array, Array, Array]:
-    """Magnetic heading, d(magnetic)/d(compass), and the variance of the deviation, degrees²."""
-    heel = np.zeros(4) if card.heel is None else card.heel
-    gain = 1 + slope(np.append(card.coefficients, heel), heading_deg, roll_deg, pitch_deg)
-    magnetic = kernel.wrap_turn_deg(heading_deg + card.at(heading_deg, roll_deg, pitch_deg))
-    if card.covariance is None:
-        return magnetic, gain, np.zeros(1)
-    return magnetic, gain, card.sd_at(heading_deg, roll_deg, pitch_deg) ** 2
 
 
 def pick_used(used: Index, values: Sequence[NDArray[Any]]) -> NDArray[Any]:

@@ -20,14 +20,13 @@ from agonic.headings.compass_heading import (
     interpolate_readings,
     pick_used,
 )
-from agonic.headings.disagreement import compute_disagreement_deg, find_disagreement
 from agonic.headings.expected_field import Surroundings, find_surroundings
-from agonic.headings.monitor.pair import watch_pair
-from agonic.headings.rates import mend_unit
+from agonic.headings.monitor.watch import watch_pair
 from agonic.headings.result import EACH_ROW, FLAGS, SMOOTHED, Heading
-from agonic.headings.rows import RowHeadings, find_row_headings
+from agonic.headings.rows import RowHeadings, compare_compasses, find_row_headings
 from agonic.headings.smoothing.rows import bridge, smooth_rows
 from agonic.headings.smoothing.smooth import SmoothedHeading
+from agonic.headings.tilt_source import mend_unit
 from agonic.maths.rotations import tilt as kernel
 from agonic.samples import Samples
 from agonic.units import RAW, WEAKEST_HORIZONTAL
@@ -82,7 +81,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     >>> found.true_deg.round(6).tolist(), found.sd_deg.round(3).tolist()
     ([93.0], [0.286])
     """
-    pairs = match_sensors((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
+    pairs = _match_sensors((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
     pairs, unknown = _undo_late_attitude(pairs)
     first = pairs[0][1]
     read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
@@ -109,7 +108,7 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     return replace(found, faults=faults, notes=notes)
 
 
-def match_sensors(samples: tuple[Samples, ...], setup: Setup) -> _Pairs:
+def _match_sensors(samples: tuple[Samples, ...], setup: Setup) -> _Pairs:
     """Each compass with the samples of its sensor; one of each go together whatever their names."""
     if len(samples) == 1 == len(setup.compasses):
         return ((setup.compasses[0], samples[0]),)
@@ -168,20 +167,41 @@ def _make_heading(
     tilt, compasses, used = by_row.tilt, by_row.compasses, by_row.used
     each = zip(*(one.indicated for one in compasses), strict=True)
     found = Indication(*(pick_used(used, values) for values in each))
-    total = found.systematic + found.random + around.declination_sd_deg**2
-    sd, random_sd = (np.fmin(np.sqrt(v), UNKNOWN_SD_DEG) for v in (total, found.random))
-    magnetic = found.magnetic_deg
-    flags = _flags(setup, by_row, found)
+    magnetic, variance, random = (
+        found.magnetic_deg,
+        found.systematic + found.random,
+        found.random,
+    )
+    apart, disagreeing = compare_compasses(compasses, setup.disagreement_limit_deg)
+    nowhere = np.zeros(n, dtype=bool)
+    far = [nowhere if one.distance is None else one.distance > 1.0 for one in compasses]
+    scaled = [np.full(n, one.compass.calibration.unit_out != RAW) for one in compasses]
+    upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
+    marked = (
+        pick_used(used, [one.readings.missing for one in compasses]),
+        tilt.missing,
+        upright < np.cos(np.radians(setup.tilt_limit_deg)),
+        (found.horizontal < WEAKEST_HORIZONTAL) & pick_used(used, scaled),
+        pick_used(used, far),
+        tilt.unsure,
+        disagreeing,
+    )
+    flags: Mapping[str, Mask] = {
+        name: np.broadcast_to(nowhere if rows is None else rows, n)
+        for name, rows in zip(FLAGS, marked, strict=True)
+    }
+    if smoothed is not None:
+        magnetic, variance, random = smoothed.magnetic_deg, smoothed.variance, np.zeros(n)
+    sd, random_sd = (
+        np.fmin(np.sqrt(v), UNKNOWN_SD_DEG)
+        for v in (variance + around.declination_sd_deg**2, random)
+    )
     notes = (*tilt.notes, *around.notes, *by_row.notes)
     if smoothed is not None:
-        magnetic = smoothed.magnetic_deg
-        sd = np.fmin(np.sqrt(smoothed.variance + around.declination_sd_deg**2), UNKNOWN_SD_DEG)
-        random_sd = np.zeros(n)
         flags, bridged = bridge(flags, sd)
         notes = (*notes, *bridged)
     unknown = ~np.isfinite(magnetic)
-    if unknown.any():
-        sd[unknown] = random_sd[unknown] = np.nan
+    sd[unknown] = random_sd[unknown] = np.nan
     return Heading(
         time=first.time,
         compass_deg=found.compass_deg,
@@ -189,11 +209,9 @@ def _make_heading(
         true_deg=kernel.wrap_turn_deg(magnetic + around.declination_deg),
         sd_deg=sd,
         random_sd_deg=random_sd,
-        disagreement_deg=compute_disagreement_deg(
-            [one.indicated.magnetic_deg for one in compasses]
-        ),
+        disagreement_deg=apart,
         used=used,
-        flags=flags,
+        flags=MappingProxyType(flags),
         roll_deg=np.broadcast_to(tilt.roll_deg, n),
         pitch_deg=np.broadcast_to(tilt.pitch_deg, n),
         tilt_sd_deg=np.broadcast_to(tilt.sd_deg, n),
@@ -203,27 +221,3 @@ def _make_heading(
         method=EACH_ROW if smoothed is None else SMOOTHED,
         notes=notes,
     )
-
-
-def _flags(setup: Setup, by_row: RowHeadings, found: Indication) -> Mapping[str, Mask]:
-    """The rows that each of `FLAGS` marks."""
-    tilt, compasses, used = by_row.tilt, by_row.compasses, by_row.used
-    nowhere = np.zeros(len(used), dtype=bool)
-    far = [nowhere if one.distance is None else one.distance > 1.0 for one in compasses]
-    scaled = [np.full(len(used), one.compass.calibration.unit_out != RAW) for one in compasses]
-    upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
-    marked = (
-        pick_used(used, [one.readings.missing for one in compasses]),
-        tilt.missing,
-        upright < np.cos(np.radians(setup.tilt_limit_deg)),
-        (found.horizontal < WEAKEST_HORIZONTAL) & pick_used(used, scaled),
-        pick_used(used, far),
-        tilt.unsure,
-        find_disagreement(
-            [one.indicated for one in compasses],
-            [one.distance for one in compasses],
-            setup.disagreement_limit_deg,
-        ),
-    )
-    flags = zip(FLAGS, (nowhere if rows is None else rows for rows in marked), strict=True)
-    return MappingProxyType({name: np.broadcast_to(rows, nowhere.shape) for name, rows in flags})

@@ -45,6 +45,12 @@ class Surroundings(NamedTuple):
         level, below = (select_rows(one, rows) for one in (self.horizontal, self.vertical))
         return size / np.hypot(level, below), dip - np.arctan2(below, level)
 
+    def find_dip_tangent(self, rows: slice) -> Array | None:
+        """Of the place, where it is known."""
+        if self.horizontal is None or self.vertical is None:
+            return None
+        return select_rows(self.vertical, rows) / np.maximum(select_rows(self.horizontal, rows), 1)
+
 
 def find_surroundings(samples: Samples, setup: Setup) -> Surroundings:
     """Declination and intensities: the setup's own, else those of the world model on the track.

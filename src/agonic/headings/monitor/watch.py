@@ -1,4 +1,4 @@
-"""Two whole compasses watched row by row: rows into blocks, blocks into faults."""
+"""Two whole compasses watched row by row: rows into blocks, into faults; those of a log."""
 
 from __future__ import annotations
 
@@ -9,10 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.calibration.monitoring import BLOCK_S, MonitorParams
+from agonic.calibration.base import has_two_axes
+from agonic.calibration.monitoring import BLOCK_S, MonitorParams, derive_monitor_params
+from agonic.calibration.setup import Setup
+from agonic.headings.attitude import LEVEL
+from agonic.headings.expected_field import Surroundings
 from agonic.headings.monitor.baseline import Block, State, start
 from agonic.headings.monitor.detect import Seen, advance
 from agonic.headings.monitor.result import UNITS, CompassFault
+from agonic.headings.rows import RowHeadings
+from agonic.units import RAW
 
 
 class CompassReadings(NamedTuple):
@@ -140,3 +146,36 @@ def _tell(
         change=np.asarray(change),
         sd=sd,
     )
+
+
+def watch_pair(
+    time: Array | None, by_row: RowHeadings, setup: Setup, around: Surroundings
+) -> tuple[CompassFault, ...]:
+    """The faults of two compasses in a log; none where there are not two that can be compared.
+
+    Where no field is expected, the medians of both are.
+    """
+    tilt, compasses = by_row.tilt, by_row.compasses
+    known = [one.compass.calibration for one in compasses]
+    flat = tilt.source == LEVEL or any(map(has_two_axes, known))
+    if time is None or len(compasses) != 2 or flat or any(one.unit_out == RAW for one in known):
+        return ()
+    n = len(time)
+    field = np.stack([one.field for one in compasses], axis=1)
+    downs = (tilt.with_own(one.readings.tilt).down for one in compasses)
+    down = np.stack([np.broadcast_to(own, (n, 3)) for own in downs], axis=1)
+    there = np.isfinite(field).all(axis=(1, 2)) & np.isfinite(down).all(axis=(1, 2))
+    for one in compasses:
+        there &= ~one.readings.missing
+    if not there.any():
+        return ()
+    if around.horizontal is None or around.vertical is None:
+        size = np.full(n, np.median(np.linalg.norm(field[there], axis=-1)))
+        below = np.full(n, np.median((field[there] * down[there]).sum(axis=-1)))
+        level = np.sqrt(np.maximum(size**2 - below**2, 0.0))
+    else:
+        level, below = (np.broadcast_to(v, n) for v in (around.horizontal, around.vertical))
+        size = np.hypot(level, below)
+    params = derive_monitor_params(setup, float(np.median(size)), float(np.median(level)))
+    rows = CompassReadings(*(v[there] for v in (time, field, down, size, below)))
+    return watch_compasses(rows, params, names=[one.compass.sensor for one in compasses]).faults

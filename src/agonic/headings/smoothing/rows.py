@@ -13,13 +13,12 @@ from agonic.headings.attitude import UNSURE_DEG
 from agonic.headings.compass_heading import pick_used
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.offset import BIAS_SD, LIKELY, Sizes
-from agonic.headings.rates import find_rate_mounting
 from agonic.headings.result import SMOOTHED
 from agonic.headings.rows import RowHeadings
 from agonic.headings.smoothing.smooth import SmoothedHeading, find_shown_axes, smooth_headings
+from agonic.headings.tilt_source import find_rate_mounting
 from agonic.health.finding import figure
 from agonic.maths.equation.symmetric import unpack_symmetric
-from agonic.maths.rotations.tilt import compute_down
 from agonic.samples import Samples
 
 BETTER = 0.8
@@ -132,7 +131,7 @@ def _correct_rates(
 ) -> Samples:
     """The samples without the gyro's bias about axes that were turned to the vertical."""
     assert own.rotation_rate is not None
-    down = compute_down(by_row.tilt.tilt, by_row.tilt.order)
+    down = by_row.tilt.down
     axes = find_shown_axes(down[np.isfinite(down).all(axis=1)])
     bias = np.clip(found.bias @ axes @ axes.T, -3 * BIAS_SD, 3 * BIAS_SD)
     gain = np.eye(3) + unpack_symmetric(found.gain)

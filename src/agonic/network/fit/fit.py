@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Index
 from agonic.calibration.base import select_columns
 from agonic.calibration.network import Network
 from agonic.errors import AgonicError
@@ -17,7 +15,7 @@ from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.network import Nodes
 from agonic.network.fit.problem import Base, Problem, Settings, Target, compute_errors, pose_problem
 from agonic.network.fit.result import WORTH, Comparison, Errors, NetworkFit
-from agonic.network.fit.solve import Training, correlate, number_blocks, train
+from agonic.network.fit.solve import correlate, number_blocks, train
 from agonic.network.maths.levenberg_marquardt import Stopping
 from agonic.reference import Reference
 from agonic.samples import Samples
@@ -32,95 +30,75 @@ SOME = 500
 
 def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
     """The fit with findings and remarks."""
-    found = [
-        *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
-        *_compare_with_base(fit),
-        *_targets(fit, samples),
-        *_outliers(fit),
-        *_few(fit),
-        *_check_convergence(fit),
-    ]
-    return replace(fit, findings=sort_findings(found), remarks=_remarks(fit))
-
-
-def _compare_with_base(fit: NetworkFit) -> Iterator[Finding]:
-    """The base is as good, or better."""
-    comparison = fit.comparison
-    if comparison is None or comparison.base is None or comparison.winner == "network":
-        return
-    yield Finding(
-        "network not needed",
-        "check" if comparison.ratio > 1 / WORTH else "note",
-        f"{comparison.sentence}",
-        "use the base; give the network what else changes (temperature, current), or none",
-    )
-
-
-def _targets(fit: NetworkFit, samples: Samples) -> Iterator[Finding]:
-    """Targets that have little to do with the readings."""
-    rows = np.flatnonzero(np.isfinite(fit.residuals[:, 0]))
-    rows = rows[:: max(len(rows) // SOME, 1)]
-    part = samples.select(rows)
-    seen, _ = fit.calibration.evaluated(part.field, select_columns(fit.calibration, part))
+    found = [f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")]
+    comparison, network = fit.comparison, fit.calibration
+    used = np.flatnonzero(np.isfinite(fit.residuals[:, 0]))
+    if comparison is not None and comparison.winner == "base":
+        found.append(
+            Finding(
+                "network not needed",
+                "check" if comparison.ratio > 1 / WORTH else "note",
+                comparison.sentence,
+                "use the base; give the network what else changes (temperature, current), or none",
+            )
+        )
+    some = samples.select(used[:: max(len(used) // SOME, 1)])
+    seen, _ = network.evaluated(some.field, select_columns(network, some))
     field = float(np.median(np.linalg.norm(seen, axis=1)))
-    if fit.noise < LARGE * field:
-        return
-    yield Finding(
-        "targets",
-        "check",
-        f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % of "
-        "the field: the readings hardly follow the reference",
-        "check the times, axes, signs and unit of the reference, and of the attitude with it",
-    )
-
-
-def _outliers(fit: NetworkFit) -> Iterator[Finding]:
-    share = 1.0 - float((fit.weights[np.isfinite(fit.residuals[:, 0])] > 0).mean())
+    if fit.noise >= LARGE * field:
+        found.append(
+            Finding(
+                "targets",
+                "check",
+                f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % "
+                "of the field: the readings hardly follow the reference",
+                "check the times, axes, signs and unit of the reference, and of the attitude with "
+                "it",
+            )
+        )
+    share = 1.0 - float((fit.weights[used] > 0).mean())
     if share != 0.0:
-        yield Finding(
-            "left out in training",
-            "check" if share > OUTLIERS_DOUBTFUL else "note",
-            f"{figure(100 * share)} % of the readings are outliers and were left out",
-            "look for wrong references, and for readings taken while something was switched",
+        found.append(
+            Finding(
+                "left out in training",
+                "check" if share > OUTLIERS_DOUBTFUL else "note",
+                f"{figure(100 * share)} % of the readings are outliers and were left out",
+                "look for wrong references, and for readings taken while something was switched",
+            )
         )
-
-
-def _few(fit: NetworkFit) -> Iterator[Finding]:
-    """More weights than the readings can determine."""
-    outputs = fit.residuals.shape[1]
-    independent = fit.n * outputs / fit.correlation
-    if independent >= FEW_PER_WEIGHT * fit.calibration.shape.size:
-        return
-    yield Finding(
-        "few for a network",
-        "check",
-        f"{fit.calibration.shape.size} weights rest on {figure(independent)} independent residuals",
-        "record longer, or take fewer hidden nodes",
-    )
-
-
-def _check_convergence(fit: NetworkFit) -> Iterator[Finding]:
+    independent = fit.n * fit.residuals.shape[1] / fit.correlation
+    if independent < FEW_PER_WEIGHT * network.shape.size:
+        found.append(
+            Finding(
+                "few for a network",
+                "check",
+                f"{network.shape.size} weights rest on {figure(independent)} independent residuals",
+                "record longer, or take fewer hidden nodes",
+            )
+        )
     if not fit.converged:
-        yield Finding(
-            "training unfinished",
-            "note",
-            f"training still improved after {fit.iterations} epochs",
-            "raise most_epochs, or take fewer hidden nodes",
+        found.append(
+            Finding(
+                "training unfinished",
+                "note",
+                f"training still improved after {fit.iterations} epochs",
+                "raise most_epochs, or take fewer hidden nodes",
+            )
         )
+    return replace(fit, findings=sort_findings(found), remarks=_remarks(fit))
 
 
 def _remarks(fit: NetworkFit) -> tuple[str, ...]:
     """How good the result is, in words."""
-    what = "magnitude" if fit.calibration.target == "magnitude" else "an axis"
+    magnitude, comparison = fit.calibration.target == "magnitude", fit.comparison
     said = [
-        f"trained in {fit.iterations} epochs to {figure(fit.rms)} nT rms of {what}, at most "
-        f"{figure(fit.maximum)}; the readings determine {figure(fit.effective)} of "
-        f"{fit.calibration.shape.size} weights"
+        f"trained in {fit.iterations} epochs to {figure(fit.rms)} nT rms of "
+        f"{'magnitude' if magnitude else 'an axis'}, at most {figure(fit.maximum)}; the readings "
+        f"determine {figure(fit.effective)} of {fit.calibration.shape.size} weights"
     ]
-    comparison = fit.comparison
-    if comparison is not None and (comparison.base is None or comparison.winner == "network"):
+    if comparison is not None and comparison.winner == "network":
         said.append(comparison.sentence)
-    if fit.calibration.target == "magnitude":
+    if magnitude:
         said.append(
             "a magnitude cannot show turns of the field that vary with direction, so only its "
             "length is corrected"
@@ -183,41 +161,31 @@ def fit_network(
     >>> fit.comparison.winner, fit.comparison.ratio < 0.5
     ('network', True)
     """
-    given = {**locals(), **({} if start is None else _list_settings(start))}
-    settings = Settings(**{one.name: given[one.name] for one in fields(Settings)})
-    problem = pose_problem(samples, reference, settings)
+    given = dict(locals())
+    if start is not None:
+        if start.held:
+            raise AgonicError("a network held at a temperature cannot be trained further")
+        given |= {name: getattr(start, name) for name in ("base", "inputs", "target")}
+        given["hidden"] = start.shape.hidden
+    problem = pose_problem(
+        samples, reference, Settings(**{one.name: given[one.name] for one in fields(Settings)})
+    )
     training = train(problem, np.flatnonzero(problem.rows), start)
-    fit = _fit(problem, training)
-    if compared:
-        fit = replace(fit, comparison=cross_validate(problem, np.flatnonzero(fit.weights > 0)))
-    return examine(fit, samples)
-
-
-def _list_settings(start: Network) -> dict[str, Any]:
-    """The settings that a start decides."""
-    if start.held:
-        raise AgonicError("a network held at a temperature cannot be trained further")
-    decided = {name: getattr(start, name) for name in ("base", "inputs", "target")}
-    return decided | {"hidden": start.shape.hidden}
-
-
-def _fit(problem: Problem, training: Training) -> NetworkFit:
-    """The fit before it is compared and examined; residuals and weights of every row."""
     n, o = problem.wanted.shape
     residuals, weights = np.full((n, o), np.nan), np.zeros(n)
     residuals[problem.rows], weights[problem.rows] = training.residuals, training.weights
-    return NetworkFit(
+    fit = NetworkFit(
         calibration=training.calibration,
         n=int(problem.rows.sum()),
         residuals=residuals,
         weights=weights,
         noise=training.noise.sd,
         correlation=training.noise.correlation,
-        epochs=training.trained.epochs,
-        effective=training.trained.effective,
-        converged=training.trained.converged,
         regression=training.regression,
+        comparison=cross_validate(problem, np.flatnonzero(weights > 0)) if compared else None,
+        **{name: getattr(training.trained, name) for name in ("epochs", "effective", "converged")},
     )
+    return examine(fit, samples)
 
 
 FOLDS = 4
@@ -238,8 +206,8 @@ def cross_validate(problem: Problem, used: Index) -> Comparison:
         field, _ = made.evaluated(problem.samples.field[rows], problem.select_columns(rows))
         based, wanted = problem.apply_base(made.base, rows), problem.wanted[rows]
         before[unseen], after[unseen] = compute_errors(based, wanted), compute_errors(field, wanted)
-        outputs.append(_measure_network_part(field, based, wanted) - made.output_middle)
-        targets.append(-compute_errors(based, wanted) - made.output_middle)
+        outputs.append(after[unseen] - before[unseen] - made.output_middle)  # what it added
+        targets.append(-before[unseen] - made.output_middle)
     middle = problem.samples.field[used].mean(axis=0)
     return Comparison(
         base=None if problem.settings.base is None else Errors(values=before),
@@ -249,11 +217,3 @@ def cross_validate(problem: Problem, used: Index) -> Comparison:
         cell=find_cells(problem.samples.field[used] - middle),
         regression=correlate(np.concatenate(outputs), np.concatenate(targets)),
     )
-
-
-def _measure_network_part(field: Array, based: Array, wanted: Array) -> Array:
-    """What the network added, likewise."""
-    if wanted.shape[1] == 3:
-        return field - based
-    lengths = (np.linalg.norm(values, axis=1, keepdims=True) for values in (field, based))
-    return np.asarray(next(lengths) - next(lengths))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Index
+from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import RetrainerParams, RetrainerState, Running, Window
@@ -17,6 +17,8 @@ from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, FrameError, LogError, UnitError
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.equation.network import Shape
+from agonic.maths.estimation.noise.residuals import correlation_length
+from agonic.maths.one_pass import find_length
 from agonic.network.fit import NetworkFit, fit_network
 from agonic.network.fit.problem import compute_errors, find_known_field
 from agonic.network.retraining.posterior import describe_prior, train_on
@@ -32,9 +34,10 @@ def take_samples(
 
     Raises `UnitError`, `FrameError`, `LogError` or `AgonicError` where they do not fit the state.
     """
-    ends_in = samples.frame if state.running is None else state.frame_out
+    running, there = state.running, samples.columns()
+    ends_in = samples.frame if running is None else state.frame_out
     wanted, frame_out = find_known_field(samples, reference, params.target, ends_in)
-    if state.n == 0 and state.running is None:
+    if state.n == 0 and running is None:
         state = replace(
             state,
             sensor=samples.name,
@@ -47,32 +50,20 @@ def take_samples(
         raise UnitError(
             f"the network takes readings in {state.unit}, and these are in {samples.unit}"
         )
-    if samples.frame != state.frame_in:
-        raise FrameError("the network takes other axes", left=samples.frame, right=state.frame_in)
-    if frame_out != state.frame_out:
-        raise FrameError(
-            "network and known field must be in the same axes",
-            left=frame_out,
-            right=state.frame_out,
-        )
+    for left, right, said in (
+        (samples.frame, state.frame_in, "the network takes other axes"),
+        (frame_out, state.frame_out, "network and known field must be in the same axes"),
+    ):
+        if left != right:
+            raise FrameError(said, left=left, right=right)
     time = samples.seconds_since(state.epoch, known=state.n > 0)
     if time[0] <= state.time:
         raise AgonicError(
             f"times must increase beyond the last one seen ({state.time:g} s); pass on only what "
             "is new"
         )
-    columns = _find_columns(samples, state, params)
-    rows = Window(time=time, raw=samples.field, wanted=wanted, columns=columns)
-    state = replace(state, reference_sd=reference.sd, source=reference.source)
-    return state, rows if samples.flagged is None else rows.select(samples.flagged == 0)
-
-
-def _find_columns(
-    samples: Samples, state: RetrainerState, params: RetrainerParams
-) -> dict[str, Array]:
-    """The columns that what is running takes, and what is to be trained."""
-    running, there = () if state.running is None else state.running.needs, samples.columns()
-    names = dict.fromkeys((*running, *(n for n in params.inputs if n != "field")))
+    needs = () if running is None else running.needs  # and what is to be trained
+    names = dict.fromkeys((*needs, *(n for n in params.inputs if n != "field")))
     missing = [name for name in names if name not in there]
     if "temperature_rate" in missing:
         raise LogError(
@@ -83,7 +74,10 @@ def _find_columns(
         raise LogError(
             f"{samples.name}: the samples have no {', '.join(missing)}, which the network takes"
         )
-    return {name: there[name] for name in names}
+    columns = {name: there[name] for name in names}
+    rows = Window(time=time, raw=samples.field, wanted=wanted, columns=columns)
+    state = replace(state, reference_sd=reference.sd, source=reference.source)
+    return state, rows if samples.flagged is None else rows.select(samples.flagged == 0)
 
 
 MOST = 75
@@ -105,10 +99,17 @@ def add_rows(reservoir: Window, rows: Window, running: Running, visit: int) -> W
     if not len(rows):
         return reservoir
     rows = replace(rows, columns={**rows.columns, VISIT: np.full(len(rows), float(visit))})
-    cells = _number_cells(rows, running)
-    seen, stride = _count_later(cells), np.maximum(np.bincount(cells) // PER_CELL, 1)[cells]
-    some = np.flatnonzero((seen % stride == 0) & (seen < PER_CELL * stride))
-    some = some[np.argsort(cells[some], kind="stable")]
+    cells = find_cells(correct(running, rows))
+    if "temperature" in rows.columns:
+        warmth = np.floor(rows.columns["temperature"] / WIDTH_C).astype(np.intp)
+        cells = cells + 80 * (warmth - warmth.min())
+    cells = np.unique(cells, return_inverse=True)[1].reshape(-1)
+    order = np.lexsort((-np.arange(len(cells)), cells))  # in each cell the latest first
+    first = np.searchsorted(cells[order], np.arange(cells.max() + 1))
+    seen = np.arange(len(cells)) - first[cells[order]]
+    stride = np.maximum(np.bincount(cells) // PER_CELL, 1)[cells[order]]
+    some = order[(seen % stride == 0) & (seen < PER_CELL * stride)]
+    some = some[np.lexsort((some, cells[some]))]
     some = some[np.linspace(0, len(some) - 1, min(len(some), MOST)).astype(np.intp)]
     before = reservoir.columns.get(VISIT, np.empty(0))
     kept = np.isin(before, np.unique(before)[1 - VISITS :])
@@ -116,8 +117,8 @@ def add_rows(reservoir: Window, rows: Window, running: Running, visit: int) -> W
     return older.with_rows(rows.select(np.sort(some)))
 
 
-def find_common_error(state: RetrainerState) -> float:
-    """The standard deviation s, nT, of an error of the known field that readings of one training
+def find_common_error(state: RetrainerState, rows: Window) -> float:
+    """The standard deviation s, nT, of an error of the known field that `rows` of one training
     share on an axis: the ring current, say, which is about the same for half an orbit.
 
     With m_v the mean residuals of the reservoir by visit, of n_v readings with noise σ, second
@@ -125,36 +126,23 @@ def find_common_error(state: RetrainerState) -> float:
 
         E d² = 6 s² + σ² (1/n_v+1 + 4/n_v + 1/n_v−1)
 
-    Before there are three visits it is what the reference states of itself.
+    Before there are three visits it is what the reference states of itself, over the root of how
+    many independent errors the rows hold: a world model errs alike for as long as the strength of
+    the field is alike, always at one place and for a part of each orbit.
     """
     kept = state.reservoir
     visits, visit = np.unique(kept.columns.get(VISIT, ()), return_inverse=True)
     if len(visits) < 3 or state.noise is None:
-        return state.reference_sd
+        strength = find_length(rows.wanted)
+        alike = correlation_length(strength - strength.mean(), np.ones(len(rows)))
+        varied = float(np.ptp(strength)) > state.reference_sd
+        return state.reference_sd * (np.sqrt(alike / len(rows)) if varied else 1.0)
     n: Array = np.bincount(visit).astype(np.float64)
     left = compute_errors(correct(state.running, kept), kept.wanted)
     means = np.column_stack([np.bincount(visit, column) / n for column in left.T])
     white = state.noise**2 * (1 / n[2:] + 4 / n[1:-1] + 1 / n[:-2])
     square = float(np.mean(np.diff(means, 2, axis=0) ** 2 - white[:, None])) / 6
     return float(np.sqrt(max(square, 0.0)))
-
-
-def _number_cells(rows: Window, running: Running) -> Index:
-    """The cell of each row (k,), in no order."""
-    cells = find_cells(correct(running, rows))
-    if "temperature" in rows.columns:
-        warmth = np.floor(rows.columns["temperature"] / WIDTH_C).astype(np.intp)
-        cells = cells + 80 * (warmth - warmth.min())
-    return np.unique(cells, return_inverse=True)[1].reshape(-1)
-
-
-def _count_later(cells: Index) -> Index:
-    """How many later rows are in the cell of each (k,)."""
-    order = np.lexsort((-np.arange(len(cells)), cells))
-    first = np.searchsorted(cells[order], np.arange(cells.max() + 1))
-    found = np.empty(len(cells), dtype=np.intp)
-    found[order] = np.arange(len(cells)) - first[cells[order]]
-    return found
 
 
 PER_WEIGHT = 3.0
@@ -208,7 +196,7 @@ def train_candidates(
     enough = len(seen) >= PER_WEIGHT * shape.size
     if running is not None:
         trained = isinstance(running, Network) and enough and whole
-        common = find_common_error(state)
+        common = find_common_error(state, seen)
         for weights in (False, True)[: 1 + trained]:
             made, covariance, steps = train_on(
                 running,
