@@ -48,18 +48,18 @@ class Reproduction:
     plane: NetworkChoice
     space: NetworkChoice
 
-    @property
-    def late(self) -> Mask:
-        """The rows after the change."""
-        assert self.made.samples.time is not None
-        return np.asarray(self.made.samples.time >= CHANGE_S)
-
-    def errors(self, fit: NetworkFit, rows: Mask) -> tuple[Array, Array]:
-        """Times (k,), s, of some rows, and the largest component of the error (k,) of each, nT."""
-        part = self.made.select(rows)
+    def errors(self, fit: NetworkFit, *, late: bool) -> tuple[Array, Array]:
+        """Times (k,), s, of either half, and the largest component of the error (k,) of each."""
+        part = self.made.select(_is_late(self.made) == late)
         assert part.samples.time is not None
         field, _ = fit.calibration.evaluated(part.samples.field, {})
         return part.samples.time, np.asarray(np.abs(field - part.field).max(axis=1))
+
+
+def _is_late(made: SimulatedField) -> Mask:
+    """The rows after the change."""
+    assert made.samples.time is not None
+    return np.asarray(made.samples.time >= CHANGE_S)
 
 
 def reproduce_paper(*, noise: float = 2.0, seed: int = 0) -> Reproduction:
@@ -70,39 +70,21 @@ def reproduce_paper(*, noise: float = 2.0, seed: int = 0) -> Reproduction:
     Source: Wang, Sheng, He & Cheng (2020), doi:10.4236/jcc.2020.86004.
     """
     made = simulate_paper(DURATION_S, noise=noise, seed=seed)
-    assert made.samples.time is not None
-    late = np.asarray(made.samples.time >= CHANGE_S)
-    ground, orbit = made.select(~late), made.select(late)
+    ground, orbit = made.select(~_is_late(made)), made.select(_is_late(made))
     space = simulate_paper(CHANGE_S, directions="space", noise=noise, seed=seed)
-    fit = fit_network(
-        ground.samples,
-        ground.reference,
-        base=None,
-        stopping="plain",
-        restarts=1,
-        compared=False,
-        seed=seed,
-    )
+    plain: dict[str, Any] = {"base": None, "stopping": "plain", "seed": seed}
+    known = ground.samples, ground.reference
+    fit = fit_network(*known, restarts=1, compared=False, **plain)
     again = fit_network(
-        orbit.samples,
-        orbit.reference,
-        stopping="plain",
-        start=fit.calibration,
-        compared=False,
+        orbit.samples, orbit.reference, stopping="plain", start=fit.calibration, compared=False
     )
     return Reproduction(
         made=made,
         ground=fit,
         again=again,
-        methods=compare_methods(ground.samples, ground.reference, base=None, seed=seed),
-        plane=_choose(ground, seed),
-        space=_choose(space, seed),
-    )
-
-
-def _choose(made: SimulatedField, seed: int) -> NetworkChoice:
-    return choose_network(
-        made.samples, made.reference, hidden=NODES, base=None, stopping="plain", seed=seed
+        methods=compare_methods(*known, base=None, seed=seed),
+        plane=choose_network(*known, hidden=NODES, **plain),
+        space=choose_network(space.samples, space.reference, hidden=NODES, **plain),
     )
 
 
@@ -112,11 +94,17 @@ LIMIT, CHANGED = 10.0, 30.0
 """Largest errors that the paper names, nT: trained, and after the change."""
 
 
+PLANE = (
+    "The printed field never leaves a plane, for which two nodes are enough; the table that was "
+    "published comes out where directions fill space, of which two nodes span a plane: R = √(2/3)."
+)
+
+
 def describe_paper(found: Reproduction) -> Document:
     """The reproduction of the paper as page, text and JSON."""
-    early = found.made.select(~found.late)
-    fields = evaluate_fit(found.ground, early.samples)
+    fields = evaluate_fit(found.ground, found.made.select(~_is_late(found.made)).samples)
     values = _measure(found) | {"regression_of_axes": correlate_axes(*fields)}
+    trained = ("Error after each epoch", "From the same random start.")
     return Document(
         schema="agonic/simulate-network@1",
         kind="Simulation of Wang et al. (2020)",
@@ -125,10 +113,10 @@ def describe_paper(found: Reproduction) -> Document:
         about="As published in J. Comput. Commun. 8, 31–41, doi:10.4236/jcc.2020.86004.",
         sections=[
             Section("Beside the paper", [_compare(values)], printed=True),
-            Section("Mean square error", compare(found.ground, found.methods, *_TRAINED)),
+            Section("Mean square error", compare(found.ground, found.methods, *trained)),
             Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
-            Section("Calibrated on the ground", [lambda: _draw_ground(found)]),
-            Section("After the change, and retrained", [lambda: _draw_change(found)]),
+            Section("Calibrated on the ground", [lambda: _draw(found, [LIMIT])]),
+            Section("After the change, and retrained", [lambda: _draw(found, [LIMIT, CHANGED])]),
             Section("Hidden nodes", [_list_nodes(found), PLANE], printed=True),
         ],
         values=values,
@@ -136,13 +124,6 @@ def describe_paper(found: Reproduction) -> Document:
         samples=None,
         styles=("network.css",),
     )
-
-
-_TRAINED = ("Error after each epoch", "From the same random start.")
-PLANE = (
-    "The printed field never leaves a plane, for which two nodes are enough; the table that was "
-    "published comes out where directions fill space, of which two nodes span a plane: R = √(2/3)."
-)
 
 
 def _measure(found: Reproduction) -> dict[str, Any]:
@@ -153,9 +134,9 @@ def _measure(found: Reproduction) -> dict[str, Any]:
         "epochs": marquardt.epochs_to_goal,
         "epochs_of_descent": descent.epochs_to_goal,
         "epochs_of_adaptive_descent": adaptive.epochs_to_goal,
-        "ground_max_nT": float(found.errors(found.ground, ~found.late)[1].max()),
-        "changed_max_nT": float(found.errors(found.ground, found.late)[1].max()),
-        "retrained_max_nT": float(found.errors(found.again, found.late)[1].max()),
+        "ground_max_nT": float(found.errors(found.ground, late=False)[1].max()),
+        "changed_max_nT": float(found.errors(found.ground, late=True)[1].max()),
+        "retrained_max_nT": float(found.errors(found.again, late=True)[1].max()),
         "regression": found.ground.regression,
         "regression_in_space": {row.hidden: row.regression for row in found.space.table},
         "regression_in_the_plane": {row.hidden: row.regression for row in found.plane.table},
@@ -164,41 +145,45 @@ def _measure(found: Reproduction) -> dict[str, Any]:
 
 
 def _compare(values: dict[str, Any]) -> Table:
-    epochs, descent = (values[name] or "never" for name in ("epochs", "epochs_of_descent"))
     rows = [
-        ["epochs to a mean square error of 0.001", "26", f"{epochs}"],
-        ["the same by gradient descent", "–", f"{descent}"],
-        ["largest error on the ground", "< 10 nT", quantity(values["ground_max_nT"], "nT")],
-        ["largest error after the change", "30 nT", quantity(values["changed_max_nT"], "nT")],
-        ["largest error, retrained", "< 10 nT", quantity(values["retrained_max_nT"], "nT")],
+        ("epochs to a mean square error of 0.001", "26", "epochs"),
+        ("the same by gradient descent", "–", "epochs_of_descent"),
+        ("largest error on the ground", "< 10 nT", "ground_max_nT"),
+        ("largest error after the change", "30 nT", "changed_max_nT"),
+        ("largest error, retrained", "< 10 nT", "retrained_max_nT"),
     ]
-    return Table(["", "published", "here"], rows, "nodes")
+    here = {
+        name: quantity(values[name], "nT") if name.endswith("nT") else f"{values[name] or 'never'}"
+        for *_, name in rows
+    }
+    made = [[what, published, here[name]] for what, published, name in rows]
+    return Table(["", "published", "here"], made, "nodes")
 
 
 def _list_nodes(found: Reproduction) -> Table:
-    rows = []
-    for space, plane in zip(found.space.table, found.plane.table, strict=True):
-        of = (PUBLISHED[space.hidden], space.regression, plane.regression)
-        rows.append([str(space.hidden), *(f"{r:.5f}" for r in of)])
+    rows = [
+        [str(space.hidden)]
+        + [f"{r:.5f}" for r in (PUBLISHED[space.hidden], space.regression, plane.regression)]
+        for space, plane in zip(found.space.table, found.plane.table, strict=True)
+    ]
     head = ["Nodes", "R published", "directions in space", "the printed plane"]
     return Table(head, rows, "nodes")
 
 
-def _draw_ground(found: Reproduction) -> Markup:
-    drawn = figures.draw_errors({"training": found.errors(found.ground, ~found.late)}, [LIMIT])
-    keys = {"training": "trained on the ground", "limit": "10 nT"}
-    return caption("Largest component of the error", drawn, keys)
-
-
-def _draw_change(found: Reproduction) -> Markup:
+def _draw(found: Reproduction, levels: list[float]) -> Markup:
+    """The errors before the change, or after it where its level is drawn too."""
+    if CHANGED not in levels:
+        curves = {"training": found.errors(found.ground, late=False)}
+        keys = {"training": "trained on the ground", "limit": "10 nT"}
+        return caption("Largest component of the error", figures.draw_errors(curves, levels), keys)
     curves = {
-        "held": found.errors(found.ground, found.late),
-        "training": found.errors(found.again, found.late),
+        "held": found.errors(found.ground, late=True),
+        "training": found.errors(found.again, late=True),
     }
-    drawn = figures.draw_errors(curves, [LIMIT, CHANGED])
     keys = {
         "held": "trained on the ground",
         "training": "trained again in orbit",
         "limit": "10 and 30 nT",
     }
+    drawn = figures.draw_errors(curves, levels)
     return caption("Largest component of the error, from 15 s on", drawn, keys)

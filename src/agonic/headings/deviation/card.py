@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,10 @@ MEANT = {"new": "of a compass just adjusted", "in service": "of a compass in ser
 
 STEPS = (5.0, 10.0, 15.0, 30.0, 45.0)
 WITHOUT_STATE = "the state of the swing, which was not noted"
-
 _WIDTH = 76
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
+class Row(NamedTuple):
     """One heading of a card, degrees: as a compass reading, and as a heading to make good."""
 
     heading: float
@@ -35,6 +33,16 @@ class Row:
     band: float | None
     magnetic: float
     steer: float
+
+    def write(self) -> tuple[str, str, str, str, str]:
+        """Heading, deviation, band, magnetic heading and the one to steer, in words.
+
+        >>> Row(7.04, 0.0, None, 359.97, 7.0).write()[3:]
+        ('000.0°', '007.0°')
+        """
+        turned, steer = (f"{round(h, 1) % 360.0:05.1f}°" for h in (self.magnetic, self.steer))
+        band = "" if self.band is None else f"{self.band:.1f}"
+        return name_heading(self.heading), format_east_west(self.deviation), band, turned, steer
 
 
 def make_rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
@@ -48,13 +56,9 @@ def make_rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
         raise AgonicError(f"a card in steps of {step_deg:g}° is not made; use {known}")
     heading = np.arange(0.0, 360.0, step_deg)
     bands = [None] * len(heading) if card.covariance is None else card.band_at(heading).tolist()
-    columns = (heading, card.at(heading), card.magnetic(heading), card.steer(heading))
-    return [
-        Row(heading=h, deviation=d, band=b, magnetic=m, steer=s)
-        for (h, d, m, s), b in zip(
-            zip(*(c.tolist() for c in columns), strict=True), bands, strict=True
-        )
-    ]
+    deviation, magnetic, steer = card.at(heading), card.magnetic(heading), card.steer(heading)
+    columns = (heading.tolist(), deviation.tolist(), bands, magnetic.tolist(), steer.tolist())
+    return [Row(*row) for row in zip(*columns, strict=True)]
 
 
 def describe_power(card: Deviation) -> str:
@@ -137,7 +141,13 @@ def card_text(
         lines += textwrap.wrap(f"{SIGNS[result.verdict]} {word}: {said}", _WIDTH)
         if result.verdict == "refused":
             return "\n".join(lines)
-    lines += ["", *_table(card, step_deg), ""]
+    head = f"{'Compass':<10}{'Deviation':>12}{'± 95 %':>8}{'Magnetic':>11}  |  "
+    head += f"{'To make good':<16}{'Steer':>10}"
+    lines += ["", head, "-" * len(head)]
+    for row in make_rows(card, step_deg):
+        name, off, band, magnetic, steer = row.write()
+        lines.append(f"{name:<10}{off:>12}{band:>8}{magnetic:>11}  |  {name:<16}{steer:>10}")
+    lines.append("")
     lines += textwrap.wrap(judge_size(card), _WIDTH)
     made = make_coefficient_rows(card)
     classical = result.classical if isinstance(result, DeviationFit) else None
@@ -147,28 +157,3 @@ def card_text(
         eight = "  ".join(f"{name} {group_digits(value, 2)}" for name, value in classical.items())
         lines.append(f"Eight headings   {eight}")
     return "\n".join(lines)
-
-
-def _table(card: Deviation, step_deg: float) -> list[str]:
-    head = f"{'Compass':<10}{'Deviation':>12}{'± 95 %':>8}{'Magnetic':>11}  |  "
-    head += f"{'To make good':<16}{'Steer':>10}"
-    lines = [head, "-" * len(head)]
-    for name, deviation, band, magnetic, steer in map(write_row, make_rows(card, step_deg)):
-        lines.append(f"{name:<10}{deviation:>12}{band:>8}{magnetic:>11}  |  {name:<16}{steer:>10}")
-    return lines
-
-
-def write_row(row: Row) -> tuple[str, str, str, str, str]:
-    """Heading, deviation, band, magnetic heading and the one to steer, in words."""
-    band = "" if row.band is None else f"{row.band:.1f}"
-    turned, steer = format_heading(row.magnetic), format_heading(row.steer)
-    return name_heading(row.heading), format_east_west(row.deviation), band, turned, steer
-
-
-def format_heading(heading_deg: float) -> str:
-    """A heading to a tenth with three whole figures.
-
-    >>> format_heading(7.04), format_heading(359.97)
-    ('007.0°', '000.0°')
-    """
-    return f"{round(heading_deg, 1) % 360.0:05.1f}°"

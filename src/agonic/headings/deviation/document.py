@@ -19,7 +19,6 @@ from agonic.headings.deviation.card import (
     make_coefficient_rows,
     make_rows,
     say_verdict,
-    write_row,
 )
 from agonic.headings.deviation.figures import NARROW, draw_chart, draw_picture
 from agonic.headings.deviation.fit import DeviationFit
@@ -61,37 +60,35 @@ def card_page(
     (1, False)
     """
     check_choice("paper", paper, get_args(Paper))
+    fit = result if isinstance(result, DeviationFit) else None
     card = result.calibration if isinstance(result, DeviationFit) else result
-    refused = isinstance(result, DeviationFit) and result.verdict == "refused"
-    use = [
-        element("p", judge_size(card)),
-        draw_chart(result),
-        draw_chart(result, NARROW),
-        _tables(card, step_deg),
-    ]
-    parts = [_state(card), *([] if refused else use)]
-    if isinstance(result, DeviationFit):
-        word, said = say_verdict(result)
-        parts.insert(1, element("p", tables.mark(result.verdict, word), f": {said}"))
+    state = describe_power(card)
+    kind = "state unknown" if state == WITHOUT_STATE else "state"
+    parts = [element("p", "Valid only with", element("strong", state), class_=kind)]
+    if fit is not None:
+        word, said = say_verdict(fit)
+        parts.append(element("p", tables.mark(fit.verdict, word), f": {said}"))
+    coefficients = Markup("")
+    if fit is None or fit.verdict != "refused":
+        charts = (draw_chart(result), draw_chart(result, NARROW))
+        parts += [element("p", judge_size(card)), *charts, _tables(card, step_deg)]
+        classical = None if fit is None else fit.classical
+        head = ["", "Least squares, °", "Eight headings, °"][: 3 if classical else 2]
+        made = [row[: len(head)] for row in make_coefficient_rows(card, classical)]
+        coefficients = element("section", table(head, made))
+    swing = dict(details or {}) | ({} if fit is None else {"Readings": str(fit.n)}) | _swing(card)
+    evidence = element("div", coefficients, tables.definitions(swing), class_="fit")
     body = markup(
-        header("Compass deviation card", title or card.sensor),
-        element("main", *parts, _evidence(result, details or {})),
+        header("Compass deviation card", title or card.sensor), element("main", *parts, evidence)
     )
     style = Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper])
     style += read_static("card_chart.css")
     return assemble_page(f"Deviation card: {title or card.sensor}", body, style=style)
 
 
-def _state(card: Deviation) -> Markup:
-    """What the card belongs to, before anything else."""
-    state = describe_power(card)
-    kind = "state unknown" if state == WITHOUT_STATE else "state"
-    return element("p", "Valid only with", element("strong", state), class_=kind)
-
-
 def _tables(card: Deviation, step_deg: float) -> Markup:
     """What a reading means, and what to steer."""
-    made = [write_row(row) for row in make_rows(card, step_deg)]
+    made = [row.write() for row in make_rows(card, step_deg)]
     reads = table(
         ["Compass reads", "Deviation", "± 95 %", "Magnetic"],
         [[name, off, band and f"{band}°", magnetic] for name, off, band, magnetic, _ in made],
@@ -100,26 +97,9 @@ def _tables(card: Deviation, step_deg: float) -> Markup:
         ["To make good (magnetic)", "steer (compass)"],
         [[name, steered] for name, *_, steered in made],
     )
-    return element(
-        "div",
-        element("section", element("h2", "From compass to magnetic"), reads),
-        element("section", element("h2", "From magnetic to compass"), steer),
-        class_="tables",
-    )
-
-
-def _evidence(result: Deviation | DeviationFit, details: Mapping[str, str]) -> Markup:
-    """The coefficients, and how the swing was made."""
-    swing, rows = dict(details), Markup("")
-    card = result if isinstance(result, Deviation) else result.calibration
-    classical = None if isinstance(result, Deviation) else result.classical
-    if isinstance(result, Deviation) or result.verdict != "refused":
-        head = ["", "Least squares, °", "Eight headings, °"][: 3 if classical else 2]
-        made = [row[: len(head)] for row in make_coefficient_rows(card, classical)]
-        rows = element("section", table(head, made))
-    if isinstance(result, DeviationFit):
-        swing["Readings"] = str(result.n)
-    return element("div", rows, tables.definitions(swing | _swing(card)), class_="fit")
+    titled = (("From compass to magnetic", reads), ("From magnetic to compass", steer))
+    sections = (element("section", element("h2", title), shown) for title, shown in titled)
+    return element("div", *sections, class_="tables")
 
 
 def _swing(card: Deviation) -> dict[str, str]:
@@ -129,14 +109,11 @@ def _swing(card: Deviation) -> dict[str, str]:
         said["Scatter"] = f"{figure(card.noise_deg)}°, one reading"
     if card.largest_gap_deg is not None:
         said["Widest gap"] = f"{card.largest_gap_deg:.0f}° between headings"
-    if card.largest_heel_deg is None:
-        said["Heel"] = "level"
-    else:
-        roll, pitch = card.largest_heel_deg
-        said["Heel"] = f"roll to {roll:.0f}°, pitch to {pitch:.0f}°"
-    for given in card.provenance.inputs:
+    heel, source = card.largest_heel_deg, card.provenance
+    said["Heel"] = f"roll to {heel[0]:.0f}°, pitch to {heel[1]:.0f}°" if heel else "level"
+    for given in source.inputs:
         said["From"] = f"{given.name}, SHA-256 {given.sha256[:12]}…"
-    said["Made"] = f"{card.provenance.created[:10]}, {card.provenance.software}"
+    said["Made"] = f"{source.created[:10]}, {source.software}"
     said["Equation"] = "magnetic = compass + deviation; east is positive"
     return said
 
@@ -166,8 +143,6 @@ def find_remedies(card: Deviation) -> tuple[Remedy, ...]:
     across it, nulled on north or south by magnets athwartships. D and E, of soft iron, stay. A
     step is named where its coefficients stand out of their errors and it helps.
 
-    Parameters: card, with its covariance where it has one.
-
     Source: Handbook of Magnetic Compass Adjustment (National Geospatial-Intelligence
     Agency, 2004), chapters V and VI.
 
@@ -178,36 +153,26 @@ def find_remedies(card: Deviation) -> tuple[Remedy, ...]:
     null B by magnets fore and aft, C athwart: 20.1° → 6.2°
     both: 20.1° → 5.2°
     """
-    before = _find_largest(card)
+
+    def find_largest(nulled: list[int]) -> float:
+        left = np.array(card.coefficients)
+        left[nulled] = 0.0
+        return float(np.abs(replace(card, coefficients=left).at(np.arange(360.0))).max())
+
     a = float(card.coefficients[0])
-    turned = "clockwise" if a > 0 else "counterclockwise"
-    steps = [
-        (f"turn the compass {abs(a):.1f}° {turned}", (0,)),
-        ("null B by magnets fore and aft, C athwart", (1, 2)),
-    ]
-    able = [step for step in steps if _stands_out(card, step[1])]
+    sd = np.zeros(5) if card.covariance is None else np.sqrt(np.diag(card.covariance))[:5]
+    large = np.abs(card.coefficients) > np.maximum(_SURE * sd, _WORTH_DEG)
+    turned = f"turn the compass {abs(a):.1f}° {'clockwise' if a > 0 else 'counterclockwise'}"
+    able = [(turned, [0])] if large[0] else []
+    able += [("null B by magnets fore and aft, C athwart", [1, 2])] if large[1:3].any() else []
     if len(able) == 2:
-        able.append(("both", (0, 1, 2)))
+        able.append(("both", [0, 1, 2]))
+    before = find_largest([])
     made = (
-        Remedy(what=what, before_deg=before, after_deg=_find_largest(card, places))
-        for what, places in able
+        Remedy(what=what, before_deg=before, after_deg=find_largest(nulled))
+        for what, nulled in able
     )
     return tuple(one for one in made if one.after_deg < before - _WORTH_DEG)
-
-
-def _find_largest(card: Deviation, nulled: tuple[int, ...] = ()) -> float:
-    """The largest deviation, with some of the coefficients nulled."""
-    left = np.array(card.coefficients)
-    left[list(nulled)] = 0.0
-    return float(np.abs(replace(card, coefficients=left).at(np.arange(360.0))).max())
-
-
-def _stands_out(card: Deviation, places: tuple[int, ...]) -> bool:
-    sizes = np.abs(card.coefficients[list(places)])
-    if card.covariance is None:
-        return bool((sizes > _WORTH_DEG).any())
-    sd = np.sqrt(np.diag(card.covariance))[list(places)]
-    return bool((sizes > np.maximum(_SURE * sd, _WORTH_DEG)).any())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

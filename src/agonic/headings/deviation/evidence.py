@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc, stdtr
@@ -14,7 +15,6 @@ from agonic.headings.maths import swing_plan
 from agonic.health import Finding, figure, sort_findings
 from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.rotations import deviation as kernel
-from agonic.maths.rotations.deviation import DeviationSolution
 
 AMPLIFIED_REFUSED = 10.0  # standard error over that of as many headings evenly spread
 AMPLIFIED_DOUBTFUL = 3.0
@@ -33,29 +33,35 @@ SLIP_SIGNIFICANT = 0.003
 DRIFT_SIGNIFICANT = 0.001
 DRIFT_LEAST_DEG = 0.5
 DRIFT_LIKELY = 0.8  # fewer than one in a hundred swings without drift
+ALIKE_DEG = 1e-6
+ZERO_DEG = 0.5  # rms of a deviation that sights by hand do not tell from none
+ZERO_LIKELY = 0.05
 
 _CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """The readings, their rows (n, k), the solution, and the card made of it.
+    """The readings, the solution, and the card made of it.
 
-    `level` (5,) and `chosen` (9,) mark the terms that were fitted; `weighted` says whether the
-    robust loss was free to leave out outliers, `drifting` how likely the reference drifted,
-    `estimated` that the reference follows a compass.
+    `chosen` (9,) marks the terms that were fitted; `weighted` says whether the robust loss was free
+    to leave out outliers, `drifting` how likely the reference drifted, `estimated` that the
+    reference follows a compass.
     """
 
     readings: SwingReadings
-    rows: Array
     solved: kernel.DeviationSolution
     card: Deviation
-    level: Mask
     chosen: Mask
     stated_noise_deg: float | None
     weighted: bool
     drifting: float
     estimated: bool
+
+    @cached_property
+    def rows(self) -> Array:
+        """The columns of the terms that were fitted, (n, k)."""
+        return self.readings.rows[:, self.chosen]
 
 
 def examine(evidence: Evidence) -> tuple[Finding, ...]:
@@ -67,9 +73,26 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
     spread = (_uncertain(evidence), _scatter(evidence))
     if outlier is not None and not evidence.weighted:  # it is the cause of both
         spread = (None, None)
-    smaller = (_drift, _third, _find_dependence, _check_left_out)
-    others = (check(evidence) for check in smaller)
-    return sort_findings((_check_folded(evidence), shape, outlier, *spread, *others))
+    others = [_drift(evidence), _third(evidence), _find_dependence(evidence)]
+    if evidence.card.least_turn <= 0:  # it changes faster than the heading
+        others.append(
+            Finding(
+                "folded",
+                "refuse",
+                "the compass turns back while the vehicle turns on, so one reading stands for "
+                "several headings",
+                "move the compass away from iron and magnets, or calibrate the magnetometer first",
+            )
+        )
+    if evidence.readings.left_out:
+        others.append(
+            Finding(
+                "incomplete readings",
+                "note",
+                f"{evidence.readings.left_out} readings lack a number and were left out",
+            )
+        )
+    return sort_findings((shape, outlier, *spread, *others))
 
 
 def list_headings(headings_deg: Array) -> str:
@@ -84,18 +107,18 @@ def list_headings(headings_deg: Array) -> str:
 
 def _headings(evidence: Evidence) -> Finding | None:
     """Headings that do not go round, or too few of them."""
-    headings = swing_plan.find_visited(evidence.readings.compass)
+    headings, level = swing_plan.find_visited(evidence.readings.compass), evidence.chosen[:5]
     n, terms = len(headings), evidence.card.terms
     gap = swing_plan.compute_largest_gap_deg(headings)
-    amplified = swing_plan.compute_amplification(headings, evidence.level)
-    half = gap >= GAP_REFUSED_DEG and terms != "A"
-    missing = swing_plan.find_missing_deg(headings, evidence.level, 2.0)
+    amplified = swing_plan.compute_amplification(headings, level)
+    missing = swing_plan.find_missing_deg(headings, level, 2.0)
     move = (
         f"steer also {list_headings(missing)}" if len(missing) else "steer twice as many headings"
     )
     seen = f"what was steered ({n} heading{'' if n == 1 else 's'}, widest gap {gap:.0f}°)"
-    if half or amplified > AMPLIFIED_REFUSED:
-        return Finding("headings", "refuse", f"{seen} does not determine {_terms(terms)}", move)
+    named = "A to E" if terms == "ABCDE" else ", ".join(terms)
+    if (gap >= GAP_REFUSED_DEG and terms != "A") or amplified > AMPLIFIED_REFUSED:
+        return Finding("headings", "refuse", f"{seen} does not determine {named}", move)
     readings, k = evidence.rows.shape
     if (n <= len(terms) or readings <= k) and evidence.stated_noise_deg is None:
         return Finding(
@@ -105,46 +128,28 @@ def _headings(evidence: Evidence) -> Finding | None:
             f"{move}, or state the noise of one reading",
         )
     if amplified > AMPLIFIED_DOUBTFUL or gap > GAP_DOUBTFUL_DEG:
-        return Finding("headings", "check", f"{seen} hardly determines {_terms(terms)}", move)
+        return Finding("headings", "check", f"{seen} hardly determines {named}", move)
     return None
-
-
-def _terms(terms: str) -> str:
-    return "A to E" if terms == "ABCDE" else ", ".join(terms)
 
 
 def _heel(evidence: Evidence) -> Finding | None:
     """Heel that is too small, or goes with the heading so that a level term explains it."""
-    own = int(evidence.level.sum())
-    names = np.array(kernel.HEEL)[evidence.chosen[5:]]
-    for k, name in enumerate(names, start=own):
-        others = np.delete(evidence.rows, k, axis=1)
-        explained = others @ np.linalg.lstsq(others, evidence.rows[:, k], rcond=None)[0]
-        left = float(np.sqrt(np.mean((evidence.rows[:, k] - explained) ** 2)))
-        if left < HEEL_LEAST_DEG:
+    rows, own = evidence.rows, int(evidence.chosen[:5].sum())
+    for k, name in enumerate(np.array(kernel.HEEL)[evidence.chosen[5:]], start=own):
+        others = np.delete(rows, k, axis=1)
+        left = rows[:, k] - others @ np.linalg.lstsq(others, rows[:, k], rcond=None)[0]
+        rms = float(np.sqrt(np.mean(left**2)))
+        if rms < HEEL_LEAST_DEG:
             way = name.split("_")[0]
             both = "to port and to starboard" if way == "roll" else "nose up and nose down"
             return Finding(
                 "heel",
                 "refuse",
-                f"the swing does not determine what {way} does: only {left:.1f}° of it is "
+                f"the swing does not determine what {way} does: only {rms:.1f}° of it is "
                 "independent of the heading",
                 f"on each heading tilt the vehicle {both}, 5° or more, or leave {way} out",
             )
     return None
-
-
-def _check_folded(evidence: Evidence) -> Finding | None:
-    """A deviation that changes faster than the heading, so that a reading has several meanings."""
-    if evidence.card.least_turn > 0:
-        return None
-    return Finding(
-        "folded",
-        "refuse",
-        "the compass turns back while the vehicle turns on, so one reading stands for several "
-        "headings",
-        "move the compass away from iron and magnets, or calibrate the magnetometer first",
-    )
 
 
 def _uncertain(evidence: Evidence) -> Finding | None:
@@ -174,8 +179,19 @@ def _outlier(evidence: Evidence) -> Finding | None:
             f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for moments when the vehicle turned or a current was switched",
         )
-    worst, off = _find_outlier(evidence)
-    if worst is None:
+    # externally studentised residuals against Student's t, with Bonferroni's bound for the largest
+    rows, e = evidence.rows, evidence.solved.residuals
+    n, k = rows.shape
+    if n - k < 2:
+        return None
+    free = np.maximum(1 - np.einsum("ij,jk,ik->i", rows, np.linalg.pinv(rows.T @ rows), rows), 1e-9)
+    rest = np.maximum(e @ e - e**2 / free, 1e-12) / (n - k - 1)
+    rest = np.maximum(rest, evidence.readings.rounding_deg**2)  # readings that were rounded alike
+    t = np.abs(e) / np.sqrt(rest * free)
+    worst = int(t.argmax())
+    off = float(abs(e[worst]) / free[worst])
+    chance = 2 * n * float(stdtr(n - k - 1, -t[worst]))
+    if chance >= SLIP_SIGNIFICANT or off <= OUTLIER_LEAST_DEG:
         return None
     return Finding(
         "outlying headings",
@@ -184,25 +200,6 @@ def _outlier(evidence: Evidence) -> Finding | None:
         f"{figure(off)}° from the curve of the others",
         "look for a mistake (east for west, a wrong digit) and steer that heading again",
     )
-
-
-def _find_outlier(evidence: Evidence) -> tuple[int | None, float]:
-    """The reading that the curve of all others does not explain, and how far it is from it.
-
-    Externally studentised residuals against Student's t, with Bonferroni's bound for the largest.
-    """
-    rows, e = evidence.rows, evidence.solved.residuals
-    n, k = rows.shape
-    if n - k < 2:
-        return None, 0.0
-    free = np.maximum(1 - np.einsum("ij,jk,ik->i", rows, np.linalg.pinv(rows.T @ rows), rows), 1e-9)
-    rest = np.maximum(e @ e - e**2 / free, 1e-12) / (n - k - 1)
-    rest = np.maximum(rest, evidence.readings.rounding_deg**2)  # readings that were rounded alike
-    t = np.abs(e) / np.sqrt(rest * free)
-    worst = int(t.argmax())
-    off = float(abs(e[worst]) / free[worst])
-    chance = 2 * n * float(stdtr(n - k - 1, -t[worst]))
-    return (worst, off) if chance < SLIP_SIGNIFICANT and off > OUTLIER_LEAST_DEG else (None, 0.0)
 
 
 def _scatter(evidence: Evidence) -> Finding | None:
@@ -220,20 +217,28 @@ def _scatter(evidence: Evidence) -> Finding | None:
     )
 
 
+def _find_more(evidence: Evidence, *columns: Array) -> tuple[Array, Array]:
+    """What further columns (n,) explain of the residuals beside the terms, and its covariance."""
+    w = evidence.solved.weights if evidence.weighted else np.ones(len(evidence.rows))
+    rows = np.column_stack([evidence.rows, *columns])
+    inverse = np.linalg.pinv((rows * w[:, None]).T @ rows)
+    found = inverse @ (rows * w[:, None]).T @ evidence.solved.residuals
+    left = evidence.solved.residuals - rows @ found  # its noise is not that with the pattern in it
+    variance = float(w @ left**2) / max(float(w.sum()) - rows.shape[1], 1.0)
+    k = len(columns)
+    return found[-k:], inverse[-k:, -k:] * variance * correlation_length(left, w)
+
+
 def _drift(evidence: Evidence) -> Finding | None:
     """A steady change in the order of the readings: the residuals' slope against Student's t."""
-    w = evidence.solved.weights if evidence.weighted else np.ones(len(evidence.rows))
-    n, k = int((w > 0).sum()), evidence.rows.shape[1] + 1
-    if n - k < 2:
+    n, k = evidence.rows.shape
+    used = int((evidence.solved.weights > 0).sum()) if evidence.weighted else n
+    if used - k < 3:
         return None
-    design = np.column_stack([evidence.rows, np.linspace(-0.5, 0.5, len(w))])
-    inverse = np.linalg.pinv((design * w[:, None]).T @ design)
-    found = inverse @ (design * w[:, None]).T @ evidence.solved.residuals
-    left = evidence.solved.residuals - design @ found
-    variance = float(w @ left**2) / (n - k) * correlation_length(left, w)
-    size = abs(float(found[-1]))
-    t = size / np.sqrt(max(variance * inverse[-1, -1], 1e-24))
-    if size >= DRIFT_LEAST_DEG and 2 * stdtr(n - k, -t) <= DRIFT_SIGNIFICANT:
+    found, covariance = _find_more(evidence, np.linspace(-0.5, 0.5, n))
+    size = abs(float(found[0]))
+    t = size / np.sqrt(max(float(covariance[0, 0]), 1e-24))
+    if size >= DRIFT_LEAST_DEG and 2 * stdtr(used - k - 1, -t) <= DRIFT_SIGNIFICANT:
         what = f"the deviation changes by {figure(size)}° from the first reading to the last"
     elif evidence.drifting > DRIFT_LIKELY:
         what = "the readings drift in the order they were taken"
@@ -252,14 +257,8 @@ def _third(evidence: Evidence) -> Finding | None:
     """A third harmonic in the residuals of many readings: more than A to E can hold."""
     if not evidence.weighted or "D" not in evidence.card.terms:
         return None
-    psi, w = np.radians(evidence.readings.compass), evidence.solved.weights
-    rows = np.column_stack([evidence.rows, np.sin(3 * psi), np.cos(3 * psi)])
-    inverse = np.linalg.pinv((rows * w[:, None]).T @ rows)
-    found = inverse @ (rows * w[:, None]).T @ evidence.solved.residuals
-    left = evidence.solved.residuals - rows @ found  # its noise is not that with the pattern in it
-    variance = float(w @ left**2) / max(float(w.sum()) - rows.shape[1], 1.0)
-    covariance = inverse[-2:, -2:] * variance * correlation_length(left, w)
-    found = found[-2:]
+    psi = np.radians(evidence.readings.compass)
+    found, covariance = _find_more(evidence, np.sin(3 * psi), np.cos(3 * psi))
     chance = float(chdtrc(2, found @ np.linalg.pinv(covariance) @ found))
     size = float(np.hypot(*found))
     if size < THIRD_DOUBTFUL_DEG or chance > SIGNIFICANT:
@@ -273,32 +272,22 @@ def _third(evidence: Evidence) -> Finding | None:
     )
 
 
-def _check_left_out(evidence: Evidence) -> Finding | None:
-    if not evidence.readings.left_out:
-        return None
-    return Finding(
-        "incomplete readings",
-        "note",
-        f"{evidence.readings.left_out} readings lack a number and were left out",
-    )
-
-
-ALIKE_DEG = 1e-6
-ZERO_DEG = 0.5  # rms of a deviation that sights by hand do not tell from none
-ZERO_LIKELY = 0.05
-
-
 def _find_dependence(evidence: Evidence) -> Finding | None:
     """Whether the reference is no other than the compass: no deviation, where there is one."""
     rows, solved = evidence.rows, evidence.solved
-    rms = float(np.sqrt(np.mean((rows @ solved.params) ** 2)))
+    fitted, left = rows @ solved.params, solved.residuals[solved.weights > 0]
+    k, freedom = rows.shape[1], len(left) - rows.shape[1]
+    rms = float(np.sqrt(np.mean(fitted**2)))
+    # whether all terms together are what noise makes of none, by F
+    noise = max(float(left @ left) / max(freedom, 1) * solved.correlation, 1e-24)
+    chance = float(fdtrc(k, freedom, fitted @ fitted / (k * noise))) if freedom > 0 else 0.0
     if evidence.estimated:
         what = "the reference is an estimate that follows a compass itself"
-    elif rows.shape[1] == 1:
+    elif k == 1:
         return None
     elif float(np.ptp(evidence.readings.difference)) <= ALIKE_DEG:
         what = "compass and reference differ by the same on every heading, to the last digit"
-    elif rms <= ZERO_DEG and _is_noise(rows, solved):
+    elif rms <= ZERO_DEG and chance > ZERO_LIKELY:
         what = f"compass and reference differ by no more than noise, {figure(rms)}° rms"
     else:
         return None
@@ -309,15 +298,3 @@ def _find_dependence(evidence: Evidence) -> Finding | None:
         "take the reference from something that does not depend on magnetism: a surveyed line, "
         "two antennas, the sun",
     )
-
-
-def _is_noise(rows: Array, solved: DeviationSolution) -> bool:
-    """Whether all terms together are what noise makes of none, by F."""
-    left = solved.residuals[solved.weights > 0]
-    k = rows.shape[1]
-    freedom = len(left) - k
-    if freedom < 1:
-        return False
-    noise = max(float(left @ left) / freedom * solved.correlation, 1e-24)
-    fitted = rows @ solved.params
-    return float(fdtrc(k, freedom, fitted @ fitted / (k * noise))) > ZERO_LIKELY

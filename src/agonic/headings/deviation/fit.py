@@ -26,7 +26,6 @@ from agonic.headings.maths.reference_drift import (
 from agonic.health import Finding, figure
 from agonic.maths.rotations import deviation as kernel
 from agonic.maths.rotations.angles import wrap_deg
-from agonic.maths.rotations.deviation import DeviationSolution
 from agonic.provenance import Input, Provenance
 from agonic.readable import Shown
 
@@ -132,65 +131,64 @@ def fit_deviation(
     rows = readings.rows[:, chosen]
     weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
     solved, known = _solve(readings, rows, weighted, noise_deg)
-    drift = allow_drift(rows, solved, weighted, noise_deg and known, drift_deg)
+    drift = _allow_drift(rows, solved, weighted, noise_deg and known, drift_deg)
     solved = solved._replace(covariance=drift.covariance)
-    asked = {
-        "terms": terms,
-        "robust": robust,
-        "noise_deg": noise_deg,
-        "drift_deg": drift_deg,
-        "declination_deg": None if declination_deg is None else readings.declination,
-        "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
-    }
     left = len(rows) > rows.shape[1]  # else nothing shows the noise of one reading
-    whence = source or Input.of_array(sensor, readings.columns)
+    # of the noise: readings that count, less terms
+    freedom = float((solved.weights > 0).sum()) / solved.correlation - len(solved.params)
+    tilt = np.abs(readings.tilt).max(axis=0).tolist()
     card = Deviation(
         **_spread(solved, chosen),
         terms=terms,
         noise_deg=known or (solved.noise if left else None),
-        freedom=None if noise_deg and known else _freedom(solved),
+        freedom=None if noise_deg and known else max(freedom, 1.0),
         power_state=power_state,
         current_A=current_A,
         largest_gap_deg=swing_plan.compute_largest_gap_deg(
             swing_plan.find_visited(readings.compass)
         ),
-        largest_heel_deg=_largest(readings.tilt),
+        largest_heel_deg=(*tilt, 0.0)[:2] if tilt else None,
         sensor=sensor,
-        provenance=Provenance(inputs=(whence,), settings=asked, method=CITATIONS),
+        provenance=Provenance(
+            inputs=(source or Input.of_array(sensor, readings.columns),),
+            settings={
+                "terms": terms,
+                "robust": robust,
+                "noise_deg": noise_deg,
+                "drift_deg": drift_deg,
+                "declination_deg": None if declination_deg is None else readings.declination,
+                "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
+            },
+            method=CITATIONS,
+        ),
     )
-    evidence = Evidence(
-        readings=readings,
-        rows=rows,
-        solved=solved,
-        card=card,
-        level=level,
-        chosen=chosen,
-        stated_noise_deg=noise_deg,
-        estimated=estimated,
-        weighted=weighted,
-        drifting=drift.probability,
+    findings = examine(
+        Evidence(
+            readings=readings,
+            solved=solved,
+            card=card,
+            chosen=chosen,
+            stated_noise_deg=noise_deg,
+            estimated=estimated,
+            weighted=weighted,
+            drifting=drift.probability,
+        )
     )
-    return _make_fit(evidence)
-
-
-def _make_fit(evidence: Evidence) -> DeviationFit:
-    """The fit with its findings; a refused one boasts of no accuracy."""
-    solved, card, findings = evidence.solved, evidence.card, examine(evidence)
     refused = any(finding.severity == "refuse" for finding in findings)
-    compass = evidence.readings.compass
-    asked = ask_to_return(compass, card.provenance.settings["drift_deg"])
+    at_eight = kernel.average_on_rose(readings.compass, wrap_deg(readings.difference))
+    classical = () if at_eight is None else kernel.solve_eight_headings(at_eight).tolist()
     return DeviationFit(
         calibration=card,
-        classical=_classical(evidence.readings),
-        compass_deg=compass,
-        deviation_deg=wrap_deg(solved.residuals + evidence.rows @ solved.params),
+        classical=dict(zip(kernel.LEVEL, classical, strict=True)) if classical else None,
+        compass_deg=readings.compass,
+        deviation_deg=wrap_deg(solved.residuals + rows @ solved.params),
         residuals_deg=solved.residuals,
         weights=solved.weights,
         noise_deg=np.nan if card.noise_deg is None else card.noise_deg,
         correlation=solved.correlation,
         condition=solved.condition,
         findings=findings,
-        remarks=() if refused else (*_remarks(card), *asked),
+        remarks=() if refused else _remarks(card, readings.compass, drift_deg),
     )
 
 
@@ -238,42 +236,31 @@ def _spread(solved: kernel.DeviationSolution, chosen: Mask) -> dict[str, Any]:
     return {"coefficients": params[:5], "heel": heel, "covariance": covariance}
 
 
-def _freedom(solved: kernel.DeviationSolution) -> float:
-    """Degrees of freedom of the noise: readings that count, less terms."""
-    counted = float((solved.weights > 0).sum()) / solved.correlation
-    return max(counted - len(solved.params), 1.0)
-
-
-def _largest(tilt: Array) -> tuple[float, float] | None:
-    if tilt.shape[1] == 0:
-        return None
-    roll, *pitch = np.abs(tilt).max(axis=0).tolist()
-    return roll, pitch[0] if pitch else 0.0
-
-
-def _classical(readings: SwingReadings) -> dict[str, float] | None:
-    at = kernel.average_on_rose(readings.compass, wrap_deg(readings.difference))
-    if at is None:
-        return None
-    return dict(zip(kernel.LEVEL, kernel.solve_eight_headings(at).tolist(), strict=True))
-
-
-def _remarks(card: Deviation) -> tuple[str, ...]:
-    """How large the deviation is, and how well the card is known."""
+def _remarks(card: Deviation, compass_deg: Array, drift_deg: float | None) -> tuple[str, ...]:
+    """How large the deviation is, how well the card is known, and what would show a drift that was
+    not stated, where few readings went round once."""
     circle = np.arange(0.0, 360.0)
     curve, sd = card.at(circle), float(card.sd_at(circle).max())
     worst = int(np.abs(curve).argmax())
-    return (
+    said = (
         f"the deviation is largest, {format_east_west(float(curve[worst]))}, at compass "
         f"{name_heading(float(circle[worst]))}",
         f"standard error of a level heading corrected with this card: {figure(sd)}°, at the worst "
         "heading",
     )
+    returned = abs(float(wrap_deg(compass_deg[-1] - compass_deg[0]))) <= swing_plan.CELL_DEG
+    if returned or drift_deg is not None or len(compass_deg) > MOST:
+        return said
+    return (
+        *said,
+        "a reference that drifted meanwhile looks like A to E: steer the first heading again at "
+        "the end, or state its drift (drift_deg)",
+    )
 
 
-def allow_drift(
+def _allow_drift(
     rows: Array,
-    solved: DeviationSolution,
+    solved: kernel.DeviationSolution,
     weighted: bool,
     noise_deg: float | None,
     drift_deg: float | None,
@@ -285,20 +272,3 @@ def allow_drift(
     if not drift_deg >= 0.0:
         raise AgonicError(f"drift_deg is {drift_deg}; give the drift over the swing, 0 for none")
     return ReferenceDrift(add_drift(rows[used], solved.covariance, drift_deg), 0.0)
-
-
-def ask_to_return(compass_deg: Array, drift_deg: float | None) -> tuple[str, ...]:
-    """What would show a drift that was not stated, where few readings went round once.
-
-    >>> len(ask_to_return(np.array([0.0, 120.0, 240.0]), None))
-    1
-    >>> ask_to_return(np.array([0.0, 120.0, 240.0, 359.0]), None)
-    ()
-    """
-    returned = abs(float(wrap_deg(compass_deg[-1] - compass_deg[0]))) <= swing_plan.CELL_DEG
-    if returned or drift_deg is not None or len(compass_deg) > MOST:
-        return ()
-    return (
-        "a reference that drifted meanwhile looks like A to E: steer the first heading again at "
-        "the end, or state its drift (drift_deg)",
-    )

@@ -195,12 +195,6 @@ def predict(seen: Observed, sizes: Sizes, solution: Solution) -> Array:
     return np.asarray(told + seen.by_shared @ solution.shared)
 
 
-def find_left(seen: Observed, sizes: Sizes, solution: Solution) -> Array:
-    """What is left of the compass beside that, (N,), −π…π."""
-    left = seen.offset - predict(seen, sizes, solution)
-    return np.asarray((left + np.pi) % (2 * np.pi) - np.pi)
-
-
 def compute_cost(system: System) -> float:
     """Twice the negative logarithm of the likelihood, all that is found integrated out."""
     k, sums = system.found, system.sums

@@ -12,7 +12,7 @@ from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.lean import find_lean_covariance
 from agonic.headings.maths.offset import GYRO
 from agonic.headings.propagation import apply_steps, list_steps, propagate_parts
-from agonic.headings.rows import CompassRows, RowHeadings
+from agonic.headings.rows import RowHeadings
 from agonic.headings.smoothing.moments import Moments
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
@@ -26,27 +26,30 @@ STEEPEST = 10.0
 """Tangent of the dip that is reckoned with at most."""
 
 
-def list_compass_errors(
-    one: CompassRows, attitude: Attitude, rate: Array, rows: Index
-) -> tuple[Array, Array]:
-    """What errors of the calibration (N, k), and being late (N, 1), add at some rows, rad.
+def list_shared_errors(by_row: RowHeadings, rate: Array, rows: Index) -> tuple[Array, Array]:
+    """What errors that the rows (N,) of a compass share, and those of the gyro, do to the heading:
+    (N, k), and that of the delay (N, 1), radians for one standard deviation of each.
 
-    Each error is in units of its standard deviation. A field at rest turns in the sensor by −ω × b.
+    A field at rest turns in the sensor by −ω × b.
     """
-    steps = list_steps(one.compass.calibration)
-    readings, tilt = one.readings.subset(rows), attitude.select_tilt(rows)
-    values = apply_steps(steps, readings.raw, readings.columns)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
-    gradient = turned.by_field
-    if one.compass.deviation is not None:
-        level = np.append(one.compass.deviation.coefficients, np.zeros(4))
-        gradient = gradient * (1 + slope(level, turned.heading_deg, 0.0, 0.0))
-    gradient = np.where(np.isfinite(gradient), gradient, 0.0)
-    parts, _ = propagate_parts(steps, values, readings.columns, gradient)
-    late = np.einsum("in,ni->n", gradient, np.cross(rate[rows], values[-1]))[:, None]
-    late *= find_latency_sd(one.compass)
-    return np.concatenate([np.zeros((0, len(rows))), *parts]).T, late
+    attitude, tilt = by_row.tilt, by_row.tilt.select_tilt(rows)
+    columns, delay = [np.zeros((len(rows), GYRO))], np.zeros(len(rows))
+    for k, one in enumerate(by_row.compasses):
+        steps, readings = list_steps(one.compass.calibration), one.readings.subset(rows)
+        values = apply_steps(steps, readings.raw, readings.columns)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
+        gradient = turned.by_field
+        if one.compass.deviation is not None:
+            level = np.append(one.compass.deviation.coefficients, np.zeros(4))
+            gradient = gradient * (1 + slope(level, turned.heading_deg, 0.0, 0.0))
+        # of the rows that are taken from this compass
+        gradient = np.where(np.isfinite(gradient) & (by_row.used[rows] == k), gradient, 0.0)
+        parts, _ = propagate_parts(steps, values, readings.columns, gradient)
+        columns += [part.T for part in parts]
+        turn = np.cross(rate[rows], values[-1])
+        delay += find_latency_sd(one.compass) * np.einsum("in,ni->n", gradient, turn)
+    return np.hstack(columns), delay[:, None]
 
 
 def follow_axes(axes: Array, moments: Moments, settling_s: float) -> Array:
@@ -66,9 +69,7 @@ def list_tilt_errors(lean: Array, steep: Array) -> Array:
     """What a lean of the tilt's sensor, in body axes, adds to a compass (N, 3), rad for each rad.
 
     An accelerometer's bias leans the vertical by ⟨R b⟩/g, which turns the field by as much across
-    times the tangent of the dip; a recorded tilt leans with the body.
-
-    Parameters: `lean` (N, 3, 3) by `follow_axes`; tangents of the dip (N,).
+    times the tangent of the dip (N,); a recorded tilt leans with the body. `lean` by `follow_axes`.
     """
     return np.asarray(np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1])
 
@@ -100,12 +101,6 @@ def find_sensor_lean(
     return find_lean_covariance(moments.time, off, lean[:, 0], good, sd, other)
 
 
-def turn_by_tilt(attitude: Attitude, lean: Array, steep: Array) -> float:
-    """How far errors of the tilt turn the compass that no lean of a sensor makes, rad."""
-    felt = float(np.nanmedian(attitude.variance)) - float(np.trace(lean)) / 3.0
-    return float(np.sqrt(max(felt, 0.0)) * np.nanmedian(np.abs(steep)))
-
-
 def measure_disturbance(
     horizontal: Array, vertical: Array, sound: Mask, around: Surroundings, moments: Moments
 ) -> Array:
@@ -127,15 +122,3 @@ def measure_disturbance(
     square = uniform_filter1d(square, width, mode="nearest") / np.maximum(there, 1e-9)
     square = np.where(there > 1e-9, square, 0.0) + LEAST_SEEN**2
     return np.asarray(square / np.mean(square[told > 0]))
-
-
-def list_shared_errors(by_row: RowHeadings, rate: Array, rows: Index) -> tuple[Array, Array]:
-    """What errors that the rows (N,) of a compass share, and those of the gyro, do to the heading:
-    (N, k), and that of the delay (N, 1), radians for one standard deviation of each."""
-    columns, delay = [np.zeros((len(rows), GYRO))], np.zeros((len(rows), 1))
-    for k, one in enumerate(by_row.compasses):
-        own, late = list_compass_errors(one, by_row.tilt, rate, rows)
-        mine = (by_row.used[rows] == k)[:, None]
-        delay += np.where(mine, late, 0.0)
-        columns.append(np.where(mine, own, 0.0))
-    return np.hstack(columns), delay

@@ -61,7 +61,9 @@ def smooth_rows(
     if smoothed is None:
         return by_row, None, (_TOO_LITTLE,)
     rows = np.isfinite(smoothed.variance)
-    sd, alone = float(np.median(np.sqrt(smoothed.variance[rows]))), _typical_sd(by_row, rows)
+    each = [one.indicated.random + one.indicated.systematic for one in by_row.compasses]
+    alone = float(np.nanmedian(np.sqrt(pick_used(by_row.used, each)[rows])))
+    sd = float(np.median(np.sqrt(smoothed.variance[rows])))
     by_itself = f"{figure(alone)}° each row by itself"
     if sd > alone:
         return by_row, None, (_explain_kept(f"standard error {figure(sd)}° with it, {by_itself}"),)
@@ -86,12 +88,6 @@ def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask]
     return MappingProxyType(left), notes
 
 
-def _typical_sd(by_row: RowHeadings, rows: Mask) -> float:
-    """The median standard error of rows each by itself."""
-    each = [one.indicated.random + one.indicated.systematic for one in by_row.compasses]
-    return float(np.nanmedian(np.sqrt(pick_used(by_row.used, each)[rows])))
-
-
 def _smooth(
     own: Samples,
     turn: Array,
@@ -102,28 +98,20 @@ def _smooth(
 ) -> SmoothedHeading | None:
     assert own.time is not None
     assert own.rotation_rate is not None
-    settling = setup.settling_s if by_row.tilt.source == "gyro" else 0.0
+    tilt, settling = by_row.tilt, setup.settling_s if by_row.tilt.source == "gyro" else 0.0
     rate, force = own.rotation_rate @ turn.T, own.acceleration
     found = smooth_headings(own.time, rate, force, by_row, around, settling, sizes)
     if found is None:
         return None
     # a nose that points up turns its heading by a tilt aside, over cos pitch
-    upright = np.maximum(by_row.tilt.tilt.cos_pitch, 0.05)
-    more = by_row.tilt.variance * (by_row.tilt.tilt.sin_pitch / upright) ** 2
-    more = np.degrees(np.degrees(more)) + _by_deviation(by_row)
-    return found._replace(variance=found.variance + more)
-
-
-def _by_deviation(by_row: RowHeadings) -> Array:
-    """The variance of the deviations, degrees², (n,)."""
-    each = []
+    upright = np.maximum(tilt.tilt.cos_pitch, 0.05)
+    more = np.degrees(np.degrees(tilt.variance * (tilt.tilt.sin_pitch / upright) ** 2))
+    by_card = []
     for one in by_row.compasses:
-        card = one.compass.deviation
-        level = np.nan_to_num(one.indicated.compass_deg)
-        zero = 0.0 * level
+        card, level = one.compass.deviation, np.nan_to_num(one.indicated.compass_deg)
         known = card is not None and card.covariance is not None
-        each.append(card.sd_at(level, zero, zero) ** 2 if card is not None and known else zero)
-    return pick_used(by_row.used, each)
+        by_card.append(card.sd_at(level) ** 2 if card is not None and known else 0.0 * level)
+    return found._replace(variance=found.variance + more + pick_used(by_row.used, by_card))
 
 
 def _correct_rates(

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Mask
-from agonic.headings.attitude import Attitude
 from agonic.headings.compass_heading import pick_used
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
@@ -26,13 +25,12 @@ from agonic.headings.maths.offset import (
     Observed,
     Sizes,
     assemble,
-    find_left,
     find_sizes,
     find_variances,
     predict,
     solve,
 )
-from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
+from agonic.headings.maths.rest import NO_REST, find_rest, find_still
 from agonic.headings.rows import CompassRows, RowHeadings
 from agonic.headings.smoothing.errors import (
     find_sensor_lean,
@@ -40,7 +38,6 @@ from agonic.headings.smoothing.errors import (
     list_shared_errors,
     list_tilt_errors,
     measure_disturbance,
-    turn_by_tilt,
 )
 from agonic.headings.smoothing.moments import FEWEST, Moments, carry, put_together
 from agonic.maths.one_pass import interpolate
@@ -128,66 +125,52 @@ def smooth_headings(
     found_lean = find_sensor_lean(
         columns, lean, observed.variance, parts, around, attitude, moments
     )
-    by_lean = np.nan_to_num(list_tilt_errors(lean, steep))
-    columns = np.hstack([columns, by_lean @ np.linalg.cholesky(found_lean)])
-    shared = moments.smooth(np.nan_to_num(columns), STEADY_S)
+    by_lean = np.nan_to_num(list_tilt_errors(lean, steep)) @ np.linalg.cholesky(found_lean)
+    shared = moments.smooth(np.nan_to_num(np.hstack([columns, by_lean])), STEADY_S)
     axes = find_shown_axes(level[moments.rows, 2])
+    rest = NO_REST
+    if force is not None:  # by the compass's heading too
+        still = find_still(time, rate - known, force)[moments.rows].astype(np.float64)
+        turning = moments.average((rate - known)[moments.rows])
+        still = moments.average(still) == 1.0
+        rest = find_rest(moments.time, turning, still, heading, observed.variance)
+    bias_sd = BIAS_SD  # of a filter's what it says of it, doubted
+    if attitude.gyro_bias is not None:
+        bias_sd = min(max(FILTER_DOUBT * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
     observed = observed._replace(
         by_bias=observed.by_bias @ axes @ axes.T,
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
-        bias_sd=_find_bias_sd(attitude),
+        bias_sd=bias_sd,
         # of the calibration only beside a tilt of our own, whose lasting errors are listed: those
         # of a recorded tilt last as the filter that made it pleases, and would be taken for them
         found=shared.shape[1] - 3 if attitude.source == "gyro" else GYRO,
-        rest=_find_rest(time, rate - known, force, heading, observed, moments),
+        rest=rest,
     )
-    by_tilt = turn_by_tilt(attitude, found_lean, steep)
-    offset, variance, bias, gain, sizes = _estimate(observed, sizes, by_tilt)
-    whole = np.full((n, 2), np.nan)
-    whole[moments.rows, 0] = carried.heading + moments.interpolate(time, offset)
-    whole[moments.rows, 1] = moments.interpolate(time, variance)
-    biases = interpolate(time, moments.time, bias + known)
+    # how far errors of the tilt turn the compass that no lean of a sensor makes, rad
+    felt = float(np.nanmedian(attitude.variance)) - float(np.trace(found_lean)) / 3.0
+    by_tilt = float(np.sqrt(max(felt, 0.0)) * np.nanmedian(np.abs(steep)))
+    found = _estimate(observed, sizes, by_tilt)
+    whole = np.full((2, n), np.nan)
+    whole[0, moments.rows] = carried.heading + moments.interpolate(time, found.magnetic_deg)
+    whole[1, moments.rows] = moments.interpolate(time, found.variance)
     return SmoothedHeading(
-        np.degrees(whole[:, 0]) % 360.0,
-        np.degrees(np.degrees(whole[:, 1])),
-        biases,
-        GAIN_SD * gain,
-        sizes,
+        np.degrees(whole[0]) % 360.0,
+        np.degrees(np.degrees(whole[1])),
+        interpolate(time, moments.time, found.bias + known),
+        GAIN_SD * found.gain,
+        found.sizes,
     )
 
 
 def _find_sound(one: CompassRows, time: Array) -> Mask:
     """The rows whose field, and that of most rows about, is the expected one."""
-    sound = np.ones(len(time), dtype=bool) if one.distance is None else one.distance <= 1.0
-    sound = sound & ~one.readings.missing
+    sound = ~one.readings.missing
+    if one.distance is not None:
+        sound &= one.distance <= 1.0
     width = max(round(SOUND_S / float(np.median(np.diff(time)))), 1)
     share = uniform_filter1d(sound.astype(np.float64), width, mode="nearest")
     return np.asarray(sound & (share >= SOUND_SHARE))
-
-
-def _find_rest(
-    time: Array,
-    rate: Array,
-    force: Array | None,
-    heading: Array,
-    seen: Observed,
-    moments: Moments,
-) -> Rest:
-    """Where the log is at rest, by the compass's `heading` (N,) too."""
-    if force is None:
-        return NO_REST
-    still = moments.average(find_still(time, rate, force)[moments.rows].astype(np.float64)) == 1.0
-    return find_rest(
-        moments.time, moments.average(rate[moments.rows]), still, heading, seen.variance
-    )
-
-
-def _find_bias_sd(attitude: Attitude) -> float:
-    """How well the gyro's bias is known beforehand, rad/s: what a filter says of it, doubted."""
-    if attitude.gyro_bias is None:
-        return BIAS_SD
-    return min(max(FILTER_DOUBT * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
 
 
 def find_shown_axes(down: Array) -> Array:
@@ -244,55 +227,40 @@ def _follow(total: Array, moments: Moments) -> Array:
     return np.concatenate(found)
 
 
-def _estimate(
-    seen: Observed, sizes: Sizes | None, by_tilt: float
-) -> tuple[Array, Array, Array, Array, Sizes]:
-    """Offsets, their variances (N,), bias (N, 3), gain (6,) in units of its sd, and the sizes."""
+def _estimate(seen: Observed, sizes: Sizes | None, by_tilt: float) -> SmoothedHeading:
+    """Offsets, rad, their variances (N,), bias (N, 3), gain (6,) in units of its sd, and sizes."""
     weights, found_sizes = np.ones(len(seen.time)), sizes or LIKELY
-    low, high = _choose(seen)
+    # the stretch of `TELLING` moments in which the compass tells most
+    told = np.isfinite(seen.variance)
+    count = np.concatenate([[0], np.cumsum(told)])
+    low = int(np.argmax(count[TELLING:] - count[:-TELLING])) if len(told) > TELLING else 0
+    high = min(low + TELLING, len(told))
     for turn in range(_ROUNDS):
         if sizes is None and turn in _SIZED:
             chosen = seen.subset(low, high)
             found_sizes = find_sizes(chosen, weights[low:high], found_sizes, by_tilt)
         system = assemble(seen, found_sizes, weights)
         found = solve(system)
-        left = find_left(seen, found_sizes, found)
-        told = np.isfinite(seen.variance)
+        expected = predict(seen, found_sizes, found)
+        left = (seen.offset - expected + np.pi) % (2 * np.pi) - np.pi
         noise = np.where(told, seen.variance, 1.0) + found_sizes.noise**2
         weights = (STUDENT + 1.0) / (STUDENT + left**2 / noise)
-        expected = predict(seen, found_sizes, found)
         seen = seen._replace(offset=expected + left)  # without full turns
-    lasting = found_sizes.field_s / (found_sizes.field_s + LASTING_S)
-    doubt = _doubt(seen.time[high - 1] - seen.time[low], found_sizes, by_tilt > LIKELY.field)
-    variance = find_variances(system, found, doubt) + doubt * lasting * found_sizes.field**2
-    return (
+    # the variance of Student's t of as many degrees as there are squares that tell the sizes: those
+    # of a Gauss–Markov process are independent after its time constant; what the tilt's errors told
+    # counts for as many as it has weight
+    field, lasts_s = found_sizes.field, found_sizes.field_s
+    squares = max((seen.time[high - 1] - seen.time[low]) / lasts_s - ESTIMATED, 0.0)
+    squares = max(squares + (by_tilt > LIKELY.field) * 0.5 / TOLD_LOG_SD**2, FEWEST_SQUARES)
+    doubt = squares / (squares - 2.0)
+    lasting = lasts_s / (lasts_s + LASTING_S)
+    return SmoothedHeading(
         found.states[:, 0],
-        variance,
+        find_variances(system, found, doubt) + doubt * lasting * field**2,
         found.states[:, 2:],
         found_sizes.gain * found.shared[:GYRO],
         found_sizes,
     )
-
-
-def _doubt(duration_s: float, sizes: Sizes, told: bool) -> float:
-    """The variance of Student's t of as many degrees as there are squares that tell the sizes.
-
-    Squares of a Gauss–Markov process are independent after its time constant; what the tilt's
-    errors told counts for as many as it has weight.
-    """
-    squares = max(duration_s / sizes.field_s - ESTIMATED, 0.0)
-    squares = max(squares + told * 0.5 / TOLD_LOG_SD**2, FEWEST_SQUARES)
-    return squares / (squares - 2.0)
-
-
-def _choose(seen: Observed) -> tuple[int, int]:
-    """The stretch of `TELLING` moments in which the compass tells most."""
-    n = len(seen.time)
-    if n <= TELLING:
-        return 0, n
-    told = np.concatenate([[0], np.cumsum(np.isfinite(seen.variance))])
-    start = int(np.argmax(told[TELLING:] - told[:-TELLING]))
-    return start, start + TELLING
 
 
 def _turn(level: Array, heading: Array) -> Array:

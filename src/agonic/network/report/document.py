@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import repeat
 
 import numpy as np
 
@@ -11,18 +12,21 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
+from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
+from agonic.maths.equation.network import split
 from agonic.network.fit import Method, NetworkChoice, NetworkFit
 from agonic.network.fit.solve import correlate
-from agonic.network.report import figures, tables
+from agonic.network.report import figures
 from agonic.readable import make_record
 from agonic.report import tables as common
-from agonic.report.digits import count, group_digits, percent, quantity
+from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
 from agonic.report.document import Document
 from agonic.report.fields import make_table
-from agonic.report.markup import Markup, element
-from agonic.report.section import Block, Section
+from agonic.report.markup import Markup, element, markup, table
+from agonic.report.section import Block, Section, Table
 from agonic.report.strips import caption
+from agonic.report.tables import NOTHING
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
 from agonic.verification import Verification
@@ -82,6 +86,8 @@ def describe_network(
     chosen = "the network" if won else f"the base ({fit.chosen.kind})"
     base = None if comparison is None else comparison.base
     fields = evaluate_fit(fit, samples)
+    note = "All from the same random start, on all readings, without a prior on the weights."
+    tried = compare(fit, methods, "Error after each epoch, by method", note) if methods else []
     return Document(
         schema="agonic/fit-network@1",
         kind=KIND,
@@ -98,11 +104,11 @@ def describe_network(
         sections=[
             *_compare(fit, samples),
             *(_list_choice(choice) if choice else []),
-            Section("Training", [lambda: _training(fit)]),
-            *(_list_methods(fit, methods) if methods else []),
+            Section("Training", [lambda: _draw_training(fit)]),
+            *([Section("Methods of training", tried, printed=True)] if methods else []),
             Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
             *caution(network),
-            Section("Where it holds", _guard(network, network, samples)),
+            _guard(network, network, samples),
             *_numbers(network),
         ],
         values={
@@ -153,7 +159,7 @@ def describe_network_file(
     if samples is not None and verification is not None:
         sections = [
             Section("On the log", [common.checks(verification)]),
-            Section("Where it holds", _guard(calibration, network, samples)),
+            _guard(calibration, network, samples),
         ]
     return Document(
         kind=KIND,
@@ -170,15 +176,20 @@ def caution(network: Network) -> list[Section]:
     """What a network that knows the magnitude alone cannot correct."""
     if network.target == "vector":
         return []
-    return [Section("What the magnitude does not determine", [tables.MAGNITUDE_ONLY])]
+    said = (
+        "Its reference was the magnitude of the field alone. A magnitude cannot show by how much "
+        "the field is turned, where the turn varies with its direction: only the length is "
+        "corrected, along the field that the base gives, and direction errors of the base stay as "
+        "they are."
+    )
+    return [Section("What the magnitude does not determine", [said])]
 
 
 def _key_figures(fit: NetworkFit) -> list[tuple[str, str, str]]:
     comparison, size = fit.comparison, fit.calibration.shape.size
     of = "rms on an axis" if fit.calibration.target == "vector" else "rms of the magnitude"
-    if comparison is None:
-        errors = [("Residual", fit.rms, f"{of}, trained on")]
-    else:
+    errors = [("Residual", fit.rms, f"{of}, trained on")]
+    if comparison is not None:
         errors = [("Unseen, network", comparison.network.rms, of)]
         if comparison.base is not None:
             errors.append(("Unseen, base", comparison.base.rms, of))
@@ -190,7 +201,7 @@ def _key_figures(fit: NetworkFit) -> list[tuple[str, str, str]]:
 
 
 def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
-    """Base and network by cross-validation."""
+    """Base and network on the same unseen readings, and which won by how much."""
     comparison = fit.comparison
     if comparison is None:
         return []
@@ -202,22 +213,44 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
         drawn = figures.draw_unseen_error(comparison, samples.time)
         return caption("Error over time", drawn, keys, note)
 
-    name = "Base against network" if comparison.base else "Unseen readings"
-    return [Section(name, [*tables.compare_errors(comparison, fit.calibration.target), draw])]
+    rows = [
+        [name, quantity(errors.rms, "nT"), quantity(errors.maximum, "nT")]
+        for name, errors in (("base", comparison.base), ("network", comparison.network))
+        if errors is not None
+    ]
+    of = "on an axis" if fit.calibration.target == "vector" else "of the magnitude"
+    blocks: list[Block] = [Table(["Unseen readings", f"rms error {of}", "largest"], rows, "nodes")]
+    if comparison.base is None:
+        return [Section("Unseen readings", [*blocks, draw])]
+    by = comparison.directions
+    blocks.append(
+        f"{sentence(comparison.sentence).removesuffix('.')}: {percent(comparison.ratio)} of the "
+        f"error of the base is left, a difference of {group_digits(comparison.certainty, 1)} of "
+        "its standard errors over the blocks. In "
+        f"{count(int(np.count_nonzero(by[:, 1] > by[:, 0])), 'direction')} of {len(by)} the "
+        "network is not better."
+    )
+    return [Section("Base against network", [*blocks, draw])]
 
 
 def _list_choice(choice: NetworkChoice) -> list[Section]:
+    """R, largest and rms error by hidden nodes, of all readings and of unseen ones."""
+    chosen, rows = choice.fit.calibration.shape.hidden, []
+    for row in choice.table:
+        cells = [f"{row.hidden}"]
+        for of in ("", "unseen_"):
+            r, *errors = (getattr(row, f"{of}{n}") for n in ("regression", "maximum", "rms"))
+            cells += [f"{r:.5f}", *(group_digits(error, 2) for error in errors)]
+        rows.append([*cells, "chosen" if row.hidden == chosen else ""])
+    if choice.base_rms is not None and choice.base_maximum is not None:
+        both = [group_digits(choice.base_maximum, 2), group_digits(choice.base_rms, 2)]
+        rows.append(["base", *[NOTHING] * 4, *both, ""])
+    head = ["Nodes", "R", "largest, nT", "rms, nT", "unseen R", "unseen largest", "unseen rms", ""]
     said = (
         f"{sentence(choice.sentence)} Unseen: each of four blocks is judged by a network trained "
         "on the other three."
     )
-    return [Section("Hidden nodes", [tables.list_nodes(choice), said], printed=True)]
-
-
-def _list_methods(fit: NetworkFit, methods: Sequence[Method]) -> list[Section]:
-    note = "All from the same random start, on all readings, without a prior on the weights."
-    blocks = compare(fit, methods, "Error after each epoch, by method", note)
-    return [Section("Methods of training", blocks, printed=True)]
+    return [Section("Hidden nodes", [Table(head, rows, "nodes"), said], printed=True)]
 
 
 def compare(fit: NetworkFit, methods: Sequence[Method], name: str, note: str) -> list[Block]:
@@ -230,7 +263,7 @@ def compare(fit: NetworkFit, methods: Sequence[Method], name: str, note: str) ->
     return [make_table(methods, style="nodes"), draw]
 
 
-def _training(fit: NetworkFit) -> Markup:
+def _draw_training(fit: NetworkFit) -> Markup:
     limit = "without the network" if fit.base else "mean square 0.001 (scaled), as published"
     keys = {"training": "trained on", "limit": limit}
     if any(np.isfinite(epoch.held_out) for epoch in fit.epochs):
@@ -242,38 +275,96 @@ def _training(fit: NetworkFit) -> Markup:
     return caption("Error after each epoch", figures.draw_training(fit), keys, note)
 
 
-def _guard(calibration: Calibration, network: Network, samples: Samples) -> list[str]:
+def _guard(calibration: Calibration, network: Network, samples: Samples) -> Section:
     """How many readings are like those it was trained on, and what the others get."""
     raw = samples.field
     if isinstance(calibration, Chain):
         for step in calibration.steps[: calibration.steps.index(network)]:
             raw = step.correct(raw, **select_columns(step, samples))
     share = network.inside(raw, **select_columns(network, samples))
-    outside = percent(float((share < 0.5).mean()))
-    of = f"{outside} of {count(len(share), 'reading')} lie so far from what the network was "
+    of = f"{percent(float((share < 0.5).mean()))} of {count(len(share), 'reading')} lie so far from"
     keys = {"range": "least to largest", "mean": "mean"}
     if (share < 0.5).any():
         keys["guarded"] = "mostly outside"
-    drawn = figures.draw_guard(share, samples.time)
+    said = (
+        "half of its correction or more is taken back; far away the base alone corrects. "
+        f"{percent(float((share > 0.999).mean()))} get all of it."
+    )
     if network.base is None:
-        said = "trained on that its field is a guess: there is no base to fall back to."
-    else:
-        said = (
-            "trained on that half of its correction or more is taken back; far away the base alone "
-            f"corrects. {percent(float((share > 0.999).mean()))} get all of it."
-        )
-    return [of + said, caption("Where it was trained: 1, far away: 0", drawn, keys)]
+        said = "its field is a guess: there is no base to fall back to."
+    drawn = figures.draw_guard(share, samples.time)
+    return Section(
+        "Where it holds",
+        [
+            f"{of} what the network was trained on that {said}",
+            caption("Where it was trained: 1, far away: 0", drawn, keys),
+        ],
+    )
 
 
 def _numbers(network: Network) -> list[Section]:
-    shown = [
-        common.definitions({k: v for k, v in tables.describe_properties(network).items() if v})
-    ]
-    if isinstance(network.base, Affine):
-        shown.append(tables.list_base_numbers(network.base))
+    """What the network takes, gives and where it holds; its base, and every weight."""
+    base, bound, shown = network.base, network.bound, []
+    middles = zip(
+        signals(network.inputs),
+        network.input_middle.tolist(),
+        network.input_half.tolist(),
+        strict=True,
+    )
+    reference = "vector" if network.target == "vector" else "magnitude, along the field only"
+    properties = {
+        "Network": f"{network.shape.said} (tanh), {network.shape.size} weights",
+        "Base": f"{base.kind}, {base.equation}"
+        if base is not None
+        else "none: the network gives the whole field",
+        "Reference": f"the {reference}",
+        "Inputs trained on": [
+            f"{name}: {group_digits(m - h, _decimals(h))} … {group_digits(m + h, _decimals(h))}"
+            for name, m, h in middles
+        ],
+        "Held at": [f"{name} = {value:g}" for name, value in network.held.items()],
+        "Longest correction": "none" if bound is None else quantity(bound, network.unit_out),
+        "Domain": f"{count(len(network.centres), 'point')} cover it, to "
+        f"{quantity(network.reach, '', 2)} of half the range of an input",
+    }
+    shown.append(common.definitions({k: v for k, v in properties.items() if v}))
+    if isinstance(base, Affine):
+        sds = repeat(None) if base.sd is None else base.sd.tolist()
+        rows = [[f"bias, {base.unit_in}", *map(with_sd, base.bias.tolist(), sds)]]
+        rows += [
+            [f"matrix, {axis}", *(write_minus(f"{v:.6f}") for v in line)]
+            for axis, line in zip("xyz", base.matrix, strict=True)
+        ]
+        shown.append(table(["Base", "x", "y", "z"], rows, class_="weights"))
     said = "± is one standard error. Inputs and outputs are scaled to −1 … 1."
     aside = element("p", said, class_="aside")
-    return [
-        Section("The network", shown),
-        Section("Weights", [tables.list_weights(network), aside]),
+    return [Section("The network", shown), Section("Weights", [_list_weights(network), aside])]
+
+
+def _list_weights(network: Network) -> Markup:
+    """Every weight with its standard error: from the inputs to the nodes, and on to the outputs."""
+    layers, sd = network.layers, network.sd
+    sds = [None] * len(layers) if sd is None else split(sd, network.shape)
+    names = [[f"node {k + 1}" for k in range(width)] for width in network.shape.widths[1:-1]]
+    if len(names) > 1:
+        names[1] = [f"second {name}" for name in names[1]]
+    ends = ["output x", "output y", "output z"] if network.shape.outputs == 3 else ["output along"]
+    into, out = [list(signals(network.inputs)), *names], [*names, ends]
+    tables = [
+        table(
+            [letter, *columns, "constant"],
+            [
+                [name, *map(with_sd, values[j].tolist(), repeat(None) if own is None else own[j])]
+                for j, name in enumerate(rows)
+            ],
+            class_="weights",
+        )
+        for letter, columns, rows, values, own in zip(
+            "UWV" if len(layers) == 3 else "UV", into, out, layers, sds, strict=True
+        )
     ]
+    return markup(*tables)
+
+
+def _decimals(half: float) -> int:
+    return max(0, 2 - int(np.floor(np.log10(half)))) if half < 100 else 0

@@ -104,16 +104,14 @@ def describe_outcome(accepted: bool, running_rms: float, candidate_rms: float) -
 def is_better(*parts: tuple[Array, Array]) -> bool:
     """Whether errors (k, o) are clearly smaller than others of the same readings, in parts that
     count alike."""
-    gains = [_measure_gain(errors, than) for errors, than in parts]
-    return bool(sum(mean for mean, _ in gains) > CERTAIN * np.sqrt(sum(v for _, v in gains)))
-
-
-def _measure_gain(errors: Array, than: Array) -> tuple[float, float]:
-    """The mean square that errors (k, o) are less than others, and the variance of that mean."""
-    gained = (than**2 - errors**2).sum(axis=1)
-    away = gained - gained.mean()
-    length = correlation_length(away, np.ones(len(away)))
-    return float(gained.mean()), float(np.mean(away**2) * length / max(len(away) - 1, 1))
+    mean, variance = 0.0, 0.0
+    for errors, than in parts:
+        gained = (than**2 - errors**2).sum(axis=1)
+        away = gained - gained.mean()
+        length = correlation_length(away, np.ones(len(away)))
+        mean += float(gained.mean())
+        variance += float(np.mean(away**2) * length / max(len(away) - 1, 1))
+    return bool(mean > CERTAIN * np.sqrt(variance))
 
 
 def choose_best(errors: Sequence[Array]) -> int:
@@ -144,6 +142,7 @@ def _select_fitting(candidate: Array, running: Array | None) -> Mask:
 
 def _doubt_reference(unseen: Unseen, made: float, params: RetrainerParams) -> str:
     """What speaks against the reference, or nothing."""
+    off = f"the best candidate is off by {figure(made)} nT on unseen readings"
     if unseen.moves > params.furthest:
         return (
             f"wrong reference: the candidate moves the field by {figure(100 * unseen.moves)} % of "
@@ -151,15 +150,10 @@ def _doubt_reference(unseen: Unseen, made: float, params: RetrainerParams) -> st
             "look at unit, axes and date of the reference"
         )
     if unseen.noise is not None and made > params.misfit * unseen.noise:
-        return (
-            f"wrong reference, or a disturbance: the best candidate is off by {figure(made)} nT on "
-            f"unseen readings, and {figure(unseen.noise)} nT were left before"
-        )
+        left = f"{figure(unseen.noise)} nT were left before"
+        return f"wrong reference, or a disturbance: {off}, and {left}"
     if made > params.furthest * unseen.strength:
-        return (
-            f"wrong reference: the best candidate is off by {figure(made)} nT on unseen readings, "
-            f"in a field of {figure(unseen.strength)} nT"
-        )
+        return f"wrong reference: {off}, in a field of {figure(unseen.strength)} nT"
     return ""
 
 

@@ -213,8 +213,7 @@ def train_candidates(
             return found
     if not enough:
         return found
-    base: Any = found[0].calibration if found else params.base
-    fit = _fit(state, params, seen, base)
+    fit = _fit(state, params, seen, found[0].calibration if found else params.base)
     if running is None and fit.base is not None:
         found.append(Candidate(fit.base, "an affine calibration"))
     return [*found, Candidate(fit.calibration, "a network", fit.iterations)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import nan
+
 import numpy as np
 
 from agonic.calibration.network import Network
@@ -48,21 +50,32 @@ def describe_retraining(
     2
     """
     state, running = retrainer.state, retrainer.state.running
-    used = 0 if seen is None else len(seen.time)
-    known = np.empty(0) if seen is None else seen.residual[np.isfinite(seen.residual[:, 0])]
-    rms = float(np.sqrt(np.mean(known**2))) if known.size else None
-    largest = float(np.abs(known).max()) if known.size else None
-    retrainings = () if seen is None else seen.retrainings
+    entries, sections, used, rms, largest = {}, [], 0, nan, nan
+    retrainings: tuple[Retraining, ...] = ()
+    if seen is not None:
+        used, retrainings = len(seen.time), seen.retrainings
+        known = seen.residual[np.isfinite(seen.residual[:, 0])]
+        if known.size:
+            rms, largest = float(np.sqrt(np.mean(known**2))), float(np.abs(known).max())
+        sections = _sections(retrainer, seen)
     passed = f", {rows - used} passed over" if rows > used else ""
-    entries = {"Readings": f"{used} new{passed}; {state.n} in all"}
-    if rms is not None:
+    entries["Readings"] = f"{used} new{passed}; {state.n} in all"
+    if np.isfinite(rms):
         entries["Residual"] = (
             f"{rms:.4g} nT rms, each reading before it was learned; at most {largest:.4g}"
         )
     for one in retrainings:
         word = "accepted" if one.accepted else "rejected"
         entries[f"{one.time:.10g} s"] = f"{word}  {one.why:8s}  {one.reason}"
-    sections = [] if seen is None else _sections(retrainer, seen)
+    accepted = sum(one.accepted for one in retrainings)
+    of = "of the magnitude" if retrainer.params.target == "magnitude" else "of a component"
+    left = quantity(nan if state.noise is None else state.noise, "nT", 2)
+    key_figures = [
+        ("Residual", quantity(rms, "nT"), "rms, each reading before it was learned"),
+        ("Largest", quantity(largest, "nT"), of),
+        ("Accepted", group_digits(accepted), f"of {count(len(retrainings), 'retraining')}"),
+        ("Left now", left, "standard deviation on an axis"),
+    ]
     return Document(
         schema="agonic/retrain@1",
         kind="Network kept up to date",
@@ -71,7 +84,7 @@ def describe_retraining(
         verdict=retrainer.verdict,
         status=retrainer.status,
         findings=retrainer.findings,
-        key_figures=[] if seen is None else _key_figures(retrainer, seen, rms, largest),
+        key_figures=[] if seen is None else key_figures,
         entries=entries,
         entries_title="",
         sections=[*sections, *(caution(running) if isinstance(running, Network) else [])],
@@ -81,8 +94,8 @@ def describe_retraining(
             "target": retrainer.params.target,
             "new": used,
             "passed_over": rows - used,
-            "residual_rms_nT": rms,
-            "residual_max_nT": largest,
+            "residual_rms_nT": rms if np.isfinite(rms) else None,
+            "residual_max_nT": largest if np.isfinite(largest) else None,
             "retrainings": [make_record(one) for one in retrainings],
             "findings": [
                 {"name": f.name, "severity": f.severity, "sentence": f.sentence}
@@ -94,34 +107,14 @@ def describe_retraining(
     )
 
 
-def _key_figures(
-    retrainer: Retrainer, seen: Correction, rms: float | None, largest: float | None
-) -> list[tuple[str, str, str]]:
-    accepted = sum(one.accepted for one in seen.retrainings)
-    of = "of a component" if seen.residual.shape[1] == 3 else "of the magnitude"
-    noise = retrainer.state.noise
-    return [
-        ("Residual", _quantity(rms), "rms, each reading before it was learned"),
-        ("Largest", _quantity(largest), of),
-        ("Accepted", group_digits(accepted), f"of {count(len(seen.retrainings), 'retraining')}"),
-        ("Left now", _quantity(noise, 2), "standard deviation on an axis"),
-    ]
-
-
-def _quantity(value: float | None, digits: int = 3) -> str:
-    return quantity(float("nan") if value is None else value, "nT", digits)
-
-
 def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
     residual: Block = "Nothing was running yet."
     if np.isfinite(seen.residual[:, 0]).any():
-        residual = lambda: _residual(seen)  # noqa: E731
+        residual = lambda: _draw_residual(seen)  # noqa: E731
     history: list[Block] = ["None was due."]
     if seen.retrainings:
-        shown = [_row(one) for one in seen.retrainings[-MOST:]]
-        history = [Table(_HEAD, shown, "history")]
-        left = len(seen.retrainings) - len(shown)
-        if left:
+        history = [Table(_HEAD, [_row(one) for one in seen.retrainings[-MOST:]], "history")]
+        if (left := len(seen.retrainings) - MOST) > 0:
             said = f"{count(left, 'earlier one')} left out."
             history.append(element("p", said, class_="aside"))
     return [
@@ -131,18 +124,17 @@ def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
     ]
 
 
-def _residual(seen: Correction) -> Markup:
-    drawn = figures.draw_residual(seen.residual, seen.time, seen.retrainings)
-    keys = {"range": "least to largest", "mean": "median"}
-    if has_enough(int(np.isfinite(seen.residual).sum())):
-        keys["middle"] = "the middle two thirds"
+def _draw_residual(seen: Correction) -> Markup:
+    done, keys = seen.retrainings, {"range": "least to largest", "mean": "median"}
     shown = {
-        "accepted": ("retraining accepted", any(one.accepted for one in seen.retrainings)),
-        "rejected": ("rejected", any(not one.accepted for one in seen.retrainings)),
-        "onset": ("a change began", any(one.onset is not None for one in seen.retrainings)),
+        "middle": ("the middle two thirds", has_enough(int(np.isfinite(seen.residual).sum()))),
+        "accepted": ("retraining accepted", any(one.accepted for one in done)),
+        "rejected": ("rejected", any(not one.accepted for one in done)),
+        "onset": ("a change began", any(one.onset is not None for one in done)),
     }
     keys |= {name: words for name, (words, there) in shown.items() if there}
     note = "Field as corrected less the known one, by what was running when each reading came."
+    drawn = figures.draw_residual(seen.residual, seen.time, done)
     return caption("Residual", drawn, keys, note)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import stdtrit
 
-from agonic.calibration.retraining import RetrainerState, Retraining
+from agonic.calibration.retraining import RetrainerState
 from agonic.health import Finding, figure
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.network.fit.problem import compute_errors
@@ -44,16 +44,23 @@ def list_findings(state: RetrainerState) -> Iterator[Finding]:
             "pass on more readings",
         )
     yield from _judge_drift(state)
-    last = state.retrainings[-1] if state.retrainings else None
-    if last is not None and last.poisoned:
+    last, changes = state.retrainings[-1:], state.changes
+    if last and last[0].poisoned:
         yield Finding(
             "retraining rejected",
             "check",
-            f"the last retraining, at {last.time:.1f} s, was rejected: {last.reason}",
+            f"the last retraining, at {last[0].time:.1f} s, was rejected: {last[0].reason}",
             "look at sensor and reference; the network before it stays in use",
         )
-    if state.changes:
-        yield _describe_changes(state.changes)
+    if changes:
+        times = ", ".join(f"{one.onset:.1f} s" for one in changes[-3:])
+        shown = f" (the last {len(changes[-3:])} of {len(changes)})" if len(changes) > 3 else ""
+        yield Finding(
+            "sensor changed",
+            "note",
+            f"the residual changed at {times}{shown}, and the change was learned",
+            "look for what was switched or deployed then",
+        )
 
 
 def _judge_drift(state: RetrainerState) -> Iterator[Finding]:
@@ -80,15 +87,4 @@ def _judge_drift(state: RetrainerState) -> Iterator[Finding]:
         f"{figure(moved)} nT on an axis through the window",
         "train on a shorter window, because a drift is learned as its mean; look for parts "
         "that warm up",
-    )
-
-
-def _describe_changes(changes: tuple[Retraining, ...]) -> Finding:
-    times = ", ".join(f"{one.onset:.1f} s" for one in changes[-3:])
-    last = f" (the last {len(changes[-3:])} of {len(changes)})" if len(changes) > 3 else ""
-    return Finding(
-        "sensor changed",
-        "note",
-        f"the residual changed at {times}{last}, and the change was learned",
-        "look for what was switched or deployed then",
     )

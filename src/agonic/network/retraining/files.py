@@ -63,19 +63,22 @@ def _restore(record: RetrainFile) -> tuple[RetrainerParams, RetrainerState]:
             raise LogError(f"the state has no `{name}`")
     running: Any = given["running"]
     channels = len(given["watch"][0])
-    window = _restore_window(given["window"], channels)
-    reservoir = given.get("reservoir")
-    parts: dict[str, Any] = {
+    nothing: dict[str, Any] = {name: [] for name in ("time", "raw", "wanted")} | {"columns": {}}
+    windows = {
+        name: _restore_window(given.get(name) or nothing, channels)
+        for name in ("window", "reservoir")
+    }
+    unknown = ("running_rms", "candidate_rms")
+    parts: dict[str, Any] = windows | {
         "running": None if running is None else decode(msgspec.json.encode(running)),
-        "window": window,
-        "reservoir": window.select(slice(0, 0))
-        if reservoir is None
-        else _restore_window(reservoir, channels),
         "watch": cusum.Sums(
             as_array(Array, given["watch"]).reshape(2, channels),
             np.array(given["age"], dtype=np.intp).reshape(2, channels),
         ),
-        "retrainings": tuple(_restore_retraining(one) for one in given["retrainings"]),
+        "retrainings": tuple(
+            convert(one | {n: nan for n in unknown if one.get(n) is None}, Retraining)
+            for one in given["retrainings"]
+        ),
     }
     given |= {name: none for name, none in _ENDLESS.items() if given[name] is None}
     plain = {
@@ -94,8 +97,3 @@ def _restore_window(record: dict[str, Any], channels: int) -> Window:
         wanted=as_array(Array, record["wanted"]).reshape(k, channels),
         columns={name: as_array(Array, values) for name, values in record["columns"].items()},
     )
-
-
-def _restore_retraining(record: dict[str, Any]) -> Retraining:
-    unknown = {name: nan for name in ("running_rms", "candidate_rms") if record.get(name) is None}
-    return convert(record | unknown, Retraining)

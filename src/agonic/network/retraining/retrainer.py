@@ -129,7 +129,9 @@ class Retrainer(Judged):
     def _take(self, piece: Window, residual: Array) -> tuple[int, bool]:
         """Rows into the window, up to the first at which the residual is seen to have changed."""
         state, params = self.state, self.params
-        if state.noise is None or not schedule.is_watching(state):
+        # not before anything runs, nor while a change is being learned
+        learning = state.onset is not None or state.settling is not None or state.early
+        if state.noise is None or state.running is None or learning:
             self.state = schedule.take_rows(state, params, piece)
             return len(piece), False
         seen = cusum.advance(
@@ -158,7 +160,7 @@ class Retrainer(Judged):
 
     def _run_due(self, why: Why) -> list[Retraining]:
         """The retraining that is due, unless an alarm turns out too faint for one."""
-        state = self.state
+        state, first = self.state, max(self.state.learned - self.state.first, 0)
         if state.onset is not None:
             rows = state.window.select(slice(state.onset - state.first, None))
             since = compute_errors(candidates.correct(state.running, rows), rows.wanted)
@@ -168,8 +170,7 @@ class Retrainer(Judged):
             self.state = state = replace(state, onset=None, early=True)
             if not schedule.is_full(state, self.params):
                 return []
-        fresh = max(state.learned - state.first, 0)
-        return [self._retrain(state.window.select(slice(fresh, None)), why)]
+        return [self._retrain(state.window.select(slice(first, None)), why)]
 
     def _retrain(self, rows: Window, why: Why) -> Retraining:
         """Train candidates on rows, and put the best in place if it is clearly better."""
@@ -200,25 +201,22 @@ class Retrainer(Judged):
     def _note(self, state: RetrainerState, rows: Window, done: Retraining) -> RetrainerState:
         """The state with the noise and the reservoir that rows without fault say, unless what runs
         has to learn a change first."""
-        if state.running is None or not (done.accepted or done.onset is None):
+        running, unseen = state.running, split_off(rows)[1]
+        if running is None or not (done.accepted or done.onset is None):
             return state
-        unseen = split_off(rows)[1]
-        left = compute_errors(candidates.correct(state.running, unseen), unseen.wanted)
+        left = compute_errors(candidates.correct(running, unseen), unseen.wanted)
         if state.noise is not None and acceptance.has_changed(left, state.noise, self.params):
             return state
         if state.noise is None or len(unseen) >= ENOUGH:
             noise, correlation = acceptance.estimate_noise(left)
             state = replace(state, noise=noise, correlation=correlation)
-        old = state.window.select(slice(0, 0)) if done.onset is not None else state.reservoir
-        running = state.running
-        assert running is not None
+        old = state.reservoir if done.onset is None else state.window.select(slice(0, 0))
         return replace(state, reservoir=candidates.add_rows(old, rows, running, state.n))
 
     def _judge(self, rows: Window) -> tuple[Judgement, candidates.Candidate | None]:
         """The best candidate of some rows, and whether it is to replace what is running."""
         state, params = self.state, self.params
-        wrong = acceptance.find_stuck(rows)
-        if wrong:
+        if wrong := acceptance.find_stuck(rows):
             return Judgement(False, wrong, True), None
         seen, unseen = split_off(rows)
         try:
@@ -230,27 +228,18 @@ class Retrainer(Judged):
             return Judgement(False, f"{len(rows)} readings are too few to train on", False), None
         left = [one.errors(unseen) for one in offered]
         best = acceptance.choose_best(left)
-        now, then = (
-            candidates.correct(state.running, unseen),
-            candidates.correct(offered[best].calibration, unseen),
-        )
+        then = candidates.correct(offered[best].calibration, unseen)
         strength = float(np.sqrt(np.mean((then**2).sum(axis=1))))
-        moves = 0.0
+        before, moves, others = None, 0.0, []
         if state.running is not None:
+            now, kept = candidates.correct(state.running, unseen), state.reservoir
+            before = compute_errors(now, unseen.wanted)
             moves = float(np.sqrt(np.mean(((then - now) ** 2).sum(axis=1)))) / strength
-        unseen_errors = Unseen(
-            running=None if state.running is None else compute_errors(now, unseen.wanted),
-            candidate=left[best],
-            moves=moves,
-            strength=strength,
-            noise=state.noise,
-        )
-        kept = state.reservoir
-        others = []
-        if state.onset is None and state.running is not None and len(kept):
-            before = compute_errors(candidates.correct(state.running, kept), kept.wanted)
-            others.append((offered[best].errors(kept), before))
-        return acceptance.judge(unseen_errors, params, *others), offered[best]
+            if state.onset is None and len(kept):
+                by_running = compute_errors(candidates.correct(state.running, kept), kept.wanted)
+                others.append((offered[best].errors(kept), by_running))
+        found = Unseen(before, left[best], moves, strength, state.noise)
+        return acceptance.judge(found, params, *others), offered[best]
 
     @property
     def calibration(self) -> Running:

@@ -25,7 +25,6 @@ GROWTH = 1.25
 """A change that was learned is learned again with so many times the readings, until the window is
 full: what few readings showed of it need not hold for the next ones."""
 
-
 TELLING = 100
 """Readings before an alarm from which on they say how long residuals last."""
 
@@ -42,8 +41,10 @@ def find_due(state: RetrainerState, params: RetrainerParams, time: Array) -> Due
 
     Short of a change nothing is trained on less than a whole window: what runs knows more.
     """
-    full = _full_row(state, params, time)
     why: Why = "period"
+    full = state.since_n + params.window_n - state.n - 1
+    if params.window_s is not None:  # the row with which the window is as long as it may get
+        full = min(full, int(np.searchsorted(time, state.since_time + params.window_s)))
     if state.onset is not None:
         why, row = "change", state.onset + state.wait - state.n - 1
     elif state.early:
@@ -57,24 +58,10 @@ def find_due(state: RetrainerState, params: RetrainerParams, time: Array) -> Due
     return Due(row, why) if row < len(time) else None
 
 
-def _full_row(state: RetrainerState, params: RetrainerParams, time: Array) -> int:
-    """The row with which the window is as long as it may get."""
-    row = state.since_n + params.window_n - state.n - 1
-    if params.window_s is not None:
-        row = min(row, int(np.searchsorted(time, state.since_time + params.window_s)))
-    return row
-
-
 def is_full(state: RetrainerState, params: RetrainerParams) -> bool:
     """Whether the window is as long as it may get."""
     by_time = params.window_s is not None and state.time >= state.since_time + params.window_s
     return by_time or state.n - state.since_n >= params.window_n
-
-
-def is_watching(state: RetrainerState) -> bool:
-    """Whether changes are looked for: not before anything runs, nor while one is being learned."""
-    learning = state.onset is not None or state.settling is not None or state.early
-    return state.running is not None and state.noise is not None and not learning
 
 
 def take_rows(state: RetrainerState, params: RetrainerParams, rows: Window) -> RetrainerState:
@@ -86,7 +73,7 @@ def take_rows(state: RetrainerState, params: RetrainerParams, rows: Window) -> R
         start = max(start, int(np.searchsorted(window.time, time - params.window_s)))
     if start:
         window = window.select(slice(start, None))
-    onset = state.onset if state.onset is None else max(state.onset, n - len(window))
+    onset = None if state.onset is None else max(state.onset, n - len(window))
     return replace(state, window=window, n=n, time=time, onset=onset)
 
 
